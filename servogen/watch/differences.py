@@ -1,13 +1,15 @@
 """Where the edges of a program or a recording differ from its schedule, and what the schedule asks for.
 
-In: a `PulseSchedule` and the cycle of its first edge. Out: the expected edges of any window, and the first
-difference. It is for looking at: the verdict is `verify`'s.
+In: a `PulseSchedule` and where it lies in the trace. Out: the expected edges of any window, and those that
+differ. It is for looking at: the verdict is `verify`'s.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 import numpy.typing as npt
@@ -23,21 +25,39 @@ Edge = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """The schedule's edges from power-up on; its first frame begins in cycle `origin`."""
+    """The schedule's edges as they lie in a trace: frame 0 begins at `origin`, and a cycle of the schedule is
+    `steps` of the trace's time steps.
+
+    An edge may be `tolerance` steps away: 0 for edges in cycles of the chip, which are exact. `begin` and
+    `end` are the part of the trace that the schedule is held against.
+    """
 
     schedule: PulseSchedule
-    origin: int
+    origin: int | float
+    steps: int | float = 1
+    tolerance: float = 0
+    begin: int = 0
+    end: int | None = None
 
     @property
     def pins(self) -> npt.NDArray[np.uint8]:
         return np.array([PINS.index(channel.pin) for channel in self.schedule.channels], dtype=np.uint8)
 
-    def frame_of(self, cycle: int) -> int:
-        """Return the number of the frame that a cycle is in; negative before the first one."""
-        return (cycle - self.origin) // self.schedule.period
+    @property
+    def margin(self) -> int:
+        """Return how far outside a window edges are looked at, to find the partner of each within it."""
+        return ceil(self.tolerance)
+
+    def at(self, cycle: int) -> int:
+        """Return the time in the trace of a cycle of the schedule."""
+        return round(self.origin + self.steps * cycle)
+
+    def frame_of(self, moment: int) -> int:
+        """Return the number of the frame that a moment is in; negative before the first one."""
+        return int((moment - self.origin) // (self.steps * self.schedule.period))
 
     def begin_of(self, frame: int) -> int:
-        return self.origin + frame * self.schedule.period
+        return self.at(frame * self.schedule.period)
 
     def run_of(self, frame: int) -> Run:
         """Return the pulses of a frame."""
@@ -52,40 +72,69 @@ class Wanted:
         raise AssertionError("the runs have as many frames as the schedule says")
 
     def edges(self, begin: int, end: int) -> list[Edge]:
-        """Return the edges of the cycles from `begin` up to `end`."""
+        """Return the edges from the moment `begin` up to `end`."""
         found = []
-        for frame in range(max(0, self.frame_of(begin)), self.frame_of(max(begin, end - 1)) + 1):
-            start = self.begin_of(frame)
+        near = 1 if self.tolerance else 0  # rounding moves an edge out of its frame
+        frames = range(max(0, self.frame_of(begin) - near), self.frame_of(max(begin, end - 1)) + 1 + near)
+        for frame in frames:
+            start = frame * self.schedule.period
             for channel, pulse in zip(self.schedule.channels, self.run_of(frame).pulses, strict=True):
                 if pulse:
                     pin, rise = PINS.index(channel.pin), start + pulse.rise
-                    found += [(rise, pin, HIGH), (rise + pulse.width, pin, LOW)]
-        return sorted(edge for edge in found if begin <= edge[0] < end)
+                    found += [(self.at(rise), pin, HIGH), (self.at(rise + pulse.width), pin, LOW)]
+        last = end if self.end is None else min(end, self.end)
+        return sorted(edge for edge in found if max(begin, self.begin) <= edge[0] < last)
+
+
+def first_rise(schedule: PulseSchedule) -> int | None:
+    """Return the cycle of the schedule's first edge, from the beginning of frame 0; None: it has no pulse."""
+    unplaced = Wanted(schedule, 0)
+    for frame in range(schedule.lead_in_frames + schedule.loop_frames):
+        rises = [pulse.rise for pulse in unplaced.run_of(frame).pulses if pulse]
+        if rises:
+            return frame * schedule.period + min(rises)
+    return None
 
 
 def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> Wanted | None:
     """Return the schedule as it begins with the trace's first pulse; None where there is none."""
     pins = {PINS.index(channel.pin) for channel in schedule.channels}
+    first = first_rise(schedule)
     for chunk in trace.driven():
         rising = np.flatnonzero(np.isin(chunk.pin, list(pins)) & (chunk.level == HIGH))
-        if len(rising):
-            first = int(chunk.cycle[rising[0]])
-            unplaced = Wanted(schedule, 0)
-            frames = range(schedule.lead_in_frames + schedule.loop_frames)
-            for frame in frames:
-                rises = [pulse.rise for pulse in unplaced.run_of(frame).pulses if pulse]
-                if rises:
-                    return Wanted(schedule, first - min(rises) - frame * schedule.period)
-            return None
+        if len(rising) and first is not None:
+            return Wanted(schedule, int(chunk.cycle[rising[0]]) - first)
     return None
 
 
 def differing(wanted: Wanted, made: EdgeChunk, begin: int, end: int) -> list[Edge]:
-    """Return the edges of a window that only one of the two has; `made` counts an undriven pin as low."""
-    asked = set(wanted.edges(begin, end))
-    mine = np.isin(made.pin, wanted.pins) & (made.cycle >= max(begin, wanted.origin)) & (made.cycle < end)
-    rows = zip(*(column[mine].tolist() for column in made), strict=True)
-    return sorted(asked ^ {(cycle, pin, level) for cycle, pin, level in rows})
+    """Return the edges of a window that only one of the two has; `made` counts an undriven pin as low.
+
+    `made` has to reach `wanted.margin` beyond the window.
+    """
+    last = end if wanted.end is None else min(end, wanted.end)
+    first = max(begin, wanted.begin)
+    asked = wanted.edges(begin - wanted.margin, end + wanted.margin)
+    mine = np.isin(made.pin, wanted.pins) & (made.cycle >= wanted.at(0) - wanted.margin)
+    seen = list(zip(*(column[mine].tolist() for column in made), strict=True))
+    alone = _alone(asked, seen, wanted.tolerance) | _alone(seen, asked, wanted.tolerance)
+    return sorted(edge for edge in alone if first <= edge[0] < last)
+
+
+def _alone(edges: list[Edge], others: list[Edge], tolerance: float) -> set[Edge]:
+    """Return the edges that have no partner among the others: the same pin and level at about that time."""
+    if not tolerance:
+        return set(edges) - set(others)
+    times: dict[tuple[int, int], list[int]] = {}
+    for time, pin, level in sorted(others):
+        times.setdefault((pin, level), []).append(time)
+    alone = set()
+    for time, pin, level in edges:
+        near = times.get((pin, level), [])
+        place = bisect_left(near, time - tolerance)
+        if place == len(near) or near[place] > time + tolerance:
+            alone.add((time, pin, level))
+    return alone
 
 
 def first_difference(wanted: Wanted, trace: EdgeTrace, end: int) -> Cycles | None:

@@ -89,7 +89,7 @@ class Session:
         self._since_full = 0.0
         self._stopped = ""
         self._line_free = 0
-        self._period = subject.schedule.period if subject.schedule else subject.clock.round_seconds(FRAME_S)
+        self._period = _period(subject)
         self._pulses = Pulses()
         if subject.begin:
             self._place.seek(subject.begin)
@@ -108,7 +108,7 @@ class Session:
     def model(self) -> Message:
         """Return what does not change while it is watched."""
         subject = self.subject
-        schedule, listing = subject.schedule, subject.listing
+        schedule, listing, placed = subject.schedule, subject.listing, subject.wanted
         return {
             "is": "model",
             "name": subject.name,
@@ -117,7 +117,7 @@ class Session:
             "cycles_per_second": float(subject.clock.cycles_per_second),
             "pins": list(PINS),
             "package": [{"number": pin.number, "name": pin.name} for pin in PACKAGE],
-            "period": int(self._period),
+            "period": placed[0].steps * placed[0].schedule.period if len(placed) == 1 else self._period,
             "runs": self.subject.image is not None,
             "end": int(self.recording.end) if self.recording else None,
             "channels": [
@@ -127,7 +127,10 @@ class Session:
             "schedule": None
             if schedule is None
             else {"lead_in": _runs(schedule.lead_in), "loop": _runs(schedule.loop)},
-            "origin": subject.wanted.origin if subject.wanted else None,
+            "schedule_cycle_us": float(schedule.clock.cycle_us) if schedule else None,
+            "origin": placed[0].origin if len(placed) == 1 else None,
+            "compared": bool(placed),
+            "verdict": subject.verdict,
             "first_difference": subject.first_difference,
             "robot": robot_model(subject.job) if subject.job else None,
             "inputs": _inputs(subject),
@@ -307,11 +310,15 @@ class Session:
 
     def _frame_begin(self, count: int) -> int:
         """Return where the frame `count` frames from here begins; backwards, first the one that it is in."""
-        origin = self.subject.wanted.origin if self.subject.wanted else 0
-        number, inside = divmod(self.now - origin, self._period)
-        if count < 0 and inside:
+        near = (each for each in self.subject.wanted if each.end is None or self.now < each.end)
+        wanted = next(near, None) or next(iter(self.subject.wanted), None)
+        origin, period = (
+            (wanted.origin, wanted.steps * wanted.schedule.period) if wanted else (0, self._period)
+        )
+        number = round((self.now - origin) // period)
+        if count < 0 and self.now > round(origin + number * period):
             number += 1
-        return int(origin + (number + count) * self._period)
+        return round(origin + (number + count) * period)
 
     def _do_seek(self, message: Mapping[str, Any]) -> Iterator[Message]:
         cycle = int(message["cycle"])
@@ -334,9 +341,7 @@ class Session:
         seen = min(end, int(self._place.reach))
         made = self._place.edges(begin, seen) if begin < seen else join(())
         before = self._place.levels_before(begin)
-        wanted = self.subject.wanted
-        asked = wanted.edges(begin, end) if wanted else []
-        differences = differing(wanted, _driven(before, made), begin, seen) if wanted else []
+        asked = sorted(edge for wanted in self.subject.wanted for edge in wanted.edges(begin, end))
         given = self._outside(begin, seen)
         yield {
             "is": "waves",
@@ -348,8 +353,18 @@ class Session:
             "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
             "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
             "wanted": _packed(asked, begin),
-            "differing": _packed(differences, begin),
+            "differing": _packed(self._differing(begin, seen), begin),
         }
+
+    def _differing(self, begin: int, end: int) -> list[Edge]:
+        """Return the edges of a window of the past that only one of the program and the schedule has."""
+        found: list[Edge] = []
+        for wanted in self.subject.wanted:
+            first = max(0, begin - wanted.margin)
+            last = min(end + wanted.margin, int(self._place.reach))
+            made = self._place.edges(first, last) if first < last else join(())
+            found += differing(wanted, _driven(self._place.levels_before(first), made), begin, end)
+        return sorted(found)
 
     def _outside(self, begin: int, end: int) -> list[Edge]:
         """Return the changes from outside before `end`: the last of each pin before `begin`, and the rest."""
@@ -471,6 +486,13 @@ ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]]
     }
 )
 """What a window may ask a session for."""
+
+
+def _period(subject: Subject) -> int:
+    """Return a frame in the subject's own steps: 20 ms where no schedule says how long it is."""
+    if subject.schedule is None:
+        return int(subject.clock.round_seconds(FRAME_S))
+    return int(subject.clock.round_seconds(subject.schedule.clock.seconds(subject.schedule.period)))
 
 
 def _problem(text: str) -> Message:

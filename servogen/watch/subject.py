@@ -6,12 +6,14 @@ takes seconds; `check` is quick, and raises what can be known at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 
 from servogen.build.engines import planned
-from servogen.edges import EdgeTrace
+from servogen.build.proof import prove_capture
+from servogen.edges import EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
@@ -29,10 +31,12 @@ from servogen.programs import (
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Options, Stimuli, load_stimuli
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
-from servogen.traces.captures import is_capture, read_capture
-from servogen.traces.vcd import read_vcd
+from servogen.traces.captures import Capture, is_capture, read_capture
+from servogen.traces.formats import read_edges
 from servogen.units import Clock, Cycles
-from servogen.watch.differences import Wanted, first_difference, wanted_of
+from servogen.verify import CaptureVerdict
+from servogen.verify.capture.check import split
+from servogen.watch.differences import Wanted, differing, first_difference, first_rise, wanted_of
 
 JOB_SUFFIX = ".toml"
 START_FRAMES = 50
@@ -70,8 +74,11 @@ class Subject:
     trace: EdgeTrace | None = None
     schedule: PulseSchedule | None = None
     job: PlannedJob | None = None
-    wanted: Wanted | None = None
+    wanted: tuple[Wanted, ...] = ()
+    """Where the schedule lies in it: once, or once in each of several captures in one file."""
     first_difference: Cycles | None = None
+    verdict: str = ""
+    """How a capture compares with the schedule, as `verify` judges it."""
     begin: Cycles = Cycles(0)  # noqa: RUF009 - an integer
 
     @property
@@ -116,7 +123,7 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
         subject = Subject(path, clock, options, program.image, program.listing, stimuli, schedule=schedule)
         return _compared(subject, progress)
     progress("reading")
-    return _compared(_recorded(path, setting), progress)
+    return _recorded(path, setting, progress)
 
 
 def job_subject(
@@ -142,22 +149,65 @@ def job_subject(
     return _compared(subject, progress)
 
 
-def _recorded(path: Path, setting: Setting) -> Subject:
-    """Return a recording: in its own time steps, or in cycles of the chip."""
+def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
+    """Return a recording: edges in cycles of the chip, or the samples of an analyser."""
     schedule = setting.schedule
     if not is_capture(path):
         clock = schedule.clock if schedule else Clock(setting.clock_hz or 4_000_000)
-        if path.suffix.lower() == ".vcd":
-            return Subject(path, clock, trace=read_vcd(path, clock).stored(), schedule=schedule)
+        return _compared(
+            Subject(path, clock, trace=read_edges(path, clock).stored(), schedule=schedule), progress
+        )
     capture = read_capture(path)
-    return Subject(path, capture.trace.clock, trace=capture.trace.stored(), schedule=schedule)
+    subject = Subject(path, capture.trace.clock, trace=capture.trace.stored(), schedule=schedule)
+    if schedule is None:
+        return subject
+    progress("comparing with the schedule")
+    return _judged(subject, schedule, capture)
+
+
+def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subject:
+    """Return an analyser's capture with the schedule laid beside it where `verify` finds it."""
+    trace, first = subject.trace, first_rise(schedule)
+    assert trace is not None
+    verdict = prove_capture(schedule, capture)
+    step_us = float(trace.clock.cycle_us)
+    sample = verdict.sample_us / step_us
+    tolerance = sample + verdict.tolerances.edge_us / step_us
+    wanted = []
+    for begin, end in capture.pieces or ((0, int(trace.end)),):
+        line = verdict.line
+        if line is None and capture.pieces:
+            (piece,) = split(trace, ((begin, end),))
+            line = prove_capture(schedule, replace(capture, trace=piece, sample=sample, pieces=())).line
+        if line is not None and first is not None:
+            inside = ceil(sample + tolerance)  # an edge nearer to the ends may lie beyond them
+            origin = begin + line.a - line.b * first
+            wanted.append(Wanted(schedule, origin, line.b, tolerance, begin + inside, end - inside))
+    return replace(
+        subject,
+        wanted=tuple(wanted),
+        first_difference=_first_wrong(verdict, wanted, trace),
+        verdict=verdict.word if verdict.proven else f"{verdict.word}: {verdict.reasons[0]}",
+    )
+
+
+def _first_wrong(verdict: CaptureVerdict, wanted: Sequence[Wanted], trace: EdgeTrace) -> Cycles | None:
+    """Return the time step of the verdict's first mismatch, or of the first edge that only one side has."""
+    if verdict.first_mismatch is not None:
+        return trace.clock.round_seconds(verdict.first_mismatch.time_us / 1e6)
+    if verdict.agrees:
+        return None
+    made = join(trace.driven())
+    end = min(int(trace.end), trace.clock.round_seconds(MAX_SEARCH_S))
+    found = [edge[0] for each in wanted for edge in differing(each, made, 0, end)]
+    return Cycles(min(found)) if found else None
 
 
 def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
     """Return the subject with the schedule laid beside it, from its first pulse on."""
     schedule = subject.schedule
-    if schedule is None or schedule.clock != subject.clock:
-        return subject  # an analyser's samples are compared by `verify`, not by eye
+    if schedule is None:
+        return subject
     progress("comparing with the schedule")
     frames = schedule.lead_in_frames + LOOPS * schedule.loop_frames
     longest = schedule.clock.round_seconds(MAX_SEARCH_S)
@@ -171,4 +221,4 @@ def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
     if wanted is None:
         return subject
     last = min(end, trace.end, wanted.begin_of(frames))
-    return replace(subject, wanted=wanted, first_difference=first_difference(wanted, trace, last))
+    return replace(subject, wanted=(wanted,), first_difference=first_difference(wanted, trace, last))

@@ -9,6 +9,7 @@ import { timeText, Waves } from "./waves.js";
 const $ = id => document.getElementById(id);
 const WAVES_MS = 250;   // between two requests for edges while it runs
 const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
+const AROUND_US = 2000;   // of a difference, shown on both sides
 const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
 
 let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
@@ -53,7 +54,7 @@ function start(message) {
   $("name").textContent = model.name;
   $("views").hidden = false;
   $("difference").disabled = model.first_difference === null;
-  $("difference-text").textContent = model.origin === null ? "" : model.first_difference === null ? "every edge as scheduled" : `first difference at ${timeText(model.first_difference * model.cycle_us, 100)}`;
+  $("difference-text").textContent = model.verdict || (!model.compared ? "" : model.first_difference === null ? "every edge as scheduled" : `first difference at ${timeText(model.first_difference * model.cycle_us, 100)}`);
   if (model.robot) {
     servos = new Servos(model.robot);
     $("robot-area").hidden = false;
@@ -105,7 +106,7 @@ function ghost(cycle) {
   let runs = lead_in;
   if (frame >= count(lead_in)) { frame = (frame - count(lead_in)) % count(loop); runs = loop; }
   for (const [frames, pulses] of runs) {
-    if (frame < frames) return model.robot.servos.map((servo, index) => pulses[index] ? angleOf(servo, pulses[index][1] * model.cycle_us) : servos.angles[index]);
+    if (frame < frames) return model.robot.servos.map((servo, index) => pulses[index] ? angleOf(servo, pulses[index][1] * model.schedule_cycle_us) : servos.angles[index]);
     frame -= frames;
   }
   return null;
@@ -186,7 +187,7 @@ const CONTROLS = {
   "back-edge": () => step("edge", -1), "next-edge": () => step("edge", 1),
   "back-line": () => step("line", -1), "next-line": () => step("line", 1),
   "back-instruction": () => step("instruction", -1), "next-instruction": () => step("instruction", 1),
-  difference: () => { send({ do: "seek", cycle: model.first_difference + 1 }); waves.show(model.first_difference - 2000, model.first_difference + 2000); },
+  difference: () => { send({ do: "seek", cycle: model.first_difference + 1 }); const around = AROUND_US / model.cycle_us; waves.show(model.first_difference - around, model.first_difference + around); },
   begin: () => send({ do: "seek", cycle: 0 }),
   "zoom-in": () => waves.zoom(0.5, latest.cycle), "zoom-out": () => waves.zoom(2, latest.cycle),
 };

@@ -12,10 +12,12 @@ import pytest
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
 from servogen.programs import read_schedule
+from servogen.watch.differences import Wanted
 from servogen.watch.editing import Editor
 from servogen.watch.subject import JOB_SUFFIX, Setting, load_subject
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
+from tests.watch.test_session import captured
 
 ROOT = Path(__file__).parent.parent.parent
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -151,6 +153,24 @@ def test_from_a_wrong_edge_a_step_back_leads_to_its_line(watch: Open, tmp_path: 
     page.click("#back-instruction")
     page.until(f"watched.latest.cycle < {difference}")
     assert "delay_us(1 + " in page.until("document.querySelector('.line.here')?.textContent")
+
+
+def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path: Path) -> None:
+    against = ROOT / "firmware" / "lab8-exercise" / "schedule.json"
+    edges = Wanted(read_schedule(against), 0).edges(0, 15_000_000)
+    edges[-101] = (edges[-101][0] + 9, *edges[-101][1:])
+    page = watch(captured(tmp_path / "late.vcd", 90.0, edges), against)
+    assert text(page, "#difference-text").startswith("not proven: first at")
+    page.click("#difference")
+    page.until("watched.waves.data.differing.length === 2")
+    columns = page.run("watched.waves.data.differing.map(e => Math.round(watched.waves.x(e.cycle)))")
+    row = page.run(
+        "(canvas => [...canvas.getContext('2d').getImageData(0, 36, canvas.width, 1).data])"
+        "(document.getElementById('waves'))"
+    )
+    for column in columns:
+        red, green, blue, _ = row[4 * column : 4 * column + 4]
+        assert red > 150 and green < 80 and blue < 80
 
 
 def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open, tmp_path: Path) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from servogen.bench.ports import Unplugged
-from servogen.edges import PINS
+from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.programs import read_schedule
-from servogen.units import Clock
+from servogen.traces.captures import capture_writer
+from servogen.units import Clock, Cycles
+from servogen.watch.differences import Edge, Wanted
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Session
@@ -50,8 +54,8 @@ def test_widths_are_those_of_the_schedule_in_every_pose(lab8: Subject) -> None:
 
 def test_frames_are_counted_from_the_first_pulse(lab8: Subject) -> None:
     session = Session(lab8)
-    assert lab8.wanted is not None
-    origin = lab8.wanted.origin
+    (wanted,) = lab8.wanted
+    origin = wanted.origin
     assert answer(session, do="step", what="frame", count=1)["cycle"] in range(origin, origin + 3)
     session.handle({})
     assert answer(session, do="step", what="frame", count=10)["cycle"] in range(
@@ -83,8 +87,8 @@ def test_differences_are_shown_where_the_program_is_wrong(tmp_path: Path) -> Non
     program = tmp_path / "late.c"
     program.write_text(text)
     subject = load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json")))
-    assert subject.wanted is not None
-    assert subject.first_difference == subject.wanted.origin + 1167
+    (wanted,) = subject.wanted
+    assert subject.first_difference == wanted.origin + 1167
     session = Session(subject)
     answer(session, do="seek", cycle=60_000)
     first = subject.first_difference
@@ -130,10 +134,9 @@ def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
     answer(session, do="run", running=True, speed=None)
     found = list(session.tick(0.05))[-1]
     assert not found["running"] and found["stopped"] == "RB0 fall"
-    assert lab8.wanted is not None
     answer(session, do="run", running=True)
     found = list(session.tick(0.05))[-1]
-    assert found["cycle"] == lab8.wanted.origin + 1168
+    assert found["cycle"] == lab8.wanted[0].origin + 1168
 
 
 def test_a_jump_is_bounded(lab8: Subject) -> None:
@@ -188,6 +191,101 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     assert "no inputs" in answer(session, do="pin", pin="RA0", level=1)["text"]
     answer(session, do="run", running=True, speed=None)
     assert list(session.tick(0.1))[-1]["stopped"] == "the end of the recording"
+
+
+RATE = 2_000_000
+SAMPLE, SECOND = 5, 10_000_000
+"""Steps of the file, which are 0.1 µs: of a sample, and of a second."""
+BEGIN = 7_654_321.3
+"""The analyser's first sample, in cycles after the first pulse: between two of them."""
+
+
+def captured(path: Path, ppm: float, changed: Sequence[Edge], rate: int = RATE, begin: float = BEGIN) -> Path:
+    """Write what an analyser sees of edges at RB0, cycles of a chip whose clock is `ppm` too fast."""
+    rows = [(0, RB0, LOW)]
+    rows += [
+        (ceil((cycle - begin) / (1 + ppm / 1e6) * rate / 1e6), pin, level)
+        for cycle, pin, level in changed
+        if cycle > begin
+    ]
+    end = Cycles(rows[-1][0] + rate // 100)
+    trace = EdgeTrace(Clock(4 * rate), (edge_chunk(*zip(*rows, strict=True)),), end)
+    with capture_writer(path, rate) as writer:
+        for chunk in trace.chunks:
+            writer.add(chunk)
+        writer.finish(end)
+    return path
+
+
+@pytest.mark.parametrize("ppm", [0.0, 140.0])
+def test_a_capture_is_held_against_the_schedule_wherever_it_begins(tmp_path: Path, ppm: float) -> None:
+    schedule = read_schedule(LAB8 / "schedule.json")
+    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    good = captured(tmp_path / "good.vcd", ppm, edges)
+    subject = load_subject(good, Setting(schedule=schedule))
+    assert subject.first_difference is None and subject.verdict == "proven within tolerances"
+    session = Session(subject)
+    begin = 3 * SECOND
+    found = answer(session, do="waves", begin=begin, end=begin + SECOND)
+    asked, made = unpacked(found["wanted"], begin), unpacked(found["edges"], begin)
+    assert len(asked) == len(made) == 100 and found["differing"] == []
+    assert max(abs(one[0] - other[0]) for one, other in zip(asked, made, strict=True)) <= SAMPLE
+    origin, period = session.model()["origin"], session.model()["period"]
+    scale = 10 / (1 + ppm / 1e6)
+    assert period == pytest.approx(20_000 * scale, rel=2e-6)
+    assert origin == pytest.approx(-BEGIN * scale, abs=SAMPLE)
+    assert answer(session, do="step", what="frame", count=1)["cycle"] == round(origin + 383 * period)
+
+
+def test_the_first_difference_of_a_capture_is_the_edge_that_is_late(tmp_path: Path) -> None:
+    schedule = read_schedule(LAB8 / "schedule.json")
+    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    late = next(index for index, edge in enumerate(edges) if edge[0] > 11_000_000 and edge[2] == LOW)
+    edges[late] = (edges[late][0] + 4, *edges[late][1:])
+    subject = load_subject(captured(tmp_path / "late.vcd", 140.0, edges), Setting(schedule=schedule))
+    assert subject.verdict.startswith("not proven: first at 3.3")
+    assert "a pulse of 1171.16 µs where 1167.00 µs are scheduled" in subject.verdict  # 4 µs, in samples
+    session = Session(subject)
+    scale = 10 / (1 + 140e-6)
+    rise, fall = ((edges[index][0] - BEGIN) * scale for index in (late - 1, late))
+    first = subject.first_difference
+    assert first == pytest.approx(rise, abs=SAMPLE)
+    begin = first - 500_000
+    red = unpacked(answer(session, do="waves", begin=begin, end=begin + SECOND)["differing"], begin)
+    assert [(pin, level) for _, pin, level in red] == [(RB0, LOW), (RB0, LOW)]
+    assert [cycle for cycle, *_ in red] == [pytest.approx(at, abs=SAMPLE) for at in (fall - 40, fall)]
+
+
+def test_a_window_may_end_between_an_edge_and_its_partner(tmp_path: Path) -> None:
+    schedule = read_schedule(LAB8 / "schedule.json")
+    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    session = Session(load_subject(captured(tmp_path / "x.vcd", 140.0, edges), Setting(schedule=schedule)))
+    found = answer(session, do="waves", begin=0, end=SECOND)
+    asked, made = unpacked(found["wanted"], 0), unpacked(found["edges"], 0)
+    apart = [(one[0], other[0]) for one, other in zip(asked, made[1:], strict=True) if one[0] != other[0]]
+    assert apart  # the samples do not meet the edges
+    for one, other in apart:
+        for begin, end in ((max(one, other), SECOND), (0, max(one, other))):
+            assert answer(session, do="waves", begin=begin, end=end)["differing"] == []
+
+
+def test_a_glitch_in_a_capture_is_its_first_difference(tmp_path: Path) -> None:
+    schedule = read_schedule(LAB8 / "schedule.json")
+    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    glitch = [(12_345_678, RB0, HIGH), (12_345_681, RB0, LOW)]
+    subject = load_subject(
+        captured(tmp_path / "glitch.vcd", 0.0, sorted(edges + glitch)), Setting(schedule=schedule)
+    )
+    assert "1 glitch" in subject.verdict
+    assert subject.first_difference == SAMPLE * ceil((12_345_678 - BEGIN) * 2)
+
+
+def test_a_capture_of_something_else_has_no_schedule_beside_it(tmp_path: Path) -> None:
+    schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
+    lone = [(BEGIN + 5000, RB0, HIGH), (BEGIN + 5100, RB0, LOW)]
+    subject = load_subject(captured(tmp_path / "x.vcd", 0.0, lone), Setting(schedule=schedule))
+    assert subject.verdict.startswith("not proven") and "proven within" not in subject.verdict
+    assert Session(subject).model()["is"] == "model"
 
 
 class Line:

@@ -250,6 +250,7 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
         overlap_us=_overlap_us(setup, line),
         paired=sum(channel.paired for channel in judged.values()),
         whole=whole,
+        line=line,
         coverage=coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
     )
 
@@ -350,6 +351,7 @@ def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Ca
             overlap_us=max(verdict.overlap_us for verdict in verdicts),
             paired=sum(verdict.paired for verdict in verdicts),
             whole=verdicts[0].whole if len(verdicts) == 1 else None,
+            line=verdicts[0].line if len(verdicts) == 1 else None,
             coverage=joined(verdict.coverage for verdict in verdicts),
             pieces=pieces,
         )
