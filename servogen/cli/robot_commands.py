@@ -1,10 +1,11 @@
-"""Commands of robots: robots, fk, ik, jacobian, mobility, transform, orientation.
+"""Commands of robots: robots, fk, ik, jacobian, statics, mobility, transform, orientation, differential.
 
 Arguments are degrees and millimetres; JSON is radians and metres.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
@@ -20,13 +21,15 @@ JointValues = Annotated[
     list[float] | None,
     typer.Argument(help="Joint positions in degrees or mm.", parser=number, show_default=False),
 ]
+Vector = tuple[float, float, float]
+NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 Symbolic = Annotated[bool, typer.Option("--symbolic", help="Print simplified symbolic expressions.")]
 Style = Annotated[str, typer.Option("--style", help="Notation of symbolic expressions: text, latex or c.")]
 
 
 def register(app: typer.Typer) -> None:
     app.command()(robots)
-    for command in (fk, ik, jacobian, transform, orientation):
+    for command in (fk, ik, jacobian, statics, transform, orientation, differential):
         app.command(context_settings=NEGATIVE_NUMBERS)(command)
     app.command()(mobility)
 
@@ -97,12 +100,21 @@ def _write_mjcf(name: str | None, path: Path) -> None:
 
 def fk(
     name: RobotName,
-    values: JointValues = None,
+    values: Annotated[
+        list[float] | None,
+        typer.Argument(
+            help="Joint positions in degrees or mm; the wheel speeds of a base on wheels in °/s.",
+            parser=number,
+            show_default=False,
+        ),
+    ] = None,
     symbolic: Symbolic = False,
     style: Style = "text",
     json: Json = False,
 ) -> None:
-    """Compute forward kinematics: where the tool is at given joint positions."""
+    """Compute forward kinematics: where the tool is at given joint positions, or how fast a base on wheels
+    moves.
+    """
     from servogen.kinematics import queries
 
     if symbolic:
@@ -124,27 +136,57 @@ def fk(
     if "position_m" in answer:
         print(f"position {_millimetres(answer['position_m'])}")
         _print_matrix(answer["rotation"])
-    if answer.get("beyond_limits"):
-        print(f"beyond their limits: {', '.join(answer['beyond_limits'])}")
+    if answer.get("configuration_vector"):
+        x, y, z, *approach = answer["configuration_vector"]
+        print(f"configuration vector {_millimetres((x, y, z))}  " + _numbers(approach, 6))
+    if "vx_m_s" in answer:
+        _print_body_speed(answer)
+    _print_beyond(answer)
+
+
+def _print_body_speed(answer: dict[str, Any]) -> None:
+    vx, vy = (1000 * answer[key] for key in ("vx_m_s", "vy_m_s"))
+    print(f"vx {vx:z.4f} mm/s  vy {vy:z.4f} mm/s  Ω {degrees(answer['turn_rad_s']):z.4f} °/s")
+    direction, radius = answer["direction_rad"], answer["radius_m"]
+    if direction is None:
+        print("it stands" if radius is None else "it turns on the spot")
+    else:
+        path = "straight" if radius is None else f"on a circle of radius {1000 * radius:z.4f} mm"
+        print(f"{1000 * answer['speed_m_s']:z.4f} mm/s towards {degrees(direction) % 360:z.4f}°, {path}")
 
 
 def ik(
     name: RobotName,
     target: Annotated[
-        list[float], typer.Argument(help="x y z in mm, then the orientation in degrees.", parser=number)
+        list[float],
+        typer.Argument(
+            help="x y z in mm, then the orientation in degrees; of a base on wheels vx vy in mm/s, Ω in °/s.",
+            parser=number,
+        ),
     ],
     everything: Annotated[
         bool, typer.Option("--all", help="Print every solution, the chosen one first.")
     ] = False,
+    configuration: Annotated[
+        bool,
+        typer.Option(
+            "--configuration",
+            help="The target is a configuration vector: x y z in mm, the approach vector times e^(roll/π).",
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Compute inverse kinematics: the joint positions that reach a target."""
+    """Compute inverse kinematics: the joint positions that reach a target, or the wheel speeds of a base."""
     from servogen.kinematics import queries
     from servogen.kinematics.catalogue import arm
 
-    answer = queries.ik_answer(name, target, everything)
+    ask = queries.configuration_answer if configuration else queries.ik_answer
+    answer = ask(name, target, everything)
     if json:
         as_json(answer)
+        return
+    if "wheel_speeds_rad_s" in answer:
+        _print_wheel_speeds(answer)
         return
     chosen = arm(name)
     for solution in answer["solutions"]:
@@ -154,12 +196,30 @@ def ik(
         print(f"and {hidden} more: --all")
 
 
+def _print_wheel_speeds(answer: dict[str, Any]) -> None:
+    columns = {
+        "°/s": [f"{degrees(speed):z.4f}" for speed in answer["wheel_speeds_rad_s"]],
+        "rim mm/s": [f"{1000 * speed:z.4f}" for speed in answer.get("rim_speeds_m_s", ())],
+        "motor turns/s": [f"{turns:z.4f}" for turns in answer.get("motor_turns_per_s", ())],
+        "encoder counts/s": [f"{counts:z.1f}" for counts in answer.get("encoder_counts_per_s", ())],
+    }
+    shown = {title: column for title, column in columns.items() if column}
+    rows = [(index, *row) for index, row in enumerate(zip(*shown.values(), strict=True), 1)]
+    table("Wheels", ("wheel", *shown), rows)
+
+
 def jacobian(
     name: RobotName,
     values: JointValues = None,
     frame: Annotated[
         str, typer.Option("--frame", help="The reference frame: 0 (base), n (tool) or a frame's number.")
     ] = "0",
+    rates: Annotated[
+        str | None,
+        typer.Option(
+            "--rates", help="Speeds of the joints, '10 0 …' in °/s and mm/s: print the tool's velocity too."
+        ),
+    ] = None,
     symbolic: Symbolic = False,
     style: Style = "text",
     json: Json = False,
@@ -173,26 +233,101 @@ def jacobian(
             answer = queries.jacobian_symbolic(name, wanted, style)
         print(answer["jacobian"]) if not json else as_json(answer)
         return
-    answer = queries.jacobian_answer(name, values or (), wanted)
+    speeds = [number(each) for each in (rates or "").replace(",", " ").split()]
+    answer = queries.jacobian_answer(name, values or (), wanted, speeds)
     if json:
         as_json(answer)
         return
     _print_matrix(answer["jacobian"])
+    if "inverse" in answer:
+        print("inverse")
+        _print_matrix(answer["inverse"])
+        return
+    if "velocity_m_s" in answer:
+        print(f"v {_numbers([1000 * each for each in answer['velocity_m_s']])} mm/s")
+        print(f"ω {_numbers([degrees(each) for each in answer['angular_velocity_rad_s']])} °/s")
     print(f"manipulability {answer['manipulability']:.6g}, rank {answer['rank']}")
     if answer["singular"]:
         print("singular: the tool cannot move along")
         _print_matrix(answer["lost_directions"])
 
 
-def mobility(name: RobotName, json: Json = False) -> None:
-    """Compute the mobility and manoeuvrability of a robot."""
+def statics(
+    name: RobotName,
+    values: JointValues = None,
+    force_n: Annotated[
+        Vector,
+        typer.Option("--force-n", help="The force on the tool or foot in N, in the frame that fk uses."),
+    ] = NO_VECTOR,
+    moment_nm: Annotated[
+        Vector, typer.Option("--moment-nm", help="The moment on it in N·m, in the same frame.")
+    ] = NO_VECTOR,
+    leg: Annotated[
+        str | None, typer.Option("--leg", help="The leg of a walking robot, whose body's frame it is then.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compute the joint torques of a force on the tool or foot: τ = Jᵀ F, and what the motors must give."""
     from servogen.kinematics import queries
 
-    answer = queries.mobility_answer(name)
+    answer = queries.statics_answer(name, values or (), force_n, moment_nm, leg)
     if json:
         as_json(answer)
         return
-    print(f"{answer['elements']} elements, joints: {', '.join(answer['joints'])}")
+    rows = [
+        (
+            joint["name"],
+            *(f"{joint[f'{part}_{unit}']:z.4f}" for part in ("load", "weight", "motor")),
+            {"nm": "N·m", "n": "N"}[unit],
+        )
+        for joint in answer["joints"]
+        for unit in (("nm" if "load_nm" in joint else "n"),)
+    ]
+    table("Joint loads", ("joint", "load", "own weight", "motor gives", "unit"), rows)
+    _print_beyond(answer)
+
+
+def mobility(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="A robot; or leave it out and give --elements and --joint.", show_default=False),
+    ] = None,
+    elements: Annotated[
+        int | None,
+        typer.Option("--elements", min=1, help="The number of elements of a mechanism, the base included."),
+    ] = None,
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint",
+            help="KIND or KIND:NUMBER: turning, sliding, screw, cylindrical, universal, spherical.",
+        ),
+    ] = None,
+    plane: Annotated[
+        bool, typer.Option("--plane", help="It is a plane mechanism: Grübler's 3 in place of Kutzbach's 6.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Compute the mobility and manoeuvrability of a robot, or of a mechanism of elements and joints."""
+    from servogen.errors import InputError
+    from servogen.kinematics import queries
+
+    if (name is None) == (elements is None) or (name is not None and (joint or plane)):
+        raise InputError(
+            "missing-option",
+            "give a robot, or the elements and joints of a mechanism",
+            hint="servogen mobility --elements 4 --joint turning:4 --plane",
+        )
+    if elements is not None:
+        answer = queries.mechanism_answer(elements, joint or (), plane=plane)
+    else:
+        answer = queries.mobility_answer(str(name))
+    if json:
+        as_json(answer)
+        return
+    kinds: Counter[str] = Counter(answer["joints"])
+    counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    print(f"{answer['elements']} elements, joints: {counts or 'none'}")
     print(f"mobility {answer['mobility']}, manoeuvrability {answer['manoeuvrability']}: {answer['verdict']}")
     if answer["note"]:
         print(answer["note"])
@@ -252,6 +387,44 @@ def orientation(
     print(f"angle       {degrees(answer['angle']):z.4f}°")
     print("quaternion  " + "  ".join(f"{value:z.6f}" for value in answer["quaternion"]))
     _print_matrix(answer["matrix"])
+
+
+def differential(
+    text: Annotated[str, typer.Argument(help="The frame T as a product such as 'Trans(10,5,0) Rx(90)'.")],
+    translation: Annotated[
+        Vector,
+        typer.Option("--translation", help="The small translation d, in the product's unit of length."),
+    ] = NO_VECTOR,
+    rotation_rad: Annotated[
+        Vector, typer.Option("--rotation-rad", help="The small rotation δ about x, y, z in radians.")
+    ] = NO_VECTOR,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="d and δ are along the axes of T, not along the fixed ones.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Compute how a small motion changes a frame, dT = Δ T, and the same motion seen from the frame."""
+    from servogen.kinematics import queries
+
+    answer = queries.differential_answer(text, translation, rotation_rad, moving=moving)
+    if json:
+        as_json(answer)
+        return
+    for title, key in (("T", "frame"), ("Δ", "delta"), ("dT = Δ T", "change")):
+        print(title)
+        _print_matrix(answer[key])
+    for title, key in (("fixed axes: ", "fixed"), ("axes of T:  ", "moving")):
+        d, delta = answer[key]["translation"], answer[key]["rotation_rad"]
+        print(f"{title}d {_numbers(d, 6)}  δ {_numbers(delta, 6)} rad")
+
+
+def _numbers(values: Sequence[float], places: int = 4) -> str:
+    return "  ".join(f"{value:z.{places}f}" for value in values)
+
+
+def _print_beyond(answer: dict[str, Any]) -> None:
+    if answer.get("beyond_limits"):
+        print(f"beyond their limits: {', '.join(answer['beyond_limits'])}")
 
 
 def _degrees(angles: Sequence[float]) -> str:

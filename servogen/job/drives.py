@@ -1,7 +1,7 @@
-"""[drive] of a job -> the wheel servos' trajectory: a closed contour of a robot on wheels.
+"""[drive] of a job -> the wheel servos' trajectory: a contour of a robot on wheels, or its routines.
 
-In: the job and its validated table. Out: `Planned`; its notes describe the stretches, and how well the
-contour closes when the pulses are whole cycles.
+In: the job and its validated table. Out: `Planned`; its notes describe the stretches, and how far from its
+plan a round ends when the pulses are whole cycles.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
-from servogen.kinematics.protocol import DrivingRobot
+from servogen.kinematics.protocol import DrivingRobot, Routine, Stretch
 from servogen.motion import JointTrajectory, Planned
 from servogen.motion.drive import Drive, drive, positions
 from servogen.motion.trajectory import Floats
@@ -27,7 +27,7 @@ def drive_of(
     job: Job,
     table: DriveTable,
 ) -> Planned:
-    """Return the drive along the contour. Raises InputError."""
+    """Return the drive along the contour or by the routines. Raises InputError."""
     document, robot, servos = job.document, job.robot, job.servos
     period, clock = job.frame.period.cycles, job.clock
     if not isinstance(robot, DrivingRobot):
@@ -35,9 +35,10 @@ def drive_of(
             "missing-robot", ("drive",), "a drive needs a robot on wheels", 'add [robot] name = "omni"'
         )
     wheels = _wheels(document, table, robot, servos)
+    stretches = _stretches(document, table, robot)
     try:
         planned = drive(
-            robot.route([(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions),
+            stretches,
             table.speed_mm_s / 1000,
             period,
             clock,
@@ -47,9 +48,10 @@ def drive_of(
             repeat=table.repeat,
         )
     except InputError as error:
-        raise error.at(document.place("drive", "corners_mm")) from error
+        raise error.at(document.place("drive", _source(table))) from error
     _check_speeds(document, table, planned, wheels)
-    notes = (*_routines(document, planned), _closing(document, robot, planned, wheels, clock))
+    ending = _ending(document, table, robot, planned, wheels, clock)
+    notes = (*_stretch_notes(document, table, planned), ending)
     order = [table.wheels.index(servo.name) for servo in servos]
     angles = planned.trajectory.angles[:, order]
     if table.end == "release":
@@ -61,6 +63,37 @@ def drive_of(
         ),
         notes=notes,
     )
+
+
+def _source(table: DriveTable) -> str:
+    """Return the key that says where the base goes."""
+    return "corners_mm" if table.corners_mm is not None else "routines"
+
+
+def _stretches(document: Document, table: DriveTable, robot: DrivingRobot) -> tuple[Stretch, ...]:
+    """Return the stretches of the contour, or of the routines one after the other. Raises InputError."""
+    if (table.corners_mm is None) == (table.routines is None):
+        raise document.error(
+            "missing-key", ("drive",), "a drive has corners_mm or routines", "keep one of the two"
+        )
+    if table.corners_mm is not None:
+        try:
+            return robot.route([(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions)
+        except InputError as error:
+            raise error.at(document.place("drive", "corners_mm")) from error
+    stretches: list[Stretch] = []
+    for index, row in enumerate(table.routines or ()):
+        routine = Routine(
+            row.name,
+            None if row.direction_deg is None else math.radians(row.direction_deg),
+            None if row.distance_mm is None else row.distance_mm / 1000,
+            None if row.turn_deg is None else math.radians(row.turn_deg),
+        )
+        try:
+            stretches += robot.routine(routine, table.directions)
+        except InputError as error:
+            raise error.at(document.place("drive", "routines", index)) from error
+    return tuple(stretches)
 
 
 def _wheels(
@@ -115,36 +148,49 @@ def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels:
         "servo-limit",
         ("drive", "speed_mm_s"),
         f"{servo.name} would have to turn at {math.degrees(speed):z.0f}°/s: its speeds are {low} to {high}",
-        f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this contour",
+        f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this "
+        + ("contour" if table.corners_mm is not None else "drive"),
     )
 
 
-def _routines(document: Document, planned: Drive) -> list[Diagnostic]:
+def _stretch_notes(document: Document, table: DriveTable, planned: Drive) -> list[Diagnostic]:
     """Return a note for each stretch: its direction, how far the wheels turn, its time."""
     period_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     notes = []
     for index, (stretch, frames) in enumerate(zip(planned.stretches, planned.frames, strict=True)):
         text = f"stretch {index + 1}: {stretch.text}, {frames} frames, {frames * period_s:g} s"
         text += f"; {stretch.remark}" if stretch.remark else ""
-        notes.append(Diagnostic("note", "stretch", text, document.place("drive", "corners_mm")))
+        notes.append(Diagnostic("note", "stretch", text, document.place("drive", _source(table))))
     return notes
 
 
-def _closing(
-    document: Document, base: DrivingRobot, planned: Drive, wheels: Sequence[Servo], clock: Clock
+def _ending(
+    document: Document,
+    table: DriveTable,
+    base: DrivingRobot,
+    planned: Drive,
+    wheels: Sequence[Servo],
+    clock: Clock,
 ) -> Diagnostic:
-    """Return a note of how far from its beginning one round ends when every pulse is whole cycles."""
+    """Return a note of how far one round ends from where it should when every pulse is whole cycles.
+
+    A contour should end where it began; routines end where they lead to.
+    """
     columns = zip(wheels, planned.trajectory.angles.T, strict=True)
     speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
     period_s = float(clock.seconds(planned.trajectory.period))
-    x, y, turn = positions(base, speeds, period_s)[-1].tolist()
-    return Diagnostic(
-        "note",
-        "closing",
-        f"with pulses of whole cycles a round ends {1000 * math.hypot(x, y):z.2f} mm and "
-        f"{math.degrees(turn):z.3f}° from its beginning",
-        document.place("drive"),
-    )
+    asked = positions(base, planned.trajectory.angles, period_s)[-1]
+    end = positions(base, speeds, period_s)[-1]
+    x, y, turn = (end if table.corners_mm is not None else end - asked).tolist()
+    missed = f"{1000 * math.hypot(x, y):z.2f} mm and {math.degrees(turn):z.3f}° from "
+    text = f"with pulses of whole cycles a round ends {missed}its beginning"
+    if table.corners_mm is None:
+        to_x, to_y, heading = asked.tolist()
+        text = (
+            f"a round leads to x {1000 * to_x:z.1f}, y {1000 * to_y:z.1f} mm, heading "
+            f"{math.degrees(heading):z.1f}°; with pulses of whole cycles it ends {missed}there"
+        )
+    return Diagnostic("note", "closing", text, document.place("drive"))
 
 
 def _achieved(servo: Servo, speeds: Floats, clock: Clock) -> Floats:

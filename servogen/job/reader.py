@@ -91,6 +91,14 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
             raise document.error(
                 "pin-in-use", where, f"{pin} is in use: {taken[pin]}", "a button needs its own pin"
             )
+        turning = next((servo.name for servo in servos if servo.model.continuous), None)
+        if name == "stop" and table.stop_pulses == "hold" and turning is not None:
+            raise document.error(
+                "wrong-servo-kind",
+                ("firmware", "stop_pulses"),
+                f"{turning} turns continuously: pulses that are held keep it turning",
+                'write stop_pulses = "off"',
+            )
         level = int(getattr(table, f"{name}_level") == "high")
         buttons[name] = Button(pin, level, document.place(*where))
     return Buttons(buttons.get("start"), buttons.get("stop"), table.stop_pulses != "hold")

@@ -174,11 +174,21 @@ class ProgramTable(Table):
     end: Literal["hold", "release"] | None = None
 
 
+class RoutineTable(Table):
+    """One of [drive] routines: a motion by name; what else it takes depends on the robot and the name."""
+
+    name: str
+    direction_deg: float | None = Field(default=None, ge=-360, le=360)
+    distance_mm: Coordinate | None = None
+    turn_deg: float | None = Field(default=None, ge=-36_000, le=36_000)
+
+
 class DriveTable(Table):
-    """[drive]: a closed contour of a base on wheels."""
+    """[drive]: a closed contour of a base on wheels, or its routines by name: one of the two."""
 
     wheels: tuple[str, ...] = Field(min_length=1)
-    corners_mm: tuple[tuple[Coordinate, Coordinate], ...] = Field(min_length=2)
+    corners_mm: tuple[tuple[Coordinate, Coordinate], ...] | None = Field(default=None, min_length=2)
+    routines: tuple[RoutineTable, ...] | None = Field(default=None, min_length=1)
     speed_mm_s: float = Field(ge=0.001, le=MAX_MM)
     directions: Literal["any", "six"] = "any"
     pause_s: Seconds = 0.0

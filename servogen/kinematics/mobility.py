@@ -1,6 +1,7 @@
 """Mobility: the degrees of freedom of a mechanism, by Kutzbach and Grübler.
 
 In: the number of elements and the kinds of the joints between them, or an arm. Out: M, and M - 6.
+Both formulas count every constraint as independent of the others.
 
     in space M = 6 (n - 1 - k) + Σ m_i      in the plane M = 3 (n - 1 - k) + Σ m_i
 
@@ -15,11 +16,15 @@ from types import MappingProxyType
 
 from servogen.errors import InputError, did_you_mean
 from servogen.robot.model import Arm
+from servogen.units import counted
 
 JOINT_MOBILITY: Mapping[str, int] = MappingProxyType(
     {"turning": 1, "sliding": 1, "screw": 1, "cylindrical": 2, "universal": 2, "spherical": 3}
 )
 """The mobility of each kind of joint. A spherical joint is passive only: no motor drives it."""
+
+PLANE_JOINTS = ("turning", "sliding")
+"""The kinds of joints whose elements stay in one plane."""
 
 IN_SPACE = 6
 IN_PLANE = 3
@@ -40,6 +45,11 @@ class Mobility:
     def verdict(self) -> str:
         return verdict(self.manoeuvrability)
 
+    @property
+    def closed_loops(self) -> int:
+        """Return how many joints there are beyond those that an open chain needs."""
+        return len(self.joints) - (self.elements - 1)
+
 
 def kutzbach(elements: int, joints: Sequence[str]) -> int:
     """Return the mobility of a mechanism in space; `elements` counts the base too."""
@@ -47,7 +57,17 @@ def kutzbach(elements: int, joints: Sequence[str]) -> int:
 
 
 def gruebler(elements: int, joints: Sequence[str]) -> int:
-    """Return the mobility of a plane mechanism, with 3 in place of 6."""
+    """Return the mobility of a plane mechanism, with 3 in place of 6.
+
+    Raises InputError for a joint that leaves the plane.
+    """
+    for kind in joints:
+        if kind in JOINT_MOBILITY and kind not in PLANE_JOINTS:
+            raise InputError(
+                "bad-option",
+                f"a {kind} joint is not a joint of a plane mechanism",
+                hint=" or ".join(PLANE_JOINTS),
+            )
     return _mobility(IN_PLANE, elements, joints)
 
 
@@ -62,6 +82,36 @@ def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
                 hint=did_you_mean(kind, JOINT_MOBILITY),
             )
     return freedom * (elements - 1 - len(joints)) + sum(JOINT_MOBILITY[kind] for kind in joints)
+
+
+def of_mechanism(elements: int, joints: Sequence[str], *, plane: bool = False) -> Mobility:
+    """Return the mobility of a mechanism, open or with closed loops; `elements` counts the base too.
+
+    Raises InputError if the joints are too few to connect the elements.
+    """
+    found = (gruebler if plane else kutzbach)(elements, joints)
+    if len(joints) < elements - 1:
+        raise InputError(
+            "wrong-count",
+            f"{len(joints)} joints do not connect {elements} elements",
+            hint=f"at least {elements - 1} joints; the base is one of the elements",
+        )
+    loops = len(joints) - (elements - 1)
+    note = "open chain: the sum of the joints' mobilities"
+    if loops:
+        constraints = IN_PLANE if plane else IN_SPACE
+        note = f"{counted(loops, 'closed loop')}, {constraints} constraints each"
+    if found < 1:
+        note += "; rigid, unless some constraints repeat others"
+        note += "" if plane else ", as those of parallel axes do: count such a mechanism in the plane"
+    return Mobility(
+        elements=elements,
+        joints=tuple(joints),
+        passive=0,
+        mobility=found,
+        manoeuvrability=manoeuvrability(found),
+        note=note,
+    )
 
 
 def manoeuvrability(mobility: int) -> int:

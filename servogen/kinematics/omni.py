@@ -35,7 +35,7 @@ from pydantic import Field
 
 from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.mobility import IN_PLANE, Mobility, manoeuvrability
-from servogen.kinematics.protocol import Answer, Directions, Kind, Stretch
+from servogen.kinematics.protocol import Answer, Directions, Kind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
 from servogen.robot.arm_file import MAX_GRAMS, Find, RobotTable, kilograms
 from servogen.robot.model import Dimensions, Limb
@@ -97,6 +97,15 @@ class OmniBase:
         """Return the translations from corner to corner and back to the first; the base does not turn."""
         return tuple(as_stretch(self, part) for part in contour(self, corners, directions))
 
+    def routine(self, routine: Routine, directions: Directions = "any") -> tuple[Stretch, ...]:
+        """Return the stretches of `translation`, `turn`, or `small-`, `medium-` or `large-circle`."""
+        _check_values(routine)
+        if routine.name == "translation":
+            part = _along(routine)
+            parts = (translation(self, part),) if directions == "any" else decomposed(self, part)
+            return tuple(as_stretch(self, part) for part in parts)
+        return (arc(self, routine),)
+
     def outline(self) -> tuple[Complexes, ...]:
         """Return the rim, a line to the front and the three wheels."""
         out, half = self.wheel_distance, 1j * self.wheel_radius
@@ -125,6 +134,18 @@ class OmniMotion:
 
 
 _SIZES: dict[int, Literal["small", "medium", "large"]] = {1: "small", 2: "medium", 4: "large"}
+
+ROUTINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "translation": ("direction", "distance"),
+        "turn": ("turn",),
+        **dict.fromkeys(("small-circle", "medium-circle", "large-circle"), ("direction", "turn")),
+    }
+)
+"""The routines, all motions of table 10.1 but standing still, and the values that each takes."""
+
+_KEYS = {"direction": "direction_deg", "distance": "distance_mm", "turn": "turn_deg"}
+"""The values of a routine as a job spells them."""
 
 
 def motion_of(signs: tuple[int, int, int]) -> OmniMotion:
@@ -316,6 +337,86 @@ def as_stretch(base: OmniBase, part: Translation) -> Stretch:
         f"{length} at {part.direction_deg}°, two wheels",
         f"with the base's gear and encoder {part.travel.motor_turns:z.3f} motor turns, "
         f"{part.travel.counts:z.0f} counts",
+    )
+
+
+def _check_values(routine: Routine) -> None:
+    """Raise InputError for an unknown routine and one whose values are missing or do not belong to it."""
+    if routine.name not in ROUTINES:
+        raise InputError(
+            "unknown-name",
+            f"'{routine.name}' is not a routine of the omni base",
+            hint=did_you_mean(routine.name, ROUTINES),
+        )
+    wanted = ROUTINES[routine.name]
+    given = [name for name in _KEYS if getattr(routine, name) is not None]
+    takes = " and ".join(_KEYS[name] for name in wanted)
+    for name in wanted:
+        if name not in given:
+            raise InputError("missing-key", f"{routine.name} needs {_KEYS[name]}", hint=f"it takes {takes}")
+    for name in given:
+        if name not in wanted:
+            raise InputError(
+                "not-allowed", f"{routine.name} does not take {_KEYS[name]}", hint=f"it takes {takes}"
+            )
+
+
+def _along(routine: Routine) -> tuple[float, float]:
+    direction, distance = routine.direction or 0.0, routine.distance or 0.0
+    if distance <= 0:
+        raise InputError(
+            "out-of-range",
+            f"distance_mm must be more than 0, not {1000 * distance:zg}",
+            hint="take the opposite direction",
+        )
+    return distance * math.cos(direction), distance * math.sin(direction)
+
+
+def arc(base: OmniBase, routine: Routine) -> Stretch:
+    """Return the stretch of a turn on the spot or a circle, whose wheels turn at equal speed or stand.
+
+    Ω = -r (ω1 + ω2 + ω3) / 3l, so that the base turns by θ while each driven wheel turns by
+    3 l θ / (r |s1 + s2 + s3|) with the signs s of its motion; the centre goes along radius times θ.
+    """
+    turn = routine.turn or 0.0
+    if turn == 0.0:
+        raise InputError(
+            "out-of-range", "turn_deg must not be 0", hint="counter-clockwise is positive, clockwise negative"
+        )
+    motion = _motion_named(routine, 1 if turn > 0 else -1)
+    each = 3 * base.wheel_distance * abs(turn) / (base.wheel_radius * abs(sum(motion.signs)))
+    radius = base.wheel_distance * (motion.radius or 1)
+    degrees = math.degrees(turn)
+    text = f"turn by {degrees:z.1f}°"
+    if motion.kind == "circle":
+        text = f"{motion.size} circle, radius {1000 * radius:z.1f} mm, by {degrees:z.1f}°"
+        text += f", first towards {motion.direction_deg}°"
+    turns = base.gear * each / (2 * pi)
+    counts = base.counts_per_turn * turns
+    return Stretch(
+        radius * abs(turn),
+        tuple(sign * each for sign in motion.signs),
+        text,
+        f"with the base's gear and encoder {turns:z.3f} motor turns, {counts:z.0f} counts",
+    )
+
+
+def _motion_named(routine: Routine, turning: int) -> OmniMotion:
+    """Return the row of table 10.1 of a turn or circle in a sense. Raises InputError if there is none."""
+    if routine.name == "turn":
+        return next(row for row in table() if row.kind == "turning" and row.turning == turning)
+    asked = math.degrees(routine.direction or 0.0) % 360
+    size = routine.name.removesuffix("-circle")
+    rows = {row.direction_deg: row for row in table() if row.size == size and row.turning == turning}
+    for direction, row in rows.items():
+        if direction is not None and abs((asked - direction + 180) % 360 - 180) < 1e-6:
+            return row
+    sense = "counter-clockwise" if turning > 0 else "clockwise"
+    starts = ", ".join(f"{direction}°" for direction in sorted(each for each in rows if each is not None))
+    raise InputError(
+        "not-allowed",
+        f"no {size} circle that begins towards {asked:zg}° turns {sense}",
+        hint=f"those begin towards {starts}",
     )
 
 

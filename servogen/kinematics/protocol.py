@@ -5,7 +5,7 @@ and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports 
 
     limbs ──▶ joints that servos turn, forward kinematics, stick figures, error at the foot or tool
     WalkingRobot.stance ──▶ motion.gait: joint angles of a walk        mass, torques ──▶ loads
-    DrivingRobot.route, wheel_speeds, body_speed ──▶ motion.drive: wheel speeds of a contour; steering
+    DrivingRobot.route, routine, wheel_speeds, body_speed ──▶ motion.drive: wheel speeds of a drive; steering
 """
 
 from __future__ import annotations
@@ -147,6 +147,21 @@ class Stretch:
     remark: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """A motion of a base that has a name, as a job asks for it; None is what it does not give.
+
+    Directions (radians) are those of the base, not of the room: after a turn the base's front is elsewhere.
+    """
+
+    name: str
+    direction: float | None = None
+    distance: float | None = None
+    """Metres."""
+    turn: float | None = None
+    """How far the base turns, radians, counter-clockwise."""
+
+
 @runtime_checkable
 class DrivingRobot(Robot, Protocol):
     """A base on wheels that continuous-rotation servos turn. Body speeds are vx, vy (m/s) and Ω (rad/s)."""
@@ -170,6 +185,12 @@ class DrivingRobot(Robot, Protocol):
 
         The base begins at the first corner with the heading 0, and ends there. Raises InputError for
         corners that are all the same and for directions that it cannot restrict itself to.
+        """
+
+    def routine(self, routine: Routine, directions: Directions = "any") -> tuple[Stretch, ...]:
+        """Return the stretches of a motion by name.
+
+        Raises InputError for a name that the base does not know, and for values that do not belong to it.
         """
 
     def outline(self) -> tuple[Complexes, ...]:

@@ -1,4 +1,4 @@
-"""The answers of the commands robots, fk, ik, jacobian, mobility, transform and orientation, for JSON.
+"""The answers of the commands about robots and kinematics, for JSON.
 
 In: names and numbers as a user types them (degrees and millimetres). Out: dicts in metres and radians.
 """
@@ -6,7 +6,7 @@ In: names and numbers as a user types them (degrees and millimetres). Out: dicts
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees, radians
+from math import atan2, degrees, hypot, pi, radians
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,21 @@ import numpy as np
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
+from servogen.kinematics.inverse.configuration import configuration_of, has_roll, ik_of_configuration
 from servogen.kinematics.inverse.solve import ik_all
-from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
+from servogen.kinematics.jacobian import (
+    FrameName,
+    change,
+    differential,
+    jacobian,
+    manipulability,
+    motion_of,
+    seen_from,
+    singularity,
+    static_torques,
+)
+from servogen.kinematics.mobility import Mobility, of_mechanism
+from servogen.kinematics.omni import OmniBase
 from servogen.kinematics.orientation import (
     ORDERS,
     from_angles,
@@ -29,9 +42,10 @@ from servogen.kinematics.orientation import (
 )
 from servogen.kinematics.protocol import Answer, DrivingRobot
 from servogen.kinematics.registry import KINDS
+from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.kinematics.symbolic import symbolic_fk, symbolic_jacobian, text_of
-from servogen.kinematics.transforms import Floats, apply, is_rotation, parse, to_body
-from servogen.robot.model import Arm, Robot
+from servogen.kinematics.transforms import Floats, apply, is_rotation, mount_matrix, parse, to_body
+from servogen.robot.model import Arm, Limb, Robot
 
 
 def robot_list() -> list[Answer]:
@@ -80,8 +94,12 @@ def joint_values(arm: Arm, values: Sequence[float]) -> Floats:
 
 
 def fk_answer(name: str, values: Sequence[float]) -> Answer:
-    """Return the pose of an arm's tool, or the feet of a walking robot, at positions in degrees and mm."""
+    """Return the pose of an arm's tool or the feet of a walking robot at positions in degrees and mm, or the
+    speed of a base on wheels whose speeds are given in degrees per second.
+    """
     robot = catalogue.robot(name)
+    if isinstance(robot, DrivingRobot):
+        return _body_speed_answer(robot, values)
     if any(limb.mount for limb in robot.limbs):
         return _feet_answer(robot, values)
     arm = catalogue.arm(name)
@@ -90,8 +108,33 @@ def fk_answer(name: str, values: Sequence[float]) -> Answer:
     return {
         "position_m": _plain(pose[:3, 3]),
         "rotation": _plain(pose[:3, :3]),
+        "configuration_vector": _plain(configuration_of(arm, q)) if has_roll(arm) else None,
         "beyond_limits": _beyond(arm, q),
     }
+
+
+def _body_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
+    if len(values) != base.wheel_count:
+        raise InputError(
+            "wrong-count",
+            f"{base.name} has {base.wheel_count} wheels, not {len(values)}",
+            hint="the speed of each wheel in degrees per second",
+        )
+    vx, vy, turn = (float(each) for each in _plain(base.body_speed(np.radians(_finite(values)))))
+    speed = hypot(vx, vy)
+    standing, straight = speed < STILL, abs(turn) < STILL
+    return {
+        "vx_m_s": vx,
+        "vy_m_s": vy,
+        "turn_rad_s": turn,
+        "speed_m_s": speed,
+        "direction_rad": None if standing else atan2(vy, vx),
+        "radius_m": None if straight else speed / abs(turn),
+    }
+
+
+STILL = 1e-12
+"""Metres or radians per second that are rounding noise."""
 
 
 def _feet_answer(robot: Robot, values: Sequence[float]) -> Answer:
@@ -147,7 +190,12 @@ def _style(style: str) -> Any:
 
 
 def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> Answer:
-    """Return the joint positions that reach x, y, z in mm and, if given, an orientation in degrees."""
+    """Return the joint positions that reach x, y, z in mm and, if given, an orientation in degrees, or the
+    wheel speeds that give a base on wheels a speed in mm and degrees per second.
+    """
+    robot = catalogue.robot(name)
+    if isinstance(robot, DrivingRobot):
+        return _wheel_speed_answer(robot, values)
     arm = catalogue.arm(name)
     names = ("x", "y", "z", *orientation_names(arm))
     if len(values) not in (3, len(names)):
@@ -165,13 +213,80 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
     }
 
 
+def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
+    if len(values) != 3:
+        raise InputError(
+            "wrong-count",
+            f"{base.name} takes vx vy turn, not {len(values)} numbers",
+            Location(key="target"),
+            "millimetres per second and degrees per second",
+        )
+    vx, vy, turn = _finite(values)
+    speeds = base.wheel_speeds((vx / 1000, vy / 1000, radians(turn)))
+    answer: Answer = {"wheel_speeds_rad_s": _plain(speeds)}
+    if isinstance(base, OmniBase):
+        turns = speeds * base.gear / (2 * pi)
+        answer |= {
+            "rim_speeds_m_s": _plain(speeds * base.wheel_radius),
+            "motor_turns_per_s": _plain(turns),
+            "encoder_counts_per_s": _plain(turns * base.counts_per_turn),
+        }
+    return answer
+
+
+def configuration_answer(name: str, vector: Sequence[float], everything: bool = False) -> Answer:
+    """Return the joint positions that have the configuration vector W = (p, e^{θ/π} a), its p in mm."""
+    arm = catalogue.arm(name)
+    if len(vector) != 6:
+        raise InputError(
+            "wrong-count",
+            f"a configuration vector has six numbers, not {len(vector)}",
+            Location(key="target"),
+            "x y z in mm, then the approach vector times e^(roll/π)",
+        )
+    solutions = ik_of_configuration(arm, _finite(vector) / ([1000.0] * 3 + [1.0] * 3))
+    return {
+        "solutions": _plain(solutions if everything else solutions[:1]),
+        "joints": [joint.name for joint in arm.joints],
+        "found": len(solutions),
+    }
+
+
 def mobility_answer(name: str) -> Answer:
     """Return the elements, joints, mobility M and manoeuvrability M - 6 of a robot."""
     robot = catalogue.robot(name)
-    mobility = KINDS[robot.kind].mobility(robot)
+    return _mobility_facts(KINDS[robot.kind].mobility(robot))
+
+
+MAX_JOINTS = 1000
+"""The greatest number of joints of one kind that is not taken for a typing error."""
+
+
+def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = False) -> Answer:
+    """Return the same of a mechanism of `elements`, the base among them, and joints as "kind" or
+    "kind:count".
+    """
+    kinds: list[str] = []
+    for text in joints:
+        kind, _, count = text.partition(":")
+        if count and not (count.isascii() and count.isdigit() and len(count) < 6):
+            raise InputError(
+                "bad-option", f"'{text}' is not a kind of joint and its number", hint="turning:4"
+            )
+        number = int(count or 1)
+        if not 1 <= number <= MAX_JOINTS:
+            raise InputError(
+                "out-of-range", f"'{text}' is not 1 to {MAX_JOINTS} joints", Location(key="--joint")
+            )
+        kinds += [kind.strip().lower()] * number
+    return _mobility_facts(of_mechanism(elements, kinds, plane=plane))
+
+
+def _mobility_facts(mobility: Mobility) -> Answer:
     return {
         "elements": mobility.elements,
         "joints": list(mobility.joints),
+        "closed_loops": mobility.closed_loops,
         "passive_joints": mobility.passive,
         "mobility": mobility.mobility,
         "manoeuvrability": mobility.manoeuvrability,
@@ -189,6 +304,28 @@ def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
     matrix = parse(text)
     answer: Answer = {"matrix": _plain(matrix)}
     return answer | {"point": _plain(apply(matrix, _finite(point)))} if len(point) else answer
+
+
+def differential_answer(
+    text: str, d: Sequence[float], delta: Sequence[float], *, moving: bool = False
+) -> Answer:
+    """Return how the frame T of a product changes by a small translation d, in the product's unit of length,
+    and a small rotation δ in radians: Δ, dT = Δ T, and the motion in both frames.
+
+    d and δ are about the fixed axes, or with `moving` about those of T.
+    """
+    frame = parse(text)
+    small, turned = _finite(d), _finite(delta)
+    if moving:
+        small, turned = motion_of(frame @ differential(small, turned), frame)
+    own_d, own_delta = seen_from(frame, small, turned)
+    return {
+        "frame": _plain(frame),
+        "delta": _plain(differential(small, turned)),
+        "change": _plain(change(frame, small, turned)),
+        "fixed": {"translation": _plain(small), "rotation_rad": _plain(turned)},
+        "moving": {"translation": _plain(own_d), "rotation_rad": _plain(own_delta)},
+    }
 
 
 ORIENTATION_FORMS = {
@@ -254,19 +391,112 @@ MATRIX_TOLERANCE = 1e-3
 """Of a matrix that is typed with three or four digits."""
 
 
-def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) -> Answer:
-    """Return the geometric Jacobian at positions in degrees and mm, and how well the arm moves there."""
+def jacobian_answer(
+    name: str, values: Sequence[float], frame: FrameName = 0, rates: Sequence[float] = ()
+) -> Answer:
+    """Return the geometric Jacobian at positions in degrees and mm, and how well the arm moves there; with
+    the `rates` of the joints, in degrees and mm per second, the velocity of the tool.
+
+    That of a base on wheels has the rows vx, vy, Ω and a column for each wheel.
+    """
+    robot = catalogue.robot(name)
+    if isinstance(robot, DrivingRobot):
+        return _base_jacobian_answer(robot, values, frame, rates)
     arm = catalogue.arm(name)
     q = joint_values(arm, values)
     singular = singularity(arm, q)
+    matrix = jacobian(arm, q, frame)
+    velocity = matrix @ joint_values(arm, rates) if len(rates) else None
+    moved: Answer = {}
+    if velocity is not None:
+        moved = {"velocity_m_s": _plain(velocity[:3]), "angular_velocity_rad_s": _plain(velocity[3:])}
     return {
         "frame": frame,
-        "jacobian": _plain(jacobian(arm, q, frame)),
+        "jacobian": _plain(matrix),
+        **moved,
         "manipulability": float(manipulability(arm, q)),
         "rank": singular.rank,
         "singular": singular.singular,
         "lost_directions": [list(each) for each in singular.lost],
     }
+
+
+def _base_jacobian_answer(
+    base: DrivingRobot, values: Sequence[float], frame: FrameName, rates: Sequence[float]
+) -> Answer:
+    if len(values) or len(rates) or frame != 0:
+        raise InputError(
+            "bad-option",
+            f"the Jacobian of {base.name} is the same everywhere: it takes neither positions nor a frame",
+            hint="servogen fk gives the speed of the base for wheel speeds",
+        )
+    matrix = base.body_speed(np.eye(base.wheel_count)).T
+    return {
+        "frame": frame,
+        "jacobian": _plain(matrix),
+        "inverse": _plain(np.asarray(np.linalg.pinv(matrix), float)),
+        "rank": int(np.linalg.matrix_rank(matrix)),
+    }
+
+
+def statics_answer(
+    name: str,
+    values: Sequence[float],
+    force: Sequence[float],
+    moment: Sequence[float],
+    leg: str | None = None,
+) -> Answer:
+    """Return the loads τ = Jᵀ (F, M) that a force (N) and a moment (N·m) on the tool or foot put on the
+    joints, at positions in degrees and mm, and what the motors must give to hold still.
+
+    Force and moment are in the universal frame, or that of the body of a walking robot, one `leg` of which
+    is meant. If the robot's file states masses, their weight is held as well.
+    """
+    robot = catalogue.robot(name)
+    limb = _limb(robot, leg)
+    arm = catalogue.arm(name) if limb is None else limb.arm
+    push, twist = _finite(force), _finite(moment)
+    if limb is not None and limb.mount is not None:
+        turn = mount_matrix(limb.mount)[:3, :3]
+        push, twist = turn.T @ push, np.linalg.det(turn) * (turn.T @ twist)
+    if not has_masses(arm) and not push.any() and not twist.any():
+        raise InputError(
+            "missing-option",
+            f"nothing loads {robot.name}",
+            hint="give a force or a moment, or masses in its file",
+        )
+    q = joint_values(arm, values)
+    loads = static_torques(arm, q, push, twist)
+    weights = gravity_torques(arm, q) if has_masses(arm) else np.zeros(len(arm.joints))
+    joints = []
+    for joint, load, weight in zip(arm.joints, _plain(loads), _plain(weights), strict=True):
+        unit = "nm" if joint.turning else "n"
+        joints.append(
+            {
+                "name": joint.name,
+                f"load_{unit}": load,
+                f"weight_{unit}": weight,
+                f"motor_{unit}": weight - load,
+            }
+        )
+    return {"joints": joints, "beyond_limits": _beyond(arm, q)}
+
+
+def _limb(robot: Robot, leg: str | None) -> Limb | None:
+    """Return the leg of that name of a walking robot, None for an arm. Raises InputError."""
+    legs = {limb.name: limb for limb in robot.limbs if limb.mount is not None}
+    if leg is None and not legs:
+        return None
+    if leg is None:
+        raise InputError(
+            "missing-option",
+            f"{robot.name} has {len(legs)} legs: say which",
+            hint=f"--leg {next(iter(legs))}",
+        )
+    if leg not in legs:
+        hint = did_you_mean(leg, legs) if legs else "it has no legs: leave out --leg"
+        raise InputError("unknown-name", f"{robot.name} has no leg '{leg}'", hint=hint)
+    return legs[leg]
 
 
 def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> Answer:

@@ -96,3 +96,68 @@ def test_urdf_needs_an_arm_and_a_file_that_is_one(run: Run, tmp_path: Path) -> N
     assert run("fk", tmp_path / "none.urdf", 0).code == 2
     (tmp_path / "text.urdf").write_text("hello")
     assert "is not a URDF file" in run("fk", tmp_path / "text.urdf", 0).err
+
+
+def test_what_each_new_command_prints(run: Run) -> None:
+    assert run("mobility", "--elements", 4, "--joint", "turning:4", "--plane").out.startswith(
+        "4 elements, joints: 4 turning\nmobility 1, manoeuvrability -5: deficient\n1 closed loop"
+    )
+    assert "80.6133 mm/s towards 0.0000°, straight" in run("fk", "omni", 100, -100, 0).out
+    assert "on a circle of radius 270.0000 mm" in run("fk", "omni", 0, -100, 0).out
+    assert "it turns on the spot" in run("fk", "omni", -5, -5, -5).out
+    assert "it stands" in run("fk", "omni", 0, 0, 0).out
+    assert "55.1329           112912.2" in run("ik", "omni", 1000, 0, 0).out
+    assert "inverse" in run("jacobian", "omni").out
+    assert "0.3000" in run("statics", "leg", 0, 30, "--force-n", 0, 0, -10).out
+    assert "beyond their limits: beta" in run("statics", "leg", 0, 100, "--force-n", 0, 0, 10).out
+    assert "axes of T:  d 0.000000  -0.500000  1.000000  δ 0.100000" in (
+        run(
+            *("differential", "Trans(10,5,0) Rz(90) Rx(90)", "--translation", 1, 0, 0.5),
+            *("--rotation-rad", 0, 0.1, 0),
+        ).out
+    )
+    assert (
+        "ω 0.0000  0.0000  -15.0000 °/s"
+        in run("jacobian", "scara", 30, 60, 100, 20, "--rates", "10 -20, 30 5").out
+    )
+    assert "q5 90.000°" in run("ik", "rv-m1", 0, 475.7712, 315.6283, 0, 1.648721, 0, "--configuration").out
+
+
+def test_new_answers_are_json_in_metres_and_radians(run: Run) -> None:
+    answers = {
+        "closed_loops": ("mobility", "--elements", 4, "--joint", "turning:4", "--plane"),
+        "vx_m_s": ("fk", "omni", 100, -100, 0),
+        "wheel_speeds_rad_s": ("ik", "omni", 1000, 0, 0),
+        "inverse": ("jacobian", "omni"),
+        "joints": ("statics", "leg", 0, 30, "--force-n", 0, 0, -10),
+        "change": ("differential", "Rx(90)", "--translation", 1, 0, 0),
+        "velocity_m_s": ("jacobian", "scara", 0, 0, 0, 0, "--rates", "1 2 3 4"),
+        "configuration_vector": ("fk", "rv-m1", 90, 0, 0, 0, 90),
+    }
+    for key, command in answers.items():
+        assert key in json.loads(run(*command, "--json").out)
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (("mobility",), "give a robot, or the elements and joints"),
+        (("mobility", "scara", "--plane"), "give a robot, or the elements and joints"),
+        (("mobility", "--elements", "5", "--joint", "turning:3"), "do not connect 5 elements"),
+        (("mobility", "--elements", "2", "--joint", "turnin"), "did you mean 'turning'"),
+        (("fk", "omni", "1"), "omni has 3 wheels, not 1"),
+        (("fk", "omni", "--symbolic"), "drives on wheels"),
+        (("jacobian", "scara", "0", "0", "0", "0", "--rates", "one"), "'one' is not a number"),
+        (("statics", "scara", "0", "0", "0", "0"), "nothing loads scara"),
+        (("statics", "scara", "0", "0", "0", "0", "--force-n", "1", "2"), "--force-n"),
+        (("differential", "Rq(1)"), "Rq(1)"),
+        (
+            ("ik", "anthropomorphic", "1", "2", "3", "0", "0", "1", "--configuration"),
+            "does not roll the tool",
+        ),
+    ],
+)
+def test_bad_input_of_the_new_commands_is_exit_code_2(run: Run, command: tuple[str, ...], says: str) -> None:
+    ran = run(*command)
+    assert ran.code == 2
+    assert says in ran.err and "Traceback" not in ran.err

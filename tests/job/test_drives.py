@@ -1,6 +1,6 @@
 """[drive] of a job: a contour of the omni base as the widths of three continuous-rotation servos."""
 
-from math import degrees, pi, sin, sqrt
+from math import ceil, cos, degrees, pi, radians, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -139,3 +139,65 @@ def test_poses_give_a_wheel_its_speed() -> None:
     assert [pulse.width for pulse in run.pulses if pulse] == [1600, 1500, 1450]
     with pytest.raises(InputError, match="'wheel1_deg' is not given in deg: write wheel1_deg_s"):
         plan_job(loads(text.replace("wheel1_deg_s", "wheel1_deg"), "job.toml"))
+
+
+CORNERS = next(line for line in TEXT.splitlines() if line.startswith("corners_mm"))
+
+
+def by_routines(*rows: str, more: str = "") -> PlannedJob:
+    return made((CORNERS, f"routines = [{', '.join(rows)}]\n{more}"))
+
+
+def test_routines_are_driven_one_after_the_other() -> None:
+    job = by_routines(
+        '{ name = "turn", turn_deg = 90 }',
+        '{ name = "translation", direction_deg = 0, distance_mm = 300 }',
+        '{ name = "medium-circle", direction_deg = 30, turn_deg = 180 }',
+    )
+    texts = [str(note) for note in job.notes]
+    assert "stretch 1: turn by 90.0°" in texts[0]
+    assert "300.0 mm at 0°, two wheels" in texts[1]
+    assert "medium circle, radius 270.0 mm, by 180.0°, first towards 30°" in texts[2]
+    # 300 mm ahead after the turn is (0, 300); half a circle is 540 mm across, 90° left of 30° + 90°
+    x, y = 540 * cos(radians(210)), 300 + 540 * sin(radians(210))
+    assert f"a round leads to x {x:.1f}, y {y:.1f} mm, heading 270.0°; with pulses" in texts[3]
+    # the turn: l π/2 = 212 mm of rim at 100 mm/s; the wheels' speeds as pulses at 1.5°/s a microsecond
+    first = plan(job.trajectory, job.servos, job.frame).schedule.loop[0]
+    frames = ceil(135 * pi / 2 / 100 / 0.02)
+    speed = degrees(135 * (pi / 2) / 40 / (frames * 0.02))
+    assert first.frames == frames
+    assert [pulse.width for pulse in first.pulses if pulse] == [1500 - round(speed / 1.5)] * 3
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ('{ name = "turm", turn_deg = 90 }', "did you mean 'turn'"),
+        ('{ name = "turn" }', "drive.routines[1]: turn needs turn_deg"),
+        (
+            '{ name = "large-circle", direction_deg = 30, turn_deg = 90 }',
+            "drive.routines[1]: no large circle that begins towards 30° turns counter-clockwise",
+        ),
+        ('{ name = "turn", degrees = 90 }', "degrees"),
+    ],
+)
+def test_a_wrong_routine_is_named_with_its_place(row: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        by_routines(row)
+    assert message in str(caught.value)
+    assert caught.value.location is not None
+    assert caught.value.location.line == TEXT.splitlines().index(CORNERS) + 1
+
+
+def test_a_drive_has_corners_or_routines() -> None:
+    for text in ("", f'{CORNERS}\nroutines = [{{ name = "turn", turn_deg = 90 }}]'):
+        assert "a drive has corners_mm or routines" in error_of((CORNERS, text))
+
+
+def test_a_bumper_may_not_hold_the_pulses_of_wheels() -> None:
+    bumper = '[firmware]\nengine = "player"\nstop_pin = "RA4"\n'
+    assert made(("[frame]", f"{bumper}[frame]")).firmware.buttons.any
+    assert (
+        "firmware.stop_pulses: wheel1 turns continuously: pulses that are held keep it turning"
+        in error_of(("[frame]", f'{bumper}stop_pulses = "hold"\n[frame]'))
+    )

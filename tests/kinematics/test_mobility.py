@@ -55,6 +55,37 @@ def test_a_four_bar_linkage_moves_in_one_way_and_a_triangle_not_at_all() -> None
     assert m.gruebler(3, ["turning"] * 3) == 0
 
 
+def test_a_mechanism_of_elements_and_joints_names_its_closed_loops() -> None:
+    four_bar = m.of_mechanism(4, ["turning"] * 4, plane=True)
+    assert (four_bar.mobility, four_bar.closed_loops, four_bar.manoeuvrability) == (1, 1, -5)
+    slider_crank = m.of_mechanism(4, ["turning"] * 3 + ["sliding"], plane=True)
+    assert slider_crank.mobility == 1
+    # the same four bars counted in space: 6 (4 - 1 - 4) + 4
+    in_space = m.of_mechanism(4, ["turning"] * 4)
+    assert in_space.mobility == -2
+    assert "count such a mechanism in the plane" in in_space.note
+    # a body on three legs with two turning joints each, its feet spherical joints: 6 (8 - 1 - 9) + 6 + 9
+    standing = m.of_mechanism(8, ["turning"] * 6 + ["spherical"] * 3)
+    assert (standing.mobility, standing.closed_loops) == (3, 2)
+    assert (m.of_mechanism(5, ["turning"] * 3 + ["screw"]).mobility, m.of_mechanism(1, []).mobility) == (4, 0)
+
+
+@pytest.mark.parametrize(
+    ("elements", "joints", "plane", "message"),
+    [
+        (5, ["turning"] * 3, False, "3 joints do not connect 5 elements"),
+        (3, ["turning", "spherical"], True, "a spherical joint is not a joint of a plane mechanism"),
+        (2, ["truning"], True, "unknown kind of joint 'truning'"),
+        (0, [], False, "at least one element"),
+    ],
+)
+def test_what_is_not_a_mechanism_is_refused(
+    elements: int, joints: list[str], plane: bool, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        m.of_mechanism(elements, joints, plane=plane)
+
+
 def test_a_platform_on_six_legs_moves_in_all_six_ways() -> None:
     legs = ["universal", "sliding", "spherical"] * 6
     assert m.kutzbach(14, legs) == 6

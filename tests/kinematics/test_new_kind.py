@@ -140,7 +140,7 @@ def test_a_dogs_feet_are_where_its_angles_put_them(folder: Path) -> None:
     # out to the side by u + t = 130 mm, down by s = 90 mm; the hips are at (±100, ±50) mm
     assert feet["FL"] == pytest.approx([0.1, 0.18, -0.09])
     assert feet["HR"] == pytest.approx([-0.1, -0.18, -0.09])
-    assert "'rover' drives on wheels" in ran(folder, "fk", "rover", "1", "2", status=2)
+    assert "'rover' drives on wheels" in ran(folder, "statics", "rover", "1", "2", status=2)
     assert "use 'dog-leg'" in ran(folder, "ik", "dog", "1", "2", "3", status=2)
 
 

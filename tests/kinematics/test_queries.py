@@ -1,7 +1,8 @@
 """What the commands answer: degrees and millimetres in, metres and radians out, JSON all the way."""
 
 import json
-from math import radians
+from math import pi, radians, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,7 +140,7 @@ def test_the_jacobian_names_the_lost_directions() -> None:
 
 def test_robots_without_joints_are_refused_by_name() -> None:
     with pytest.raises(InputError, match="'omni' drives on wheels"):
-        q.fk_answer("omni", (1, 2, 3))
+        q.statics_answer("omni", (1, 2, 3), (1, 0, 0), (0, 0, 0))
     with pytest.raises(InputError, match="'hexapod' has 6 legs"):
         q.ik_answer("hexapod", (1, 2, 3))
     with pytest.raises(InputError, match=r"unknown robot 'skara'[\s\S]*did you mean 'scara'"):
@@ -150,3 +151,187 @@ def test_lengths_read_as_they_are_written() -> None:
     assert length_text(Length((("l2", 1.0), ("l3", -1.0)))) == "l2 - l3"
     assert length_text(Length((("l2", -1.0),), 0.04)) == "-l2 + 40 mm"
     assert length_text(Length()) == "0 mm"
+
+
+def test_the_speed_of_the_omni_base_is_the_three_equations() -> None:
+    # r = 40 mm, l = 135 mm: vx = r (ω1 - ω2)/√3, vy = r (-ω1 - ω2 + 2 ω3)/3, Ω = -r (ω1 + ω2 + ω3)/3l
+    one, two, three = np.radians([100.0, -40.0, 10.0])
+    answer = q.fk_answer("omni", (100, -40, 10))
+    assert answer["vx_m_s"] == pytest.approx(0.04 * (one - two) / sqrt(3))
+    assert answer["vy_m_s"] == pytest.approx(0.04 * (-one - two + 2 * three) / 3)
+    assert answer["turn_rad_s"] == pytest.approx(-0.04 * (one + two + three) / (3 * 0.135))
+    assert answer["radius_m"] == pytest.approx(
+        np.hypot(answer["vx_m_s"], answer["vy_m_s"]) / abs(answer["turn_rad_s"])
+    )
+    on_the_spot, straight, still = (q.fk_answer("omni", each) for each in ((9, 9, 9), (9, -9, 0), (0, 0, 0)))
+    assert (on_the_spot["direction_rad"], on_the_spot["radius_m"]) == (None, 0)
+    assert (straight["direction_rad"], straight["radius_m"]) == (0, None)
+    assert (still["direction_rad"], still["radius_m"]) == (None, None)
+
+
+def test_a_metre_in_a_second_is_the_travel_of_the_lab() -> None:
+    # a wheel goes L sin 60°, its motor 16 L sin 60° / (π 80 mm) turns of 2048 counts
+    answer = q.ik_answer("omni", (1000, 0, 0))
+    assert answer["rim_speeds_m_s"] == pytest.approx([sin(pi / 3), -sin(pi / 3), 0], abs=1e-12)
+    turns = 16 * 1000 * sin(pi / 3) / (pi * 80)
+    assert answer["motor_turns_per_s"] == pytest.approx([turns, -turns, 0])
+    assert answer["encoder_counts_per_s"][0] == pytest.approx(2048 * turns)
+    back = q.fk_answer("omni", np.degrees(answer["wheel_speeds_rad_s"]))
+    assert (back["vx_m_s"], back["turn_rad_s"]) == (pytest.approx(1), pytest.approx(0))
+
+
+def test_the_jacobian_of_the_omni_base_and_its_inverse() -> None:
+    answer = q.jacobian_answer("omni", ())
+    r, l = 0.04, 0.135  # noqa: E741
+    forward = [
+        [r / sqrt(3), -r / sqrt(3), 0],
+        [-r / 3, -r / 3, 2 * r / 3],
+        [-r / (3 * l), -r / (3 * l), -r / (3 * l)],
+    ]
+    back = [
+        [sqrt(3) / 2 / r, -1 / 2 / r, -l / r],
+        [-sqrt(3) / 2 / r, -1 / 2 / r, -l / r],
+        [0, 1 / r, -l / r],
+    ]
+    np.testing.assert_allclose(answer["jacobian"], forward, atol=1e-15)
+    np.testing.assert_allclose(answer["inverse"], back, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda: q.fk_answer("omni", (1, 2)), "omni has 3 wheels, not 2"),
+        (lambda: q.fk_answer("omni", (1, 2, float("nan"))), "finite"),
+        (lambda: q.ik_answer("omni", (1, 2)), "omni takes vx vy turn, not 2 numbers"),
+        (lambda: q.jacobian_answer("omni", (1, 2, 3)), "is the same everywhere"),
+        (lambda: q.jacobian_answer("omni", (), "n"), "is the same everywhere"),
+        (lambda: q.jacobian_answer("scara", (0, 0, 0, 0), 0, (1, 2)), "joints"),
+    ],
+)
+def test_what_a_base_on_wheels_does_not_take_is_refused(ask, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        ask()
+
+
+def test_the_velocity_of_the_tool_is_the_derivative_of_its_position() -> None:
+    at, rates, step = np.array([30.0, 60.0, 100.0, 20.0]), np.array([10.0, -20.0, 30.0, 5.0]), 1e-4
+    answer = q.jacobian_answer("scara", at, 0, rates)
+    ahead, behind = (q.fk_answer("scara", at + sign * step * rates)["position_m"] for sign in (1, -1))
+    assert answer["velocity_m_s"] == pytest.approx(np.subtract(ahead, behind) / (2 * step), abs=1e-8)
+    # the rotation about z is θ1 + θ2 - θ4
+    assert np.degrees(answer["angular_velocity_rad_s"]) == pytest.approx([0, 0, 10 - 20 - 5])
+
+
+def test_the_torques_of_a_force_on_the_tool_are_levers_times_it() -> None:
+    # SCARA: the tool at (0.34641, 0.5) turns about (0, 0) and (0.34641, 0.2); z is along the slide, downwards
+    answer = q.statics_answer("scara", (30, 60, 200, 0), (3, 4, -5), (0, 0, 0.7))
+    loads = [next(joint[key] for key in joint if key.startswith("load")) for joint in answer["joints"]]
+    assert loads == pytest.approx([0.34641 * 4 - 0.5 * 3 + 0.7, -0.3 * 3 + 0.7, 5, -0.7], abs=1e-5)
+    assert answer["joints"][2]["motor_n"] == pytest.approx(-5)
+
+
+def test_the_torque_of_a_vertical_force_on_a_foot_is_f_l_bc_sin_beta() -> None:
+    for name, leg in (("leg", None), ("hexapod", "L2"), ("hexapod", "R1")):
+        alpha, beta = q.statics_answer(name, (20, 30), (0, 0, 10), (0, 0, 0), leg)["joints"]
+        assert alpha["load_nm"] == pytest.approx(0, abs=1e-12)
+        assert beta["load_nm"] == pytest.approx(10 * 0.060 * sin(radians(30)))
+        assert beta["motor_nm"] == -beta["load_nm"]
+
+
+@pytest.mark.parametrize("leg", ["L1", "L3", "R1", "R3"])
+def test_the_power_of_a_force_on_a_foot_is_that_of_the_joints(leg: str) -> None:
+    """Virtual work in the frame of the body: F · dx = τ · dq, also for the mirrored legs."""
+    force, at, step = np.array([3.0, -2.0, 5.0]), np.array([20.0, 30.0]), 1e-4
+    loads = [joint["load_nm"] for joint in q.statics_answer("hexapod", at, force, (0, 0, 0), leg)["joints"]]
+    order = ("L1", "L2", "L3", "R1", "R2", "R3").index(leg)
+    assert list(q.fk_answer("hexapod", (0,) * 12)["feet_m"])[order] == leg
+    for joint in range(2):
+        feet = []
+        for sign in (1, -1):
+            angles = np.zeros((6, 2))
+            angles[order] = at
+            angles[order, joint] += sign * step
+            feet.append(np.array(q.fk_answer("hexapod", angles.ravel())["feet_m"][leg]))
+        way = (feet[0] - feet[1]) / radians(2 * step)
+        assert loads[joint] == pytest.approx(force @ way, abs=1e-8)
+
+
+def test_the_weight_of_the_links_is_held_too(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.toml"
+    path.write_text(
+        'name = "lamp"\nconvention = "standard"\npayload_g = 1000\n[lengths_mm]\nl = 200\n'
+        '[[joint]]\nname = "q"\nkind = "turning"\nlower_deg = -90\nupper_deg = 90\nhome_deg = 0\n'
+        '[[row]]\njoint = "q"\na_mm = "l"\n[base]\nrx_deg = 90\n'
+    )
+    (joint,) = q.statics_answer(str(path), (0,), (0, 0, -2), (0, 0, 0))["joints"]
+    # its plane of motion stands upright: 1 kg and 2 N pull down 200 mm from the joint
+    assert joint["weight_nm"] == pytest.approx(9.80665 * 0.2)
+    assert joint["load_nm"] == pytest.approx(-2 * 0.2)
+    assert joint["motor_nm"] == pytest.approx((9.80665 + 2) * 0.2)
+    assert q.statics_answer(str(path), (0,), (0, 0, 0), (0, 0, 0))["joints"][0]["load_nm"] == 0
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (
+            lambda: q.statics_answer("scara", (0, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
+            "nothing loads scara",
+        ),
+        (lambda: q.statics_answer("scara", (0,), (1, 0, 0), (0, 0, 0)), "joints"),
+        (lambda: q.statics_answer("scara", (0, 0, 0, 0), (float("inf"), 0, 0), (0, 0, 0)), "finite"),
+        (lambda: q.statics_answer("hexapod", (0, 0), (1, 0, 0), (0, 0, 0)), "has 6 legs: say which"),
+        (lambda: q.statics_answer("hexapod", (0, 0), (1, 0, 0), (0, 0, 0), "L7"), "has no leg 'L7'"),
+        (lambda: q.statics_answer("scara", (0,) * 4, (1, 0, 0), (0, 0, 0), "L1"), "it has no legs"),
+    ],
+)
+def test_statics_refuses_what_it_cannot_answer(ask, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        ask()
+
+
+def test_a_small_motion_seen_from_the_frame() -> None:
+    # T has n = y, o = z, a = x and p = (10, 5, 0): δ × p + d = (0, 0, -1) + (1, 0, 0.5)
+    answer = q.differential_answer("Trans(10,5,0) Rz(90) Rx(90)", (1, 0, 0.5), (0, 0.1, 0))
+    assert answer["frame"] == [[0, 0, 1, 10], [1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 0, 1]]
+    assert answer["moving"]["translation"] == pytest.approx([0, -0.5, 1])
+    assert answer["moving"]["rotation_rad"] == pytest.approx([0.1, 0, 0])
+    np.testing.assert_allclose(
+        answer["change"], [[0, 0.1, 0, 1], [0, 0, 0, 0], [0, 0, -0.1, -0.5], [0, 0, 0, 0]], atol=1e-15
+    )
+    again = q.differential_answer("Trans(10,5,0) Rz(90) Rx(90)", (0, -0.5, 1), (0.1, 0, 0), moving=True)
+    assert again["fixed"]["translation"] == pytest.approx([1, 0, 0.5])
+    np.testing.assert_allclose(again["change"], answer["change"], atol=1e-15)
+    with pytest.raises(InputError, match="finite"):
+        q.differential_answer("Rx(1)", (float("nan"), 0, 0), (0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        (("turning:four",), "'turning:four' is not a kind of joint and its number"),
+        (("turning:0",), "is not 1 to 1000 joints"),
+        (("turning:99999",), "is not 1 to 1000 joints"),
+        (("turning:" + "9" * 5000,), "is not a kind of joint and its number"),
+        (("hinge:3",), "unknown kind of joint 'hinge'"),
+    ],
+)
+def test_joints_that_are_not_joints_are_refused(joints: tuple[str, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        q.mechanism_answer(4, joints)
+
+
+def test_joints_are_counted_by_kind() -> None:
+    assert q.mechanism_answer(4, ("turning:3", "sliding"), plane=True)["mobility"] == 1
+    assert q.mechanism_answer(14, ("universal:6", "sliding:6", "spherical:6"))["mobility"] == 6
+
+
+def test_a_configuration_vector_is_typed_in_millimetres() -> None:
+    vector = q.fk_answer("rv-m1", (90, 10, -20, 100, 90))["configuration_vector"]
+    typed = [1000 * value for value in vector[:3]] + vector[3:]
+    answer = q.configuration_answer("rv-m1", typed, everything=True)
+    assert any(
+        np.allclose(np.degrees(each), (90, 10, -20, 100, 90), atol=1e-6) for each in answer["solutions"]
+    )
+    with pytest.raises(InputError, match="a configuration vector has six numbers, not 3"):
+        q.configuration_answer("rv-m1", (1, 2, 3))

@@ -1,4 +1,4 @@
-"""The omni base's drives: six routines, closed contours by translations alone, their closing error."""
+"""The omni base's drives: routines, closed contours by translations alone, their closing error."""
 
 import math
 from fractions import Fraction
@@ -19,6 +19,7 @@ from servogen.kinematics.omni import (
     routine,
     translation,
 )
+from servogen.kinematics.protocol import Routine
 from servogen.motion.drive import Drive, drive, positions
 from servogen.units import Clock, Cycles
 
@@ -205,3 +206,88 @@ def test_whole_cycles_of_the_pulses_are_what_a_closing_error_comes_from() -> Non
     dx, dy, turn = positions(BASE, rounded, 0.02)[-1]
     assert 1e-5 < math.hypot(dx, dy) < 0.02
     assert abs(turn) < 0.1
+
+
+# ---- routines by name -----------------------------------------------------------------------------------
+
+ODD = {"counter-clockwise": (90, 210, 330), "clockwise": (30, 150, 270)}
+BEGINS = {"small-circle": ODD, "large-circle": ODD} | {
+    "medium-circle": {"counter-clockwise": (30, 150, 270), "clockwise": (90, 210, 330)}
+}
+RADIUS = {"small-circle": 1, "medium-circle": 2, "large-circle": 4}
+
+
+def named(name: str, **values: float) -> Drive:
+    return drive(BASE.routine(Routine(name, **values)), 0.1, PERIOD, CLOCK, wheels=WHEELS)
+
+
+@pytest.mark.parametrize("degrees", [90, -90, 720])
+def test_a_turn_is_on_the_spot_with_all_wheels_alike(degrees: float) -> None:
+    made = named("turn", turn=radians(degrees))
+    assert end(made) == pytest.approx((0, 0, radians(degrees)), abs=1e-9)
+    assert np.ptp(made.trajectory.angles, axis=1).max() < 1e-12
+    # the rims go at up to the drive's speed: l θ at 0.1 m/s
+    assert made.frames == (math.ceil(0.135 * radians(abs(degrees)) / 0.1 / 0.02),)
+
+
+@pytest.mark.parametrize("sense", ODD)
+@pytest.mark.parametrize("name", RADIUS)
+def test_a_circle_has_its_radius_its_beginning_and_its_sense(name: str, sense: str) -> None:
+    sign = 1 if sense == "counter-clockwise" else -1
+    for begin in BEGINS[name][sense]:
+        made = named(name, direction=radians(begin), turn=sign * 2 * pi)
+        at = positions(BASE, made.trajectory.angles, 0.02)
+        assert at[-1] == pytest.approx((0, 0, sign * 2 * pi), abs=1e-9)
+        # counter-clockwise the centre of the circle lies to the left of where the base goes at first
+        towards = radians(begin + sign * 90)
+        centre = RADIUS[name] * 0.135 * np.array([cos(towards), sin(towards)])
+        assert np.hypot(*(at[:, :2] - centre).T) == pytest.approx(RADIUS[name] * 0.135)
+        first = at[1, :2] / np.hypot(*at[1, :2])
+        assert first == pytest.approx([cos(radians(begin)), sin(radians(begin))], abs=0.02)
+
+
+def test_all_motions_of_the_table_but_standing_are_routines() -> None:
+    signs = {tuple(np.sign(driven((routine(BASE, way, 0.1),)).trajectory.angles[0]).tolist()) for way in SIX}
+    signs |= {tuple(np.sign(named("turn", turn=turn).trajectory.angles[0]).tolist()) for turn in (1.0, -1.0)}
+    for name, senses in BEGINS.items():
+        for sense, begins in senses.items():
+            turn = 1.0 if sense == "counter-clockwise" else -1.0
+            for begin in begins:
+                made = named(name, direction=radians(begin), turn=turn)
+                signs.add(tuple(np.sign(made.trajectory.angles[0]).tolist()))
+    assert len(signs) == 26
+    assert (0, 0, 0) not in signs
+
+
+def test_a_translation_by_name_is_the_routine_of_the_lab() -> None:
+    (stretch,) = BASE.routine(Routine("translation", radians(60), 0.3))
+    assert stretch == as_stretch(BASE, routine(BASE, 60, 0.3))
+    assert end(named("translation", direction=radians(90), distance=0.3)) == pytest.approx((0, 0.3, 0))
+    two = BASE.routine(Routine("translation", radians(90), 0.3), "six")
+    assert ["two wheels" in each.text for each in two] == [True, True]
+
+
+def test_a_turn_names_its_motor_turns_and_counts() -> None:
+    # the rim goes l θ: 135 mm π/2, over 251.327 mm a turn, times 16, times 2048
+    (stretch,) = BASE.routine(Routine("turn", turn=pi / 2))
+    turns = 16 * 135 * pi / 2 / (pi * 80)
+    assert turns == pytest.approx(13.5)
+    assert stretch.remark.endswith("13.500 motor turns, 27648 counts")
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (Routine("spin", turn=1.0), "'spin' is not a routine"),
+        (Routine("turn"), "turn needs turn_deg"),
+        (Routine("turn", turn=0.0), "turn_deg must not be 0"),
+        (Routine("turn", distance=1.0, turn=1.0), "turn does not take distance_mm"),
+        (Routine("translation", 0.0), "translation needs distance_mm"),
+        (Routine("translation", 0.0, -1.0), "distance_mm must be more than 0, not -1000"),
+        (Routine("small-circle", radians(90), turn=-1.0), "towards 90° turns clockwise"),
+        (Routine("small-circle", radians(91), turn=1.0), "towards 91° turns counter-clockwise"),
+    ],
+)
+def test_what_is_not_a_routine_is_refused(asked: Routine, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        BASE.routine(asked)

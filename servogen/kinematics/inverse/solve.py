@@ -190,7 +190,7 @@ def ik_all(
     q = solutions.every_turn()
     if not len(q):
         raise why_unreachable(arm, target, turn)
-    return _sorted_without_doubles(arm, q, near)
+    return sorted_without_doubles(arm, q, near)
 
 
 def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
@@ -282,7 +282,7 @@ def _limit_reason(arm: Arm, free: Floats) -> str:
     return "; ".join(parts)
 
 
-def _sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
+def sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
     reference = np.asarray(arm.home if near is None else near, float)
     lower, upper = limits(arm)
     away = np.round((((q - reference) / (upper - lower)) ** 2).sum(axis=1), 12)

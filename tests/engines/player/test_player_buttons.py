@@ -1,5 +1,6 @@
 """Start button and emergency stop of the player: when they count, what they do, and pins that are stuck."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -229,3 +230,26 @@ def test_the_tripod_has_room_for_both_buttons() -> None:
     done = built_text(TRIPOD + 'start_pin = "RA4"\n')
     assert done.proven
     assert max(program.firmware.compilation.words for program in done.programs) <= 1024
+
+
+DRIVE = (
+    "[robot]\nname = \"omni\"\n[drive]\nwheels = ['s0', 's1', 's2']\nspeed_mm_s = 100\n"
+    'routines = [{ name = "turn", turn_deg = 90 },'
+    ' { name = "translation", direction_deg = 0, distance_mm = 90 }]\n'
+)
+
+
+def test_a_bumper_stops_the_wheels_of_a_drive_for_good() -> None:
+    wheels = job_text(3, DRIVE, firmware=SOFT + STOP)
+    wheels = re.sub(r'model = "futaba-s3001"\nmin_deg = .*\nmax_deg = .*', 'model = "continuous"', wheels)
+    done = built_text(wheels)
+    schedule, program = done.plan.schedule, done.programs[0]
+    for frame, still_pressed in ((9, True), (120, False)):
+        touched = first_edge(program) + frame * schedule.period + 100
+        bumper = Button(
+            RB7, touched, touched + (10_000 if still_pressed else 5) * schedule.period, seed=frame
+        )
+        stopped = replace(schedule, lead_in=first_frames(schedule, frame + 3), loop=(silent(schedule),))
+        verdict = shown(stopped, program, [bumper], frame + 200)
+        assert verdict.proven, verdict.reasons
+    assert not shown(stopped, program, [], 200).agrees

@@ -20,7 +20,7 @@ from pydantic import Field
 
 from servogen.errors import InputError
 from servogen.kinematics.mobility import Mobility, manoeuvrability
-from servogen.kinematics.protocol import Answer, Directions, Kind, Stretch
+from servogen.kinematics.protocol import Answer, Directions, Kind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
 from servogen.robot.arm_file import Find, RobotTable
 from servogen.robot.model import Dimensions, Limb
@@ -71,6 +71,11 @@ class Rover:
                 stretches += [*self._turn(math.atan2(y, x) - heading), self._ahead(math.hypot(x, y))]
                 heading = math.atan2(y, x)
         return (*stretches, *self._turn(-heading))
+
+    def routine(self, routine: Routine, directions: Directions = "any") -> tuple[Stretch, ...]:
+        if routine.name != "ahead" or routine.distance is None:
+            raise InputError("unknown-name", f"{self.name} knows no routine but 'ahead', with a distance")
+        return (self._ahead(routine.distance),)
 
     def _turn(self, angle: float) -> list[Stretch]:
         angle = math.remainder(angle, 2 * math.pi)
