@@ -13,6 +13,7 @@ from servogen.build.grading import Graded
 from servogen.edges import PINS
 from servogen.engines.c_text import template_folder
 from servogen.grade import Grade, Lab, Submission, shell_word, shown_name
+from servogen.grade.points import max_total, number, outcomes, total
 from servogen.report.robot_model import servo_model
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 
@@ -82,11 +83,13 @@ def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
 
 
 def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
-    """Return the page with all programs: who passed, the first reason of who did not, pages and films."""
+    """Return the page with all programs: points, verdict or first reason, links to page and film."""
     rows = [
         {
             "name": shown_name(each.submission.name),
             "passed": each.grade.passed,
+            "points": number(total(found := outcomes(lab, each.grade))),
+            "max_points": number(max_total(found)),
             "reason": each.grade.reasons[0] if each.grade.reasons else "",
             "page": page,
             "film": film_name(page) if each.grade.film else "",

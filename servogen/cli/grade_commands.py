@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +12,7 @@ import typer
 
 from servogen.cli.options import Json, MemoryLimit
 from servogen.cli.show import as_json, progress, table, warn
-from servogen.errors import Diagnostic, Location, ServogenError
+from servogen.errors import Diagnostic, InputError, Location, ServogenError
 from servogen.isolation import COMPILING, missing_limits
 from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 
@@ -21,11 +21,15 @@ if TYPE_CHECKING:
 
     from servogen.build.grading import Graded
     from servogen.grade import Lab
+    from servogen.grade.formats import Entry
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 """What counts as a HEX file in a folder: other tools write .obj files that are not."""
 
 SOURCES = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix not in HEX_SUFFIXES)
+
+
+NO_PROGRAM, SEVERAL_PROGRAMS = "no-program", "several-programs"
 
 
 def register(app: typer.Typer) -> None:
@@ -43,6 +47,26 @@ def grade(
     ],
     pages: Annotated[
         Path | None, typer.Option("--pages", help="Write a Markdown page for each program to this folder.")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per program.")] = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", help="Write JUnit XML: a suite per program, a case per check.")
+    ] = None,
+    gradescope: Annotated[
+        Path | None,
+        typer.Option(
+            "--gradescope",
+            help="Write Gradescope's results.json of the one program (a file that ends in .json), or one "
+            "such file for each program to this folder.",
+        ),
+    ] = None,
+    classroom: Annotated[
+        Path | None,
+        typer.Option(
+            "--classroom",
+            help="Write what GitHub Classroom's reporter reads, of the one program (.json) or for each "
+            "program to this folder.",
+        ),
     ] = None,
     level: Annotated[
         int,
@@ -79,7 +103,13 @@ def grade(
     task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))
-    found = find_submissions(files, SOURCES, IMAGES, level)
+    formats = _Formats(csv, junit, gradescope, classroom)
+    try:
+        found = find_submissions(files, SOURCES, IMAGES, level)
+    except InputError as error:
+        if error.code == NO_PROGRAM:
+            formats.write_without_program(task.lab, "no program was handed in")
+        raise
     for warning in found.warnings:
         warn(
             replace(
@@ -93,16 +123,88 @@ def grade(
         graded = grade_submissions(found.submissions, task, scheduler, tell)
     names = page_names([each.submission.name for each in graded]) if pages else []
     failure = _write_pages(pages, names, task.lab, graded) if pages else None
+    formats.write(task.lab, graded)
     if json:
         what = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
-        as_json({**what, "programs": _rows(graded, names)})
+        as_json({**what, "programs": _rows(task.lab, graded, names)})
     else:
         _show(task.lab, graded)
     if failure:
         raise failure
+    if formats.wants_one and len(graded) > 1:
+        raise InputError(SEVERAL_PROGRAMS, _several(graded), hint="hand in one program, or name a folder")
     if any(each.defect for each in graded):
         raise typer.Exit(3)
     raise typer.Exit(0 if all(each.grade.passed for each in graded) else 1)
+
+
+def _several(graded: Sequence[Graded]) -> str:
+    from servogen.grade import shown_name
+
+    names = ", ".join(shown_name(each.submission.name) for each in graded)
+    return f"{len(graded)} programs were handed in, where one is graded: {names}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Formats:
+    """The files for other programs, and where they go; None: not wanted."""
+
+    csv: Path | None
+    junit: Path | None
+    gradescope: Path | None
+    classroom: Path | None
+
+    @property
+    def wants_one(self) -> bool:
+        """Return whether a file is wanted that holds one program."""
+        return any(path is not None and path.suffix == ".json" for path in (self.gradescope, self.classroom))
+
+    def write(self, lab: Lab, graded: Sequence[Graded]) -> None:
+        """Write what is wanted."""
+        from servogen.grade.formats import Entry, classroom_json, csv_text, gradescope_json, junit_xml
+        from servogen.outputs import write_text
+
+        entries = [Entry(each.submission.name, each.grade, each.defect) for each in graded]
+        if self.csv:
+            write_text(self.csv, csv_text(lab, entries))
+        if self.junit:
+            write_text(self.junit, junit_xml(lab, entries))
+        for target, text in ((self.gradescope, gradescope_json), (self.classroom, classroom_json)):
+            if target is not None and target.suffix != ".json":
+                _write_each(target, entries, partial(text, lab))
+            elif target is not None and len(entries) == 1:
+                write_text(target, text(lab, entries[0]))
+        if len(entries) != 1:
+            self.write_without_program(lab, _several(graded))
+
+    def write_without_program(self, lab: Lab, why: str) -> None:
+        """Write the files that hold one program where there is not one: no points, and why."""
+        from servogen.grade.formats import classroom_without_program, gradescope_without_program
+        from servogen.outputs import write_text
+
+        for target, text in (
+            (self.gradescope, gradescope_without_program),
+            (self.classroom, classroom_without_program),
+        ):
+            if target is not None and target.suffix == ".json":
+                write_text(target, text(lab, why))
+
+
+def _write_each(folder: Path, entries: Sequence[Entry], text: Callable[[Entry], str]) -> None:
+    """Write a file for each program to a folder, named like its page."""
+    from servogen.grade import page_names
+    from servogen.outputs import make_folder, write_text
+
+    make_folder(folder)
+    for name, entry in zip(page_names([each.name for each in entries]), entries, strict=True):
+        write_text(_own(folder / f"{name.removesuffix('.md')}.json"), text(entry))
+
+
+def _own(target: Path) -> Path:
+    """Return a file of a folder; a link that a student has left there must not lead it elsewhere."""
+    if target.is_symlink():
+        target.unlink()
+    return target
 
 
 def _write_pages(
@@ -124,17 +226,14 @@ def _write_pages(
         if film:
             texts[film] = partial(film_page, lab, each.submission, grade)
     for name, text in texts.items():
-        target = folder / name
-        if target.is_symlink():  # a link that a student has left must not lead the page elsewhere
-            target.unlink()
         try:
-            write_text(target, text())
+            write_text(_own(folder / name), text())
         except ServogenError as error:
             failure = failure or error
     return failure
 
 
-def _rows(graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, object]]:
+def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, object]]:
     from servogen.grade import shown_name
 
     rows: list[dict[str, object]] = [
@@ -142,6 +241,7 @@ def _rows(graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, obje
             "program": shown_name(each.submission.name),
             "file": shown_name(str(each.submission.file)),
             **each.grade.to_json(),
+            **_points(lab, each),
         }
         for each in graded
     ]
@@ -150,15 +250,29 @@ def _rows(graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, obje
     return rows
 
 
+def _points(lab: Lab, each: Graded) -> dict[str, object]:
+    from servogen.grade.points import max_total, outcomes, total
+
+    found = outcomes(lab, each.grade)
+    checks = {
+        one.key: {"state": one.state, "points": one.points, "max_points": one.max_points} for one in found
+    }
+    return {"points": total(found), "max_points": max_total(found), "checks": checks}
+
+
 def _show(lab: Lab, graded: Sequence[Graded]) -> None:
     from servogen.grade import shown_name
+    from servogen.grade.points import max_total, number, outcomes, total
 
     rows = []
     for each in graded:
         says = each.grade.reasons or [remark.sentence for remark in each.grade.remarks]
         text = "\n".join(" ".join(line.strip() for line in one.splitlines()[:2]) for one in says)
         verdict = "passed" if each.grade.passed else "NOT PASSED"
-        rows.append((shown_name(each.submission.name), verdict, text))
-    table(f"{lab.title}: {lab.task}", ("program", "verdict", "why, or what is good to know"), rows)
+        found = outcomes(lab, each.grade)
+        points = f"{number(total(found))} of {number(max_total(found))}"
+        rows.append((shown_name(each.submission.name), verdict, points, text))
+    columns = ("program", "verdict", "points", "why, or what is good to know")
+    table(f"{lab.title}: {lab.task}", columns, rows)
     passed = sum(each.grade.passed for each in graded)
     print(f"{passed} of {len(graded)} passed")

@@ -1,5 +1,6 @@
 """A lab's task as data, the programs to hold against it, and the check of what a program's pins do."""
 
+from servogen.grade.check import Check, Fault
 from servogen.grade.checks import ChipFacts
 from servogen.grade.display import message, page_names, shell_word, shown_name, visible
 from servogen.grade.judge import Grade, Row, judge, refused
@@ -8,7 +9,9 @@ from servogen.grade.page import page
 from servogen.grade.submissions import Found, Submission, find_submissions
 
 __all__ = [
+    "Check",
     "ChipFacts",
+    "Fault",
     "Found",
     "Grade",
     "Lab",

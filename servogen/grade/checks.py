@@ -1,6 +1,6 @@
 """The checks of a lab's task: what the chip itself says, the order of positions, pauses, travel and periods.
 
-In: a lab, the pulses that were watched and the visits found in them. Out: reasons, as sentences for students.
+In: a lab, the pulses that were watched and the visits found in them. Out: faults, as sentences for students.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from servogen.edges import PINS
+from servogen.grade.check import Check, Fault
 from servogen.grade.lab import Lab, Position, Solution
 from servogen.grade.watch import Commanded, PinPulses, Visit, Watched
 from servogen.pulse.lint import PERIOD_US
@@ -127,7 +128,7 @@ def order(found: Sequence[Visit], solution: Solution) -> Order:
     return max(tries, key=lambda each: len(each.right))
 
 
-def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution) -> Iterator[str]:
+def order_faults(found: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution) -> Iterator[Fault]:
     """Yield what is wrong with the order or with the positions."""
     right = set(found_order.right)
     wrong = [index for index in range(len(found)) if index not in right]
@@ -138,14 +139,17 @@ def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, solution
             asked.setdefault(found_order.asked[index], index)
         for position, index in sorted(asked.items()):
             name = solution.positions[position].name
-            yield f"where {name} is expected, {_strange(found[index], lab, solution, position)}"
+            text = f"where {name} is expected, {_strange(found[index], lab, solution, position)}"
+            yield Fault((Check.POSITIONS,), text)
     elif wrong:
         positions = [position.name for position in solution.positions]
-        yield f"the order is {sequence(found, solution)}; it should be {ARROW.join(positions)}, repeatedly"
+        text = f"the order is {sequence(found, solution)}; it should be {ARROW.join(positions)}, repeatedly"
+        yield Fault((Check.ORDER,), text)
         seen: set[tuple[float, ...]] = set()
         for index in strange:
             if found[index].commanded[0].widths_us not in seen and len(seen) < len(solution.positions):
-                yield f"not a position of the task: {_strange(found[index], lab, solution, None)}"
+                text = f"not a position of the task: {_strange(found[index], lab, solution, None)}"
+                yield Fault((Check.POSITIONS,), text)
             seen.add(found[index].commanded[0].widths_us)
 
 
@@ -219,7 +223,7 @@ def stays(
     return made
 
 
-def pause_reasons(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterator[str]:
+def pause_faults(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterator[Fault]:
     """Yield the worst pause of each position that has a wrong one."""
     for number, position in enumerate(solution.positions):
         own = [stay for stay in found if stay.position == number and stay.whole]
@@ -227,7 +231,7 @@ def pause_reasons(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterat
             continue
         worst = max(own, key=lambda stay: _pause_error(stay, position))
         if _pause_error(worst, position) > lab.pause_tolerance * position.pause_s:
-            yield _pause_words(worst, position)
+            yield Fault((Check.PAUSES,), _pause_words(worst, position))
 
 
 def first_wrong(
@@ -261,14 +265,14 @@ def _pause_words(stay: Stay, position: Position) -> str:
     return f"it stays at {position.name}, with pulses, for {stay.stays_s:.2f} s; {asked}"
 
 
-def travel_reasons(
+def travel_faults(
     lab: Lab,
     watched: Watched,
     pins: Sequence[PinPulses],
     everything: Sequence[Visit],
     found: Sequence[Stay],
     solution: Solution,
-) -> Iterator[str]:
+) -> Iterator[Fault]:
     """Yield positions that a servo cannot have reached: without pulses it does not move."""
     before = {after.begin: visit.commanded[-1].angles for visit, after in pairwise(everything)}
     named: set[tuple[int, int]] = set()
@@ -284,20 +288,21 @@ def travel_reasons(
             given = stay.stays_s - pin.silence(stay.visit.begin, stay.visit.end) / second
             if given + 2 * pin.period / second < needed and (stay.position, number) not in named:
                 named.add((stay.position, number))
-                yield (
+                text = (
                     f"the pulses for {solution.positions[stay.position].name} last {given:.2f} s: "
                     f"a {each.servo.model.title} needs {needed:.2f} s to get there"
                 )
+                yield Fault((Check.TRAVEL,), text)
 
 
-def period_reasons(
+def period_faults(
     lab: Lab,
     watched: Watched,
     names: Sequence[str],
     pins: Sequence[PinPulses],
     solution: Solution,
     found: Sequence[Stay],
-) -> Iterator[str]:
+) -> Iterator[Fault]:
     """Yield each pin's period farthest outside the range, and its largest change within a position."""
     ms = float(watched.clock.cycle_us) / 1000
     low, high = lab.period_ms
@@ -324,9 +329,9 @@ def period_reasons(
                     f"the period on {name} {drift} at {where}: {shortest:.3f} to {longest:.3f} ms",
                 )
         if outside[0] > 0:
-            yield f"{outside[1]}; it should be {low:g} to {high:g} ms"
+            yield Fault((Check.PERIOD,), f"{outside[1]}; it should be {low:g} to {high:g} ms")
         if changing[0] * 1000 > lab.spread_us:
-            yield f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most"
+            yield Fault((Check.PERIOD,), f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most")
 
 
 def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
@@ -339,10 +344,18 @@ def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
     return None
 
 
-def end_reason(
+def end_faults(
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], solution: Solution
+) -> Iterator[Fault]:
+    """Yield why there are fewer complete rounds than required, if there are."""
+    text = _end_words(lab, watched, pins, found, solution)
+    if text:
+        yield Fault((Check.REPETITION,), text)
+
+
+def _end_words(
     lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], solution: Solution
 ) -> str | None:
-    """Return why there are fewer complete rounds than required, if there are."""
     rounds = max(0, len(found) - 1) // len(solution.positions)
     if rounds >= lab.rounds:
         return None

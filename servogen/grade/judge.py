@@ -13,26 +13,27 @@ from itertools import product
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
+from servogen.grade.check import Check, Fault
 from servogen.grade.checks import (
     ChipFacts,
     Stay,
     cause,
     clock_words,
-    end_reason,
+    end_faults,
     first_wrong,
     order,
-    order_reasons,
-    pause_reasons,
-    period_reasons,
+    order_faults,
+    pause_faults,
+    period_faults,
     period_remark,
     sequence,
     silent_reasons,
     stays,
-    travel_reasons,
+    travel_faults,
 )
 from servogen.grade.film import Film
 from servogen.grade.lab import Lab, Solution
-from servogen.grade.watch import PinPulses, Watched, visits, without_moves
+from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +68,13 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Grade:
-    """`passed`: the program does what the lab requires, and `reasons` is empty."""
+    """The result for a program: it passed if it does what the lab requires, without any fault."""
 
     lab: str
-    passed: bool
-    reasons: tuple[str, ...]
-    """Why it is wrong, the most helpful reason first: text for students, on which nothing depends."""
+    faults: tuple[Fault, ...]
+    """Why it is wrong, the most helpful reason first."""
+    unchecked: tuple[Check, ...] = ()
+    """The checks that could not be made because of the faults."""
     remarks: tuple[Diagnostic, ...] = ()
     """Notes on a program, whether right or wrong."""
     pins: tuple[tuple[str, str], ...] = ()
@@ -87,6 +89,15 @@ class Grade:
     """The cycle of the first thing that is not as asked, where there is one such moment."""
     film: Film | None = None
     """What there is to be seen around that moment."""
+
+    @property
+    def passed(self) -> bool:
+        return not self.faults
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Return the faults as text for students, on which nothing depends."""
+        return tuple(each.text for each in self.faults)
 
     def to_json(self) -> dict[str, object]:
         """Return the grade as plain values for JSON."""
@@ -103,9 +114,18 @@ class Grade:
         }
 
 
+CHECKS = tuple(Check)
+
+
 def refused(lab: str, *reasons: str) -> Grade:
     """Return the grade of a program that could not be run."""
-    return Grade(lab, False, reasons)
+    return Grade(lab, tuple(Fault((Check.RUNS,), text) for text in reasons), CHECKS[1:])
+
+
+def _without_pulses(lab: Lab, seconds: float, *reasons: str) -> Grade:
+    """Return the grade of a program that ran, but whose pulses cannot be judged."""
+    faults = tuple(Fault((Check.PULSES,), text) for text in reasons)
+    return Grade(lab.name, faults, CHECKS[CHECKS.index(Check.PULSES) + 1 :], watched_s=seconds)
 
 
 MAX_WIRINGS = 64
@@ -116,10 +136,10 @@ def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:
     seconds = float(watched.clock.seconds(watched.end))
     why = cause(lab, watched, chip)
     if why is not None:
-        return Grade(lab.name, False, (why,), watched_s=seconds)
+        return _without_pulses(lab, seconds, why)
     silent = tuple(silent_reasons(lab, watched, chip))
     if silent:
-        return Grade(lab.name, False, silent, watched_s=seconds)
+        return _without_pulses(lab, seconds, *silent)
     grades = [
         _judge_solution(lab, solution, watched, pins, chip)
         for pins in _wirings(lab, watched)
@@ -151,29 +171,45 @@ def _judge_solution(
     found = without_moves(everything, longest_move)
     placed = order(found, solution)
     right = stays(watched, pins, found, placed.asked, placed.right)
-    ending = end_reason(lab, watched, pins, found, solution)
-    reasons = (
-        *order_reasons(found, placed, lab, solution),
-        *pause_reasons(lab, solution, right),
-        *travel_reasons(lab, watched, pins, everything, right, solution),
-        *period_reasons(lab, watched, names, pins, solution, right),
-        *([ending] if ending else []),
+    faults = (
+        *order_faults(found, placed, lab, solution),
+        *pause_faults(lab, solution, right),
+        *travel_faults(lab, watched, pins, everything, right, solution),
+        *period_faults(lab, watched, names, pins, solution, right),
+        *end_faults(lab, watched, pins, found, solution),
     )
     clock = clock_words(lab, chip)
-    if reasons and clock:  # all else that is wrong is a consequence
-        reasons = (clock,)
+    if faults and clock:  # all else that is wrong is a consequence
+        failed = {check for fault in faults for check in fault.checks}
+        faults = (Fault(tuple(check for check in Check if check in failed), clock),)
     return Grade(
         lab=lab.name,
-        passed=not reasons,
-        reasons=reasons,
+        faults=faults,
+        unchecked=tuple(_unchecked(solution, found, right)),
         remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
         pins=tuple((each.servo.name, name) for each, name in zip(lab.servos, names, strict=True)),
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
         seen=sequence(found, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
-        repeats=not reasons and chip.repeats,
-        moment=first_wrong(found, placed, right, lab, solution) if reasons else None,
+        repeats=not faults and chip.repeats,
+        moment=first_wrong(found, placed, right, lab, solution) if faults else None,
     )
+
+
+def _unchecked(solution: Solution, found: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:
+    """Yield the checks for which too few visits were seen."""
+    positions = frozenset(range(len(solution.positions)))
+    whole = {stay.position for stay in right if stay.whole}
+    if not positions.issubset(place for visit in found for place in visit.places):
+        yield Check.POSITIONS
+    if len(found) < len(positions):
+        yield Check.ORDER
+    if not whole.issuperset(number for number in positions if solution.positions[number].pause_s):
+        yield Check.PAUSES
+    if not whole.issuperset(positions):
+        yield Check.TRAVEL
+    if not right:
+        yield Check.PERIOD
 
 
 def _remarks(

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field
 
 from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
+from servogen.grade.check import Check
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
 from servogen.toml import file as toml_file
@@ -56,6 +58,23 @@ class PeriodTable(Table):
     spread_us: float = Field(gt=0)
 
 
+Points = Annotated[float, Field(ge=0, le=1000)]
+
+
+class PointsTable(Table):
+    """[points]: for a program without any fault, and for each check."""
+
+    passed: Points = 0.0
+    runs: Points = 0.0
+    pulses: Points = 0.0
+    positions: Points = 0.0
+    order: Points = 0.0
+    pauses: Points = 0.0
+    travel: Points = 0.0
+    period: Points = 0.0
+    repetition: Points = 0.0
+
+
 class LabTable(Table):
     """A whole lab file."""
 
@@ -69,6 +88,7 @@ class LabTable(Table):
     servo: tuple[ServoTable, ...] = Field(min_length=1)
     period: PeriodTable
     solution: tuple[SolutionTable, ...] = Field(min_length=1)
+    points: PointsTable = PointsTable(passed=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +136,19 @@ class Lab:
     spread_us: float
     servos: tuple[LabServo, ...]
     solutions: tuple[Solution, ...]
+    points_passed: float
+    """For a program without any fault."""
+    points: tuple[tuple[Check, float], ...]
+    """For each check; the checks without points are not listed."""
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks that the lab makes: without required pauses none of pauses."""
+        return tuple(each for each in Check if each is not Check.PAUSES or self.has_pauses)
+
+    @property
+    def has_pauses(self) -> bool:
+        return any(position.pause_s for each in self.solutions for position in each.positions)
 
 
 def names() -> tuple[str, ...]:
@@ -161,7 +194,10 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
         )
         for at, each in enumerate(table.solution)
     )
-    return Lab(
+    points = tuple((each, worth) for each in Check if (worth := getattr(table.points, each)))
+    if not points and not table.points.passed:
+        raise document.error("not-allowed", ("points",), "no points are given", "for example: passed = 1")
+    lab = Lab(
         name=name,
         title=table.title,
         task=table.task,
@@ -174,7 +210,14 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
         spread_us=table.period.spread_us,
         servos=servos,
         solutions=solutions,
+        points_passed=table.points.passed,
+        points=points,
     )
+    if Check.PAUSES in dict(points) and not lab.has_pauses:
+        raise document.error(
+            "not-allowed", ("points", "pauses"), "points for pauses, but no position has a pause_s"
+        )
+    return lab
 
 
 def _servo(document: Document, index: int, table: ServoTable) -> LabServo:

@@ -12,6 +12,7 @@ from urllib.parse import quote
 from servogen.grade.display import markdown, shown_name
 from servogen.grade.judge import Grade, Row
 from servogen.grade.lab import Lab
+from servogen.grade.points import State, max_total, number, outcomes, total
 
 
 def page(lab: Lab, student: str, grade: Grade, film: str = "", command: str = "") -> str:
@@ -26,6 +27,9 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Ite
     yield f"# {markdown(shown_name(student))}: {'passed' if grade.passed else 'not passed'}"
     yield ""
     yield markdown(f"{lab.title}. {lab.task}")
+    results = outcomes(lab, grade)
+    yield ""
+    yield f"Points: {number(total(results))} of {number(max_total(results))}."
     if grade.reasons:
         yield from ("", "## What is wrong", "")
         for reason in grade.reasons:
@@ -41,6 +45,9 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Ite
         yield from ("", "## Good to know", "")
         for remark in grade.remarks:
             yield from _item(remark.sentence)
+    yield from ("", "## Points", "", "| check | points |", "|---|---|")
+    for each in results:
+        yield f"| {each.title}{NOT_PASSED[each.state]} | {number(each.points)} of {number(each.max_points)} |"
     if grade.rows:
         yield from ("", "## What was measured", "")
         yield f"Order: {markdown(grade.seen)}"
@@ -49,6 +56,9 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Ite
         yield ""
         servos = markdown(", ".join(f"{servo} on {pin}" for servo, pin in grade.pins))
         yield f"Servos: {servos}. {_how_long(grade)}"
+
+
+NOT_PASSED = {State.PASSED: "", State.FAILED: ": failed", State.NOT_CHECKED: ": not checked"}
 
 
 def _item(reason: str) -> Iterator[str]:

@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from servogen.grade import (
-    Grade,
     load_lab,
     message,
     page,
@@ -137,7 +136,7 @@ def test_a_message_cannot_end_its_block() -> None:
 
 
 def test_a_name_cannot_make_a_second_heading() -> None:
-    text = page(LAB, "a\n# dan: passed\n.c", Grade("lab", False, ("wrong",)))
+    text = page(LAB, "a\n# dan: passed\n.c", refused("lab", "wrong"))
     assert [line for line in text.splitlines() if line.startswith("# ")] == [
         "# a\\\\x0a\\# dan: passed\\\\x0a.c: not passed"
     ]

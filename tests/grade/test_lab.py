@@ -1,11 +1,15 @@
 """A lab's file is checked: what is wrong in it is named with its line."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from servogen.errors import InputError
-from servogen.grade import load_lab, names
+from servogen.grade import Check, Grade, load_lab, names, refused
+from servogen.grade.check import CHECK_TITLES
+from servogen.grade.lab import PointsTable
+from servogen.grade.points import max_total, outcomes, total
 
 LAB = """
 title = "A lab"
@@ -55,6 +59,9 @@ def test_an_unknown_lab_is_told_which_are_known() -> None:
         ("range_ms = [18, 20]", "range_ms = [20, 18]", "does not rise", 8),
         ("watch_s = 10", "watch_s = 0", "out of range", 5),
         ("rounds = 2", "round = 2", "unknown key 'round'", 6),
+        ('title = "A lab"', 'title = "A lab"\npoints = { pause = 1 }', "unknown key 'pause'", 3),
+        ('title = "A lab"', 'title = "A lab"\npoints = { runs = -1 }', "-1 is out of range: at least 0", 3),
+        ('title = "A lab"', 'title = "A lab"\npoints = {}', "no points are given", 3),
     ],
 )
 def test_what_is_wrong_in_a_lab_file_is_named(
@@ -66,6 +73,40 @@ def test_what_is_wrong_in_a_lab_file_is_named(
         load_lab(str(path))
     assert message in str(caught.value)
     assert caught.value.location is not None and caught.value.location.line == line
+
+
+def test_points_for_pauses_need_a_pause(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(LAB.replace(", pause_s = 1", "") + "[points]\nruns = 1\npauses = 2\n")
+    with pytest.raises(InputError, match=r"points\.pauses: points for pauses, but no position has a pause_s"):
+        load_lab(str(path))
+    path.write_text(LAB + "[points]\nruns = 1\npauses = 2\n")
+    assert load_lab(str(path)).points == ((Check.RUNS, 1.0), (Check.PAUSES, 2.0))
+
+
+def test_a_lab_without_points_gives_one_for_a_program_without_fault(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(LAB)
+    lab = load_lab(str(path))
+    assert (lab.points, lab.points_passed) == ((), 1.0)
+    right = outcomes(lab, Grade("mine", ()))
+    assert (total(right), max_total(right)) == (1, 1)
+    assert total(outcomes(lab, refused("mine", "it does not compile"))) == 0
+
+
+def test_every_check_has_a_key_in_the_points_and_a_row_in_the_documentation() -> None:
+    assert set(PointsTable.model_fields) == {"passed", *Check} and set(CHECK_TITLES) == set(Check)
+    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| ", page.split("## Points")[1].split("## ")[0], re.M)
+    assert rows == [*Check, "passed"]
+
+
+def test_the_lab_of_the_documentation_loads(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text("utf-8")
+    (block,) = re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S)
+    (tmp_path / "my-lab.toml").write_text(block)
+    lab = load_lab(str(tmp_path / "my-lab.toml"))
+    assert (dict(lab.points), lab.points_passed) == ({"runs": 1, "positions": 3, "pauses": 2}, 4)
 
 
 def test_a_lab_of_ones_own_is_loaded_by_its_path(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from servogen.build.films import class_page, film_name, film_page, watch_command
 from servogen.build.grading import Graded, Task, grade_submissions
-from servogen.grade import Grade, Lab, Submission, load_lab, page
+from servogen.grade import Lab, Submission, load_lab, page, refused
 from servogen.programs import read_submission
 from servogen.simulator import Options
 from servogen.watch.session import Session
@@ -102,7 +102,7 @@ def test_the_film_is_small_plays_and_asks_for_nothing(
 
 
 def test_names_and_reasons_of_strangers_stay_text(lab: Lab) -> None:
-    evil = Grade(lab.name, False, ("</script><script>alert(1)</script>",))
+    evil = refused(lab.name, "</script><script>alert(1)</script>")
     submission = Submission("<img src=x onerror=alert(1)>.c", WRONG, WRONG.parent)
     html = class_page(lab, ["x.md"], [Graded(submission, evil)])
     assert "<img" not in html and "<script>alert" not in html

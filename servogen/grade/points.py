@@ -1,0 +1,79 @@
+"""The points of a grade: a lab's points and a program's faults -> the outcome of each check.
+
+A check that could not be made gives no points: what does not run has no pauses that could be right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from servogen.grade.check import CHECK_TITLES, Check
+from servogen.grade.judge import Grade
+from servogen.grade.lab import Lab
+
+WHOLE = "passed"
+"""The key and the name of the points that only a program without any fault gets."""
+
+
+class State(StrEnum):
+    """The result of a check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_CHECKED = "not checked"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The result of one check of one program; `text` says why it is not passed."""
+
+    key: str
+    title: str
+    state: State
+    max_points: float
+    text: str = ""
+
+    @property
+    def points(self) -> float:
+        return self.max_points if self.state is State.PASSED else 0.0
+
+
+def outcomes(lab: Lab, grade: Grade) -> tuple[Outcome, ...]:
+    """Return the outcome of each check that the lab makes, then that of all together if it has points."""
+    found = [_outcome(lab, grade, check) for check in lab.checks]
+    if lab.points_passed:
+        state = State.PASSED if grade.passed else State.FAILED
+        text = "" if grade.passed else "only for a program without any fault"
+        found.append(Outcome(WHOLE, "everything is right", state, lab.points_passed, text))
+    return tuple(found)
+
+
+def _outcome(lab: Lab, grade: Grade, check: Check) -> Outcome:
+    points = dict(lab.points).get(check, 0.0)
+    texts = [fault.text for fault in grade.faults if check in fault.checks]
+    if texts:
+        return Outcome(check, CHECK_TITLES[check], State.FAILED, points, "\n".join(texts))
+    if check in grade.unchecked:
+        because = "; ".join(dict.fromkeys(text.splitlines()[0] for text in grade.reasons))
+        return Outcome(
+            check, CHECK_TITLES[check], State.NOT_CHECKED, points, f"could not be checked: {because}"
+        )
+    return Outcome(check, CHECK_TITLES[check], State.PASSED, points)
+
+
+def total(results: Sequence[Outcome]) -> float:
+    """Return the points that a program gets."""
+    return math.fsum(each.points for each in results)
+
+
+def max_total(results: Sequence[Outcome]) -> float:
+    """Return the points that a program can get."""
+    return math.fsum(each.max_points for each in results)
+
+
+def number(points: float) -> str:
+    """Return points as people write them: 2, 0.5."""
+    return f"{points:.10g}"
