@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from itertools import islice, takewhile
+from math import inf
 from types import MappingProxyType
 from typing import Any
 
@@ -23,7 +25,10 @@ from servogen.debug.breakpoints import Breakpoint, parse_breakpoint, run_to
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import current_line, line_at
 from servogen.debug.time_machine import TimeMachine
+from servogen.drive.commands import STOP
+from servogen.drive.on_command import REPEATS
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
+from servogen.engines.player.commands import uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
@@ -33,7 +38,7 @@ from servogen.simulator import Change, Serial
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import pin_number
-from servogen.watch.differences import Edge, differing
+from servogen.watch.differences import Edge, Wanted, differing
 from servogen.watch.live_line import LiveLine
 from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
@@ -135,6 +140,7 @@ class Session:
             "robot": robot_model(subject.job) if subject.job else None,
             "inputs": _inputs(subject),
             "serial": _serial(subject),
+            "walk": _walk(subject),
             "sources": [{"name": name, "text": text} for name, text in (listing.sources if listing else ())],
             "variables": [
                 {"address": address, "name": name, "bytes": size}
@@ -214,6 +220,7 @@ class Session:
             "running": self.running,
             "widths": self._pulses.widths(self.now, SILENT_FRAMES * self._period),
             "levels": self._levels(),
+            "planned": self.now < self._commanded_at(),
         }
         if whole:
             self._since_full = 0.0
@@ -341,7 +348,7 @@ class Session:
         seen = min(end, int(self._place.reach))
         made = self._place.edges(begin, seen) if begin < seen else join(())
         before = self._place.levels_before(begin)
-        asked = sorted(edge for wanted in self.subject.wanted for edge in wanted.edges(begin, end))
+        asked = sorted(edge for wanted in self._wanted() for edge in wanted.edges(begin, end))
         given = self._outside(begin, seen)
         yield {
             "is": "waves",
@@ -356,10 +363,23 @@ class Session:
             "differing": _packed(self._differing(begin, seen), begin),
         }
 
+    def _commanded_at(self) -> float:
+        """Return the cycle from which the robot walks as it is commanded here, not as the plan has it."""
+        job = self.subject.job
+        if job is None or job.firmware.commands is None or self.chip is None:
+            return inf
+        pin = pin_number(job.firmware.commands.pin)
+        return min((change.cycle for change in self.chip.inputs if change.pin == pin), default=inf)
+
+    def _wanted(self) -> tuple[Wanted, ...]:
+        """Return what the edges are held against, up to the first command."""
+        end = self._commanded_at()
+        return tuple(each if end == inf else replace(each, end=int(end)) for each in self.subject.wanted)
+
     def _differing(self, begin: int, end: int) -> list[Edge]:
         """Return the edges of a window of the past that only one of the program and the schedule has."""
         found: list[Edge] = []
-        for wanted in self.subject.wanted:
+        for wanted in self._wanted():
             first = max(0, begin - wanted.margin)
             last = min(end + wanted.margin, int(self._place.reach))
             made = self._place.edges(first, last) if first < last else join(())
@@ -393,7 +413,22 @@ class Session:
     def _do_serial(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Send bytes to the chip, after those that are still on the line."""
         data = bytes(int(byte) for byte in message["bytes"])[:MAX_SERIAL_BYTES]
-        self._send(data, str(message["pin"]), Fraction(int(message["baud"])))
+        baud = Fraction(int(message["baud"]))
+        if not 50 <= baud <= 115_200:
+            raise InputError("not-allowed", f"{baud} baud: allowed are 50 to 115200")
+        self._send(data, str(message["pin"]), baud)
+        yield self.shown(whole=False)
+
+    def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Send the code of a way, or the one to stop, to the line of a robot that walks on command."""
+        job = self.subject.job
+        if job is None or job.firmware.commands is None:
+            raise InputError("not-allowed", "only a job with [walk] commands takes ways")
+        way, ways = str(message["way"]), (*(each.name for each in job.ways), STOP)
+        if way not in ways:
+            raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
+        code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
+        self._send(code, job.firmware.commands.pin, self.subject.clock.cycles_per_second / self._period)
         yield self.shown(whole=False)
 
     def _do_servo(self, message: Mapping[str, Any]) -> Iterator[Message]:
@@ -414,8 +449,6 @@ class Session:
         yield self.shown(whole=False)
 
     def _send(self, data: bytes, pin: str, baud: Fraction) -> None:
-        if not 50 <= baud <= 115_200:
-            raise InputError("not-allowed", f"{baud} baud: allowed are 50 to 115200")
         begin = (
             max(self.now + 1, self._line_free) if self._line_free - self.now < 10_000_000 else self.now + 1
         )
@@ -482,6 +515,7 @@ ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]]
         "pin": Session._do_pin,
         "serial": Session._do_serial,
         "servo": Session._do_servo,
+        "walk": Session._do_walk,
         "explain": Session._do_explain,
     }
 )
@@ -542,3 +576,14 @@ def _serial(subject: Subject) -> Message | None:
     if stream is None:
         return None
     return {"pin": stream.receive_pin, "baud": stream.baud, "answers": stream.transmit_pin}
+
+
+def _walk(subject: Subject) -> Message | None:
+    """Return the ways of a robot that walks on command."""
+    if subject.job is None or subject.job.firmware.commands is None:
+        return None
+    return {
+        "pin": subject.job.firmware.commands.pin,
+        "ways": [each.name for each in subject.job.ways],
+        "stop": STOP,
+    }

@@ -87,8 +87,9 @@ function start(message) {
   for (const id of ["back-instruction", "next-instruction", "back-line", "next-line"]) $(id).disabled = !model.runs;
   if (model.runs) chip = new ChipView(model, { package: $("package"), registers: $("registers"), peripherals: $("peripherals"), variables: $("variables"), ram: $("ram"), stack: $("stack"), eeprom: $("eeprom"), instructions: $("instructions"), source: $("source"), warnings: $("warnings") }, pin => send({ do: "explain", pin }));
   if (!again) {
-    hands = new Hands(model, { area: $("hands"), pose: $("pose"), sliders: $("sliders"), record: $("record"), buttons: $("buttons"), pin: $("pin"), high: $("pin-high"), low: $("pin-low"), free: $("pin-free"), serial: $("serial"), serialForm: $("serial-form"), serialPin: $("serial-pin"), baud: $("baud"), bytes: $("bytes"), sent: $("sent") }, send, {
+    hands = new Hands(model, { area: $("hands"), pose: $("pose"), sliders: $("sliders"), record: $("record"), buttons: $("buttons"), walk: $("walk"), pin: $("pin"), high: $("pin-high"), low: $("pin-low"), free: $("pin-free"), serial: $("serial"), serialForm: $("serial-form"), serialPin: $("serial-pin"), baud: $("baud"), bytes: $("bytes"), sent: $("sent") }, send, {
       record: angles => send({ do: "record", text: $("job-text").value, angles }),
+      walk: way => { send({ do: "walk", way }); if (!latest.running) run(true); },
       shown: angles => { handPose = angles; picture(); },
     });
   }
@@ -100,7 +101,7 @@ const widthsOf = message => model.robot.servos.map(servo => message.widths[servo
 
 function ghost(cycle) {
   if (handPose && !model.serial) return handPose;
-  if (!model.robot || model.origin === null) return null;
+  if (!model.robot || model.origin === null || latest.planned === false) return null;
   let frame = Math.floor((cycle - model.origin) / model.period);
   const { lead_in, loop } = model.schedule, count = runs => runs.reduce((sum, [frames]) => sum + frames, 0);
   let runs = lead_in;
@@ -205,6 +206,7 @@ $("breakpoint-form").addEventListener("submit", event => {
 const KEYS = { " ": "run", n: "next-instruction", N: "back-instruction", l: "next-line", L: "back-line", e: "next-edge", E: "back-edge", f: "next-frame", F: "back-frame", d: "difference" };
 document.addEventListener("keydown", event => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, textarea, select, button, a, summary")) return;
+  if (event.target === document.body && hands?.steer(event)) return;
   const control = KEYS[event.key];
   if (!control) return;
   event.preventDefault();

@@ -5,6 +5,7 @@ import { angleOf, widthOf } from "./robot.js";
 
 const POSITIONS = 254;
 const COMMAND_MS = 30;   // between two commands of a slider that is dragged
+const WAY_OF_KEY = { ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "left", ArrowRight: "right", Escape: "stop" };
 const degrees = angle => angle * 180 / Math.PI;
 
 export class Hands {
@@ -17,6 +18,7 @@ export class Hands {
     this.touched = false;
     this.sliders();
     this.buttons();
+    this.walk();
     this.console();
   }
   sliders() {
@@ -89,6 +91,27 @@ export class Hands {
     for (const name of [...this.model.pins, "MCLR"]) this.places.pin.append(element("option", { value: name }, name));
     for (const [place, level] of [[this.places.high, 1], [this.places.low, 0], [this.places.free, 2]])
       place.addEventListener("click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
+  }
+  // The ways of a robot that walks on command: buttons, and arrow keys while nothing else takes them.
+  walk() {
+    const { walk } = this.model;
+    this.places.walk.hidden = !walk;
+    if (!walk) return;
+    this.ways = new Map([...walk.ways, walk.stop].map(way => [way, element("button", { type: "button", class: way === walk.stop ? "stop" : "", "aria-pressed": way === walk.stop, click: () => this.go(way) }, way)]));
+    this.places.walk.append(...this.ways.values(), element("span", { class: "soft" }, `arrow keys walk, Escape stops: codes on ${walk.pin}`));
+    this.places.walk.addEventListener("keydown", event => { if (this.steer(event)) event.stopPropagation(); });
+  }
+  go(way) {
+    for (const [name, made] of this.ways) made.setAttribute("aria-pressed", name === way);
+    this.posed.walk(way);
+  }
+  // Take a key that steers; return whether it does.
+  steer(event) {
+    const way = WAY_OF_KEY[event.key];
+    if (!this.ways?.has(way)) return false;
+    event.preventDefault();
+    if (!event.repeat) this.go(way);
+    return true;
   }
   console() {
     const { serial } = this.model;

@@ -154,6 +154,8 @@ class Page:
             "ArrowUp": 38,
             "ArrowRight": 39,
             "ArrowDown": 40,
+            "Escape": 27,
+            "Delete": 46,
         }
         code = codes.get(key, ord(key.upper()) if len(key) == 1 else 0)
         text = {"Enter": "\r"}.get(key, key if len(key) == 1 else "")

@@ -217,6 +217,33 @@ def test_a_slider_moves_the_simulated_chip_of_a_stream_job(watch: Open) -> None:
     assert page.run("watched.latest.widths[5]") == pytest.approx(2000, abs=8) != before
 
 
+def test_arrow_keys_walk_a_robot_on_command_and_escape_stops_it(watch: Open) -> None:
+    page = watch(ROOT / "jobs" / "hexapod-command.toml")
+    go(page, 2_500_000)
+    assert page.run("watched.latest.planned")
+    stance = page.run("watched.latest.widths")
+    page.press("ArrowLeft")
+    page.until("watched.latest.running && !watched.latest.planned")
+    pressed = "document.querySelector('#walk [aria-pressed=true]').textContent"
+    assert page.run(pressed) == "left"
+    page.press(" ")
+    page.until("!watched.latest.running")
+    begin = page.run("watched.latest.cycle")
+    go(page, begin + 1_500_000)
+    assert page.run("watched.latest.widths") != stance
+    page.click("#walk .stop")
+    assert page.run(pressed) == "stop"
+    page.until("watched.latest.running")
+    page.press("ArrowUp")  # the button has the focus: the group takes its keys
+    assert page.run(pressed) == "forward"
+    page.press("Escape")
+    assert page.run(pressed) == "stop"
+    page.click("#run")
+    page.until("!watched.latest.running")
+    go(page, page.run("watched.latest.cycle") + 5_000_000)
+    assert page.run("watched.latest.widths") == stance
+
+
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
     page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex")
     go(page, 77_000)

@@ -8,6 +8,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from servogen.bench.ports import Unplugged
@@ -21,6 +22,7 @@ from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Session
 from servogen.watch.subject import Setting, Subject, check, load_subject
+from tests.engines.player.command_walks import target
 from tests.simulator.helpers import image
 
 ROOT = Path(__file__).parent.parent.parent
@@ -379,3 +381,52 @@ def test_a_pose_is_recorded_into_a_job_without_a_motion_and_refused_for_a_walk(t
     for angles in ([1.0], [float("nan")] * 3, ["x"] * 3):
         found, _ = editor.handle({"do": "record", "text": stream, "angles": angles}, print)
         assert found["is"] == "problem"
+
+
+def frames_of(session: Session, first: int, count: int) -> list[list[int]]:
+    """The widths of the servos' pulses in `count` frames from a number on, in cycles."""
+    (wanted,) = session.subject.wanted
+    pins = [PINS.index(channel.pin) for channel in wanted.schedule.channels]
+    found = []
+    for frame in range(first + 1, first + 1 + count):
+        widths = answer(session, do="seek", cycle=wanted.begin_of(frame))["widths"]
+        found.append([widths[pin] for pin in pins])
+    return found
+
+
+def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
+    of = target()
+    session = Session(load_subject(ROOT / "jobs" / "hexapod-command.toml", Setting()))
+    model = session.model()
+    assert model["walk"] == {"pin": "RA4", "ways": ["forward", "back", "left", "right"], "stop": "stop"}
+    lead_in = of.schedule.lead_in_frames
+    begin = session.subject.wanted[0].begin_of(lead_in)
+    assert answer(session, do="seek", cycle=begin)["planned"]
+    answer(session, do="walk", way="right")
+    assert not answer(session, do="seek", cycle=begin + 10)["planned"]
+    walked = np.array(frames_of(session, lead_in, 200))
+    assert of.schedule.plan_error is not None
+    error = of.schedule.plan_error.width_us
+
+    def goes(way: str, at: int) -> bool:
+        cycle = of.ways[way][slice(*of.cycle[way])]
+        return bool(np.abs(walked[at : at + len(cycle)] - cycle).max() < error)
+
+    start = next(at for at in range(100) if goes("right", at))
+    assert goes("right", start + 48), "it goes on"
+    assert not any(goes("left", at) or goes("forward", at) for at in range(150))
+    now = answer(session, do="walk", way="stop")["cycle"]
+    walked = np.array(frames_of(session, (now - int(session.subject.wanted[0].origin)) // 20_000, 150))
+    assert np.abs(walked[-20:] - of.stance).max() < error
+    waves = answer(session, do="waves", begin=now, end=now + 1_000_000)
+    assert waves["differing"] == [] and waves["wanted"] == [] and len(waves["inputs"]) > 0
+    before = answer(session, do="waves", begin=begin - 100_000, end=begin)
+    assert len(before["wanted"]) == len(before["edges"]) > 0
+    refused = answer(session, do="walk", way="up")
+    assert refused["is"] == "problem" and "'up' is not a way" in refused["text"]
+
+
+def test_a_robot_that_takes_no_commands_is_sent_none(lab8: Subject) -> None:
+    session = Session(lab8)
+    assert session.model()["walk"] is None
+    assert "only a job with [walk] commands" in answer(session, do="walk", way="forward")["text"]
