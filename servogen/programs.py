@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
-from servogen.pic.device import device
+from servogen.pic.device import Device, device
 from servogen.units import Clock
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ T = TypeVar("T")
 
 DEFAULT_CLOCK_HZ = 4_000_000
 DEFAULT_DEVICE = "PIC16F84"
+FASTER_DEVICE = "PIC16F84A"
+"""The chip of a program whose clock is too fast for the default one."""
 
 LIMITS_HINT = "servogen compile and servogen assemble take --timeout and --memory-mb"
 
@@ -111,8 +113,8 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         text = read_source(path)
         include = beside_c if included is None else _c_includes(included)
         names = included_names([(str(path), text)], include)
-        chip = device(device_name or device_of(names) or DEFAULT_DEVICE)
-        options = Options(dialect=dialect_of(names), device=chip, include=include)
+        chip, faster = devices_of(device_name, names)
+        options = Options(dialect=dialect_of(names), device=chip, faster_device=faster, include=include)
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
@@ -160,7 +162,7 @@ def beside_c(name: str, including: str) -> tuple[str, str] | None:
 
 
 XC8_HEADERS = frozenset(["xc.h", "pic.h", "htc.h"])
-SDCC_HEADERS = frozenset(["pic16f84.h", "pic16f84a.h"])
+SDCC_HEADERS = frozenset(["pic16f84.h", "pic16f84a.h", "pic14regs.h", "pic16regs.h"])
 """The headers by which a dialect is known, besides the folder `pic14/`; XC8 where a source has both."""
 DEVICE_HEADERS = {"pic16f84.h": "PIC16F84", "pic16f84a.h": "PIC16F84A", "p16f84a.h": "PIC16F84A"}
 MAX_HEADERS = 200
@@ -209,6 +211,16 @@ def device_of(names: set[str]) -> str | None:
     """Return the chip that the names of headers say; None where they do not."""
     found = [DEVICE_HEADERS[each] for name in names if (each := name.rpartition("/")[2]) in DEVICE_HEADERS]
     return max(found, default=None)
+
+
+def devices_of(asked: str | None, names: set[str]) -> tuple[Device, Device | None]:
+    """Return the chip that is asked for or that the names of headers say; where there is neither, the
+    default, and the chip to take instead where the program's clock is too fast for it. Raises InputError.
+    """
+    said = asked or device_of(names)
+    if said is not None:
+        return device(said), None
+    return device(DEFAULT_DEVICE), device(FASTER_DEVICE)
 
 
 def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:

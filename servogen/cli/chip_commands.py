@@ -13,9 +13,8 @@ from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output,
 from servogen.cli.show import as_json, warn_of_all
 from servogen.isolation import COMPILING, Limits
 from servogen.programs import (
-    DEFAULT_DEVICE,
     beside_c,
-    device_of,
+    devices_of,
     dialect_of,
     included_names,
     read_assembly,
@@ -57,7 +56,10 @@ def compile_c(
         ),
     ] = "speed",
     device: Annotated[
-        str | None, typer.Option("--device", help="Default: the chip that a header names, else PIC16F84.")
+        str | None,
+        typer.Option(
+            "--device", help="Default: the chip that a header names, else PIC16F84, above 10 MHz PIC16F84A."
+        ),
     ] = None,
     clock_hz: Annotated[
         int | None,
@@ -87,14 +89,15 @@ def compile_c(
 ) -> None:
     """Compile C of a dialect to Intel HEX (default: the first file's name with .hex)."""
     from servogen.compiler import Options, Source, compile_sources
-    from servogen.pic.device import device as device_named
 
     texts = [Source(read_source(path), str(path)) for path in sources]
     names = included_names([(source.file, source.text) for source in texts], beside_c)
     spoken = dialect.value if dialect else dialect_of(names)
+    chip, faster = devices_of(device, names)
     options = Options(
         dialect=spoken,
-        device=device_named(device or device_of(names) or DEFAULT_DEVICE),
+        device=chip,
+        faster_device=faster,
         clock_hz=clock_hz,
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,

@@ -6,7 +6,7 @@ In: `Source`s and `Options`. Out: a `Compilation`, or CompileError with every di
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
@@ -81,6 +81,19 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
         )
     if not sources:
         raise InputError("missing-option", "there is no source file to compile")
+    try:
+        return _reported(sources, options)
+    except _TooFast:
+        assert options.faster_device is not None
+        return _reported(sources, replace(options, device=options.faster_device, faster_device=None))
+
+
+class _TooFast(Exception):
+    """Raised where the clock is too fast for the device, and there is a faster one."""
+
+
+def _reported(sources: Sequence[Source], options: Options) -> Compilation:
+    """Compile; what ends the compilation early has been reported."""
     reporter = Reporter(options.unwanted)
     try:
         return _compile(sources, options, reporter)
@@ -101,6 +114,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         for pragma in found.pragmas:
             settings.pragma(pragma)
     clock = settings.clock(all_macros, options.clock_hz)
+    too_fast = clock is not None and clock.hz > options.device.max_clock_hz
+    if too_fast and options.faster_device is not None:
+        raise _TooFast
     numbers = count(len(files))
     analysis = analyse(
         files,

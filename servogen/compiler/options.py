@@ -34,6 +34,8 @@ class Options:
 
     dialect: str = "c2c"
     device: Device = field(default_factory=lambda: device("PIC16F84A"))
+    faster_device: Device | None = None
+    """The chip to take instead where the program's clock is too fast for `device`; None keeps `device`."""
     clock_hz: int | None = None
     optimise: str = "speed"
     """One of `LEVELS`."""

@@ -21,7 +21,7 @@ _TOKEN = re.compile(
       | (?P<sdcc>\b_?_asm\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?[({])
           (?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
       | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?\())
-      | (?P<binary>\b(?:0[bB][01]+|[01]+[bB])\b)
+      | (?P<binary>\b(?:0[bB][01]+[uUlL]*|[01]+[bB])\b)
       | (?P<word>\b\w+\b)""",
     re.VERBOSE | re.DOTALL,
 )
@@ -90,10 +90,11 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
 
 
 def _hexadecimal(constant: str) -> str:
-    digits = constant[2:] if constant[1:2] in "bB" and len(constant) > 2 else constant[:-1]
+    bare = constant.rstrip("uUlL")
+    digits = bare[2:] if bare[1:2] in "bB" and len(bare) > 2 else bare[:-1]
     value = int(digits, 2)
     shown = str(value) if value < 10 else f"0x{value:X}"
-    return shown.ljust(len(constant))
+    return (shown + constant[len(bare) :]).ljust(len(constant))
 
 
 def _marker(blocks: list[AsmBlock], file: str, start: int, inside: str) -> str:

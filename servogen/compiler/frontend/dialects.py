@@ -202,10 +202,11 @@ def headers(dialect: str) -> Mapping[str, str]:
     }
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL
-        return {**common, "xc.h": xc, "htc.h": xc, "pic.h": xc, "pic16f84a.h": xc, "pic16f84.h": xc}
+        return {**common, **dict.fromkeys(("xc.h", "htc.h", "pic.h", "pic16f84a.h", "pic16f84.h"), xc)}
     if dialect == SDCC:
         chip = _sdcc_chip()
-        names = [f"{folder}{file}.h" for folder in ("", "pic14/") for file in ("pic16f84", "pic16f84a")]
+        files = ("pic16f84", "pic16f84a", "pic14regs", "pic16regs")
+        names = [f"{folder}{file}.h" for folder in ("", "pic14/") for file in files]
         return {**common, **dict.fromkeys(names, chip)}
     return {**common, "system.h": "", "boostc.h": "", "p16f84.h": "", "p16f84a.h": ""}
 
@@ -234,7 +235,7 @@ def macros(dialect: str, device: Device) -> Mapping[str, str]:
             "__PICC__": "1",
         }
     if dialect == SDCC:
-        sdcc = {"__SDCC": "4_2_0", "__SDCC_pic14": "1", f"__SDCC_PIC{part}": "1"}
+        sdcc = {"__SDCC": "4_2_0", "__SDCC_pic14": "1", f"__SDCC_PIC{part}": "1", f"__PIC{part}_H__": ""}
         return {**found, **sdcc, "__SDCC_VERSION_MAJOR": "4", "__SDCC_CHAR_UNSIGNED": "1"}
     return {**found, "_C2C_": "1", "__C2C__": "1", "_BOOSTC": "1"}
 

@@ -230,6 +230,9 @@ def number(text: str) -> int | None:
     text = text.strip()
     while text.startswith("(") and text.endswith(")"):
         text = text[1:-1].strip()
+    if re.fullmatch(r"\d+(\.\d*)?([eE]\+?\d\d?)?[fFlL]?", text) and re.search(r"[.eE]", text):
+        floating = float(text.rstrip("fFlL"))  # `20e6`, a clock
+        return int(floating) if floating.is_integer() else None
     total = 1
     for part in text.split("*"):
         match = re.fullmatch(r"\(?\s*(0[xX][0-9a-fA-F]+|[0-9][0-9_]*)[uUlL]*\s*\)?", part.strip())

@@ -1,3 +1,5 @@
+#define EXIT_SUCCESS 0
+#define EXIT_FAILURE 1
 #define NULL 0
 #define RAND_MAX 32767
 int16_t abs(int16_t value);

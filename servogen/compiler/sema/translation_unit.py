@@ -35,6 +35,7 @@ from servogen.compiler.sema.lvalues import array_ref, func_call, struct_ref
 from servogen.compiler.sema.names import expression_list, identifier, literal
 from servogen.compiler.sema.scopes import Constant, Scopes
 from servogen.compiler.sema.statements import define_function, static_assertion
+from servogen.compiler.sema.string_pointers import infer_const_pointers
 from servogen.compiler.sema.type_names import declared_type
 from servogen.errors import Location
 from servogen.pic.device import CONFIG_ADDRESS, EEPROM_BYTES
@@ -137,8 +138,10 @@ def analyse(
     analysis.eeprom_used = EEPROM_DATA_VALUES * sum(
         token.text.startswith(EEPROM_NAME) for _, rewritten in files for token in rewritten.tokens
     )
-    for _, rewritten in files:
-        _declarations(analysis, rewritten)
+    trees = [_parsed(analysis, rewritten) for _, rewritten in files]
+    infer_const_pointers(trees)
+    for (_, rewritten), units in zip(files, trees, strict=True):
+        _declarations(analysis, rewritten, units)
         file_assembly(analysis, rewritten, settings)
     _bodies(analysis)
     while _called_of_library(analysis):
@@ -148,12 +151,15 @@ def analyse(
     return analysis
 
 
-def _declarations(analysis: Analyser, rewritten: Rewritten) -> None:
+def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:
+    return parse(rewritten.tokens, type_names(), analysis.reporter, analysis.parenthesised)
+
+
+def _declarations(analysis: Analyser, rewritten: Rewritten, units: list[Any]) -> None:
     """Declare everything in a file, and note the bodies of its functions. A function of the library that the
     program defines itself is left out.
     """
     reporter = analysis.reporter
-    units = parse(rewritten.tokens, type_names(), reporter, analysis.parenthesised)
     begin_file(analysis, rewritten)
     for unit in units:
         try:
@@ -214,7 +220,7 @@ def library_function(analysis: Analyser, name: str) -> FunctionDefinition:
         analysis.library_files.add(file)
         before = analysis.scopes
         _, rewritten = analysis.read_library(file)
-        _declarations(analysis, rewritten)
+        _declarations(analysis, rewritten, _parsed(analysis, rewritten))
         if own_putchar := analysis.externals.get("putchar"):
             analysis.scopes.stack[0].names.setdefault("putchar", own_putchar)
         analysis.scopes = before

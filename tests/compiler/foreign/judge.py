@@ -36,7 +36,7 @@ _ELSEWHERE = {
     "inline.c": "a pointer that fwk/lib/extern2.c defines",
 }
 """Programs that need another `int`, or another file of their suite."""
-_TOO_LARGE = re.compile(
+TOO_LARGE = re.compile(
     r"words of flash|too large|too big|does not fit|bytes of RAM|program words|too deep|levels"
 )
 
@@ -56,7 +56,7 @@ class Verdict:
 
     @property
     def does_not_fit(self) -> bool:
-        return self.kind == "refused" and bool(_TOO_LARGE.search(self.reason))
+        return self.kind == "refused" and bool(TOO_LARGE.search(self.reason))
 
 
 def judge(
@@ -75,7 +75,7 @@ def judge(
         image = isolation.run(partial(compiled, program, level, compiler), limits)
     except CompileError as error:
         messages = [each.message for each in error.diagnostics if each.severity == "error"]
-        said = next((each for each in messages if not _TOO_LARGE.search(each)), messages[0])
+        said = next((each for each in messages if not TOO_LARGE.search(each)), messages[0])
         return Verdict("refused", said)
     except InputError as error:
         return Verdict("refused", str(error))

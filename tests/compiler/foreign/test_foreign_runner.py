@@ -12,6 +12,7 @@ import pytest
 
 from servogen.compiler import Options, Source
 from servogen.isolation import Limits
+from tests.compiler.foreign import chip_programs
 from tests.compiler.foreign.__main__ import main, shape, verdicts
 from tests.compiler.foreign.judge import Compiler, Verdict, judge
 from tests.compiler.foreign.suites import Program, programs
@@ -160,3 +161,49 @@ def test_a_folder_without_programs_is_not_a_success(tmp_path: Path) -> None:
 def test_refusals_are_counted_without_names_and_numbers() -> None:
     assert shape("the program needs 80 bytes of RAM\nmore") == shape("the program needs 81 bytes of RAM")
     assert shape("'a' is not declared") == shape("'b' is not declared") != shape("'b' is not defined")
+
+
+CHIP_PROGRAMS = {
+    "blink/main.c": "#include <xc.h>\n#define _XTAL_FREQ 4000000\nvoid main(void) { __delay_ms(5); }",
+    "two/main.c": '#include <xc.h>\n#include "lib.h"\nvoid main(void)\n{ twice(2); }',
+    "two/lib.c": "#include <xc.h>\nvoid twice(char n) { PORTB = 2 * n; }",
+    "two/include/LIB.H": "void twice(char n);",
+    "sdcc/main.c": "#include <pic14regs.h>\nvoid main() { PORTB = 1; }",
+    "adc/main.c": "#include <xc.h>\nvoid main() { ADCON0 = 1; }",
+    "fuse/main.c": "#include <xc.h>\n#pragma config BOREN = OFF\nvoid main() { }",
+    "ccs/main.c": "#include <16F84A.h>\n#use delay(clock=4000000)\nvoid main() { }",
+    "mikro/main.c": "void main() { TRISB.F0 = 0; Delay_ms(500); }",
+    "big/main.c": "char a[60], b[60];\nvoid main() { a[b[1]] = b[a[1]]; }",
+    "lost/main.c": '#include <xc.h>\n#include "elsewhere.h"\nvoid main() { }',
+    "own/main.c": "#include <xc.h>\nvoid main() { PORTB = 1 }",
+    "wrong/main.c": "#include <xc.h>\nvoid main() { PORTB = 1 2; }",
+    "none/lib.c": "void nothing(void) { }",
+}
+
+
+def test_programs_for_this_chip_are_counted_by_why_they_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in CHIP_PROGRAMS.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "judged.toml").write_text('"own/main.c" = "a semicolon is missing"\n')
+    assert chip_programs.main([str(tmp_path)]) == 1
+    refused, *counts = capsys.readouterr().out.splitlines()
+    assert refused.startswith("REFUSED wrong/main.c")
+    assert [line.strip() for line in counts] == [
+        "11 programs",
+        "3 compiled",
+        "2 other chip",
+        "2 other dialect",
+        "1 too large",
+        "1 missing file",
+        "1 own error",
+        "1 refused",
+        "0 over limit",
+        "0 crash",
+    ]
+
+
+def test_a_folder_without_programs_for_this_chip_is_a_failure(tmp_path: Path) -> None:
+    assert chip_programs.main([str(tmp_path)]) == 1

@@ -1,0 +1,259 @@
+"""Makes `char *` a pointer to const where a program reads strings through it and never writes.
+
+In: pycparser's trees of all files of a program. Out: the same trees, where `void show(char *text)`, called
+with `"Hello"`, declares a `const char *`. Strings are stored in flash, which only a pointer to const reaches.
+A pointer that something is written through stays as it is, and the analysis reports the string that is
+assigned to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from pycparser import c_ast
+
+Key = tuple[str, str]
+"""A variable or parameter: (function or "", name); a member: ("struct", name); a result: (function,
+"return").
+"""
+_MEMBER, _RESULT, _GLOBAL = "struct", "return", ""
+_UNKNOWN: Key = ("?", "?")
+"""Where a pointer may go that this module does not follow."""
+
+
+def infer_const_pointers(files: Iterable[list[Any]]) -> None:
+    """Add `const` to what those pointers point to that strings reach and nothing is written through."""
+    found = _Pointers()
+    units = [unit for file in files for unit in file]
+    for unit in units:
+        found.declare(unit)
+    for unit in units:
+        with suppress(RecursionError):  # the analysis reports it, with its place
+            found.follow(unit)
+    for key in found.readable():
+        for target in found.targets.get(key, ()):
+            if "const" not in target.quals:
+                target.quals = [*target.quals, "const"]
+
+
+@dataclass(slots=True)
+class _Pointers:
+    targets: dict[Key, list[Any]] = field(default_factory=dict)
+    """The type that each pointer points to, in every declaration of it."""
+    constant: set[Key] = field(default_factory=set)
+    """What is in flash by its own declaration, or a pointer to it."""
+    parameters: dict[str, list[list[Key | None]]] = field(default_factory=dict)
+    """The parameters of each function, for each of its declarations."""
+    defined: set[str] = field(default_factory=set)
+    flows: set[tuple[Key | None, Key]] = field(default_factory=set)
+    """(from, to) of every pointer that is copied; None is a string."""
+    written: set[Key] = field(default_factory=set)
+    arrays: set[Key] = field(default_factory=set)
+    """Arrays of pointers."""
+    function: str = _GLOBAL
+    locals: set[str] = field(default_factory=set)
+
+    # declarations
+
+    def declare(self, unit: Any) -> None:
+        """Note the pointers that a file declares outside functions, and the parameters of its functions."""
+        if isinstance(unit, c_ast.FuncDef):
+            self.defined.add(unit.decl.name)
+            self.variable(unit.decl, _GLOBAL)
+        elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
+            self.variable(unit, _GLOBAL)
+
+    def variable(self, decl: Any, scope: str) -> None:
+        kind = decl.type
+        for each in _members(kind):
+            self.pointer(each.type, (_MEMBER, each.name or ""))
+        if isinstance(kind, c_ast.FuncDecl):
+            keys: list[Key | None] = []
+            for number, each in enumerate(kind.args.params if kind.args is not None else []):
+                name = getattr(each, "name", None) or f"#{number}"
+                key = (decl.name or "", name)
+                pointer = hasattr(each, "type") and self.pointer(each.type, key)
+                keys.append(key if pointer else None)
+            self.parameters.setdefault(decl.name or "", []).append(keys)
+            self.pointer(kind.type, (decl.name or "", _RESULT))
+        elif decl.name is not None and not isinstance(decl, c_ast.Typedef):
+            self.pointer(kind, (scope, decl.name))
+
+    def pointer(self, kind: Any, key: Key) -> bool:
+        """Note a pointer, an array of pointers or a constant array; return whether it is one."""
+        array = isinstance(kind, c_ast.ArrayDecl)
+        inner = kind
+        while isinstance(inner, c_ast.ArrayDecl):
+            inner = inner.type
+        target = inner.type if isinstance(inner, c_ast.PtrDecl) else inner if array else None
+        if not isinstance(target, c_ast.TypeDecl):
+            return False
+        if "const" in target.quals:
+            self.constant.add(key)
+        elif isinstance(inner, c_ast.PtrDecl):
+            self.targets.setdefault(key, []).append(target)
+            if array:
+                self.arrays.add(key)
+        return True
+
+    # where pointers go
+
+    def follow(self, unit: Any) -> None:
+        if isinstance(unit, c_ast.Decl):
+            self.visit(unit)
+        elif isinstance(unit, c_ast.FuncDef):
+            self.function = unit.decl.name
+            arguments = unit.decl.type.args if isinstance(unit.decl.type, c_ast.FuncDecl) else None
+            self.locals = {
+                each.name for each in (arguments.params if arguments else []) if hasattr(each, "name")
+            }
+            for node in _nodes(unit.body):
+                if isinstance(node, c_ast.Decl) and node.name is not None:
+                    self.locals.add(node.name)
+                    self.variable(node, self.function)
+            self.visit(unit.body)
+            self.function, self.locals = _GLOBAL, set()
+
+    def visit(self, node: Any) -> None:
+        match node:
+            case c_ast.Decl(init=init) if init is not None:
+                self.initialise(self.name(node.name or ""), init)
+            case c_ast.Assignment():
+                self.write(node.lvalue)
+                if node.op == "=" and (place := self.place(node.lvalue)) is not None:
+                    self.flow(node.rvalue, place)
+            case c_ast.UnaryOp(op="++" | "--" | "p++" | "p--"):
+                self.write(node.expr)
+            case c_ast.UnaryOp(op="&", expr=c_ast.ID(name=name)):
+                self.written.add(self.name(name))
+            case c_ast.Return() if node.expr is not None:
+                self.flow(node.expr, (self.function, _RESULT))
+            case c_ast.FuncCall():
+                self.call(node)
+        for _, child in node.children():
+            self.visit(child)
+
+    def call(self, node: Any) -> None:
+        name = node.name.name if isinstance(node.name, c_ast.ID) else ""
+        declared = self.parameters.get(name, []) if name in self.defined else []
+        for number, each in enumerate(node.args.exprs if node.args is not None else []):
+            keys = [keys[number] for keys in declared if number < len(keys)]
+            known = [key for key in keys if key is not None]
+            for key in known:
+                self.flow(each, key)
+            if not known and name not in self.defined:
+                self.outside(name, number, each)
+
+    def outside(self, name: str, number: int, value: Any) -> None:
+        """Follow a pointer into a function that no file defines: its declaration says whether it writes."""
+        for keys in self.parameters.get(name, []):
+            if number < len(keys) and (key := keys[number]) is not None and key not in self.constant:
+                self.flow(value, _UNKNOWN)
+
+    def initialise(self, key: Key, value: Any) -> None:
+        match value:
+            case c_ast.InitList():
+                for each in value.exprs:
+                    self.initialise(key, each)
+            case c_ast.NamedInitializer():
+                names = [each.name for each in value.name if isinstance(each, c_ast.ID)]
+                self.initialise((_MEMBER, names[-1]) if names else key, value.expr)
+            case _:
+                self.flow(value, key)
+                for member in [each for each in self.targets if each[0] == _MEMBER]:
+                    if key not in self.targets and isinstance(value, c_ast.Constant):
+                        self.flow(value, member)
+
+    def flow(self, value: Any, to: Key) -> None:
+        for source in self.sources(value):
+            self.flows.add((source, to))
+
+    def sources(self, value: Any) -> Iterator[Key | None]:
+        """Yield the pointers that a value may be a copy of; None for a string."""
+        match value:
+            case c_ast.Constant(type="string"):
+                yield None
+            case c_ast.ID(name=name):
+                yield self.name(name)
+            case c_ast.StructRef():
+                yield (_MEMBER, value.field.name)
+            case c_ast.ArrayRef():
+                yield from self.sources(value.name)
+            case c_ast.UnaryOp(op="&" | "++" | "--" | "p++" | "p--"):
+                yield from self.sources(value.expr)
+            case c_ast.BinaryOp(op="+" | "-"):
+                yield from self.sources(value.left)
+                yield from self.sources(value.right)
+            case c_ast.TernaryOp():
+                yield from self.sources(value.iftrue)
+                yield from self.sources(value.iffalse)
+            case c_ast.Assignment():
+                yield from self.sources(value.lvalue)
+            case c_ast.ExprList():
+                yield from self.sources(value.exprs[-1])
+            case c_ast.FuncCall(name=c_ast.ID(name=name)):
+                yield (name, _RESULT)
+
+    def write(self, target: Any) -> None:
+        """Note the pointer that a target is written through."""
+        while isinstance(target, (c_ast.ArrayRef, c_ast.UnaryOp, c_ast.StructRef)):
+            through = not isinstance(target, c_ast.StructRef) or target.type == "->"
+            inner = target.expr if isinstance(target, c_ast.UnaryOp) else target.name
+            if through:
+                for key in self.sources(inner):
+                    if key is not None and not self.is_array_of_pointers(target, key):
+                        self.written.add(key)
+            target = inner
+
+    def is_array_of_pointers(self, target: Any, key: Key) -> bool:
+        """Return whether a write to `target` changes a pointer in an array, not what it points to."""
+        direct = isinstance(target, c_ast.ArrayRef) and isinstance(target.name, (c_ast.ID, c_ast.StructRef))
+        return direct and key in self.arrays
+
+    def place(self, target: Any) -> Key | None:
+        match target:
+            case c_ast.ID(name=name):
+                return self.name(name)
+            case c_ast.StructRef():
+                return (_MEMBER, target.field.name)
+            case c_ast.ArrayRef():
+                return self.place(target.name)
+        return None
+
+    def name(self, name: str) -> Key:
+        return (self.function if name in self.locals else _GLOBAL, name)
+
+    # the result
+
+    def readable(self) -> set[Key]:
+        """Return the pointers that strings reach and that nothing is written through."""
+        return self.reached() - self.writing()
+
+    def reached(self) -> set[Key]:
+        found = {to for source, to in self.flows if source is None}
+        while more := {to for source, to in self.flows if source in found} - found:
+            found |= more
+        return found & self.targets.keys()
+
+    def writing(self) -> set[Key]:
+        """Return the pointers that are written through, by themselves or by a pointer they are copied to."""
+        found = self.written | {_UNKNOWN}
+        while more := {source for source, to in self.flows if to in found and source is not None} - found:
+            found |= more
+        return found
+
+
+def _members(kind: Any) -> Iterator[Any]:
+    """Yield the members of the structures that a declaration defines."""
+    for node in _nodes(kind):
+        if isinstance(node, (c_ast.Struct, c_ast.Union)):
+            yield from (each for each in node.decls or [] if isinstance(each, c_ast.Decl))
+
+
+def _nodes(node: Any) -> Iterator[Any]:
+    yield node
+    for _, child in node.children():
+        yield from _nodes(child)
