@@ -41,6 +41,7 @@ COMMANDS = {
     "bench_commands": ("flash", "capture", "rig"),
     "drive_commands": ("drive", "calibrate"),
     "grade_commands": ("grade",),
+    "schema_commands": ("schema",),
     "doctor_commands": ("doctor",),
     "twin_commands": ("twin",),
     "watch_commands": ("watch",),

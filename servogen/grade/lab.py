@@ -27,6 +27,9 @@ SLACK_DEG = 4.0
 """How far a range in a lab's file may exceed the servo's travel: what a loop adds to a width."""
 
 
+PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]
+
+
 class PositionTable(Table):
     """A position of a solution: the smallest and the largest correct angle of each servo."""
 
@@ -47,8 +50,8 @@ class ServoTable(Table):
 
     name: str
     model: str
-    pin: str
-    other_pins: tuple[str, ...] = ()
+    pin: PinName
+    other_pins: tuple[PinName, ...] = ()
 
 
 class PeriodTable(Table):

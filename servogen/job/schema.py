@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from servogen.edges import PINS
 from servogen.engines.registry import ENGINES
 from servogen.robot.servo_models import FactTable
 from servogen.toml.file import Table
@@ -27,6 +28,8 @@ Length = Annotated[float, Field(ge=0, le=MAX_MM)]
 Seconds = Annotated[float, Field(ge=0, le=MAX_S)]
 LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
 Sign = Literal["positive", "negative"]
+PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]
+"""A pin; `reader` says which name is meant."""
 if TYPE_CHECKING:
     EngineName = str
 else:
@@ -44,7 +47,7 @@ class ServoTable(FactTable):
     """[[servo]]; it can override any fact of its model."""
 
     name: str = Field(pattern=NAME)
-    pin: str
+    pin: PinName
     model: str
     supply_v: float | None = Field(default=None, gt=0)
     trim_us: float = 0.0
@@ -87,7 +90,13 @@ class RobotTable(Table):
 class PoseTable(Table):
     """One of [motion] poses; the angles, `<servo>_deg`, are the keys that are not listed here."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={
+            "additionalProperties": False,
+            "patternProperties": {"^(?!orientation_deg$).*_deg$": {"type": "number"}},
+        },
+    )
 
     name: str | None = Field(default=None, pattern=NAME)
     """Its name for `servogen drive --pose`, besides its number."""
@@ -127,7 +136,7 @@ class CommandsTable(Table):
 
     forward_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     turn_deg: float | None = Field(default=None, gt=0, le=360)
-    pin: str = "RA4"
+    pin: PinName = "RA4"
     """The input for the codes."""
 
 
@@ -224,10 +233,10 @@ class FirmwareTable(Table):
     """How long the player's first pulses hold the neutral pose."""
     max_error_us: float = Field(default=10.0, gt=0, le=1000)
     """How far a pulse may be from the planned one: beyond it nothing is built."""
-    start_pin: str | None = None
+    start_pin: PinName | None = None
     """The player waits in its first frame until the button on this pin is pressed."""
     start_level: Literal["low", "high"] = "low"
-    stop_pin: str | None = None
+    stop_pin: PinName | None = None
     """An emergency stop."""
     stop_level: Literal["low", "high"] = "low"
     stop_pulses: Literal["off", "hold"] | None = None
@@ -237,8 +246,8 @@ class StreamTable(Table):
     """[stream]: the serial line of the stream engine."""
 
     baud: int = Field(default=2400, gt=0)
-    receive_pin: str = "RA4"
-    transmit_pin: str | None = None
+    receive_pin: PinName = "RA4"
+    transmit_pin: PinName | None = None
     silence_s: float = Field(default=1.0, gt=0, le=MAX_S)
     fail_safe: Literal["hold", "neutral", "off"] = "neutral"
 
@@ -256,7 +265,7 @@ class SupplyTable(Table):
 class SensorTable(Table):
     """One [[sensor]]: what drives an input pin, for `servogen twin`."""
 
-    pin: str
+    pin: PinName
     kind: Literal["foot", "end-stop", "stall"]
     of: str | None = None
     """The leg of a foot switch, the joint of an end stop; a stall comparator measures the whole supply."""

@@ -34,7 +34,9 @@ def _as_text(value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-LengthText = Annotated[str, BeforeValidator(_as_text)]
+LengthText = Annotated[
+    str, BeforeValidator(_as_text), Field(json_schema_extra={"type": ["number", "string"]})
+]
 """A number of millimetres, or a sum of named lengths: 40, "l2", "l2 + l3", "-l2"."""
 
 
