@@ -1,10 +1,12 @@
 """Changes to the text of a TOML file that leave its comments and its layout alone.
 
-In: the text of a valid document, the key of an array, an element as TOML writes it. Out: the text with it.
+In: the text of a valid document, the key of an array, and elements and values as TOML writes them. Out: the
+changed text. A comment on the line of an element, or on lines of its own before one, stays with it.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from servogen.toml.locations import Key, places_of, syntax_tree
@@ -39,6 +41,134 @@ def append_element(text: str, key: Key, element: str) -> str:
     if line_end < 0:  # the array ends on the line of its last element
         return (raw[: last.end_byte] + b"," + new_line + b"\n" + raw[end:]).decode()
     return (raw[: last.end_byte] + comma + raw[last.end_byte : line_end] + new_line + raw[line_end:]).decode()
+
+
+def move_element(text: str, key: Key, index: int, to: int) -> str:
+    """Return the document with element `index` of the array at `key` as element `to`.
+
+    Raises KeyError where there is no array at `key`, IndexError where it has no such element.
+    """
+    array = _elements(text, key)
+    parts = list(array.parts)
+    if not (0 <= index < len(parts) and 0 <= to < len(parts)):
+        raise IndexError(index)
+    parts.insert(to, parts.pop(index))
+    return array.joined(parts)
+
+
+def remove_element(text: str, key: Key, index: int) -> str:
+    """Return the document without element `index` of the array at `key`, and without its comments.
+
+    Raises KeyError where there is no array at `key`, IndexError where it has no such element.
+    """
+    array = _elements(text, key)
+    if not 0 <= index < len(array.parts):
+        raise IndexError(index)
+    return array.joined([*array.parts[:index], *array.parts[index + 1 :]])
+
+
+def set_in_element(text: str, key: Key, index: int, name: str, value: str | None) -> str:
+    """Return the document with `name = value` in element `index`, an inline table, of the array at `key`.
+
+    None: without that pair. Raises KeyError where there is no array at `key`, IndexError where it has no such
+    element, ValueError where the element is not an inline table.
+    """
+    raw = text.encode()
+    array = _array(raw, places_of(text)[key])
+    tables = [child for child in array.named_children if child.type != "comment"]
+    if not 0 <= index < len(tables):
+        raise IndexError(index)
+    table = tables[index]
+    if table.type != "inline_table":
+        raise ValueError(f"element {index} is not an inline table")
+    pairs = [child for child in table.named_children if child.type == "pair"]
+    place = next((at for at, each in enumerate(pairs) if _name_of(each) == name), None)
+    if place is None and value is None:
+        return text
+    if place is None:
+        pair = f"{name} = {value}".encode()
+        if not pairs:
+            return (raw[: table.start_byte] + b"{ " + pair + b" }" + raw[table.end_byte :]).decode()
+        end = pairs[-1].end_byte
+        return (raw[:end] + b", " + pair + raw[end:]).decode()
+    if value is not None:
+        old = pairs[place].named_children[-1]
+        return (raw[: old.start_byte] + value.encode() + raw[old.end_byte :]).decode()
+    if place > 0:  # with the comma before it
+        begin, end = pairs[place - 1].end_byte, pairs[place].end_byte
+    else:
+        begin, end = pairs[0].start_byte, pairs[1].start_byte if len(pairs) > 1 else pairs[0].end_byte
+    return (raw[:begin] + raw[end:]).decode()
+
+
+def _name_of(pair: Node) -> str:
+    """Return the key of a pair that is one name; a dotted key as it is written."""
+    name = pair.named_children[0]
+    text = (name.text or b"").decode()
+    return text[1:-1] if name.type == "quoted_key" else text
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """An element: what stands before it since the one before, itself, and what follows on its line."""
+
+    lead: str
+    body: str
+    trail: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Elements:
+    """A document, cut around the elements of an array."""
+
+    before: str
+    commented: bool
+    """Whether `before` ends with a comment."""
+    parts: tuple[_Part, ...]
+    tail: str
+    """From behind the last element on, with the bracket."""
+    last_comma: bool
+    """Whether a comma follows the last element."""
+
+    def joined(self, parts: list[_Part]) -> str:
+        """Return the document with other elements; those of one line keep the spaces of their places."""
+        own_lines = any("\n" in part.lead for part in self.parts)
+        text, commented = self.before, self.commented
+        for place, part in enumerate(parts):
+            lead = part.lead if own_lines else self.parts[place].lead
+            if commented and "\n" not in lead:
+                lead = f"\n{lead}"
+            comma = "," if place + 1 < len(parts) or self.last_comma else ""
+            text += lead + part.body + comma + part.trail
+            commented = "#" in part.trail
+        return text + ("\n" if commented and "\n" not in self.tail.partition("]")[0] else "") + self.tail
+
+
+def _elements(text: str, key: Key) -> _Elements:
+    """Return the elements of the array at `key`. Raises KeyError where there is none."""
+    raw = text.encode()
+    array = _array(raw, places_of(text)[key])
+    children = array.children[1:-1]
+    begin = array.start_byte + 1
+    if children and children[0].type == "comment" and children[0].start_point[0] == array.start_point[0]:
+        begin = children[0].end_byte  # about the array
+    first, parts, comma = begin, [], False
+    for place, child in enumerate(children):
+        if child.type in (",", "comment"):
+            continue
+        end, trail, comma = child.end_byte, "", False
+        for each in children[place + 1 :]:
+            on_line = each.type == "comment" and each.start_point[0] == child.end_point[0]
+            if not on_line and (each.type != "," or comma):
+                break
+            trail += raw[end : each.start_byte if each.type == "," else each.end_byte].decode()
+            end, comma = each.end_byte, comma or each.type == ","
+        lead, body = raw[begin : child.start_byte].decode(), raw[child.start_byte : child.end_byte].decode()
+        parts.append(_Part(lead, body, trail.rstrip()))
+        begin = end
+    return _Elements(
+        raw[:first].decode(), first > array.start_byte + 1, tuple(parts), raw[begin:].decode(), comma
+    )
 
 
 def _array(raw: bytes, place: tuple[int, int]) -> Node:

@@ -7,7 +7,8 @@ from then on. Only this one file is ever read or written, whatever a request say
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ from servogen.build.build import Build, build
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.inputs import read_input
 from servogen.job import Job, PlannedJob, loads, plan_job
+from servogen.job.schema import MotionTable
 from servogen.outputs import write_text
 from servogen.pic.image import to_hex
 from servogen.plan_error import plan_words
-from servogen.toml.edit import append_element
+from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 
@@ -26,6 +28,10 @@ DEGREES = 1
 """Decimals of a recorded angle."""
 HOLD_S = 1
 """How long a recorded pose is held."""
+POSES = ("motion", "poses")
+TIMES = ("move_s", "hold_s", "pause_s")
+SECONDS, MAX_S = 3, 100_000
+"""Decimals of a pose's times, and the longest."""
 
 Progress = Callable[[str], None]
 
@@ -51,16 +57,18 @@ class Editor:
         try:
             if request.get("do") == "record":
                 return self._record(text, [float(angle) for angle in request["angles"]]), None
+            if request.get("do") == "pose":
+                return self._change(text, request), None
             job = plan_job(loads(text, str(self._path)))
             if request.get("do") == "check":
-                return _checked((*job.warnings, *job.notes)), None
+                return _found(job), None
             write_text(self._path, text)
             if request.get("do") == "save":
-                return {**_checked((*job.warnings, *job.notes)), "saved": True}, None
+                return {**_found(job), "saved": True}, None
             return self._build(job, progress)
         except ServogenError as error:
             return _checked(error.diagnostics), None
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, IndexError) as error:
             return {"is": "problem", "text": f"the request is wrong: {error}"}, None
 
     def _build(self, job: PlannedJob, progress: Progress) -> tuple[Message, Subject]:
@@ -70,11 +78,9 @@ class Editor:
     def _record(self, text: str, angles: list[float]) -> Message:
         """Return the text with one more pose: `angles` of the job's servos, in radians."""
         job = loads(text, str(self._path))
-        if len(angles) != len(job.servos) or not all(map(math.isfinite, angles)):
-            raise ValueError(f"{len(angles)} angles for {len(job.servos)} servos")
         element = _pose(job, angles)
         if "motion" in job.document.data:
-            new = append_element(text, ("motion", "poses"), element)
+            new = _in_array(job, lambda: append_element(text, POSES, element))
         elif job.section is None:
             new = f"{text.rstrip()}\n\n[motion]\nposes = [\n    {element},\n]\n"
         else:
@@ -83,17 +89,83 @@ class Editor:
                 "this job does not move by poses: its servos follow another section",
                 job.document.place("servo"),
             )
-        return {"is": "editor", "name": self._path.name, "text": new, "saved": False}
+        return self._edited(new)
+
+    def _change(self, text: str, request: Mapping[str, Any]) -> Message:
+        """Return the text with one of its poses moved, removed, or with another time or other angles."""
+        job = loads(text, str(self._path))
+        kind, index = request["kind"], int(request["index"])
+        if kind == "move":
+            to = int(request["to"])
+            new = _in_array(job, lambda: move_element(text, POSES, index, to))
+        elif kind == "remove":
+            new = _in_array(job, lambda: remove_element(text, POSES, index))
+        elif kind == "time":
+            key, seconds = str(request["key"]), _time(request["seconds"])
+            if key not in TIMES:
+                raise ValueError(f"'{key[:40]}' is not one of {', '.join(TIMES)}")
+            new = _in_array(job, lambda: set_in_element(text, POSES, index, key, seconds))
+        elif kind == "angles":
+            new = text
+            for name, degrees in _degrees(job, [float(angle) for angle in request["angles"]]):
+                new = _in_array(job, partial(set_in_element, new, POSES, index, name, degrees))
+        else:
+            raise ValueError(f"'{str(kind)[:40]}' is not a change of a pose")
+        return self._edited(new)
+
+    def _edited(self, text: str) -> Message:
+        return {"is": "editor", "name": self._path.name, "text": text, "saved": False}
 
 
-def _pose(job: Job, angles: list[float]) -> str:
-    """Return a pose as TOML writes it, each angle within its servo's limits."""
-    parts = []
+def _in_array(job: Job, edit: Callable[[], str]) -> str:
+    """Return the text that an edit of the job's poses makes. Raises InputError if they are not one array."""
+    try:
+        return edit()
+    except KeyError as error:
+        raise InputError(
+            "not-allowed",
+            "poses are changed here only where they are written as poses = [ { … }, { … } ]",
+            job.document.place("motion"),
+        ) from error
+
+
+def _time(value: object) -> str | None:
+    """Return seconds as TOML writes them; None stays None. Raises ValueError."""
+    if value is None:
+        return None
+    seconds = round(float(str(value)), SECONDS)
+    if not 0 <= seconds <= MAX_S:
+        raise ValueError(f"{value} is not a time between 0 and {MAX_S} s")
+    return f"{seconds:g}"
+
+
+def _degrees(job: Job, angles: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Yield the key of each servo's angle in a pose, and the angle within the servo's limits."""
+    if len(angles) != len(job.servos) or not all(map(math.isfinite, angles)):
+        raise ValueError(f"{len(angles)} angles for {len(job.servos)} servos")
     for servo, angle in zip(job.servos, angles, strict=True):
         low, high = servo.limits
-        degrees = round(math.degrees(min(max(angle, low), high)), DEGREES)
-        parts.append(f"{servo.name}_deg = {degrees:g}")
+        yield f"{servo.name}_deg", f"{round(math.degrees(min(max(angle, low), high)), DEGREES):g}"
+
+
+def _pose(job: Job, angles: Sequence[float]) -> str:
+    """Return a pose as TOML writes it."""
+    parts = [f"{name} = {degrees}" for name, degrees in _degrees(job, angles)]
     return f"{{ {', '.join(parts)}, hold_s = {HOLD_S} }}"
+
+
+def _found(job: PlannedJob) -> Message:
+    """Return what is said of a job that can be built, with its poses: seconds and radians."""
+    tables = job.section.poses if isinstance(job.section, MotionTable) else ()
+    poses = [
+        {
+            "name": table.name,
+            "angles": pose.angles,
+            **{key: None if (value := getattr(table, key)) is None else float(value) for key in TIMES},
+        }
+        for table, pose in zip(tables, job.poses, strict=True)
+    ]
+    return {**_checked((*job.warnings, *job.notes)), "poses": poses}
 
 
 def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:

@@ -44,7 +44,10 @@ FILES: Mapping[str, str] = MappingProxyType(
         "": "index.html",
         "colours.css": "colours.css",
         "style.css": "style.css",
-        **{f"{name}.js": f"{name}.js" for name in ("app", "chip", "editor", "hands", "robot", "waves")},
+        **{
+            f"{name}.js": f"{name}.js"
+            for name in ("app", "chip", "editor", "hands", "robot", "timeline", "waves")
+        },
     }
 )
 """What may be asked for below the token, and its file in `templates/watch/`."""
@@ -197,7 +200,7 @@ class WatchServer:
                 if window is None:
                     window = self._opened(str(message.get("window", ""))[:64], socket)
                     continue
-                if message.get("do") in ("check", "save", "build", "record"):
+                if message.get("do") in ("check", "save", "build", "record", "pose"):
                     await self._edit(window, message)
                 elif window.session is not None:
                     self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023

@@ -4,6 +4,7 @@ import { ChipView, element } from "./chip.js";
 import { Editor } from "./editor.js";
 import { Hands } from "./hands.js";
 import { angleOf, RobotView, Servos } from "./robot.js";
+import { Timeline } from "./timeline.js";
 import { timeText, Waves } from "./waves.js";
 
 const $ = id => document.getElementById(id);
@@ -17,7 +18,12 @@ let followed = 0, asked = 0, waiting = false, handPose = null;
 window.watched = { pictures: 0, latest: null };   // for whoever measures
 
 const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
-const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), progress: $("build-progress"), download: $("download") }, send);
+const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), progress: $("build-progress"), download: $("download") }, send, poses => timeline.show(poses));
+const timeline = new Timeline(
+  { area: $("timeline-area"), list: $("timeline"), move_s: $("pose-move"), hold_s: $("pose-hold"), pause_s: $("pose-pause"), earlier: $("pose-earlier"), later: $("pose-later"), set: $("pose-set"), remove: $("pose-remove") },
+  change => send({ do: "pose", text: $("job-text").value, ...change, ...(change.kind === "angles" ? { angles: hands?.angles } : {}) }),
+  pose => hands?.pose(pose.angles),
+);
 
 function connect() {
   socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*$/, "")}socket`);

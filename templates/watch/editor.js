@@ -5,7 +5,9 @@ import { element } from "./chip.js";
 const PAUSE_MS = 300;   // after the last key, before it is checked
 
 export class Editor {
-  constructor(places, send) {
+  // posed(poses) is told the poses of the job whenever it is found to be right.
+  constructor(places, send, posed) {
+    this.posed = posed;
     this.places = places;
     this.send = send;
     this.saved = "";
@@ -28,7 +30,7 @@ export class Editor {
     this.places.name.textContent = message.name;
     this.places.text.value = message.text;
     if (message.saved) this.saved = message.text;
-    else this.check();
+    if (!message.saved || /^\s*\[motion\]/m.test(message.text)) this.check();
     this.number();
     this.mark();
   }
@@ -47,6 +49,7 @@ export class Editor {
       element("button", { type: "button", class: "plain", click: () => this.go(each) }, `${each.line ? `line ${each.line}: ` : ""}${each.key ? `${each.key}: ` : ""}${each.message}${each.hint ? ` (${each.hint})` : ""}`))));
     this.places.build.disabled = this.places.save.disabled = !message.good;
     if (!message.good) this.say("");
+    else if (message.poses) this.posed(message.poses);
   }
   go(diagnostic) {
     const lines = this.places.text.value.split("\n"), start = lines.slice(0, (diagnostic.line || 1) - 1).reduce((sum, line) => sum + line.length + 1, 0) + (diagnostic.column || 1) - 1;

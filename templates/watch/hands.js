@@ -36,6 +36,16 @@ export class Hands {
     });
     this.places.record.addEventListener("click", () => this.posed.record(this.angles));
   }
+  // Put the sliders where a pose has the servos.
+  pose(angles) {
+    this.touched = true;
+    this.inputs.forEach(([input, said], index) => {
+      this.angles[index] = angles[index];
+      input.value = degrees(angles[index]);
+      said.textContent = `${degrees(angles[index]).toFixed(1)}${this.model.robot.servos[index].continuous ? " °/s" : "°"}`;
+    });
+    this.posed.shown(this.angles);
+  }
   move(index, angle, said) {
     const servo = this.model.robot.servos[index];
     this.angles[index] = angle;

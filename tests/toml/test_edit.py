@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 
 import pytest
 
-from servogen.toml.edit import append_element
+from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
 
 CASES = {
     "lines with comments": (
@@ -48,3 +49,86 @@ def test_what_is_not_an_array_is_refused() -> None:
     for text in ("[motion]\nposes = 1\n", "[motion]\nx = []\n"):
         with pytest.raises(KeyError):
             append_element(text, ("motion", "poses"), "1")
+
+
+KEY = ("motion", "poses")
+ARRAYS = {
+    "lines with comments": "[motion] # moves\nposes = [ # all\n    # one\n    { a = 1 },  # first, 1\n"
+    "    { a = 2, b = '# no' } # second ]\n    , { a = 3 } # third\n    # after\n]\nend = 1\n",
+    "one line": "[motion]\nposes = [{ a = 1 },   { a = 2 }, { a = 3 }] # x\n",
+    "both": "[motion]\nposes = [{a=1}, # c\n   {a=2}, {a=3}, ] # x\n",
+    "values of several lines": "[motion]\nposes = [\n  [1,\n   2], # ä\n  # of 3\n\n  3,\n 4]\n",
+    "one": "[motion]\nposes = [\n    { a = 1 }, # only\n]\n",
+}
+
+
+def comments_of(text: str) -> list[str]:
+    return sorted(re.findall("# [^'\n]*", text))
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_elements_move_with_their_comments(name: str) -> None:
+    before = ARRAYS[name]
+    old = tomllib.loads(before)
+    count = len(old["motion"]["poses"])
+    for index in range(count):
+        for to in range(count):
+            made = move_element(before, KEY, index, to)
+            wanted = list(old["motion"]["poses"])
+            wanted.insert(to, wanted.pop(index))
+            new = tomllib.loads(made)
+            assert new["motion"]["poses"] == wanted
+            assert new["motion"].get("end") == old["motion"].get("end")
+            assert comments_of(made) == comments_of(before)
+            if index == to:
+                assert re.sub(r"[\s,]", "", made) == re.sub(r"[\s,]", "", before)
+
+
+def test_a_comment_stays_with_its_element() -> None:
+    made = move_element(ARRAYS["lines with comments"], KEY, 0, 1)
+    assert made == (
+        "[motion] # moves\nposes = [ # all\n    { a = 2, b = '# no' }, # second ]\n    # one\n"
+        "    { a = 1 },  # first, 1\n { a = 3 } # third\n    # after\n]\nend = 1\n"
+    )
+    made = remove_element(ARRAYS["lines with comments"], KEY, 0)
+    assert made == (
+        "[motion] # moves\nposes = [ # all\n    { a = 2, b = '# no' }, # second ]\n { a = 3 } # third\n"
+        "    # after\n]\nend = 1\n"
+    )
+    assert remove_element(ARRAYS["one"], KEY, 0) == "[motion]\nposes = [\n]\n"
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "value", "after"),
+    [
+        ("{ a = 1, b = 2 }", "b", "2.5", "{ a = 1, b = 2.5 }"),
+        ("{ a = 1, b = 2 }", "c", "3", "{ a = 1, b = 2, c = 3 }"),
+        ("{ a = 1, b = 2 }", "b", None, "{ a = 1 }"),
+        ("{ a = 1, b = 2 }", "a", None, "{ b = 2 }"),
+        ('{ "a" = 1 }', "a", "[1, 2]", '{ "a" = [1, 2] }'),
+        ("{ a = 1 }", "a", None, "{  }"),
+        ("{}", "a", "1", "{ a = 1 }"),
+        ("{ a = 1 }", "b", None, "{ a = 1 }"),
+    ],
+)
+def test_a_value_in_an_element_is_changed(table: str, name: str, value: str | None, after: str) -> None:
+    text = "[motion]\nposes = [\n    {a = 0}, # 0\n    %s, # 1\n]\n"
+    made = set_in_element(text % table, KEY, 1, name, value)
+    assert made == text % after
+    tomllib.loads(made)
+
+
+def test_what_is_not_there_is_not_changed() -> None:
+    text = ARRAYS["one line"]
+    for index, to in ((3, 0), (0, 3), (-1, 0)):
+        with pytest.raises(IndexError):
+            move_element(text, KEY, index, to)
+    with pytest.raises(IndexError):
+        remove_element(text, KEY, 3)
+    with pytest.raises(IndexError):
+        set_in_element(text, KEY, 3, "a", "1")
+    with pytest.raises(ValueError, match="not an inline table"):
+        set_in_element("[motion]\nposes = [1]\n", KEY, 0, "a", "1")
+    for edit in (lambda: move_element("x = 1\n", KEY, 0, 0), lambda: remove_element("x = 1\n", KEY, 0)):
+        with pytest.raises(KeyError):
+            edit()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def watch(browser: Browser) -> Iterator[Open]:
         running.append(Running(lambda progress: load_subject(path, setting, progress), editor))
         pages.append(browser.page(**size))
         pages[-1].open(running[-1].server.url)
-        pages[-1].until("!document.getElementById('views').hidden && watched.latest")
+        pages[-1].until("!document.getElementById('views').hidden && watched.latest && watched.waves.data")
         return pages[-1]
 
     yield opened
@@ -65,6 +66,11 @@ def slide(page: Page, value: str) -> None:
     """Move the first servo's slider."""
     move = f"e => {{ e.value = {value}; e.dispatchEvent(new Event('input')); }}"
     page.run(f"({move})(document.querySelector('#sliders input'))")
+
+
+def slider(page: Page) -> float:
+    """Where the first servo's slider is, in degrees."""
+    return float(page.run("document.querySelector('#sliders input').value"))
 
 
 def angles(page: Page) -> list[float]:
@@ -206,6 +212,64 @@ def test_three_poses_are_recorded_with_sliders_and_built(watch: Open, tmp_path: 
     ]
     assert lines[2].endswith("# 150 frames")
     assert lines[3:] == [f"{{ arm_deg = {angle}, hold_s = 1 }}," for angle in (45, 60, 75)]
+
+
+def order(page: Page) -> list[float]:
+    """The angles of the poses as the editor's text has them."""
+    rows = page.run("document.getElementById('job-text').value").splitlines()
+    found = [re.search(r"^ *\{ arm_deg = (\S+),", row) for row in rows]
+    return [float(each[1]) for each in found if each]
+
+
+def drag(page: Page, selector: str, to: str, by: float = 0) -> None:
+    """Drag the middle of an element to the middle of another, and so many pixels farther."""
+    middle = "(e => { const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })"
+    page.run(f"document.querySelector({json.dumps(selector)}).scrollIntoView({{ block: 'center' }})")
+    (x, y), (end, _) = (
+        page.run(f"{middle}(document.querySelector({json.dumps(each)}))") for each in (selector, to)
+    )
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+    for step in range(1, 5):
+        at = x + (end + by - x) * step / 4
+        page.call("Input.dispatchMouseEvent", type="mouseMoved", x=at, y=y, button="left", buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=end + by, y=y, button="left", clickCount=1)
+
+
+def test_poses_are_dragged_on_a_timeline_by_mouse_and_keyboard(watch: Open, tmp_path: Path) -> None:
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    assert page.until("document.querySelectorAll('#timeline .pose').length") == 3
+    drag(page, "#pose-0 b", "#pose-1", 60)
+    page.until("!!document.querySelector('#pose-1[aria-selected=true]')")
+    page.until("document.getElementById('job-state').textContent === 'changed'")
+    assert order(page) == [90, 30, 120]
+    assert slider(page) == pytest.approx(30), "the pose that is chosen is shown"
+    scale = page.run(
+        "(e => e.clientWidth - 46 * 3 - 8)(document.getElementById('timeline')) / 10"
+    )  # 2, 5 and 3 s share the width
+    drag(page, "#pose-2 .handle", "#pose-2 .handle", 1.2 * scale)
+    page.until("document.getElementById('job-text').value.includes('arm_deg = 120, hold_s = 4.2')")
+    page.run("document.getElementById('timeline').focus()")
+    page.until("document.querySelector('#pose-2 span').textContent === '4.2 s'")
+    page.press("+")
+    page.until("document.getElementById('job-text').value.includes('arm_deg = 120, hold_s = 4.3')")
+    page.press("ArrowLeft")
+    page.until("!!document.querySelector('#pose-1[aria-selected=true]')")
+    page.press("Delete")
+    page.until("document.querySelectorAll('#timeline .pose').length === 2")
+    assert order(page) == [90, 120]
+    page.press("ArrowLeft", shift=True)
+    page.until("document.querySelector('#timeline').textContent.startsWith('1 4.3 s')")
+    assert order(page) == [120, 90]
+    page.until("!document.getElementById('build').disabled")
+    page.click("#build")
+    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
+    written = job.read_text()
+    wanted = (
+        "    { arm_deg = 120, hold_s = 4.3 }, # 150 frames\n    { arm_deg = 90, hold_s = 5 },  # 250 frames\n"
+    )
+    assert wanted in written and "# To let the servo rest without pulses" in written
+    assert written.replace(wanted, "") == re.sub(r"    \{ arm_deg.*\n", "", LAB8.read_text())
 
 
 def test_a_slider_moves_the_simulated_chip_of_a_stream_job(watch: Open) -> None:

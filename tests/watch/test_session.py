@@ -430,3 +430,66 @@ def test_a_robot_that_takes_no_commands_is_sent_none(lab8: Subject) -> None:
     session = Session(lab8)
     assert session.model()["walk"] is None
     assert "only a job with [walk] commands" in answer(session, do="walk", way="forward")["text"]
+
+
+def changed(editor: Editor, text: str, **change: Any) -> dict[str, Any]:
+    found, subject = editor.handle({"do": "pose", "text": text, **change}, print)
+    assert subject is None
+    return dict(found)
+
+
+def test_poses_are_changed_in_their_text_and_nothing_else(tmp_path: Path) -> None:
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    editor = Editor(tmp_path / "job.toml", Setting())
+    checked, _ = editor.handle({"do": "check", "text": text}, print)
+    assert [each["hold_s"] for each in checked["poses"]] == [2, 5, 3]
+    assert [np.degrees(each["angles"][0]) for each in checked["poses"]] == pytest.approx([30, 90, 120])
+    first, second, third = (line for line in text.splitlines(keepends=True) if line.startswith("    {"))
+    rows = first + second + third
+    assert rows in text
+    moved = changed(editor, text, kind="move", index=2, to=0)
+    assert moved["text"] == text.replace(rows, third + first + second) and not moved["saved"]
+    assert changed(editor, text, kind="remove", index=1)["text"] == text.replace(second, "")
+    held = changed(editor, text, kind="time", index=1, key="hold_s", seconds=5.4)
+    assert held["text"] == text.replace("hold_s = 5 }", "hold_s = 5.4 }")
+    paused = changed(editor, text, kind="time", index=0, key="pause_s", seconds=0.5)
+    assert paused["text"] == text.replace("hold_s = 2 }", "hold_s = 2, pause_s = 0.5 }")
+    assert changed(editor, paused["text"], kind="time", index=0, key="pause_s", seconds=None)["text"] == text
+    turned = changed(editor, text, kind="angles", index=0, angles=[1.0])
+    assert turned["text"] == text.replace("arm_deg = 30", "arm_deg = 57.3", 1)
+    assert not (tmp_path / "job.toml").exists(), "nothing is saved before it is asked for"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"kind": "fly", "index": 0},
+        {"kind": "move", "index": 0, "to": 3},
+        {"kind": "move", "index": -1, "to": 0},
+        {"kind": "remove", "index": 9},
+        {"kind": "time", "index": 0, "key": "arm_deg", "seconds": 1},
+        {"kind": "time", "index": 0, "key": "hold_s", "seconds": -1},
+        {"kind": "time", "index": 0, "key": "hold_s", "seconds": float("nan")},
+        {"kind": "time", "index": 0, "key": "hold_s", "seconds": "1 }, evil = {"},
+        {"kind": "angles", "index": 0, "angles": [1.0, 2.0]},
+        {"kind": "angles", "index": 0, "angles": [float("inf")]},
+    ],
+)
+def test_a_wrong_change_of_a_pose_is_answered(tmp_path: Path, change: dict[str, Any]) -> None:
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    assert changed(Editor(tmp_path / "job.toml", Setting()), text, **change)["is"] == "problem"
+
+
+def test_poses_of_another_form_are_not_changed(tmp_path: Path) -> None:
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    begin, end = text.index("poses = ["), text.index("[frame]")
+    tables = text[:begin] + "[[motion.poses]]\narm_deg = 30\nhold_s = 2\n\n" + text[end:]
+    for found in (
+        changed(Editor(tmp_path / "job.toml", Setting()), tables, kind="remove", index=0),
+        Editor(tmp_path / "x.toml", Setting()).handle({"do": "record", "text": tables, "angles": [1]}, print)[
+            0
+        ],
+    ):
+        assert "written as poses = [" in found["diagnostics"][0]["message"]
+        assert found["diagnostics"][0]["line"] == text[:begin].count("\n") - 1
