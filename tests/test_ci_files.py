@@ -1,0 +1,166 @@
+"""action.yml and Dockerfile: what they run is run, by the shell that runs it there, without a network."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+ACTION: dict[str, Any] = yaml.safe_load((ROOT / "action.yml").read_text())
+STEPS: list[dict[str, Any]] = ACTION["runs"]["steps"]
+PAGE = (ROOT / "docs" / "ci.md").read_text()
+LAB8 = ROOT / "firmware" / "lab8-exercise"
+PATH = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+INPUT = re.compile(r"\$\{\{ inputs\.([\w-]+) \}\}")
+
+
+def inputs(**given: str) -> dict[str, str]:
+    unknown = {name.replace("_", "-") for name in given} - set(ACTION["inputs"])
+    assert not unknown
+    defaults = {name: str(each["default"]) for name, each in ACTION["inputs"].items()}
+    return defaults | {name.replace("_", "-"): value for name, value in given.items()}
+
+
+def act(folder: Path, values: Mapping[str, str]) -> tuple[int, str, list[str]]:
+    """Run the action's steps as GitHub does, but for those that install: exit code, output, steps run."""
+    files = {"GITHUB_STEP_SUMMARY": folder / "summary.md", "RUNNER_TEMP": folder, "GITHUB_ACTION_PATH": ROOT}
+    ran, out = [], ""
+    for step in STEPS:
+        if "uses" in step or step["id"] == "install":
+            continue
+        condition = re.fullmatch(r"inputs\.([\w-]+) != ''", step.get("if", "inputs.output != ''"))
+        assert condition, step["if"]
+        if not values[condition[1]]:
+            continue
+        ran.append(step["id"])
+        given = {key: INPUT.sub(lambda found: values[found[1]], text) for key, text in step["env"].items()}
+        assert step["shell"] == "bash"
+        done = subprocess.run(
+            ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
+            cwd=folder,
+            env={**os.environ, **given, **{key: str(file) for key, file in files.items()}, "PATH": PATH},
+            capture_output=True,
+            text=True,
+        )
+        out += done.stdout + done.stderr
+        if done.returncode:
+            return done.returncode, out, ran
+    return 0, out, ran
+
+
+def test_the_action_is_composite_and_no_script_contains_an_input() -> None:
+    """An input goes through the environment: a file name must not become a command."""
+    assert ACTION["runs"]["using"] == "composite"
+    assert [step["run"] for step in STEPS if "${{" in step.get("run", "")] == []
+    used = {name for step in STEPS for text in step.get("env", {}).values() for name in INPUT.findall(text)}
+    used |= {name for step in STEPS for text in step.get("with", {}).values() for name in INPUT.findall(text)}
+    assert used == set(ACTION["inputs"])
+    assert set(re.findall(r"`([\w-]+)`", "".join(re.findall(r"^\| (`.*?) \|", PAGE, re.M)))) == used
+
+
+def test_the_step_that_installs_takes_the_tested_versions() -> None:
+    (step,) = (each for each in STEPS if each.get("id") == "install")
+    (pip,) = (line for line in step["run"].splitlines() if "pip" in line)
+    words = shlex.split(pip.replace("$GITHUB_ACTION_PATH", str(ROOT)))
+    assert words[:4] == ["python", "-m", "pip", "install"]
+    assert Path(words[words.index("-c") + 1]) == ROOT / "constraints.txt"
+    assert Path(words[-1], "pyproject.toml").is_file()
+    (matcher,) = re.findall(r"::add-matcher::\$GITHUB_ACTION_PATH/([\w./-]+)", step["run"])
+    (pattern,) = json.loads((ROOT / matcher).read_text())["problemMatcher"][0]["pattern"]
+    line = "jobs/my arm.toml:3:1: error: servo[1].pin: unknown pin 'RB9' [unknown-pin]"
+    found = re.search(pattern["regexp"], line)
+    assert found and [found[pattern[key]] for key in ("file", "line", "column", "severity", "code")] == [
+        *("jobs/my arm.toml", "3", "1", "error", "unknown-pin")
+    ]
+
+
+def test_the_action_builds_and_proves_jobs(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "jobs" / "lab8-exercise.toml", tmp_path / "arm.toml")
+    code, out, ran = act(tmp_path, inputs(jobs="\n  arm.toml\n", output="made"))
+    assert (code, ran) == (0, ["inputs", "build"]), out
+    assert (tmp_path / "made" / "arm" / "main.hex").read_bytes() == (LAB8 / "main.hex").read_bytes()
+    assert "proven" in (tmp_path / "summary.md").read_text()
+
+
+def test_the_action_proves_a_program_for_all_time(tmp_path: Path) -> None:
+    values = inputs(program=str(LAB8 / "main.hex"), schedule=str(LAB8 / "schedule.json"))
+    code, out, ran = act(tmp_path, values)
+    assert (code, ran) == (0, ["inputs", "verify"]), out
+    assert "for all time" in (tmp_path / "summary.md").read_text()
+
+
+def test_a_program_that_is_wrong_fails_the_step_and_the_summary_says_so(tmp_path: Path) -> None:
+    wrong = (ROOT / "firmware" / "lab8-program" / "main.hex").resolve()
+    values = inputs(program=str(wrong), schedule=str(LAB8 / "schedule.json"), forever="false")
+    code, out, _ = act(tmp_path, values)
+    assert code == 1
+    assert "NOT proven" in (tmp_path / "summary.md").read_text(), out
+
+
+@pytest.mark.parametrize("given", [{}, {"jobs": " \n"}, {"program": "main.hex"}])
+def test_inputs_that_are_missing_fail_before_anything_is_run(tmp_path: Path, given: dict[str, str]) -> None:
+    code, out, ran = act(tmp_path, inputs(**given))
+    assert (code, ran) == (2, ["inputs"])
+    assert "::error::" in out
+
+
+def instructions() -> list[tuple[str, str]]:
+    """The instructions of the Dockerfile."""
+    lines = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(), flags=re.M).replace("\\\n", " ")
+    return [(line.split(" ", 1)[0], line.split(" ", 1)[1].strip()) for line in lines.splitlines() if line]
+
+
+def the(name: str) -> list[str]:
+    return [rest for each, rest in instructions() if each == name]
+
+
+def test_the_image_is_of_the_python_that_the_constraints_were_tested_with() -> None:
+    tested = re.search(r"Python (\d+\.\d+)", (ROOT / "constraints.txt").read_text())
+    assert tested and the("FROM") == [f"python:{tested[1]}-slim"]
+    assert ACTION["inputs"]["python-version"]["default"] == tested[1]
+
+
+def test_the_image_gets_every_file_that_its_package_is_made_of() -> None:
+    copied = {source for each in the("COPY") for source in each.split()[:-1]}
+    assert [source for source in copied if not (ROOT / source).exists()] == []
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    hatch = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    needed = {"pyproject.toml", "constraints.txt", "README.md", "hatch_build.py"}
+    needed |= {*hatch["packages"], *hatch["force-include"], *project["project"]["license-files"]}
+    assert needed <= copied
+    ignored = {line.split("/")[0] for line in (ROOT / ".dockerignore").read_text().split()}
+    assert not ignored & {source.split("/")[0] for source in copied}
+
+
+def test_the_image_installs_extras_that_exist_with_the_tested_versions() -> None:
+    (pip,) = (shlex.split(each) for each in the("RUN") if each.startswith("pip"))
+    assert pip[pip.index("-c") + 1] == "constraints.txt"
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(re.findall(r"\w+", pip[-1])) <= set(extras)
+
+
+def test_what_the_image_runs_works(tmp_path: Path) -> None:
+    """The warm-up, and the container with no arguments and with those of the documentation."""
+    files = (each.split()[-2:] for each in the("COPY"))
+    place = {target: ROOT / source for source, target in files if target.startswith("/")}
+    (warm_up,) = (each for each in the("RUN") if each.startswith("servogen"))
+    words = [str(place.get(word, word)) for word in shlex.split(warm_up)]
+    entry, default = json.loads(the("ENTRYPOINT")[0]), json.loads(the("CMD")[0])
+    (documented,) = re.findall(r"^    docker run .* servogen (.*)$", PAGE, re.M)
+    shutil.copy(ROOT / "jobs" / "lab8-exercise.toml", tmp_path / "my-arm.toml")
+    for command in (words, [*entry, *default], [*entry, *shlex.split(documented)]):
+        done = subprocess.run(
+            command, cwd=tmp_path, env={**os.environ, "PATH": PATH}, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "build" / "my-arm" / "main.hex").is_file()
