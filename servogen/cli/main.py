@@ -36,7 +36,10 @@ COMMANDS = {
     "simulate_commands": ("simulate",),
     "signal_commands": ("verify", "measure", "plot"),
     "proof_commands": ("prove", "check-certificate"),
-    "robot_commands": ("robots", "fk", "ik", "jacobian", "transform", "orientation", "mobility"),
+    "robot_commands": (
+        *("robots", "fk", "ik", "jacobian", "statics"),
+        *("mobility", "transform", "orientation", "differential"),
+    ),
     "motion_commands": ("gait", "run-program"),
     "bench_commands": ("flash", "capture", "rig"),
     "drive_commands": ("drive", "calibrate"),

@@ -191,6 +191,8 @@ def ik(
     chosen = arm(name)
     for solution in answer["solutions"]:
         print(queries.joint_text(chosen, solution))
+    if answer.get("missed_m"):
+        print(f"of the nearest point that it reaches, {1000 * answer['missed_m']:.6f} mm away")
     hidden = answer["found"] - len(answer["solutions"])
     if hidden:
         print(f"and {hidden} more: --all")

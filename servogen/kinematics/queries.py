@@ -16,6 +16,7 @@ from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
 from servogen.kinematics.inverse.configuration import configuration_of, has_roll, ik_of_configuration
 from servogen.kinematics.inverse.solve import ik_all
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import (
     FrameName,
     change,
@@ -204,13 +205,30 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
             "wrong-count", f"{arm.name} takes {wanted}, not {len(values)} numbers", Location(key="target")
         )
     position = np.asarray(values[:3], float) / 1000
-    turn = orientation_matrix(arm, position, np.radians(_finite(values[3:]))) if len(values) > 3 else None
-    solutions = ik_all(arm, position, turn)
+    angles = np.radians(_finite(values[3:]))
+    missed = 0.0
+    try:
+        solutions = _reached(arm, position, angles)
+    except Unreachable as error:
+        missed = float(np.linalg.norm(position - error.nearest))
+        if not 0 < missed <= TYPED_M:
+            raise
+        solutions = _reached(arm, np.array(error.nearest), angles)
     return {
         "solutions": _plain(solutions if everything else solutions[:1]),
         "joints": [joint.name for joint in arm.joints],
         "found": len(solutions),
+        "missed_m": missed,
     }
+
+
+TYPED_M = 1e-5
+"""How far a typed target may be from the surface that an arm with few joints reaches: the digits left out."""
+
+
+def _reached(arm: Arm, position: Floats, angles: Floats) -> Floats:
+    turn = orientation_matrix(arm, position, angles) if len(angles) else None
+    return ik_all(arm, position, turn)
 
 
 def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:

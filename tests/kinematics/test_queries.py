@@ -10,7 +10,8 @@ import pytest
 from servogen.errors import InputError
 from servogen.kinematics import queries as q
 from servogen.kinematics.arm import length_text
-from servogen.kinematics.catalogue import names
+from servogen.kinematics.catalogue import arm, names
+from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transforms import parse
 from servogen.robot.model import Length
@@ -106,6 +107,21 @@ def test_ik_with_an_orientation_and_with_the_wrong_number_of_values() -> None:
     assert q.ik_answer("irb6400c", (900, 300, 700, 10, 20, 30), everything=True)["found"] == 8
     with pytest.raises(Unreachable):
         q.ik_answer("scara", (900, 0, 300))
+
+
+@pytest.mark.parametrize(("name", "joints"), [("leg", (10, 30)), ("wrist-arm", (30, 45, 60))])
+def test_a_target_typed_with_two_digits_is_the_nearest_point_that_an_arm_reaches(
+    name: str, joints: tuple[float, ...]
+) -> None:
+    exact = 1000 * np.array(q.fk_answer(name, joints)["position_m"])
+    typed, roll = np.round(exact, 2), [joints[2]] if name == "wrist-arm" else []
+    answer = q.ik_answer(name, [*typed, *roll], everything=True)
+    assert 0 < answer["missed_m"] <= np.linalg.norm(exact - typed) / 1000 + 1e-9
+    at = [fk_position(arm(name), each) for each in answer["solutions"]]
+    assert np.linalg.norm(np.array(at) - typed / 1000, axis=1) == pytest.approx(answer["missed_m"], abs=1e-9)
+    assert q.ik_answer(name, [*exact, *roll])["missed_m"] < 1e-9
+    with pytest.raises(Unreachable):
+        q.ik_answer(name, [*(1.001 * exact), *roll])
 
 
 def test_every_answer_is_json() -> None:
