@@ -38,7 +38,7 @@ COMMANDS = {
     "proof_commands": ("prove", "check-certificate"),
     "robot_commands": (
         *("robots", "fk", "ik", "jacobian", "statics"),
-        *("mobility", "transform", "orientation", "differential"),
+        *("transform", "orientation", "differential", "mobility"),
     ),
     "motion_commands": ("gait", "run-program"),
     "bench_commands": ("flash", "capture", "rig"),

@@ -64,7 +64,7 @@ def test_doctor_says_that_there_are_no_ports(
 def test_fk_prints_millimetres_and_the_matrix(run: Run) -> None:
     """SCARA, l0 = 600, l1 = 400, l2 = 300, l4 = 150: the tool hangs down, turned by q1 + q2 − q4."""
     ran = run("fk", "scara", 30, 20, 10, 0)
-    position, *matrix = ran.out.splitlines()
+    position, *matrix, configuration = ran.out.splitlines()
     a, b = radians(30), radians(50)
     assert position.startswith("position x ")
     assert position.endswith(" mm")
@@ -72,6 +72,8 @@ def test_fk_prints_millimetres_and_the_matrix(run: Run) -> None:
     assert numbers(position) == pytest.approx(expected, abs=1e-4)
     rotation = [[cos(b), sin(b), 0], [sin(b), -cos(b), 0], [0, 0, -1]]
     assert [numbers(line) for line in matrix] == [pytest.approx(each, abs=1e-5) for each in rotation]
+    assert configuration.startswith("configuration vector x ")
+    assert numbers(configuration) == pytest.approx([*expected, 0, 0, -1], abs=1e-4)
 
 
 def test_fk_names_the_joints_beyond_their_limits(run: Run) -> None:
