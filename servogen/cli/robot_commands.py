@@ -27,6 +27,10 @@ Symbolic = Annotated[bool, typer.Option("--symbolic", help="Print simplified sym
 Style = Annotated[str, typer.Option("--style", help="Notation of symbolic expressions: text, latex or c.")]
 
 
+SHOWN_M = 1e-9
+"""A distance from the target that is shown: smaller ones are rounding noise."""
+
+
 def register(app: typer.Typer) -> None:
     app.command()(robots)
     for command in (fk, ik, jacobian, statics, transform, orientation, differential):
@@ -191,8 +195,8 @@ def ik(
     chosen = arm(name)
     for solution in answer["solutions"]:
         print(queries.joint_text(chosen, solution))
-    if answer.get("missed_m"):
-        print(f"of the nearest point that it reaches, {1000 * answer['missed_m']:.6f} mm away")
+    if answer["missed_m"] > SHOWN_M:
+        print(f"for the nearest reachable point, {1000 * answer['missed_m']:.6f} mm away")
     hidden = answer["found"] - len(answer["solutions"])
     if hidden:
         print(f"and {hidden} more: --all")
@@ -486,10 +490,16 @@ def _print_details(details: dict[str, Any]) -> None:
         table("Mounts", ("leg", "position", "heading"), mounts)
     if "table" in details:
         rows = [
-            (", ".join(row["wheels"]), row["motion"], row["direction_deg"], row["turning"], row["size"])
+            (
+                ", ".join(row["wheels"]),
+                row["motion"],
+                "–" if row["direction_deg"] is None else row["direction_deg"],
+                {1: "counter-clockwise", 0: "–", -1: "clockwise"}[row["turning"]],
+                "–" if row["size"] is None else f"{row['size']}, {row['radius_in_wheel_distances']} l",
+            )
             for row in details["table"]
         ]
-        table("Wheels at equal speed", ("wheels", "motion", "direction °", "turning", "circle"), rows)
+        table("Wheels at equal speed", ("wheels", "motion", "direction °", "turns", "circle, radius"), rows)
 
 
 def _joint_value(joint: dict[str, Any], value: float) -> str:

@@ -262,11 +262,14 @@ def configuration_answer(name: str, vector: Sequence[float], everything: bool = 
             Location(key="target"),
             "x y z in mm, then the approach vector times e^(roll/π)",
         )
-    solutions = ik_of_configuration(arm, _finite(vector) / ([1000.0] * 3 + [1.0] * 3))
+    wanted = _finite(vector) / ([1000.0] * 3 + [1.0] * 3)
+    solutions = ik_of_configuration(arm, wanted)
+    missed = np.linalg.norm(configuration_of(arm, solutions[0])[:3] - wanted[:3])
     return {
         "solutions": _plain(solutions if everything else solutions[:1]),
         "joints": [joint.name for joint in arm.joints],
         "found": len(solutions),
+        "missed_m": float(missed),
     }
 
 

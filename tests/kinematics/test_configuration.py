@@ -47,6 +47,24 @@ def test_every_solution_has_the_vector_and_the_asked_positions_are_among_them(na
         assert np.abs(solutions - q).max(axis=1).min() < 1e-5
 
 
+@pytest.mark.parametrize("name", WITH_ROLL)
+def test_a_vector_typed_with_four_digits_is_found(name, configurations) -> None:
+    found = arm(name)
+    for q in configurations(found, 3):
+        vector = configuration_of(found, q)
+        solutions = ik_of_configuration(found, np.round(vector, 5))
+        np.testing.assert_allclose(configuration_of(found, solutions) - vector, 0, atol=2e-4)
+        assert np.abs(solutions - q).max(axis=1).min() < 2e-2
+
+
+def test_a_vector_that_an_arm_with_five_joints_cannot_have_is_refused() -> None:
+    q = np.radians([30, 10, -20, 100, 40])
+    vector = configuration_of(arm("rv-m1"), q)
+    aside = np.array([-sin(q[0]), cos(q[0]), 0])
+    with pytest.raises(Unreachable):
+        ik_of_configuration(arm("rv-m1"), vector + np.concatenate([np.zeros(3), 0.01 * aside]))
+
+
 @pytest.mark.parametrize("name", ["theta-r", "theta1-theta2", "anthropomorphic", "leg", "cartesian"])
 def test_an_arm_whose_last_joint_does_not_roll_the_tool_has_no_vector(name: str) -> None:
     assert not has_roll(arm(name))

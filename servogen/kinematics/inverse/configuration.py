@@ -15,13 +15,21 @@ from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
 from servogen.kinematics.forward import fk, joint_array, row_axes
+from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.solve import ik_all, sorted_without_doubles
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import configuration_vector, from_configuration_vector
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm
 
 PARALLEL = 1e-9
 """The difference from 1 of the cosine between two directions that count as parallel."""
+
+
+TYPED_M, TYPED_RAD = 1e-5, 1e-4
+"""How far the position and approach vector may be from those that an arm with few joints reaches: the digits
+that were left out.
+"""
 
 
 def has_roll(arm: Arm) -> bool:
@@ -52,6 +60,8 @@ def configuration_of(arm: Arm, q: ArrayLike) -> Floats:
 def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
     """Return all joint positions (solutions, n) that have a configuration vector (6,), nearest to home first.
 
+    An arm with fewer than six joints reaches some approach vectors only: those of the nearest vector are
+    returned if it is within `TYPED_M` and `TYPED_RAD`.
     Raises InputError, or `Unreachable`, for a vector that no joint positions within the limits have.
     """
     _check_roll(arm)
@@ -65,7 +75,15 @@ def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
         )
     # With any orientation about the approach vector the other joints are the same; only the last one differs.
     free = replace(arm, joints=(*arm.joints[:-1], replace(joint, lower=-pi, upper=pi, home=0.0)))
-    solutions = ik_all(free, position, _any_about(approach))
+    turn = _any_about(approach)
+    try:
+        solutions = ik_all(free, position, turn)
+    except Unreachable:
+        found = numerical.search(free, position, turn)
+        if not (found.distance_m[0] <= TYPED_M and found.angle[0] <= TYPED_RAD):
+            raise
+        pose = fk(free, found.q[0])
+        solutions = ik_all(free, pose[:3, 3], pose[:3, :3])
     solutions[:, -1] = roll
     return sorted_without_doubles(arm, solutions, None)
 
