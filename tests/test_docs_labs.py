@@ -90,7 +90,7 @@ def test_the_page_has_every_lab_and_no_block_that_is_not_run() -> None:
     assert list(labs) == [f"Lab {number}" for number in range(1, 11)]
     assert len(exercises()) == PAGE.count("```console") > 60
     assert all(exercise.answers for exercise in exercises())
-    assert set(files()) == {"lab6.toml", "lab8.toml", "lab10.toml", "touch.toml"}
+    assert set(files()) == {"lab6.toml", "lab8.toml", "lab10.toml", "lab10-turns.toml", "touch.toml"}
 
 
 @pytest.mark.parametrize("lab", [f"Lab {number}" for number in range(1, 11)])
