@@ -4,6 +4,7 @@
 import { cleared, legible } from "./robot.js";
 
 const LABEL = 92, ROW = 30, HEAD = 24, MIN_SPAN = 8;
+const DASH = 3, SHORTEST_TEXT = 24;   // pixels
 
 export function unpack(packed, begin) {
   const edges = [];
@@ -41,6 +42,12 @@ export function decodeSerial(edges, bit, begin, before, end) {
   return bytes;
 }
 
+function byPin(edges) {
+  const lanes = new Map();
+  for (const edge of edges) lanes.has(edge.pin) ? lanes.get(edge.pin).push(edge) : lanes.set(edge.pin, [edge]);
+  return lanes;
+}
+
 export class Waves {
   // rows: [{name, pin, colour, servo, serial}]; describe(row, width in cycles) is what a pulse means.
   constructor(canvas, model, options) {
@@ -54,6 +61,7 @@ export class Waves {
     this.data = null;
     this.rows = [];
     this.hover = null;
+    this.width = canvas.clientWidth;
     this.maxSpan = Math.round(model.cycles_per_second * (options.maxSeconds || 4));
     this.listen();
   }
@@ -81,6 +89,7 @@ export class Waves {
   }
   set(data) {
     this.data = data;
+    this.lanes = Object.fromEntries(["edges", "wanted", "differing", "inputs"].map(name => [name, byPin(data[name])]));
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
     for (const edge of [...this.data.edges, ...this.data.inputs]) if (!named.has(edge.pin)) named.set(edge.pin, { name: this.model.pins[edge.pin] || "MCLR", pin: edge.pin });
     for (const row of this.rows) if (!named.has(row.pin)) named.set(row.pin, row);
@@ -89,7 +98,7 @@ export class Waves {
     if (this.canvas.style.height !== height) this.canvas.style.height = height;
     this.paint();
   }
-  x(cycle) { return LABEL + (cycle - this.begin) / (this.end - this.begin) * (this.canvas.clientWidth - LABEL); }
+  x(cycle) { return LABEL + (cycle - this.begin) / (this.end - this.begin) * (this.width - LABEL); }
   cycleAt(x) { return Math.round(this.begin + (x - LABEL) / Math.max(1, this.canvas.clientWidth - LABEL) * (this.end - this.begin)); }
   listen() {
     const canvas = this.canvas;
@@ -137,6 +146,7 @@ export class Waves {
   paint() {
     const { width, height, brush, ink } = cleared(this.canvas);
     if (!width) return;
+    this.width = width;   // asking the page for it at each edge costs more than the edge
     brush.font = "12px system-ui, sans-serif";
     brush.save();
     brush.beginPath();
@@ -197,28 +207,33 @@ export class Waves {
       brush.lineWidth = thick;
       brush.setLineDash(dash);
       brush.beginPath();
-      let level = start, y = level === 1 ? high : low, last = -1e9;
+      let y = start === 1 ? high : low;
       brush.moveTo(this.x(from), y);
-      for (const edge of edges) {
-        const x = this.x(edge.cycle), next = edge.level === 1 ? high : low;
+      brush.fillStyle = stroke;
+      for (let index = 0; index < edges.length; index++) {
+        const x = this.x(edges[index].cycle), next = edges[index].level === 1 ? high : low, after = edges[index + 1];
+        if (after && next !== y && after.level !== edges[index].level && this.x(after.cycle) - x < thick / 2) {
+          brush.fillRect(x - thick / 2, high, thick, low - high);   // there and back: a bar costs less than two corners
+          index++;
+          continue;
+        }
         brush.lineTo(x, y);
-        if (x - last > 0.3 || next !== y) brush.lineTo(x, next);
+        brush.lineTo(x, next);
         y = next;
-        last = x;
       }
       brush.lineTo(this.x(to), y);
       brush.stroke();
       brush.setLineDash([]);
     };
-    const inside = edge => edge.pin === row.pin && edge.cycle <= this.end;
-    const wanted = data.wanted.filter(inside);
-    if (wanted.length) line(wanted, wanted[0].level === 1 ? 0 : 1, data.begin, data.end, [3, 3], 1, ink("--ghost-line"));
-    const driven = data.edges.filter(inside), given = data.inputs.filter(inside);
+    const lane = name => (this.lanes[name].get(row.pin) || []).filter(edge => edge.cycle <= this.end);
+    const wanted = lane("wanted"), driven = lane("edges"), given = lane("inputs");
+    const dense = wanted.length * DASH > this.width - LABEL;   // no dash fits between two edges
+    if (wanted.length) line(wanted, wanted[0].level === 1 ? 0 : 1, data.begin, data.end, dense ? [] : [DASH, DASH], 1, ink("--ghost-line"));
     if (driven.length || data.before[row.pin] < 2 || !given.length) line(driven, data.before[row.pin], data.begin, data.seen, [], 1.6, colour);
     if (given.length) line(given, data.inputs_before?.[row.pin] ?? 1, data.begin, data.seen, [], 1.6, ink("--input"));
     brush.strokeStyle = ink("--bad");
     brush.lineWidth = 3;
-    for (const edge of data.differing) if (edge.pin === row.pin) {
+    for (const edge of lane("differing")) {
       const x = this.x(edge.cycle);
       brush.beginPath(); brush.moveTo(x, high - 3); brush.lineTo(x, low + 3); brush.stroke();
     }
@@ -238,8 +253,9 @@ export class Waves {
     brush.textAlign = "left";
     for (let index = 0; index + 1 < edges.length; index++) {
       const [rise, fall] = [edges[index], edges[index + 1]];
-      if (rise.level !== 1 || this.x(fall.cycle) > this.canvas.clientWidth) continue;
-      const next = edges[index + 2] ? this.x(edges[index + 2].cycle) : this.canvas.clientWidth;
+      if (rise.level !== 1 || this.x(fall.cycle) > this.width) continue;
+      const next = edges[index + 2] ? this.x(edges[index + 2].cycle) : this.width;
+      if (next - this.x(fall.cycle) < SHORTEST_TEXT) continue;
       const text = this.options.describe ? this.options.describe(row, fall.cycle - rise.cycle) : timeText(this.us(fall.cycle - rise.cycle));
       if (next - this.x(fall.cycle) > brush.measureText(text).width + 6) brush.fillText(text, this.x(fall.cycle) + 4, low - 2);
     }

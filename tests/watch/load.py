@@ -1,42 +1,69 @@
 """The load of `servogen watch` on this machine: pictures a second, the server's share of a core, its traffic.
 
-    python -m tests.watch.load [JOB]
+    python -m tests.watch.load [JOB] [--hours HOURS]
 
 starts the command for a job (default: the hexapod of twelve servos), opens it in a headless Chromium, runs it
 at real speed for ten seconds, and prints how many pictures a second were painted, the processor time of the
 server, the bytes that its socket sent, how long the waves take to be drawn, and how long it took to the first
 answer and the first picture.
+
+Then a window begins after a day of edges (or HOURS; 0: none): it jumps to random moments of the day, at
+several widths of the waves, and prints how long drawing them takes and how long until they are there. The
+exit code is 1 where a drawing takes longer than 16 ms, except one in a hundred.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
+import random
 import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
+from servogen.units import Cycles
+from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, Page, chromium, wait
+from tests.watch.serving import Running
 
 ROOT = Path(__file__).parent.parent.parent
 SECONDS = 10.0
+DRAWING_MS, SHARE = 16.0, 0.99
+WIDTHS_S = (0.00001, 0.02, 0.2, 1.0, 4.0)
+"""Of the waves that are drawn."""
+DRAWING = "(() => { const t = performance.now(); watched.waves.paint(); return performance.now() - t; })()"
+JUMPS = 40
+"""For each width."""
 
 
 def main() -> int:
-    job = sys.argv[1] if len(sys.argv) > 1 else str(ROOT / "jobs" / "hexapod-tripod.toml")
+    arguments = argparse.ArgumentParser(prog="tests.watch.load")
+    arguments.add_argument("job", nargs="?", type=Path, default=ROOT / "jobs" / "hexapod-tripod.toml")
+    arguments.add_argument("--hours", type=float, default=24.0)
+    asked = arguments.parse_args()
     program = chromium()
     if program is None:
         print("there is no chromium here")
         return 3
+    browser = Browser(program)
+    try:
+        _load(browser, asked.job)
+        return 0 if asked.hours <= 0 or _day(browser, asked.job, asked.hours) else 1
+    finally:
+        browser.close()
+
+
+def _load(browser: Browser, job: Path) -> None:
     begin = time.monotonic()
-    command = [sys.executable, "-m", "servogen", "watch", job, "--no-browser"]
+    command = [sys.executable, "-m", "servogen", "watch", str(job), "--no-browser"]
     served = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     assert served.stdout is not None
     found = re.search(r"http://\S+", served.stdout.readline())
     assert found
     print(f"address printed after {time.monotonic() - begin:.2f} s")
-    browser = Browser(program)
     try:
         page = browser.page()
         begin = time.monotonic()
@@ -46,18 +73,59 @@ def main() -> int:
         print(f"first picture {time.monotonic() - begin:.2f} s after it was asked for, compiled by then")
         _again(page)
         _measured(page, served.pid)
+        page.close()
     finally:
-        browser.close()
         served.terminate()
         served.wait(10)
-    return 0
+
+
+def _day(browser: Browser, job: Path, hours: float) -> bool:
+    """Return whether the waves are drawn in time after so many hours."""
+    subject = load_subject(job, Setting())
+    rate = float(subject.clock.cycles_per_second)
+    end = int(hours * 3600 * rate)
+    begin = time.monotonic()
+    served = Running(lambda progress: replace(subject, begin=Cycles(end)))
+    try:
+        page = browser.page()
+        page.open(served.server.url)
+        there = "typeof watched !== 'undefined' && !!watched.waves?.data && watched.latest.cycle"
+        wait(lambda: int(page.run(there) or 0) >= end, 3600)
+        print(f"{hours:g} h of edges: there after {time.monotonic() - begin:.0f} s")
+        drawn = [each for width in WIDTHS_S for each in _jumps(page, end, width * rate)]
+        page.close()
+    finally:
+        served.stop()
+    drawn.sort()
+    within = drawn[int(SHARE * len(drawn)) - 1]
+    print(f"waves drawn in {drawn[len(drawn) // 2]:.1f} ms, 99 of 100 times within {within:.1f} ms")
+    return within <= DRAWING_MS
+
+
+def _jumps(page: Page, end: int, width: float) -> list[float]:
+    """Jump to random moments; return how long drawing the waves there takes, in ms."""
+    dice, drawn, waited, edges = random.Random(1), [], [], 0
+    for _ in range(JUMPS):
+        at = dice.randrange(int(width) + 1, end)
+        begin = time.monotonic()
+        page.run(f"watched.waves.show({at}, {at} + {width}); 0")
+        page.until(f"Math.abs(watched.waves.data.begin - {at}) < 2 && watched.waves.data.seen > {at}")
+        waited.append(time.monotonic() - begin)
+        edges = max(edges, page.run("watched.waves.data.edges.length"))
+        drawn.append(page.run(DRAWING))
+    seconds = width * page.run("watched.waves.model.cycle_us") / 1e6
+    print(
+        f"  {1000 * seconds:g} ms wide, up to {edges} edges: drawn in {sorted(drawn)[JUMPS // 2]:.1f} ms, "
+        f"at most {max(drawn):.1f} ms; there within {1000 * max(waited):.0f} ms"
+    )
+    return drawn
 
 
 def _again(page: Page) -> None:
     begin = time.monotonic()
+    page.run("window.before = true")
     page.call("Page.reload")
-    page.run("window.watched = undefined; 0")
-    wait(lambda: bool(page.run("typeof watched !== 'undefined' && watched?.pictures > 0")))
+    wait(lambda: bool(page.run("!window.before && typeof watched !== 'undefined' && watched.pictures > 0")))
     print(f"first picture {time.monotonic() - begin:.2f} s after loading it again")
 
 

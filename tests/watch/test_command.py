@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import http.client
+import json
+import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -11,6 +14,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+
+if os.name == "posix":
+    import tty
 
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
@@ -67,3 +73,40 @@ def test_the_server_ends_with_the_command() -> None:
         assert "Traceback" not in served.stderr.read()
     with pytest.raises(ConnectionRefusedError):
         http.client.HTTPConnection(address.netloc, timeout=60).connect()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals here")
+def test_a_slider_moves_a_robot_at_a_port() -> None:
+    """The port is one end of a pseudo-terminal; what a robot would receive is read from the other one."""
+    pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
+    from websockets.sync.client import connect
+
+    robot, port = os.openpty()
+    tty.setraw(port)
+    command = [sys.executable, "-m", "servogen", "watch", "jobs/stream-arm.toml", "--no-browser"]
+    command += ["--robot", os.ttyname(port)]
+    try:
+        with subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as served:
+            assert served.stdout is not None and served.stderr is not None
+            found = re.search(r"http://(127\.0\.0\.1:\d+)(/\S+/)", served.stdout.readline())
+            assert found
+            origin = {"Origin": f"http://{found[1]}"}
+            with connect(f"ws://{found[1]}{found[2]}socket", additional_headers=origin, proxy=None) as socket:
+                socket.send(json.dumps({"window": ""}))
+                while json.loads(socket.recv(timeout=60))["is"] != "model":
+                    pass
+                for servo, position in ((2, 254), (0, 7)):
+                    socket.send(json.dumps({"do": "servo", "servo": servo, "position": position}))
+                received = b""
+                while len(received) < 6:
+                    assert select.select([robot], [], [], 60)[0], received
+                    received += os.read(robot, 64)
+                assert received == bytes([255, 2, 254, 255, 0, 7])
+            served.send_signal(signal.SIGINT)
+            assert served.wait(60) == 0
+            assert "Traceback" not in served.stderr.read()
+    finally:
+        os.close(robot)
+        os.close(port)
