@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -42,6 +42,9 @@ MAX_SCHEDULE_BYTES = 16 << 20
 
 PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
 
+BUILT_PROGRAM, BUILT_SCHEDULE = "main.hex", "schedule.json"
+"""Names in the folder that `servogen build` writes."""
+
 Included = Callable[[str, str], Path | None]
 """(name, including file) -> the file that is included; None where there is none. Raises InputError."""
 
@@ -71,11 +74,28 @@ def read_assembly(path: Path) -> str:
     return read_input(path).decode("latin-1")
 
 
-def read_program(path: Path, device_name: str | None = None) -> Program:
-    """Returns the program in a HEX file, or in a C or assembly file, compiled within limits.
+def program_file(path: Path) -> Path:
+    """Return the file with the program: in a folder that `servogen build` wrote, its main.hex.
 
-    Raises InputError.
+    Raises InputError for another folder.
     """
+    if not path.is_dir():
+        return path
+    file = path / BUILT_PROGRAM
+    if not file.is_file():
+        what = f"is a folder without a {BUILT_PROGRAM}"
+        raise InputError("no-program", what, Location(str(path)), "servogen build writes one")
+    return file
+
+
+def read_program(path: Path, device_name: str | None = None) -> Program:
+    """Return the program in a HEX file, in a C or assembly file, compiled within limits, or in the folder of
+    a build, which has the clock of the schedule beside it. Raises InputError.
+    """
+    if path.is_dir():
+        schedule = path / BUILT_SCHEDULE
+        clock = read_schedule(schedule).clock if schedule.is_file() else None
+        return replace(read_program(program_file(path), device_name), clock=clock)
     if path.suffix.lower() not in (C_SUFFIX, *ASSEMBLY_SUFFIXES):
         return compile_program(path, device_name)
     return within_limits(lambda: compile_program(path, device_name), path)

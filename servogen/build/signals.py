@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from servogen.build.job_program import is_job, read_program
 from servogen.build.proof import running
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pic.device import DEVICES
 from servogen.pic.device import device as device_named
-from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, read_program
+from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of
 from servogen.pulse import PulseSchedule
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
@@ -33,17 +34,18 @@ Read = Callable[[Path, str], Program]
 
 
 def is_program(file: Path) -> bool:
-    """Return whether a file is run, judging by its suffix, or else holds edges. Raises InputError for
-    another suffix.
+    """Return whether a file is run, as a program, a job or the folder of a build, or else holds edges.
+
+    Raises InputError for another suffix.
     """
     suffix = file.suffix.lower()
-    if suffix in PROGRAM_SUFFIXES:
+    if suffix in PROGRAM_SUFFIXES or file.is_dir() or is_job(file):
         return True
     known = tuple(dict.fromkeys((*SUFFIXES, *CAPTURE_SUFFIXES)))
     if suffix not in known:
         raise InputError(
             "unknown-suffix",
-            f"'{file.suffix}' is not the ending of a program or of edges",
+            f"'{file.suffix}' is not the ending of a program, of a job or of edges",
             Location(str(file)),
             ", ".join((*PROGRAM_SUFFIXES, *known)),
         )

@@ -13,7 +13,7 @@ from servogen.cli.files import read_image
 from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.programs import read_schedule
+from servogen.programs import program_file, read_schedule
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ def register(app: typer.Typer) -> None:
 
 
 def flash(
-    file: Annotated[Path, typer.Argument(help="The HEX file to program.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="The HEX file to program, or the folder of a build.", show_default=False)
+    ],
     programmer: Annotated[
         str | None,
         typer.Option(
@@ -64,7 +66,14 @@ def flash(
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import Order, find
     from servogen.build.flashing import check, schedule_beside
+    from servogen.build.job_program import is_job
 
+    if is_job(file):
+        hint = f"build it, then flash its folder: servogen build {file}"
+        raise InputError(
+            "no-program", "is a job, and a programmer takes a HEX file", Location(str(file)), hint
+        )
+    file = program_file(file)
     image = read_image(file)
     path = against or schedule_beside(file)
     checked = check(file, image, device, path, read_schedule(path) if path else None)

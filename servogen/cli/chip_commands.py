@@ -187,7 +187,7 @@ def assemble(
 
 
 def disassemble(
-    file: Annotated[Path, typer.Argument(help="An Intel HEX file.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="An Intel HEX file, a job or its build.", show_default=False)],
     output: Output = None,
     device: DeviceName = "PIC16F84",
 ) -> None:

@@ -37,9 +37,16 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
 
 
 def read_image(path: Path) -> Image:
-    """Return the image in a HEX file; warn of what is unusual about the file. Raises InputError."""
+    """Return the image in a HEX file, in the folder of a build, or of a job; warn of what is unusual.
+
+    Raises InputError.
+    """
+    from servogen.build.job_program import is_job
     from servogen.pic.image import read_hex
 
+    if is_job(path):
+        return read_program(path).image
+    path = programs.program_file(path)
     file = read_hex(programs.read_source(path), str(path))
     for remark in file.remarks:
         warn(remark)
@@ -47,10 +54,15 @@ def read_image(path: Path) -> Image:
 
 
 def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
-    """Return the program in a HEX, C or assembly file; warn of what is unusual. Raises InputError."""
+    """Return the program in a HEX, C or assembly file, of a job or of its build; warn of what is unusual.
+
+    Raises InputError.
+    """
+    from servogen.build.job_program import read_program as read
+
     if path.suffix.lower() in (programs.C_SUFFIX, *programs.ASSEMBLY_SUFFIXES):
         warn_of_missing_limits()
-    found = programs.read_program(path, device_name)
+    found = read(path, device_name)
     for remark in found.remarks:
         warn(remark)
     return found

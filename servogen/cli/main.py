@@ -11,7 +11,7 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, TextIO
@@ -30,26 +30,39 @@ if TYPE_CHECKING:
 NOBODY_READS = 141
 """What a shell reports for a program that a closed pipe has ended; also where standard output is closed."""
 
-COMMANDS = {
-    "job_commands": ("new", "check", "build", "demo", "plan", "report", "tune"),
-    "chip_commands": ("compile", "assemble", "disassemble"),
-    "simulate_commands": ("simulate",),
-    "signal_commands": ("verify", "measure", "plot"),
-    "proof_commands": ("prove", "check-certificate"),
-    "robot_commands": (
-        *("robots", "fk", "ik", "jacobian", "statics"),
-        *("transform", "orientation", "differential", "mobility"),
-    ),
-    "motion_commands": ("gait", "run-program"),
-    "bench_commands": ("flash", "capture", "rig"),
-    "drive_commands": ("drive", "calibrate"),
-    "grade_commands": ("grade",),
-    "schema_commands": ("schema",),
-    "doctor_commands": ("doctor",),
-    "twin_commands": ("twin",),
-    "watch_commands": ("watch",),
+GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "Jobs": {
+        "job_commands": ("new", "check", "build", "demo", "plan", "report", "tune"),
+    },
+    "Programs and signals": {
+        "chip_commands": ("compile", "assemble", "disassemble"),
+        "simulate_commands": ("simulate",),
+        "signal_commands": ("verify", "measure", "plot"),
+        "proof_commands": ("prove", "check-certificate"),
+    },
+    "Robots and motion": {
+        "robot_commands": (
+            *("robots", "fk", "ik", "jacobian", "statics"),
+            *("transform", "orientation", "differential", "mobility"),
+        ),
+        "motion_commands": ("gait", "run-program"),
+    },
+    "Bench and robot": {
+        "bench_commands": ("flash", "capture", "rig"),
+        "drive_commands": ("drive", "calibrate"),
+        "twin_commands": ("twin",),
+        "watch_commands": ("watch",),
+    },
+    "Labs and tools": {
+        "grade_commands": ("grade",),
+        "schema_commands": ("schema",),
+        "doctor_commands": ("doctor",),
+    },
 }
-"""The modules of this package that define commands, and the commands that each of them registers."""
+"""The groups of commands in `servogen --help`; in each the modules that define them, and their commands."""
+
+COMMANDS = {module: names for modules in GROUPS.values() for module, names in modules.items()}
+PANELS = {name: group for group, modules in GROUPS.items() for names in modules.values() for name in names}
 
 
 class Commands(TyperGroup):
@@ -69,14 +82,16 @@ class Commands(TyperGroup):
             part = typer.Typer()
             part.callback()(_options)  # makes it a group, even of a single command
             import_module(f"servogen.cli.{module}").register(part)
-            self.commands.update(typer.main.get_group(part).commands)
+            for name, command in typer.main.get_group(part).commands.items():
+                command.rich_help_panel = PANELS[name]  # type: ignore[attr-defined]  # typer's own
+                self.commands[name] = command
 
 
 app = typer.Typer(
     name="servogen",
     cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="From a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven.",
     epilog="Exit codes: 0 done or proven, 1 found wrong, 2 bad input, 3 a tool is missing or failed, "

@@ -47,7 +47,9 @@ class Interrupts(StrEnum):
 
 
 def prove(
-    file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="A HEX, C or assembly file, a job or its build.", show_default=False)
+    ],
     against: Annotated[
         Path | None,
         typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
@@ -345,9 +347,10 @@ def check_certificate(
     """
     from servogen import checker
     from servogen.pic.image import read_hex
-    from servogen.programs import MAX_SCHEDULE_BYTES, read_source
+    from servogen.programs import MAX_SCHEDULE_BYTES, program_file, read_source
 
     claim = checker.read_certificate(read_input(certificate, MAX_CERTIFICATE_BYTES), str(certificate))
+    hex_file = program_file(hex_file)
     image = read_hex(read_source(hex_file), str(hex_file)).image
     held = ", ".join(f"{pin} held at {level}" for pin, level in claim.held.items())
     try:

@@ -31,7 +31,8 @@ FOREVER_SECONDS = 3 * 3600.0
 SignalFile = Annotated[
     Path,
     typer.Argument(
-        help="A HEX, C or assembly file, or recorded edges: CSV, JSONL or VCD.", show_default=False
+        help="A HEX, C or assembly file, a job or its build, or recorded edges: CSV, JSONL or VCD.",
+        show_default=False,
     ),
 ]
 OwnDevice = Annotated[

@@ -40,7 +40,9 @@ def register(app: typer.Typer) -> None:
 
 
 def simulate(
-    file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="A HEX, C or assembly file, a job or its build.", show_default=False)
+    ],
     chip: ChipOptions,
     seconds: Seconds = None,
     cycles: Annotated[

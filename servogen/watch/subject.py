@@ -26,6 +26,7 @@ from servogen.programs import (
     HEX_SUFFIXES,
     PROGRAM_SUFFIXES,
     clock_of,
+    program_file,
     read_program,
 )
 from servogen.pulse import PulseSchedule
@@ -88,6 +89,7 @@ class Subject:
 
 def check(path: Path) -> None:
     """Raise InputError for a file that cannot be watched, as far as that can be known at once."""
+    path = program_file(path)
     suffix = path.suffix.lower()
     known = (JOB_SUFFIX, *PROGRAM_SUFFIXES, *CAPTURE_SUFFIXES)
     if suffix not in known:
@@ -108,6 +110,7 @@ def load_subject(path: Path, setting: Setting, progress: Callable[[str], None] =
 
 
 def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
+    path = program_file(path)
     suffix = path.suffix.lower()
     if suffix == JOB_SUFFIX:
         return job_subject(path, plan_job(load(path)), setting, progress)

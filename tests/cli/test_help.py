@@ -1,16 +1,21 @@
 """What `--help` says is what was written, and every command is found by its name."""
 
+import os
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 from rich.text import Text
 
-from servogen.cli.main import COMMANDS, Commands, app
+from servogen.cli.main import COMMANDS, GROUPS, Commands, app
+from tests.cli.conftest import Run
 
 
 def helps() -> Iterator[str]:
@@ -59,3 +64,39 @@ def test_a_command_that_is_close_to_the_unknown_one_is_named() -> None:
     assert isinstance(group, Commands)
     with pytest.raises(Exception, match="Did you mean 'calibrate'"):
         group.main(["calibrat"], prog_name="servogen", standalone_mode=False)
+
+
+def test_the_commands_are_shown_in_groups_and_h_is_help(run: Run) -> None:
+    shown = run("-h")
+    assert (shown.code, shown.err) == (0, "")
+    titles = re.findall(r"^╭─ (.*?) ─+╮$", shown.out, re.M)
+    assert titles == ["Options", *GROUPS]
+    panels = re.split(r"^╭─ .*$", shown.out, flags=re.M)[2:]
+    for panel, modules in zip(panels, GROUPS.values(), strict=True):
+        first = re.findall(r"^│ ([a-z][a-z-]*)  ", panel, re.M)
+        assert first == [name for names in modules.values() for name in names]
+    for command in ("grade", "fk", "simulate"):
+        assert run(command, "-h").out == run(command, "--help").out
+
+
+COMPLETIONS = [
+    ("servogen gr", 1, "grade"),
+    ("servogen check-", 1, "check-certificate"),
+    ("servogen grade --ju", 2, "--junit"),
+    ("servogen schema l", 2, "lab"),
+    ("servogen nothing-like-it", 1, ""),
+]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash_completes_commands_options_and_values() -> None:
+    """With the script that --show-completion prints, in a shell that finds servogen on its path."""
+    script = 'eval "$(servogen --show-completion)"\n'
+    for line, number, _ in COMPLETIONS:
+        script += f"COMP_WORDS=({line}); COMP_CWORD={number}; COMPREPLY=()\n"
+        script += '_servogen_completion servogen; echo "${COMPREPLY[*]}"\n'
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "--norc", "-c", script], capture_output=True, text=True, env={**os.environ, "PATH": path}
+    )
+    assert done.stdout.splitlines() == [expected for *_, expected in COMPLETIONS], done.stderr

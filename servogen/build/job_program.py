@@ -1,0 +1,33 @@
+"""A program wherever it is: in a file, in the folder of a build, or in the job that it is built from.
+
+In: a path. Out: a `Program`; a job file is built in the dialect that it names.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from servogen import programs
+from servogen.build.engines import planned
+from servogen.job import Job, load, plan_job
+from servogen.programs import Program
+
+JOB_SUFFIX = ".toml"
+
+
+def is_job(path: Path) -> bool:
+    return path.suffix.lower() == JOB_SUFFIX and not path.is_dir()
+
+
+def read_program(path: Path, device_name: str | None = None) -> Program:
+    """Return the program in a file or in the folder of a build, or the one of a job. Raises InputError.
+
+    The device of a job is the job's own.
+    """
+    return job_program(load(path)) if is_job(path) else programs.read_program(path, device_name)
+
+
+def job_program(job: Job) -> Program:
+    """Return the program of a job, in the job's dialect. Raises InputError."""
+    made = planned(plan_job(job)).make(job.firmware.dialect).compilation
+    return Program(made.image, made.listing, job.clock)
