@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from servogen.debug.symbols import Variable, routine, variable
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import HIGH, LOW, PINS, EdgeChunk
+from servogen.edges import HIGH, LOW, PINS, EdgeChunk, join
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
@@ -156,22 +156,36 @@ def run_to(
         return marked
 
     while machine.now < end:
+        while machine.machine.pc in writers and not machine.machine.asleep and machine.now < end:
+            held = [each.holds(machine) for each in conditions]
+            chunk = _step(machine)
+            if made is not None:
+                made.append(chunk)
+            if chunk.pin[wanted(chunk)].size:
+                pin, level = (int(column[wanted(chunk)][0]) for column in chunk[1:])
+                return next(each for each in edges if _is_edge(each, pin, level))
+            for each, before in zip(conditions, held, strict=True):
+                if not before and each.holds(machine):
+                    return each
+            if machine.machine.pc in addresses:
+                return addresses[machine.machine.pc]
+        if machine.now >= end:
+            return None
         stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=made)
         if stop is None:
             return None
         if stop.edge is not None:
             return next(each for each in edges if _is_edge(each, *stop.edge))
-        if machine.machine.pc in writers:
-            held = [each.holds(machine) for each in conditions]
-            if machine.machine.pc in addresses:
-                return addresses[machine.machine.pc]
-            machine.step(1)
-            for each, before in zip(conditions, held, strict=True):
-                if not before and each.holds(machine):
-                    return each
         if machine.machine.pc in addresses:
             return addresses[machine.machine.pc]
     return None
+
+
+def _step(machine: TimeMachine) -> EdgeChunk:
+    """Execute an instruction and return the edges that it makes."""
+    begin, before = machine.now, machine.machine.edges_made
+    machine.step(1)
+    return join(()) if machine.machine.edges_made == before else machine.edges(begin, machine.now)
 
 
 def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:

@@ -9,10 +9,11 @@ from servogen.compiler import Source, compile_sources
 from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, parse_breakpoint, run_to
 from servogen.debug.symbols import Variable
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import HIGH, PINS
+from servogen.edges import HIGH, PINS, EdgeChunk, join
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.units import Clock
+from tests.simulator.helpers import image
 
 C = """\
 #pragma CLOCK_FREQ 4000000
@@ -79,6 +80,31 @@ def test_the_first_of_several_stops_it() -> None:
     assert run(chip, "n == 7", "RB2 rise", "line 12") == "line 12"
     assert run(chip, "n == 7", "RB2 rise") == "RB2 rise"
     assert run(chip, "n == 7", "RB2 rise") == "n == 7"
+
+
+def test_a_condition_comes_true_by_the_second_of_two_writes_in_a_row() -> None:
+    """The low byte is written first: 0x0105 is there after the fourth instruction, in cycle 4."""
+    made = image(" movlw 5\n movwf 0x20\n movlw 1\n movwf 0x21\n movwf 0x20\n movwf 0x21\nend_ goto end_\n")
+    for value, cycle in ((0x0105, 4), (0x0101, 5)):
+        chip = TimeMachine(made, Clock(4_000_000))
+        condition = AtCondition("word", Variable(0x20, 2), "==", value)
+        assert run_to(chip, 100, [condition], made) == condition
+        assert chip.now == cycle
+
+
+def test_an_edge_that_a_write_through_fsr_makes_is_kept_and_stops_too() -> None:
+    """The write through FSR is watched, because it may reach the condition's byte."""
+    text = (
+        " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n movlw 6\n movwf FSR\n movwf INDF\nend_ goto end_\n"
+    )
+    made = image(text)
+    condition = AtCondition("never", Variable(0x20, 1), "==", 1)
+    for stops, kept in (([condition], 2), ([condition, AtEdge("RB2", PINS.index("RB2"), HIGH)], 2)):
+        chip = TimeMachine(made, Clock(4_000_000))
+        edges: list[EdgeChunk] = []
+        found = run_to(chip, 100, stops, made, edges)
+        assert found == (None if len(stops) == 1 else stops[1])
+        assert [tuple(row) for row in zip(*join(edges), strict=True)][-kept:] == [(5, 6, 1), (5, 7, 1)]
 
 
 def test_a_run_without_a_hit_ends_where_it_should() -> None:
