@@ -70,6 +70,8 @@ class Looking:
     """CHANNEL=PIN where the wiring is not the default."""
     stitch: bool = True
     """Whether several captures may be joined if one is too short."""
+    triggered: bool = True
+    """Whether the capture waits for the trigger, or begins at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +144,7 @@ def capture(
     check_name(output)
     wired = wires(looking.wire)
     pin = looking.trigger or (schedule.channels[0].pin if schedule else "RB0")
-    channel = channel_of(pin, wired)
+    channel = channel_of(pin, wired) if looking.triggered else None
     with open_port(port, BAUD) as line:
         device = identify(line)
         several = looking.stitch and schedule is not None
@@ -202,7 +204,7 @@ def _looks(
     line: Port,
     planned: Plan,
     frames: int,
-    channel: int,
+    channel: int | None,
     wired: Mapping[int, int],
     schedule: PulseSchedule | None,
     whole_loop: bool,
@@ -223,7 +225,7 @@ def _looks(
     )
 
 
-def _look(line: Port, planned: Plan, channel: int, label: str, progress: Progress) -> Seen:
+def _look(line: Port, planned: Plan, channel: int | None, label: str, progress: Progress) -> Seen:
     patience = SLACK * float(planned.seconds) + PATIENCE_S
     look = Look(planned.rate, planned.words, planned.rle, channel, patience)
     with progress(label, planned.words) as done:

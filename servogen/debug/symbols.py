@@ -5,6 +5,7 @@ In: a program's `Listing`. Out: addresses in RAM and in the program, and the sou
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import NamedTuple
 
 from servogen.debug.time_machine import NO_LINE, TimeMachine
@@ -32,7 +33,7 @@ class SourceLine(NamedTuple):
     """Empty where the listing does not hold the source."""
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.text}".rstrip(": ")
+        return f"{PurePath(self.file).name}:{self.line}: {self.text}".rstrip(": ")
 
 
 def variable(name: str, listing: Listing | None) -> Variable:

@@ -1,5 +1,10 @@
 """The pytest plugin: the same tests of firmware in simulation, on the bench and on recordings.
 
+    def test_the_led_blinks(servogen_machine):        # any firmware: HEX, C or assembly
+        chip = servogen_machine("blink.c")
+        chip.run_ms(500)
+        assert chip.widths_us("RB0") == pytest.approx([1000] * 4, abs=20)
+
     from servogen.testing.plugin import assert_pulses
 
     @pytest.mark.servogen("build/lab8-exercise")      # a job's folder: main.hex and schedule.json
@@ -12,48 +17,44 @@ Heavy imports stand inside: every pytest run of the environment loads this file.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from servogen.errors import InputError, Location
+from servogen.errors import InputError, Location, did_you_mean
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
+    from servogen.programs import Program
     from servogen.pulse import PulseSchedule
-    from servogen.testing.targets import Bench, Seen, Target
+    from servogen.simulator import Options, Stimuli
+    from servogen.testing.chip import Chip
+    from servogen.testing.seen_chip import SeenChip
+    from servogen.testing.targets import Bench, Capture, Seen, Target
     from servogen.twin import Verdict
+    from servogen.units import Clock
     from servogen.verify import Tolerances
 
 MARK, BENCH_MARK = "servogen", "servogen_bench"
 MARKERS = (
-    f"{MARK}(folder, image=None, schedule=None, seconds=None): the program that the test's fixtures run, "
-    "its schedule, and how long it is looked at",
+    f"{MARK}(program, image=None, schedule=None, seconds=None, stimulus=None): the program that the test's "
+    "fixtures run, or the folder of its build; its schedule, if it has one; how long it is looked at; what "
+    "drives its pins",
     f"{BENCH_MARK}: the test needs a chip on the bench",
 )
 CAPTURES = "servogen-captures"
 """The folder, below pytest's root, where what a failed test saw is written."""
 
 
-@dataclass(frozen=True)
-class Capture:
-    """What the pins did in one test."""
-
-    seen: Seen = field(repr=False)
-    properties: list[tuple[str, object]] = field(repr=False)
-    """The test's own, which JUnit reports show."""
-
-    @property
-    def source(self) -> str:
-        """Return where it was seen, in words."""
-        return self.seen.source
-
+MARK_KEYS = ("image", "schedule", "seconds", "stimulus")
 
 BENCH: pytest.StashKey[Bench] = pytest.StashKey()
 SEEN: pytest.StashKey[list[Capture]] = pytest.StashKey()
+CHIPS: pytest.StashKey[list[Chip | SeenChip]] = pytest.StashKey()
+PROGRAMS: pytest.StashKey[dict[tuple[Path, str | None], Program]] = pytest.StashKey()
 
 
 def assert_pulses(
@@ -134,34 +135,32 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     """Write what a failed test saw, and name the file in its report."""
     report = yield
     if report.when == "call" and report.failed:
-        for capture in item.stash.get(SEEN, []):
-            path = _write(item, capture, item.config.rootpath / CAPTURES)
-            report.sections.append(("servogen capture", f"{path}: what was seen on {capture.source}"))
-            capture.properties.append(("servogen_capture", str(path)))
+        found = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
+        for name, seen in [*found, *_seen_of_chips(item)]:
+            path = _write(name, seen, item.config.rootpath / CAPTURES)
+            report.sections.append(("servogen capture", f"{path}: what was seen on {seen.source}"))
+            item.user_properties.append(("servogen_capture", str(path)))
+        for chip in item.stash.get(CHIPS, []):
+            report.sections.append((f"servogen waves: {chip.name}", "\n".join(chip.report())))
     return report
 
 
 @pytest.fixture
-def servogen_image(request: pytest.FixtureRequest) -> Image:
+def servogen_program(request: pytest.FixtureRequest) -> Program:
     """Return the program under test, compiled or assembled if it is C or assembly."""
-    from servogen.programs import read_program
+    return _program(request.node, _required(request.node, "image"))
 
-    path = _file(request.node, "image", "main.hex")
-    _property(request.node, "servogen_program", path)
-    program = read_program(path)
-    for remark in program.remarks:
-        request.node.warn(pytest.PytestWarning(str(remark)))
-    return program.image
+
+@pytest.fixture
+def servogen_image(servogen_program: Program) -> Image:
+    """Return the words of the program under test."""
+    return servogen_program.image
 
 
 @pytest.fixture
 def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
     """Return the schedule that the program should follow."""
-    from servogen.programs import read_schedule
-
-    path = _file(request.node, "schedule", "schedule.json")
-    _property(request.node, "servogen_schedule", path)
-    return read_schedule(path)
+    return _schedule(request.node, _required(request.node, "schedule"))
 
 
 @pytest.fixture
@@ -200,28 +199,91 @@ def _bench(request: pytest.FixtureRequest) -> Bench:
 
 
 @pytest.fixture
-def servogen_capture(
-    request: pytest.FixtureRequest, servogen_target: Target, servogen_schedule: PulseSchedule
-) -> Capture:
+def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) -> Capture:
     """Return what the pins do while the program runs, after it was loaded and the chip reset."""
-    from servogen.testing.targets import Bench, Replay
+    from servogen.testing.targets import Bench, Capture, CaptureRequest, Replay
 
-    there = isinstance(servogen_target, Bench) and servogen_target.programmer is None
-    if there:
-        request.node.user_properties.append(("servogen_program", "what was on the chip"))
+    node = request.node
+    named = _named(node, "schedule")
+    schedule = None if named is None else _schedule(node, named)
+    program = None
+    if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
+        node.user_properties.append(("servogen_program", "what was on the chip"))
     elif not isinstance(servogen_target, Replay):
-        if isinstance(servogen_target, Bench):
-            servogen_target.built_for = servogen_schedule.device
-        servogen_target.load(request.getfixturevalue("servogen_image"))
-    mark = request.node.get_closest_marker(MARK)
-    seen = servogen_target.capture(servogen_schedule, mark.kwargs.get("seconds") if mark else None)
-    request.node.user_properties.append(("servogen_source", seen.source))
-    capture = Capture(seen, request.node.user_properties)
-    request.node.stash.setdefault(SEEN, []).append(capture)
+        program = request.getfixturevalue("servogen_program")
+    clock = schedule.clock if schedule else _clock(node, program)
+    stimuli = _stimuli(node, _mark(node).get("stimulus"), clock)
+    if isinstance(servogen_target, Bench):
+        _skip_on_the_bench("the mark's stimulus", stimuli)
+        servogen_target.built_for = schedule.device if schedule else None
+    if program is not None:
+        servogen_target.load(program.image)
+    wanted = CaptureRequest(clock, schedule, _mark(node).get("seconds"), stimuli)
+    seen = servogen_target.capture(wanted)
+    node.user_properties.append(("servogen_source", seen.source))
+    capture = Capture(seen, clock, node.user_properties)
+    node.stash.setdefault(SEEN, []).append(capture)
     folder = request.config.getoption("servogen_record")
     if folder:
-        _write(request.node, capture, request.config.invocation_params.dir / folder)
+        _write(_name(node), seen, request.config.invocation_params.dir / folder)
     return capture
+
+
+@pytest.fixture
+def servogen_machine(
+    request: pytest.FixtureRequest, servogen_target: Target
+) -> Generator[Callable[..., Chip]]:
+    """A function that returns a chip with a program: `servogen_machine("blink.c")`.
+
+    Its other arguments: `clock_hz` and `device`, by default what the program's source says; `inputs`, levels
+    that pins are held at from power-up on; `stimulus`, a file or its text; `options`, those of the simulator.
+    On the bench and on recordings the chip can only be looked at.
+    """
+    from servogen.programs import clock_of
+    from servogen.simulator import Options
+    from servogen.testing.chip import Board, Chip
+    from servogen.testing.seen_chip import SeenChip, bench_look, replay_look
+    from servogen.testing.targets import Bench, Replay
+
+    node = request.node
+    chips: list[Chip | SeenChip] = node.stash.setdefault(CHIPS, [])
+
+    def machine(
+        program: str | Path | None = None,
+        *,
+        clock_hz: int | None = None,
+        device: str | None = None,
+        inputs: Mapping[str, int] | None = None,
+        stimulus: str | Path | None = None,
+        options: Options | None = None,
+    ) -> Chip:
+        path = _required(node, "image") if program is None else _beside(node, Path(program))
+        made = _program(node, path, device)
+        clock = clock_of(made, clock_hz)
+        given = stimulus if stimulus is not None else _mark(node).get("stimulus")
+        stimuli = _stimuli(node, given, clock)
+        chip: Chip | SeenChip
+        if isinstance(servogen_target, Replay):
+            replay = replace(servogen_target, test=_chip_name(node, len(chips)))
+            chip = SeenChip(path.name, clock, replay_look(replay, clock))
+        elif isinstance(servogen_target, Bench):
+            _skip_on_the_bench("a stimulus", stimuli)
+            _skip_on_the_bench("inputs", inputs)
+            servogen_target.built_for = device
+            if servogen_target.programmer is not None:
+                servogen_target.load(made.image)
+            chip = SeenChip(path.name, clock, bench_look(servogen_target, clock))
+        else:
+            around = options or Options()
+            board = replace(around, device=device) if device else around
+            chip = Chip(Board(path.name, made.image, clock, made.listing, board, stimuli, inputs or {}))
+        chips.append(chip)
+        return cast("Chip", chip)  # what a chip that is only seen cannot do skips the test
+
+    yield machine
+    folder = request.config.getoption("servogen_record")
+    for name, seen in _seen_of_chips(node) if folder else ():
+        _write(name, seen, request.config.invocation_params.dir / folder)
 
 
 @pytest.fixture
@@ -252,26 +314,117 @@ def _beside(node: pytest.Item, wanted: Path) -> Path:
     return next((place for place in places if place.exists()), places[-1])
 
 
-def _file(node: pytest.Item, key: str, usual: str) -> Path:
-    """Return the file that the test's mark or the command line names. Raises InputError."""
+def _mark(node: pytest.Item) -> Mapping[str, Any]:
+    """Return what the test's mark says. Raises InputError for a key that it does not have."""
     mark = node.get_closest_marker(MARK)
-    named = mark.kwargs.get(key) if mark else None
-    folder = mark.args[0] if mark and mark.args else node.config.getoption("servogen_build")
-    if named is None and folder is None:
+    unknown = next((key for key in (mark.kwargs if mark else ()) if key not in MARK_KEYS), None)
+    if unknown is not None:
+        raise InputError(
+            "unknown-key",
+            f"@pytest.mark.{MARK} has no '{unknown}'",
+            Location(node.nodeid),
+            did_you_mean(unknown, MARK_KEYS),
+        )
+    return mark.kwargs if mark else {}
+
+
+USUAL = {"image": "main.hex", "schedule": "schedule.json"}
+"""The files in the folder of a build."""
+
+
+def _named(node: pytest.Item, key: str) -> Path | None:
+    """Return the file that the test's mark or the command line names; None where they do not."""
+    from servogen.programs import PROGRAM_SUFFIXES
+
+    named = _mark(node).get(key)
+    if named is not None:
+        return _beside(node, Path(named))
+    mark = node.get_closest_marker(MARK)
+    place = mark.args[0] if mark and mark.args else node.config.getoption("servogen_build")
+    if place is None:
+        return None
+    found = _beside(node, Path(place))
+    if found.suffix.lower() in PROGRAM_SUFFIXES and not found.is_dir():
+        return found if key == "image" else None
+    path = _beside(node, Path(place) / USUAL[key])
+    return path if key == "image" or path.exists() else None
+
+
+def _required(node: pytest.Item, key: str) -> Path:
+    """Return the file that the test's mark or the command line names. Raises InputError."""
+    found = _named(node, key)
+    if found is None:
         raise InputError(
             "missing-option",
-            f"the test does not say its {key}",
+            f"the test does not say its {'program' if key == 'image' else key}",
             Location(node.nodeid),
-            f'mark it @pytest.mark.{MARK}("DIR") with a folder that `servogen build` wrote, '
+            f'mark it @pytest.mark.{MARK}("DIR"), with a folder that `servogen build` wrote or a program, '
             "or give --servogen-build=DIR",
         )
-    return _beside(node, Path(named) if named is not None else Path(folder) / usual)
+    return found
+
+
+def _program(node: pytest.Item, path: Path, device: str | None = None) -> Program:
+    """Return the program in a file, which is compiled once for all tests of this run."""
+    from servogen.programs import read_program
+
+    _property(node, "servogen_program", path)
+    known = node.config.stash.setdefault(PROGRAMS, {})
+    if (path, device) not in known:
+        known[path, device] = read_program(path, device)
+    for remark in known[path, device].remarks:
+        node.warn(pytest.PytestWarning(str(remark)))
+    return known[path, device]
+
+
+def _clock(node: pytest.Item, program: Program | None) -> Clock:
+    """Return the clock of a program without a schedule, which is read for it if it is named."""
+    from servogen.programs import clock_of
+
+    path = _named(node, "image") if program is None else None
+    return clock_of(program if path is None else _program(node, path))
+
+
+def _schedule(node: pytest.Item, path: Path) -> PulseSchedule:
+    from servogen.programs import read_schedule
+
+    _property(node, "servogen_schedule", path)
+    return read_schedule(path)
+
+
+def _stimuli(node: pytest.Item, given: str | Path | None, clock: Clock) -> Stimuli | None:
+    """Return the stimuli in a file, or in the text of one. Raises InputError."""
+    from servogen.simulator import load_stimuli, parse_stimuli
+
+    if given is None:
+        return None
+    if isinstance(given, str) and "[[" in given:
+        return parse_stimuli(given, node.nodeid, clock)
+    return load_stimuli(_beside(node, Path(given)), clock)
+
+
+def _skip_on_the_bench(what: str, given: object) -> None:
+    if given:
+        pytest.skip(f"needs the simulated chip: on the bench nothing applies {what}")
+
+
+def _seen_of_chips(node: pytest.Item) -> list[tuple[str, Seen]]:
+    """Return what was seen of each of the test's chips, with the names of its recordings."""
+    from servogen.testing.targets import further
+
+    chips: list[Chip | SeenChip] = node.stash.get(CHIPS, [])
+    return [
+        (further(_chip_name(node, number), piece), seen)
+        for number, chip in enumerate(chips)
+        for piece, seen in enumerate(chip.seen)
+    ]
 
 
 def _property(node: pytest.Item, name: str, path: Path) -> None:
     inside = path.is_relative_to(node.config.rootpath)
     shown = path.relative_to(node.config.rootpath) if inside else path
-    node.user_properties.append((name, shown.as_posix()))
+    if (name, shown.as_posix()) not in node.user_properties:
+        node.user_properties.append((name, shown.as_posix()))
 
 
 def _name(node: pytest.Item) -> str:
@@ -279,8 +432,13 @@ def _name(node: pytest.Item) -> str:
     return re.sub(r"[^\w.=+-]+", "-", f"{node.path.stem}-{node.name}").strip("-")
 
 
-def _write(node: pytest.Item, capture: Capture, folder: Path) -> Path:
+def _chip_name(node: pytest.Item, number: int) -> str:
+    """Return the name of the recordings of the test's first, second, ... chip."""
+    return f"{_name(node)}-chip{number + 1}" if number else _name(node)
+
+
+def _write(name: str, seen: Seen, folder: Path) -> Path:
     from servogen.testing.targets import record
 
     folder.mkdir(parents=True, exist_ok=True)
-    return record(capture.seen, folder / f"{_name(node)}.vcd")
+    return record(seen, folder / f"{name}.vcd")

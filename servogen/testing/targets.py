@@ -1,20 +1,20 @@
 """What a test runs on: the simulator, a recording, the bench. Each gives a `Seen`: what the pins did.
 
-In: an image and the schedule that it should follow. Out: edges, and by `check` whether they are the
+In: a program and, if it should follow one, a schedule. Out: edges, and by `check` whether they are the
 schedule's, exactly where the chip was simulated and within tolerances where an analyser looked.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
 from servogen.bench.programmers.flash import flash, objections
 from servogen.bench.programmers.table import Order, find
-from servogen.build.capture import capture
+from servogen.build.capture import Looking, capture
 from servogen.build.proof import (
     START_FRAMES,
     checked_cycles,
@@ -26,19 +26,21 @@ from servogen.build.proof import (
     prove_file,
 )
 from servogen.edges import PINS, EdgeTrace
-from servogen.engines.board import machine_of
+from servogen.engines.board import board_of, inputs_of
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.outputs import write_text
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
-from servogen.simulator import CHIP_DEPENDENT
+from servogen.simulator import CHIP_DEPENDENT, Machine, Options, Stimuli
+from servogen.testing.signals import Signals
 from servogen.traces import SUFFIXES as EDGE_SUFFIXES
 from servogen.traces import read_edges, write_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
-from servogen.traces.captures import Capture, is_capture, read_capture
-from servogen.units import Cycles
+from servogen.traces.captures import Capture as CaptureFile
+from servogen.traces.captures import is_capture, read_capture
+from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
 
@@ -49,7 +51,7 @@ class Seen:
     trace: EdgeTrace
     source: str
     """Where it was seen, in words."""
-    capture: Capture | None = None
+    capture: CaptureFile | None = None
     """All that an analyser's file says: its clock is its own, its edges are on its samples."""
     span: Cycles | None = None
     """How much of it is to be judged; None: all of it."""
@@ -57,6 +59,27 @@ class Seen:
     """Where it is recorded already."""
     warnings: tuple[Diagnostic, ...] = ()
     """Of the program, where it was simulated."""
+
+
+@dataclass(frozen=True)
+class Capture(Signals):
+    """What the pins did in one test."""
+
+    seen: Seen = field(repr=False)
+    clock: Clock
+    properties: list[tuple[str, object]] = field(repr=False)
+    """The test's own, which JUnit reports show."""
+
+    @property
+    def source(self) -> str:
+        """Return where it was seen, in words."""
+        return self.seen.source
+
+    def pieces(self) -> Sequence[EdgeTrace]:
+        return (self.seen.trace,)
+
+    def chip_clock(self) -> Clock:
+        return self.clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +95,32 @@ class Checked:
     properties: tuple[tuple[str, str], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class CaptureRequest:
+    """What a test wants to see."""
+
+    clock: Clock
+    """The chip's."""
+    schedule: PulseSchedule | None = None
+    seconds: float | None = None
+    """None: long enough to judge the schedule's whole motion."""
+    stimuli: Stimuli | None = None
+    """What drives the pins from outside, in place of what the schedule says."""
+
+    @property
+    def cycles(self) -> Cycles:
+        """Return how long the pins are looked at. Raises InputError where nothing says."""
+        if self.seconds is not None:
+            return self.clock.round_seconds(self.seconds)
+        if self.schedule is None:
+            raise InputError(
+                "missing-option",
+                "the test says neither a schedule nor how long to look",
+                hint="@pytest.mark.servogen(..., seconds=0.5)",
+            )
+        return checked_cycles(self.schedule)
+
+
 class Target(Protocol):
     """Something that runs a program and lets its pins be seen."""
 
@@ -81,8 +130,8 @@ class Target(Protocol):
     def load(self, image: Image) -> None:
         """Load the program and reset the chip."""
 
-    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """Return what the pins do for some seconds; by default long enough to judge the whole motion."""
+    def capture(self, request: CaptureRequest) -> Seen:
+        """Return what the pins do."""
 
 
 class Simulator:
@@ -96,15 +145,18 @@ class Simulator:
     def load(self, image: Image) -> None:
         self._image = image
 
-    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+    def capture(self, request: CaptureRequest) -> Seen:
         if self._image is None:
             raise InputError(
                 "no-program", "there is no program on the simulated chip", hint="load an image first"
             )
-        span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
-        limit = Cycles(span + START_FRAMES * schedule.period)
-        machine = machine_of(schedule, self._image, tracked=True)
-        trace = EdgeTrace(schedule.clock, machine.stream(limit), limit).stored()
+        span = limit = request.cycles
+        options, stimuli, schedule = Options(), request.stimuli, request.schedule
+        if schedule is not None:
+            limit = Cycles(span + START_FRAMES * schedule.period)
+            options, stimuli = board_of(schedule), stimuli or inputs_of(schedule)
+        machine = Machine(self._image, request.clock, options, stimuli, tracked=True)
+        trace = EdgeTrace(request.clock, machine.stream(limit), limit).stored()
         return Seen(trace, "the simulated chip", span=span, warnings=chip_warnings(machine))
 
 
@@ -119,21 +171,36 @@ class Replay:
     def load(self, image: Image) -> None:
         return
 
-    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+    def capture(self, request: CaptureRequest) -> Seen:
         """Return the recording, all of it whatever `seconds` say. Raises InputError where there is none."""
+        return self.recording(self.test, request.clock)
+
+    def recordings(self, clock: Clock) -> list[Seen]:
+        """Return what each run of the test's chip showed. Raises InputError where there is no recording."""
+        found = [self.recording(self.test, clock)]
+        while self._path(further(self.test, len(found))) is not None:
+            found.append(self.recording(further(self.test, len(found)), clock))
+        return found
+
+    def _path(self, name: str) -> Path | None:
         suffixes = dict.fromkeys((*CAPTURE_SUFFIXES, *EDGE_SUFFIXES))
-        paths = [self.folder / f"{self.test}{suffix}" for suffix in suffixes]
-        path = next((path for path in paths if path.is_file()), None)
+        paths = [self.folder / f"{name}{suffix}" for suffix in suffixes]
+        return next((path for path in paths if path.is_file()), None)
+
+    def recording(self, name: str, clock: Clock) -> Seen:
+        """Return the recording of that name. Raises InputError where there is none."""
+        path = self._path(name)
         if path is None:
             raise InputError(
                 "unreadable-file",
                 "there is no recording of this test",
-                Location(str(self.folder / self.test)),
-                f"record it with --servogen-record={self.folder}; it ends in one of {', '.join(suffixes)}",
+                Location(str(self.folder / name)),
+                f"record it with --servogen-record={self.folder}; it ends in one of "
+                f"{', '.join(dict.fromkeys((*CAPTURE_SUFFIXES, *EDGE_SUFFIXES)))}",
             )
         source = f"the recording {path}"
         if not is_capture(path):
-            return Seen(read_edges(path, schedule.clock).stored(), source, file=path)
+            return Seen(read_edges(path, clock).stored(), source, file=path)
         return captured(path, source)
 
 
@@ -153,7 +220,9 @@ class Bench:
     on_chip: Image | None = None
     """What was programmed by this run."""
     built_for: str | None = None
-    """The device of the test's schedule."""
+    """The device of the test's program, where its schedule or the test says it."""
+    captures: int = 0
+    """Made by this run, each in a file of its own."""
     name = "bench"
 
     def load(self, image: Image) -> None:
@@ -176,9 +245,16 @@ class Bench:
         flash(find(self.programmer), Order(path, device(chip), self.programmer_port), image)
         self.on_chip = image
 
-    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """Return what the analyser captures, by default for the whole loop. Raises ToolError."""
-        path = capture(self.folder / "capture.vcd", self.port, schedule, seconds).path
+    def capture(self, request: CaptureRequest) -> Seen:
+        """Return what the analyser captures, by default for the schedule's whole loop. Raises ToolError.
+
+        Without a schedule nothing says which pin moves, and the capture begins at once.
+        """
+        seconds = request.seconds if request.schedule else float(request.clock.seconds(request.cycles))
+        looking = Looking() if request.schedule else Looking(triggered=False)
+        self.captures += 1
+        output = self.folder / f"capture-{self.captures}.vcd"
+        path = capture(output, self.port, request.schedule, seconds, looking).path
         which = "which this run programmed" if self.on_chip else "which this run did not program"
         return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")
 
@@ -204,6 +280,11 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
     counted = (warning for warning in seen.warnings if end is None or cycle_of(warning) < end)
     verdict = verdict.with_warnings(tuple(counted), CHIP_DEPENDENT)
     return Checked(verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
+
+
+def further(name: str, number: int) -> str:
+    """Return the name of a test's recording; it has several where its chip was captured several times."""
+    return f"{name}-{number + 1}" if number else name
 
 
 def record(seen: Seen, path: Path) -> Path:

@@ -1,5 +1,6 @@
 """The pytest plugin, as a user's tests meet it: simulated, on recordings, on the bench, in reports."""
 
+import re
 import shutil
 from fractions import Fraction
 from importlib.util import find_spec
@@ -18,19 +19,13 @@ from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from tests.bench.conftest import Serve, image_of, serve  # noqa: F401 - a fixture
 
-pytest_plugins = ["pytester"]
-
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "firmware" / "lab8-exercise"
 
-TEST = """
-import pytest
-from servogen.testing.plugin import assert_pulses
-
-@pytest.mark.servogen("job")
-def test_arm(servogen_capture, servogen_schedule):
-    assert_pulses(servogen_capture, servogen_schedule)
-"""
+PAGE = (ROOT / "docs" / "testing-firmware.md").read_text()
+TEST = re.sub(r"  # what.*", "", re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)[-1])
+TEST = TEST.replace("build/lab8-exercise", "job").replace("test_the_arm_moves", "test_arm")
+"""The page's own example of a servo job."""
 
 
 TWICE = """
@@ -292,7 +287,7 @@ def test_a_test_that_does_not_say_its_program_is_told_how(project: pytest.Pytest
     project.makepyfile(test_firmware=TEST.replace('@pytest.mark.servogen("job")\n', ""))
     result = run(project)
     result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["*the test does not say its schedule*", '*@pytest.mark.servogen("DIR")*'])
+    result.stdout.fnmatch_lines(["*the test does not say its program*", '*@pytest.mark.servogen("DIR")*'])
     run(project, "--servogen-build=job").assert_outcomes(passed=1)
 
 

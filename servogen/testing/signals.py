@@ -1,0 +1,212 @@
+"""What pins did, in numbers that a test compares: edges, pulse widths, periods, bytes on a serial line.
+
+In: the edges of the pins, in one or several pieces. Out: whole instruction cycles or, from the functions
+whose names end in `_us`, microseconds. Only what was seen whole counts: a pulse that the end cuts off has no
+width.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from functools import partial
+from itertools import islice, pairwise, takewhile
+from operator import ge
+
+import numpy as np
+
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, join
+from servogen.errors import InputError, did_you_mean
+from servogen.simulator.sources import whole
+from servogen.units import Clock
+
+Moment = Fraction
+"""A time in microseconds, exact."""
+Level = tuple[Moment, int]
+"""From this moment on, a pin has this level."""
+
+MAX_BIT_ERROR = Fraction(1, 4)
+"""By how much of a bit an edge on a serial line may be early or late: then a receiver still has half of the
+margin to the middle of the bit for its own error."""
+DATA_BITS = 8
+STOP = DATA_BITS + 1
+
+
+def pin_index(name: str) -> int:
+    """Return a pin's index in `PINS`. Raises InputError."""
+    if name.upper() in PINS:
+        return PINS.index(name.upper())
+    raise InputError("unknown-pin", f"there is no pin '{name}'", hint=did_you_mean(name, PINS))
+
+
+class Signals(ABC):
+    """Edges of the pins, and what tests ask about them.
+
+    Times count from reset on the simulated chip and from the beginning of a capture. `since_us` leaves out
+    what began earlier.
+    """
+
+    @abstractmethod
+    def pieces(self) -> Sequence[EdgeTrace]:
+        """Return the edges: of one run of the chip, or of each of several captures."""
+
+    @abstractmethod
+    def chip_clock(self) -> Clock:
+        """Return the clock of the chip, whose cycles times are counted in."""
+
+    def rising(self, pin: str, *, since_us: float = 0) -> list[int]:
+        """Return the cycle of each rising edge."""
+        return self._cycles(self._edges(pin, HIGH, since_us))
+
+    def rising_us(self, pin: str, *, since_us: float = 0) -> list[float]:
+        """Return the time of each rising edge."""
+        return [float(each) for each in self._edges(pin, HIGH, since_us)]
+
+    def falling(self, pin: str, *, since_us: float = 0) -> list[int]:
+        """Return the cycle of each falling edge."""
+        return self._cycles(self._edges(pin, LOW, since_us))
+
+    def falling_us(self, pin: str, *, since_us: float = 0) -> list[float]:
+        """Return the time of each falling edge."""
+        return [float(each) for each in self._edges(pin, LOW, since_us)]
+
+    def widths(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[int]:
+        """Return the length of each pulse in cycles: of the high ones, or with `level=0` the low ones."""
+        return self._cycles(self._widths(pin, level, since_us))
+
+    def widths_us(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[float]:
+        """Return the length of each pulse: of the high ones, or with `level=0` the low ones."""
+        return [float(each) for each in self._widths(pin, level, since_us)]
+
+    def periods(self, pin: str, *, since_us: float = 0) -> list[int]:
+        """Return the time from each rising edge to the next in cycles."""
+        return self._cycles(self._periods(pin, since_us))
+
+    def periods_us(self, pin: str, *, since_us: float = 0) -> list[float]:
+        """Return the time from each rising edge to the next."""
+        return [float(each) for each in self._periods(pin, since_us)]
+
+    def uart(self, pin: str, baud: float, *, inverted: bool = False, since_us: float = 0) -> bytes:
+        """Return the bytes sent on a pin: a start bit, eight bits, the lowest first, a stop bit.
+
+        A pin that nothing drives is idle, and a start bit that ends before its middle is a disturbance. Fails
+        where a stop bit is missing or an edge is more than a quarter of a bit from where it belongs.
+        """
+        if not 0 < baud <= self.chip_clock().cycles_per_second:
+            raise InputError(
+                "out-of-range",
+                f"baud = {baud:g} is not between 0 and one bit in a cycle",
+                hint=f"at most {float(self.chip_clock().cycles_per_second):g} with this clock",
+            )
+        index, idle = pin_index(pin), LOW if inverted else HIGH
+        received = b""
+        for trace in self.pieces():
+            line = _levels(trace, index, undriven=idle, since=Fraction(since_us))
+            received += _decoded(pin.upper(), line, Fraction(baud), idle, _us(trace, trace.end))
+        return received
+
+    def _cycles(self, times: Sequence[Moment]) -> list[int]:
+        return [whole(each / self.chip_clock().cycle_us) for each in times]
+
+    def _edges(self, pin: str, level: int, since_us: float) -> list[Moment]:
+        return [at for line in self._lines(pin, since_us) for at, now in line[1:] if now == level]
+
+    def _widths(self, pin: str, level: int, since_us: float) -> list[Moment]:
+        return [
+            end - begin
+            for line in self._lines(pin, since_us)
+            for (begin, now), (end, _) in pairwise(line[1:])
+            if now == level
+        ]
+
+    def _periods(self, pin: str, since_us: float) -> list[Moment]:
+        return [
+            later - earlier
+            for line in self._lines(pin, since_us)
+            for earlier, later in pairwise(at for at, level in line[1:] if level == HIGH)
+        ]
+
+    def _lines(self, pin: str, since_us: float) -> Iterator[list[Level]]:
+        """Yield for each piece the level at the beginning, then each change."""
+        index, since = pin_index(pin), Fraction(since_us)
+        for trace in self.pieces():
+            yield _levels(trace, index, undriven=LOW, since=since)
+
+
+def _us(trace: EdgeTrace, cycle: int) -> Moment:
+    return trace.clock.us(cycle)
+
+
+def _levels(trace: EdgeTrace, pin: int, undriven: int, since: Moment) -> list[Level]:
+    """Return the level of a pin at the beginning, or at `since`, and each later change.
+
+    The level at time 0 is what a capture begins with, not an edge.
+    """
+    edges = join(trace.chunks)
+    own = np.flatnonzero(edges.pin == pin)
+    line: list[Level] = [(Fraction(0), undriven)]
+    for cycle, level in zip(edges.cycle[own].tolist(), edges.level[own].tolist(), strict=True):
+        at, driven = _us(trace, cycle), undriven if level == UNDRIVEN else level
+        if at <= since and (at < since or cycle == 0):
+            line = [(at, driven)]
+        elif driven != line[-1][1]:
+            line.append((at, driven))
+    return line
+
+
+def _decoded(pin: str, line: Sequence[Level], baud: Fraction, idle: int, end: Moment) -> bytes:
+    """Return the bytes on a line, as a receiver that samples each bit in its middle reads them."""
+    bit = 1_000_000 / baud
+    received = bytearray()
+    free = Fraction(-1)
+    """Until when a byte is under way."""
+    for number, (start, level) in enumerate(line):
+        if level == idle or not number or line[number - 1][1] != idle or start <= free:
+            continue
+        if start + (STOP + Fraction(1, 2)) * bit > end:
+            break  # cut off
+        middles = [start + (n + Fraction(1, 2)) * bit for n in range(STOP + 1)]
+        bits = [int(_level_at(line, middle) == idle) for middle in middles]
+        if bits[0]:
+            continue
+        free = middles[-1]
+        inside = list(takewhile(partial(ge, free), (at for at, _ in islice(line, number + 1, None))))
+        wrong = next((at for at in inside if _error(at - start, bit) > MAX_BIT_ERROR), None)
+        if wrong is not None or not bits[-1]:
+            raise AssertionError(_bad_byte(pin, bytes(received), start, wrong, inside, bit))
+        received.append(sum(value << n for n, value in enumerate(bits[1:STOP])))
+    return bytes(received)
+
+
+def _level_at(line: Sequence[Level], at: Moment) -> int:
+    low, high = 0, len(line)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if line[middle][0] <= at else (low, middle)
+    return line[low][1]
+
+
+def _error(after: Moment, bit: Fraction) -> Fraction:
+    """Return by how much of a bit an edge is off the nearest border between two bits."""
+    return abs(after / bit - whole(after / bit))
+
+
+def _bad_byte(
+    pin: str, received: bytes, start: Moment, wrong: Moment | None, inside: Sequence[Moment], bit: Fraction
+) -> str:
+    baud = 1_000_000 / bit
+    text = f"{pin} at {float(baud):g} baud: byte {len(received) + 1}, from {float(start):.10g} µs, "
+    if wrong is None:
+        text += "has no stop bit"
+    else:
+        off = float(100 * _error(wrong - start, bit))
+        after = float(wrong - start)
+        text += f"has an edge {off:.0f} % of a bit from where it belongs, {after:.10g} µs after its start"
+    shortest = min((later - earlier for earlier, later in pairwise([start, *inside])), default=None)
+    if shortest is not None:
+        text += (
+            f"; its shortest level lasts {float(shortest):.10g} µs, a bit is {float(bit):.5g} µs "
+            f"(one of that length would be {float(1_000_000 / shortest):.5g} baud)"
+        )
+    return f"{text}; received before it: {received!r}"

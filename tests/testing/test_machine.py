@@ -1,0 +1,176 @@
+"""The fixtures for firmware without a schedule: programs, marks, recordings, what is skipped on the bench."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import pytest
+
+# Here, so that the runs inside this process find them and do not load them each anew.
+import servogen.testing.chip
+import servogen.testing.seen_chip  # noqa: F401
+from servogen.pic.assembler import assemble
+from servogen.pic.image import to_hex
+from tests.simulator.helpers import HEAD, WATCHDOG_OFF
+
+BLINK = f"""{HEAD}{WATCHDOG_OFF}
+        bsf     STATUS, RP0
+        movlw   0xFE
+        movwf   TRISB
+        bcf     STATUS, RP0
+loop    movf    PORTA, w                ; RB0 shows RA0, inverted
+        xorlw   1
+        movwf   PORTB
+        goto    loop
+        end
+"""
+STIMULUS = """
+[[periodic]]
+pin = "RA0"
+period_us = 1000
+high_us = 400
+"""
+TESTS = '''
+import pytest
+
+NEAR = dict(abs=5)
+
+@pytest.mark.servogen("blink.asm", seconds=0.01, stimulus="wave.toml")
+def test_capture(servogen_capture):
+    assert servogen_capture.widths_us("RB0")[1:] == pytest.approx([600] * 8, **NEAR)
+
+@pytest.mark.servogen("blink.asm", stimulus="wave.toml")
+def test_machine(servogen_machine):
+    chip = servogen_machine()
+    chip.run_ms(10)
+    assert chip.periods_us("RB0")[1:] == pytest.approx([1000] * 8, **NEAR)
+    assert chip.widths_us("RB0")[1:] == pytest.approx([600] * 8, **NEAR)
+
+def test_hex_and_assembly_at_another_clock(servogen_machine):
+    text = """[[periodic]]
+pin = "RA0"
+period_us = 1000
+high_us = 400"""
+    for name in ("blink.asm", "blink.hex"):
+        chip = servogen_machine(name, stimulus=text, clock_hz=10_000_000, device="PIC16F84A")
+        chip.run_ms(10)
+        assert chip.cycle in (25_000, 25_001)
+        assert chip.periods_us("RB0")[1:] == pytest.approx([1000] * 8, **NEAR)
+
+def test_inputs(servogen_machine):
+    levels = []
+    for level in (0, 1):
+        chip = servogen_machine("blink.hex", inputs={"RA0": level})
+        chip.run_ms(1)
+        levels.append(chip.pin("RB0"))
+    assert levels == [1, 0]
+'''
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    (pytester.path / "blink.asm").write_text(BLINK)
+    (pytester.path / "blink.hex").write_text(to_hex(assemble(BLINK, "blink.asm").image))
+    (pytester.path / "wave.toml").write_text(STIMULUS)
+    return pytester
+
+
+def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
+    return project.runpytest_inprocess("-p", "no:xdist", "--strict-markers", "-rs", *options)
+
+
+def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: pytest.Pytester) -> None:
+    project.makepyfile(test_blink=TESTS)
+    run(project, "--servogen-record=seen", "--junitxml=report.xml").assert_outcomes(passed=4)
+    names = {path.name for path in (project.path / "seen").iterdir()}
+    assert names == {
+        "test_blink-test_capture.vcd",
+        "test_blink-test_machine.vcd",
+        "test_blink-test_hex_and_assembly_at_another_clock.vcd",
+        "test_blink-test_hex_and_assembly_at_another_clock-chip2.vcd",
+        "test_blink-test_inputs.vcd",
+        "test_blink-test_inputs-chip2.vcd",
+    }
+    cases = ElementTree.parse(project.path / "report.xml").iter("testcase")
+    programs = {
+        str(case.get("name")): [
+            str(each.get("value")) for each in case.iter("property") if each.get("name") == "servogen_program"
+        ]
+        for case in cases
+    }
+    assert programs["test_capture"] == ["blink.asm"]
+    assert programs["test_hex_and_assembly_at_another_clock"] == ["blink.asm", "blink.hex"]
+    replayed = run(project, "--servogen-replay=seen", "-k", "capture or machine or inputs")
+    replayed.assert_outcomes(passed=2, skipped=1, deselected=1)
+    replayed.stdout.fnmatch_lines(["*needs the simulated chip: chip.pin; on the bench and on recordings*"])
+
+
+def test_a_test_that_fails_by_a_bit_shows_what_was_seen(project: pytest.Pytester) -> None:
+    (project.path / "blink.asm").write_text(BLINK.replace("xorlw   1", "xorlw   2"))
+    project.makepyfile(test_blink=TESTS)
+    result = run(project, "-k", "capture or machine")
+    result.assert_outcomes(failed=2, deselected=2)
+    result.stdout.fnmatch_lines(
+        [
+            "*test_blink-test_capture.vcd: what was seen on the simulated chip*",
+            "*servogen waves: blink.asm*",
+            "RA0  *▔*▁*",
+            "RB0  *▔*▁*",
+            "*RB0 = 1 *blink.asm:*: movwf   PORTB*",
+            "blink.asm at 10 ms: blink.asm:*",
+        ]
+    )
+
+
+def test_what_the_bench_cannot_do_is_skipped_with_the_reason(project: pytest.Pytester) -> None:
+    """Before the bench is used: there is none."""
+    project.makepyfile(test_blink=TESTS)
+    result = run(project, "--servogen-target=bench", "--servogen-port=/nowhere")
+    result.assert_outcomes(skipped=4)
+    result.stdout.fnmatch_lines_random(
+        [
+            "*needs the simulated chip: on the bench nothing applies the mark's stimulus*",
+            "*needs the simulated chip: on the bench nothing applies a stimulus*",
+            "*needs the simulated chip: on the bench nothing applies inputs*",
+        ]
+    )
+
+
+def test_a_mark_that_is_wrong_or_not_enough_says_what_to_do(project: pytest.Pytester) -> None:
+    project.makepyfile(
+        test_wrong="""
+        import pytest
+
+        @pytest.mark.servogen("blink.hex")
+        def test_seconds(servogen_capture): ...
+
+        @pytest.mark.servogen("blink.hex", seconds=1)
+        def test_schedule(servogen_schedule): ...
+
+        @pytest.mark.servogen("blink.hex", second=1)
+        def test_key(servogen_capture): ...
+
+        @pytest.mark.servogen("blink.hex", seconds=1, stimulus='[[reset]]\\npressed_us = 3')
+        def test_stimulus(servogen_capture): ...
+
+        def test_program(servogen_machine):
+            servogen_machine()
+
+        def test_missing(servogen_machine):
+            servogen_machine("blunk.hex")
+        """
+    )
+    result = run(project)
+    result.assert_outcomes(errors=4, failed=2)
+    result.stdout.fnmatch_lines_random(
+        [
+            "*the test says neither a schedule nor how long to look*",
+            "*seconds=0.5*",
+            "*the test does not say its schedule*",
+            "*@pytest.mark.servogen has no 'second'*",
+            "*did you mean 'seconds'?*",
+            "*test_stimulus*released_us*",
+            "*the test does not say its program*",
+            "*blunk.hex*error*",
+        ]
+    )
