@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -17,6 +17,7 @@ from servogen.job import PlannedJob
 from servogen.twin.bodies import BODY_HEIGHT_M
 from servogen.twin.planned import Planned
 from servogen.twin.run import SAMPLE_S, Record
+from servogen.units import counted
 
 SATURATED_S = 0.06
 """A servo that gets the full voltage for so long without moving has reached its limit: three pulses."""
@@ -102,12 +103,17 @@ def _supply(record: Record) -> Iterator[Event]:
     if supply.limit_a is not None:
         at = np.flatnonzero(record.current >= supply.limit_a * FULL)
         if len(at):
-            when, volts = float(record.time[at[0]]), float(record.voltage[at].min())
+            stalled = _stalled(record)[at].sum(axis=1)
+            most = at[stalled == stalled.max()]
+            middle = int(most[len(most) // 2])
+            when, seconds = float(record.time[at[0]]), float(record.time[middle])
             yield Event(
                 when,
                 Kind.SUPPLY,
-                f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: "
-                f"its voltage falls to {volts:.2f} V",
+                f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: with "
+                f"{counted(int(stalled.max()), 'stalled servo')} its voltage is "
+                f"{record.voltage[middle]:.2f} V at {seconds:.2f} s, "
+                f"where {_asked_for(record, middle):.1f} A are asked for",
             )
     when_low = brown_out(record)
     if when_low is not None:
@@ -119,10 +125,26 @@ def _supply(record: Record) -> Iterator[Event]:
         )
 
 
+def _stalled(record: Record) -> npt.NDArray[np.bool_]:
+    """Return which servos get all the voltage there is and hardly move, in each sample."""
+    top = np.array([drive.no_load_speed for drive in record.rig.drives])
+    return np.asarray((np.abs(record.duty) >= FULL) & (np.abs(record.speed) < SLOW * top))
+
+
+def _asked_for(record: Record, sample: int) -> float:
+    """Return the current in amperes that the servos would draw if the supply had no limit."""
+    drives = record.rig.drives
+    duty, speed = record.duty[sample], record.speed[sample]
+    resistance = np.array([drive.resistance for drive in drives])
+    emf = np.array([drive.speed_constant for drive in drives])
+    idle = sum(drive.idle_a for drive in drives)
+    a, b = float((duty**2 / resistance).sum()), float((duty * speed * emf / resistance).sum())
+    return replace(record.rig.supply, limit_a=None).under(idle, a, b)[1]
+
+
 def _saturated(record: Record) -> Iterator[Event]:
     """Yield each servo that gets all the voltage there is and does not move, the first time."""
-    top = np.array([drive.no_load_speed for drive in record.rig.drives])
-    stuck = (np.abs(record.duty) >= FULL) & (np.abs(record.speed) < SLOW * top)
+    stuck = _stalled(record)
     least = max(1, round(SATURATED_S / SAMPLE_S))
     for index, servo in enumerate(record.rig.servos):
         start = _first_run(stuck[:, index], least)

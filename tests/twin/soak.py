@@ -72,6 +72,12 @@ def causes() -> None:
         ("R2-lift without pulses", walking(WALK, extra=expect), Settings(unplugged=("R2-lift",)), {}),
         ("a broken leg", walking(WALK, extra=expect), Settings(broken=("L1-turn", "L1-lift")), {}),
         ("a supply of 3.5 A, 2.24 kg", walking(WALK, height=120, extra=limited), Settings(), heavy),
+        (
+            "twelve stalled servos",
+            walking(WALK, height=120, extra=limited),
+            Settings(Ground(1.0), seconds=2.5),
+            {"mass": 15.0},
+        ),
         ("beta at full height", walking(WALK, height=140, extra=expect), Settings(), {}),
     ]
     for name, made, settings, robot in runs:

@@ -1,7 +1,11 @@
 """What people see of a twin: the command, the page, the pictures, the pytest fixture."""
 
 import json
+import re
+import shutil
+import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +18,7 @@ from tests.twin.walking import AHEAD, SUPPLIED, text_of, walking
 pytest_plugins = ["pytester"]
 
 
+FFMPEG = shutil.which("ffmpeg")
 ONE_CYCLE = "{ forward_mm = 40, cycles = 1 }"
 
 
@@ -123,6 +128,28 @@ def test_the_film_shows_the_legs_where_the_bodies_are() -> None:
             assert np.linalg.norm(thigh - coxa) == pytest.approx(0.030, abs=1e-9)
             assert np.linalg.norm(foot - thigh) == pytest.approx(np.hypot(0.060, 0.020), abs=1e-9)
             assert np.linalg.norm(tip - foot) == pytest.approx(0.080, abs=5e-4)  # tilts with its equality
+
+
+@pytest.mark.skipif(FFMPEG is None, reason="an MP4 needs ffmpeg")
+def test_an_mp4_plays_as_long_as_the_run(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="films need matplotlib")
+    from servogen.report.film import film
+    from servogen.twin.pictures import twin_scene
+
+    scene = twin_scene(walking(AHEAD, extra=SUPPLIED).twin(), "walk")
+    shown = slice(None, None, scene.count // 5)
+    parts = tuple(replace(part, frames=part.frames[shown]) for part in scene.parts)
+    short = replace(scene, parts=parts, picture_s=0.2)
+    assert short.count in (5, 6)
+    path = tmp_path / "walk.mp4"
+    film(short, path)
+    assert path.read_bytes()[4:8] == b"ftyp"
+    command = [FFMPEG or "", "-i", str(path), "-vf", "scale=64:52,format=gray", "-f", "rawvideo", "-"]
+    played = subprocess.run(command, capture_output=True, check=True)
+    duration = re.search(rb"Duration: 00:00:(\d+\.\d+)", played.stderr)
+    assert duration and float(duration[1]) == pytest.approx(0.2 * short.count, abs=0.05)
+    pictures = np.frombuffer(played.stdout, np.uint8).reshape(-1, 52, 64)
+    assert len(np.unique(pictures, axis=0)) == len(pictures) == short.count, "the robot moves"
 
 
 def test_the_fixture_runs_a_job_in_its_robot(pytester: pytest.Pytester, job: Path) -> None:

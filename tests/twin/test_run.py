@@ -97,6 +97,31 @@ def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
     assert separate.not_guaranteed_from is None
 
 
+def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
+    """With 15 kg on its legs the robot lies on the ground, and all its servos push in vain."""
+    extra = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
+    settings = Settings(ground=Ground(1.0), seconds=1.0)
+    seen = walking(AHEAD, height=120, extra=extra).twin(settings, mass=15.0)
+    record, drive = seen.record, seen.record.rig.drives[0]
+    assert seen.word == "not guaranteed" and not seen.passed
+    assert seen.cause is not None and seen.cause.kind == Kind.SUPPLY
+    resistance, idle = drive.resistance, 12 * drive.idle_a
+    volts = (3.5 - idle) * resistance / 12  # by hand: twelve motors at rest share the current
+    asked = (idle + 12 * 5.0 / resistance) / (1 + 12 * 0.05 / resistance)
+    assert re.fullmatch(
+        r"the supply is at its limit of 3\.5 A from 0\.3\d s: with 12 stalled servos its voltage is "
+        rf"{volts:.2f} V at 0\.\d\d s, where {asked:.1f} A are asked for",
+        seen.cause.text,
+    )
+    assert seen.not_guaranteed_from is not None and seen.not_guaranteed_from >= seen.cause.seconds
+    still = (np.abs(record.duty) == 1.0).all(axis=1) & (np.abs(record.speed) < 0.02).all(axis=1)
+    assert still.sum() > 10
+    assert record.voltage[still] == pytest.approx(volts, rel=0.01)
+    assert record.current[still] == pytest.approx(3.5)
+    plenty = walking(AHEAD, height=120, extra=extra.replace("limit_a = 3.5\n", "")).twin(settings, mass=15.0)
+    assert not any("limit" in event.text for event in plenty.events)
+
+
 @pytest.mark.parametrize(("steps_per_ms", "within"), [(1, 0.03), (4, 0.01)])
 def test_the_energies_of_a_walk_add_up(steps_per_ms: int, within: float) -> None:
     """What comes from the supply is heat in copper and gears, and work; what is lost goes with the step."""
