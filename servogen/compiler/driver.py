@@ -20,7 +20,7 @@ from servogen.compiler.emit.layout import allocate, lay_out
 from servogen.compiler.emit.listing import make_listing
 from servogen.compiler.emit.timing import function_times
 from servogen.compiler.frontend.asm_blocks import AsmBlock
-from servogen.compiler.frontend.dialects import DIALECTS, headers, macros
+from servogen.compiler.frontend.dialects import DIALECTS, FLOAT_BITS, float_type, headers, macros
 from servogen.compiler.frontend.extensions import Rewritten, rewrite_tokens
 from servogen.compiler.frontend.preprocessor import Preprocessed, preprocess
 from servogen.compiler.frontend.settings import Settings
@@ -79,6 +79,8 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
         raise InputError(
             "bad-option", f"unknown pass '{options.dump_ir}'", hint=did_you_mean(options.dump_ir, PASSES)
         )
+    if options.float_bits not in (None, *FLOAT_BITS):
+        raise InputError("bad-option", f"'float' has 24 or 32 bits, not {options.float_bits}")
     if not sources:
         raise InputError("missing-option", "there is no source file to compile")
     try:
@@ -128,6 +130,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         lambda name: _read(
             Source(library.source(name), f"<{name}>"), options, reporter, blocks, next(numbers)
         ),
+        float_type(options.dialect, options.float_bits),
     )
     reporter.stop_on_error()
     graph = call_graph(analysis.program)
@@ -219,7 +222,10 @@ def _read(
     found = preprocess(
         source.text,
         source.file,
-        defines={**macros(options.dialect, options.device), **options.defines},
+        defines={
+            **macros(options.dialect, options.device, float_type(options.dialect, options.float_bits)),
+            **options.defines,
+        },
         headers=headers(options.dialect),
         resolver=options.include,
         reporter=reporter,

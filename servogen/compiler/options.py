@@ -43,6 +43,8 @@ class Options:
     defines: Mapping[str, str] = field(default_factory=dict)
     verify_ir: bool = field(default_factory=lambda: os.environ.get(VERIFY_IR) == "1")
     """Whether the intermediate form is checked after every pass."""
+    float_bits: int | None = None
+    """The size of `float` and `double`: 24 or 32; None for the dialect's."""
     unwanted: frozenset[str] = frozenset()
     """The codes of warnings that are left out."""
     dump_ir: str | None = None

@@ -7,8 +7,10 @@ intervals from which the code generator chooses the narrowest arithmetic that is
 from __future__ import annotations
 
 from servogen.compiler.ast.nodes import (
+    FLOAT_OPERATIONS,
     Assign,
     Binary,
+    Builtin,
     Cast,
     Choice,
     Comma,
@@ -20,7 +22,7 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import IntType, PointerType
+from servogen.compiler.ast.types import FloatType, IntType, PointerType
 
 COMPARISONS = frozenset(("==", "!=", "<", ">", "<=", ">="))
 Interval = tuple[int, int]
@@ -74,7 +76,7 @@ def compare(op: str, left: int, right: int) -> bool:
 def type_interval(kind: object) -> Interval:
     if isinstance(kind, IntType):
         return kind.low, kind.high
-    if isinstance(kind, PointerType):
+    if isinstance(kind, (PointerType, FloatType)):
         return 0, (1 << 8 * kind.size) - 1
     return 0, 0
 
@@ -169,6 +171,8 @@ def has_effect(expr: Expr) -> bool:
             return has_effect(left) or has_effect(right)
         case Choice(condition, yes, no):
             return has_effect(condition) or has_effect(yes) or has_effect(no)
+        case Builtin(name, arguments) if name in FLOAT_OPERATIONS:
+            return any(has_effect(each) for each in arguments)
     target = getattr(expr, "target", None)
     return not (
         type(expr).__name__ == "AddressOf"

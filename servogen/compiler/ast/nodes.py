@@ -204,6 +204,26 @@ class Builtin:
     """Whether it only yields a value, so that not using the value is a mistake."""
 
 
+FLOAT_OPERATIONS = frozenset(
+    (
+        "float_add",
+        "float_subtract",
+        "float_multiply",
+        "float_divide",
+        "float_compare",
+        "float_to_integer",
+        "float_from_integer",
+        "float_square_root",
+    )
+)
+"""The names of `Builtin`s that compute with floating-point values. Elsewhere in the tree such a value is only
+moved: a `Cast` to or from an integer of the same size reads its bytes as they are.
+"""
+
+LESS, EQUAL, GREATER = 1, 2, 4
+"""The results of `float_compare`; 0 where an operand is not a number."""
+
+
 @dataclass(slots=True)
 class WideField:
     """A bit-field of 9 to 15 bits: the low `width` bits of two bytes. The semantic analysis replaces it."""

@@ -26,7 +26,7 @@ class CType(ABC):
 
     @property
     def scalar(self) -> bool:
-        return isinstance(self, (IntType, PointerType))
+        return isinstance(self, (IntType, FloatType, PointerType))
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,33 @@ class IntType(CType):
 
     def __str__(self) -> str:
         return _quals(self) + self.name
+
+
+@dataclass(frozen=True)
+class FloatType(CType):
+    """A floating-point type: IEEE 754 binary32 in 4 bytes, or with 15 bits of mantissa in 3."""
+
+    bytes: int
+
+    @property
+    def size(self) -> int:
+        return self.bytes
+
+    @property
+    def bits(self) -> IntType:
+        """Return the integer type that holds the bytes of a value."""
+        return U32 if self.bytes == U32.bytes else U24
+
+    @property
+    def sign_bit(self) -> int:
+        return 1 << 8 * self.bytes - 1
+
+    def __str__(self) -> str:
+        return _quals(self) + "float"
+
+
+FLOAT_BIAS = 127
+"""What is added to the exponent of a floating-point value."""
 
 
 @dataclass(frozen=True)
@@ -206,6 +233,8 @@ def same(left: CType, right: CType) -> bool:
     left, right = left.plain(), right.plain()
     if isinstance(left, IntType) and isinstance(right, IntType):
         return (left.bytes, left.signed, left.is_bool) == (right.bytes, right.signed, right.is_bool)
+    if isinstance(left, FloatType) and isinstance(right, FloatType):
+        return left.bytes == right.bytes
     if isinstance(left, PointerType) and isinstance(right, PointerType):
         return same(left.target, right.target)
     if isinstance(left, ArrayType) and isinstance(right, ArrayType):

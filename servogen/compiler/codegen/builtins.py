@@ -1,21 +1,26 @@
 """The operations of the chip and the library that a program calls by a built-in function's name.
 
-In: `Builtin` nodes. Out: instructions, delays, calls of library routines; a result is in W.
+In: `Builtin` nodes. Out: instructions, delays, calls of library routines; a result is in W, that of a
+floating-point operation in bytes.
 """
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import Builtin
+from servogen.compiler.ast.nodes import FLOAT_OPERATIONS, Builtin
 from servogen.compiler.codegen.calls import library_call
+from servogen.compiler.codegen.floats import float_operation
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.operands import operands_of
 from servogen.compiler.codegen.operators import to_w
-from servogen.compiler.ir.instruction import PCL, PCLATH
+from servogen.compiler.ir.instruction import PCL, PCLATH, Loc
 from servogen.errors import Location
 
 
-def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
+def builtin(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Execute an operation; return the bytes of its result, or none where a result is in W."""
     gen.place = expr.place if expr.place.line else gen.place
+    if expr.name in FLOAT_OPERATIONS:
+        return float_operation(gen, expr)
     match expr.name:
         case "instruction":
             gen.emit(str(expr.data), fixed=True)
@@ -43,6 +48,7 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
             function = gen.library(expr.name, tuple(int(each) for each in data))
             operands = [operands_of(gen, each, 1) for each in expr.arguments]
             library_call(gen, function, operands)
+    return []
 
 
 _LOOP_CYCLES = 4

@@ -303,9 +303,13 @@ def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
 
 
 def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> None:
-    gen.lower.builtin(gen, expr)
-    gen.store(target[0])
-    gen.move_all(target[1:], imms(0, len(target) - 1))
+    result = gen.lower.builtin(gen, expr)
+    if not result:
+        gen.store(target[0])
+        result = target[:1]
+    have = min(len(target), len(result))
+    gen.move_all(target[:have], list(result[:have]))
+    widen_result(gen, expr, target, have)
 
 
 def effect(gen: FunctionGenerator, expr: Expr) -> None:

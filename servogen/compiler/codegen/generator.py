@@ -43,8 +43,8 @@ class Lowering:
     """Go to the label when the truth of the expression is as given, else fall through."""
     call: Callable[[FunctionGenerator, Call], Function]
     """Call a function; its result is in W or in its result bytes."""
-    builtin: Callable[[FunctionGenerator, Builtin], None]
-    """Execute an operation of the chip or the library; a result is in W."""
+    builtin: Callable[[FunctionGenerator, Builtin], list[Loc]]
+    """Execute an operation of the chip or the library; return the bytes of a result that is not in W."""
     multiply: Callable[[FunctionGenerator, Binary, list[Loc]], None]
     divide: Callable[[FunctionGenerator, Binary, list[Loc]], None]
     flash_byte: Callable[[FunctionGenerator, Ref], None]

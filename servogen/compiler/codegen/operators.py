@@ -130,7 +130,9 @@ def to_w(gen: FunctionGenerator, expr: Expr) -> None:
             assert function.result is not None
             gen.load(Byte(function.result, 0))
     elif isinstance(inner, Builtin):
-        gen.lower.builtin(gen, inner)
+        result = gen.lower.builtin(gen, inner)
+        if result:
+            gen.load(result[0])
     elif isinstance(inner, (Ref, Deref)) and gen.lower.one_byte_indirect(gen, inner):
         return
     elif is_condition(inner):

@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from servogen.compiler.ast.nodes import Symbol
-from servogen.compiler.ast.types import IntType, VoidType
+from servogen.compiler.ast.types import FloatType, IntType, VoidType
 from servogen.compiler.codegen.builtins import builtin
 from servogen.compiler.codegen.calls import call, divide, multiply
 from servogen.compiler.codegen.conditions import jump
 from servogen.compiler.codegen.expressions import boolean, condition_to_w, into
+from servogen.compiler.codegen.float_routines import FLOAT_ROUTINES, build_float
 from servogen.compiler.codegen.generator import Context, FunctionGenerator, Lowering
 from servogen.compiler.codegen.indirect import one_byte_indirect
 from servogen.compiler.codegen.runtime import build
@@ -98,7 +99,7 @@ class ProgramGenerator:
                         result,
                         "result",
                         function=name,
-                        pinned=not isinstance(result, IntType),
+                        pinned=not isinstance(result, (IntType, FloatType)),
                     )
                     function.own.append(function.result)
             one_byte = [each for each in function.parameters if each.size == 1 and each.type.scalar]
@@ -113,7 +114,8 @@ class ProgramGenerator:
         if name not in self.functions:
             function = Function(name)
             self.functions[name] = function
-            build(kind, key, function, lambda other, other_key: self._library(other, other_key, isr=isr))
+            fill = build_float if kind in FLOAT_ROUTINES else build
+            fill(kind, key, function, lambda other, other_key: self._library(other, other_key, isr=isr))
         return self.functions[name]
 
 

@@ -24,6 +24,7 @@ from servogen.compiler.ast.types import (
     U24,
     U32,
     CType,
+    FloatType,
     IntType,
 )
 from servogen.pic.device import CONFIG_ADDRESS, Device, Register, register_bits, registers
@@ -220,10 +221,22 @@ def _sdcc_chip() -> str:
     return "\n".join([*lines, f"#define _CONFIG 0x{CONFIG_ADDRESS:04X}", ""])
 
 
-def macros(dialect: str, device: Device) -> Mapping[str, str]:
+FLOAT_BITS = (24, 32)
+"""The sizes of floating-point types."""
+
+
+def float_type(dialect: str, bits: int | None = None) -> FloatType:
+    """Return the floating-point type of so many bits; without a size, XC8 has 24 (MPLAB XC8 C Compiler User's
+    Guide DS52053B, section 5.4.3), the others 32.
+    """
+    return FloatType((bits or (24 if dialect == XC8 else 32)) // 8)
+
+
+def macros(dialect: str, device: Device, floating: FloatType) -> Mapping[str, str]:
     """Return the macros that are defined before the first line."""
     part = device.name.removeprefix("PIC")
     found = {"__SERVOGEN__": "1", f"_{part}": "1", f"__{part}": "1", f"__{part}__": "1"}
+    found |= dict.fromkeys(("__SIZEOF_FLOAT__", "__SIZEOF_DOUBLE__"), str(floating.size))
     if dialect == XC8:
         return {
             **found,

@@ -31,6 +31,7 @@ from servogen.compiler.ast.types import (
     U32,
     ArrayType,
     CType,
+    FloatType,
     FuncType,
     IntType,
 )
@@ -92,6 +93,7 @@ class Analyser:
         serial_settings: dict[str, str],
         asm_blocks: list[AsmBlock],
         read_library: ReadFile,
+        float_type: FloatType,
     ) -> None:
         self.dialect = dialect
         self.c2c = dialect == C2C
@@ -101,6 +103,8 @@ class Analyser:
         self.serial_settings = serial_settings
         self.asm_blocks = asm_blocks
         self.read_library = read_library
+        self.float_type = float_type
+        """The one floating-point type: `float`, `double` and `long double`."""
         self.parenthesised: set[int] = set()
         """The identities of the expressions of the syntax tree that stand in parentheses."""
         self.declared_locals: list[Symbol] = []

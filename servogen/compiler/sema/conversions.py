@@ -24,6 +24,7 @@ from servogen.compiler.ast.types import (
     U16,
     ArrayType,
     CType,
+    FloatType,
     FuncType,
     IntType,
     PointerType,
@@ -35,9 +36,12 @@ from servogen.compiler.ast.types import (
 )
 from servogen.compiler.sema.accessors import load
 from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.floats import converted, truth_of_float, warn_inexact
 
 _ALL_ONES = (1 << 16, 1 << 24, 1 << 32)
 """One more than the numbers that stand for -1 where programs compare pointers with it."""
+NUMBERS = (IntType, FloatType)
+"""The arithmetic types."""
 
 # conversions
 
@@ -110,6 +114,8 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
     kind = kind.plain()
     if expr.type.plain() == kind:
         return expr
+    if isinstance(kind, FloatType) or isinstance(expr.type, FloatType):
+        return converted(analyser, expr, kind)
     if isinstance(expr, Num):
         if isinstance(kind, IntType):
             return Num(kind.wrap(expr.value), kind, expr.place)
@@ -132,6 +138,9 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
     kind = kind.plain()
     if isinstance(kind, IntType) and isinstance(expr.type, IntType):
         _warn_range(analyser, expr, kind)
+        return cast(analyser, expr, kind)
+    if isinstance(kind, NUMBERS) and isinstance(expr.type, NUMBERS):
+        warn_inexact(analyser, expr, kind)
         return cast(analyser, expr, kind)
     if isinstance(kind, PointerType):
         return _to_pointer(analyser, expr, kind, what)
@@ -212,7 +221,7 @@ def truth(analyser: Analyser, expr: Expr) -> Expr:
     expr = rvalue(analyser, expr)
     if not expr.type.scalar:
         raise analyser.fail("c-type", f"a condition needs a number or a pointer, not '{expr.type}'", expr)
-    return expr
+    return truth_of_float(analyser, expr) if isinstance(expr.type, FloatType) else expr
 
 
 U8_CONST = IntType("unsigned char", 1, False, const=True)

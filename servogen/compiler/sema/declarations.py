@@ -24,6 +24,7 @@ from servogen.compiler.ast.types import (
     U8,
     ArrayType,
     CType,
+    FloatType,
     FuncType,
     IntType,
     StructType,
@@ -313,7 +314,7 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
 def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location) -> bool:
     """Treat `const int n = 5;` in a block as the number itself; return whether it had that form."""
     value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
-    if not isinstance(value, Num) or not isinstance(kind, IntType):
+    if not isinstance(value, Num) or not isinstance(kind, (IntType, FloatType)):
         return False
     symbol = _new_global(analyser, node.name, kind, place, None)
     symbol.function = analyser.function.name if analyser.function else None

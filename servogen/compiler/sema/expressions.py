@@ -6,6 +6,7 @@ constants folded; errors and warnings to the reporter.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pycparser import c_ast
@@ -17,12 +18,14 @@ from servogen.compiler.ast.nodes import (
     Binary,
     Cast,
     Choice,
+    Comma,
     Deref,
     EepromObject,
     Expr,
     Logic,
     Num,
     Ref,
+    Symbol,
     Unary,
     Update,
     WideField,
@@ -32,6 +35,7 @@ from servogen.compiler.ast.types import (
     U16,
     VOID,
     CType,
+    FloatType,
     IntType,
     PointerType,
     VoidType,
@@ -42,6 +46,7 @@ from servogen.compiler.ast.types import (
 from servogen.compiler.sema.accessors import Accessor, evaluated_once, load, store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import (
+    NUMBERS,
     address_int,
     arithmetic,
     balance,
@@ -53,6 +58,8 @@ from servogen.compiler.sema.conversions import (
     rvalue,
     truth,
 )
+from servogen.compiler.sema.floats import OPERATORS, float_operator, negated
+from servogen.compiler.sema.floats import one as one_of_float
 from servogen.compiler.sema.lvalues import (
     address_of,
     assignable,
@@ -82,6 +89,9 @@ def unary_op(analyser: Analyser, node: Any) -> Expr:
         if isinstance(operand, Num):
             return analyser.number(int(not operand.value), analyser.int_type, place)
         return Unary("!", operand, analyser.int_type, place)
+    operand = rvalue(analyser, operand)
+    if isinstance(operand.type, FloatType) and op in "+-":
+        return negated(operand, place) if op == "-" else operand
     operand = promoted(analyser, operand)
     assert isinstance(operand.type, IntType)
     if op == "+":
@@ -102,6 +112,8 @@ def _step(analyser: Analyser, node: Any) -> Expr:
     op = "+" if "+" in node.op else "-"
     post = node.op.startswith("p")
     place = analyser.place(node)
+    if isinstance(target.type, FloatType):
+        return _float_update(analyser, target, op, one_of_float(analyser, place), node, post=post)
     one = Num(1, U8, place)
     if isinstance(target, (WideField, EepromObject)):
         changed = _computed(analyser, target, op, one, node)
@@ -135,6 +147,8 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
     )
     if isinstance(left.type, PointerType) or isinstance(right.type, PointerType):
         return _pointer_operator(analyser, op, left, right, node)
+    if is_float_operator(op, left, right):
+        return _float_binary(analyser, op, left, right, place)
     if op in ("<<", ">>"):
         left, right = promoted(analyser, left), promoted(analyser, right)
         assert isinstance(left.type, IntType)
@@ -149,6 +163,81 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
     if op in COMPARISONS:
         return _comparison(analyser, op, left, right, place)
     return binary(analyser, op, left, right, kind, place)
+
+
+def is_float_operator(op: str, left: Expr, right: Expr) -> bool:
+    """Return whether an operator computes with floating-point values; those for integers alone do not."""
+    numbers = isinstance(left.type, NUMBERS) and isinstance(right.type, NUMBERS)
+    floats = isinstance(left.type, FloatType) or isinstance(right.type, FloatType)
+    return numbers and floats and (op in OPERATORS or op in COMPARISONS)
+
+
+def _float_binary(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
+    kind = analyser.float_type
+    return float_operator(analyser, op, cast(analyser, left, kind), cast(analyser, right, kind), place)
+
+
+def _float_update(
+    analyser: Analyser,
+    target: Ref | Deref | Accessor,
+    op: str,
+    value: Expr,
+    node: Any,
+    *,
+    post: bool = False,
+) -> Expr:
+    """Return `target op= value` where one of them is a floating-point value; with `post` it has the value from
+    before.
+    """
+    place, kind = analyser.place(node), target.type.plain()
+    before: list[Expr] = []
+    if isinstance(target, (WideField, EepromObject)):
+        evaluated_once(analyser, target)
+    else:
+        target = _settled(analyser, target, before)
+    now = rvalue(analyser, target)
+    if post:
+        held = _held(analyser, now, before)
+        now = held
+    result = cast(analyser, _float_binary(analyser, op, now, value, place), kind)
+    if isinstance(target, (WideField, EepromObject)):
+        found = store(analyser, target, result)
+    else:
+        found = Assign(target, result, kind, place)
+    if post:
+        found = Comma(found, held, kind, place)
+    for each in reversed(before):
+        found = Comma(each, found, kind, place)
+    return found
+
+
+def _held(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
+    """Return a new variable, and add the assignment of a value to it to `before`."""
+    assert analyser.function is not None
+    held = Symbol(
+        f"held{len(analyser.function.locals)}",
+        value.type.plain(),
+        "local",
+        value.place,
+        function=analyser.function.name,
+    )
+    analyser.function.locals.append(held)
+    kept = Ref(held, 0, None, held.type, value.place)
+    before.append(Assign(kept, value, held.type, value.place))
+    return kept
+
+
+def _settled(analyser: Analyser, target: Ref | Deref, before: list[Expr]) -> Ref | Deref:
+    """Return an object whose place is computed once, however often it is used; what computes it goes to
+    `before`.
+    """
+    place_of_object = target.pointer if isinstance(target, Deref) else target.index
+    if place_of_object is None or not has_effect(place_of_object) or analyser.function is None:
+        return target
+    held = _held(analyser, place_of_object, before)
+    if isinstance(target, Deref):
+        return replace(target, pointer=held)
+    return replace(target, index=held)
 
 
 def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
@@ -232,7 +321,9 @@ def _computed(analyser: Analyser, target: Accessor, op: str, value: Expr, node: 
 
 
 def binary_of(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
-    """Return the value of an arithmetic operator on integers."""
+    """Return the value of an arithmetic operator on numbers."""
+    if is_float_operator(op, left, right):
+        return _float_binary(analyser, op, left, right, place)
     if op in ("<<", ">>"):
         left, right = promoted(analyser, left), promoted(analyser, right)
         return binary(analyser, op, left, right, left.type, place)
@@ -251,6 +342,8 @@ def ternary_op(analyser: Analyser, node: Any) -> Expr:
         return Choice(condition, yes, no, VOID, place)
     if isinstance(yes.type, IntType) and isinstance(no.type, IntType):
         kind: CType = common(yes.type, no.type, c2c=analyser.c2c)
+    elif isinstance(yes.type, NUMBERS) and isinstance(no.type, NUMBERS):
+        kind = analyser.float_type
     elif isinstance(yes.type, PointerType):
         kind = yes.type if yes.type.size >= no.type.size or not isinstance(no.type, PointerType) else no.type
     elif isinstance(no.type, PointerType):
@@ -276,7 +369,12 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
             return store(analyser, target, value)
         return Assign(target, value, kind, place)
     op = node.op[:-1]
-    value = arithmetic(analyser, expression(analyser, node.rvalue))
+    value = rvalue(analyser, expression(analyser, node.rvalue))
+    if isinstance(kind, NUMBERS) and is_float_operator(op, target, value):
+        return _float_update(analyser, target, op, value, node)
+    if isinstance(kind, FloatType):
+        raise analyser.fail("c-type", f"'{node.op}' cannot change '{kind}'", node)
+    value = arithmetic(analyser, value)
     if isinstance(target, (WideField, EepromObject)):
         return _computed(analyser, target, op, value, node)
     if isinstance(kind, PointerType):

@@ -35,6 +35,7 @@ from servogen.compiler.ast.types import (
     U16,
     ArrayType,
     CType,
+    FloatType,
     FuncType,
     IntType,
     Member,
@@ -114,12 +115,14 @@ def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
         and target.symbol.kind == "flash"
         and target.index is None
         and target.symbol.initial is not None
-        and isinstance(target.type, IntType)
+        and isinstance(target.type, (IntType, FloatType))
         and 0 <= target.offset <= target.symbol.size - target.type.size
     ):
         data = [target.symbol.initial.get(target.offset + each, 0) for each in range(target.type.size)]
         if all(isinstance(each, int) for each in data):
             value = sum(each << 8 * number for number, each in enumerate(data) if isinstance(each, int))
+            if isinstance(target.type, FloatType):
+                return ConstNum(target, value)
             if target.width:
                 value = value >> (target.bit or 0) & (1 << target.width) - 1
                 if target.type.signed and value >> target.width - 1:

@@ -29,7 +29,7 @@ from servogen.compiler.ast.nodes import (
     Unary,
     WideField,
 )
-from servogen.compiler.ast.types import BIT, U8, IntType, Layout, Member, StructType, VoidType
+from servogen.compiler.ast.types import BIT, U8, FloatType, IntType, Layout, Member, StructType, VoidType
 from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.frontend.dialects import (
     REGISTER_FIELDS,
@@ -42,6 +42,7 @@ from servogen.compiler.limits import DIGITS
 from servogen.compiler.sema.accessors import load
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic
+from servogen.compiler.sema.floats import float_literal
 from servogen.compiler.sema.scopes import BitAlias, Constant
 from servogen.errors import Location, did_you_mean
 
@@ -87,12 +88,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
             raise analyser.fail("c-number", "a character constant holds one character", node)
         return analyser.number(values[0], analyser.int_type, place)
     if node.type in ("float", "double", "long double"):
-        raise analyser.fail(
-            "c-unsupported",
-            f"'{node.value}': this compiler has no floating point",
-            node,
-            hint="use scaled integers",
-        )
+        return float_literal(analyser, node.value, place)
     match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
     assert match is not None  # the parser has rejected other numbers
     digits = match[1]
@@ -177,9 +173,10 @@ def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
         return EepromObject(Num(symbol.address or 0, U8, place), kind, place)
     if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
         data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
-        if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
+        if all(isinstance(each, int) for each in data) and isinstance(kind, (IntType, FloatType)):
             value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
-            return ConstNum(Ref(symbol, 0, None, kind, place), kind.wrap(value))
+            value = kind.wrap(value) if isinstance(kind, IntType) else value
+            return ConstNum(Ref(symbol, 0, None, kind, place), value)
     if isinstance(kind, IntType) and kind.is_bit:
         return Ref(symbol, 0, None, kind, place, 0, 1)
     return Ref(symbol, 0, None, kind, place)

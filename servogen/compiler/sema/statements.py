@@ -32,6 +32,7 @@ from servogen.compiler.ast.nodes import (
     Stmt,
     Switch,
     Symbol,
+    Update,
 )
 from servogen.compiler.ast.types import BIT, U8, IntType, VoidType, promote
 from servogen.compiler.diagnostics import Fatal, is_own_file
@@ -154,9 +155,19 @@ def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterato
 
 def effect_of(analyser: Analyser, node: Any) -> Expr:
     """Return an expression that is evaluated for its effect."""
+    if isinstance(node, c_ast.UnaryOp) and node.op in ("p++", "p--"):
+        return _step_alone(analyser, node)
     expr = value_of(analyser, expression(analyser, node))
     warn_unused(analyser, expr)
     return expr
+
+
+def _step_alone(analyser: Analyser, node: Any) -> Expr:
+    """Return `x++` or `x--` whose value is not used: no value from before need be kept."""
+    found = expression(analyser, c_ast.UnaryOp(node.op[1:], node.expr, node.coord))
+    if isinstance(found, Update):
+        found.post = True
+    return value_of(analyser, found)
 
 
 def checked_condition(analyser: Analyser, node: Any) -> Expr:

@@ -12,7 +12,7 @@ from pycparser import c_ast
 import servogen.compiler.library as library
 import servogen.compiler.sema.function_pointers as function_pointers
 from servogen.compiler.ast.nodes import FunctionDefinition
-from servogen.compiler.ast.types import FuncType
+from servogen.compiler.ast.types import FloatType, FuncType
 from servogen.compiler.diagnostics import Fatal, Reporter, is_own_file
 from servogen.compiler.frontend.asm_blocks import AsmBlock
 from servogen.compiler.frontend.dialects import type_names
@@ -122,6 +122,7 @@ def analyse(
     settings: Settings,
     clock: Clock | None,
     read_library: ReadFile,
+    float_type: FloatType,
 ) -> Analyser:
     """Parse and check every file, and the files of the library that define what is missing. Function heads
     come first, so that functions may be called before their definition.
@@ -134,6 +135,7 @@ def analyse(
         serial_settings=settings.serial,
         asm_blocks=blocks,
         read_library=read_library,
+        float_type=float_type,
     )
     analysis.eeprom_used = EEPROM_DATA_VALUES * sum(
         token.text.startswith(EEPROM_NAME) for _, rewritten in files for token in rewritten.tokens

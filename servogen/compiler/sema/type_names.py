@@ -103,10 +103,8 @@ def specified(analyser: Analyser, node: Any, where: Any) -> CType:
 def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
     if names == ("void",):
         return VOID
-    if any(name in ("float", "double") for name in names):
-        raise analyser.fail(
-            "c-unsupported", "this compiler has no floating point", node, hint="use scaled integers"
-        )
+    if names in (("float",), ("double",), ("long", "double"), ("double", "long")):
+        return analyser.float_type
     if names.count("long") > 1 or (len(names) == 1 and names[0] in WIDE_TYPES):
         raise analyser.fail(
             "c-unsupported", "64-bit integers are not supported", node, hint="the widest type is 32 bits"

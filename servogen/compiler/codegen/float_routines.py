@@ -1,0 +1,588 @@
+"""The routines of floating-point arithmetic: unpacking, packing, + × ÷, comparison, conversions.
+
+In: the kind of a routine and its sizes. Out: its `Function`. A value of 4 bytes is an IEEE 754 binary32; one of
+3 bytes has the same sign and exponent, and 15 bits of mantissa instead of 23. Results are rounded to the nearest
+value, ties to even; denormals, infinities and NaN are those of IEEE 754, with one NaN.
+
+The routines work in place. A value is unpacked to its mantissa with the hidden bit, and the exponent in the top
+byte; the guard byte continues the mantissa downwards, and its lowest bit is sticky:
+
+    as stored   [ mantissa … mantissa | e mantissa | s eeeeeee ]
+    unpacked    [ mantissa … mantissa | 1 mantissa | eeeeeeee  ]   guard, sign
+
+A denormal has no hidden bit and the exponent 1. The variables belong to the routine that packs, so that every
+routine finds its first operand where the one before it left its result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS
+from servogen.compiler.ast.types import FLOAT_BIAS
+from servogen.compiler.codegen.arithmetic import add, negate, one_left, one_right, subtract
+from servogen.compiler.codegen.arithmetic import compare_less as compare_bytes
+from servogen.compiler.codegen.runtime import Library, parameter, variable
+from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import STATUS, Byte, C, Loc, Z
+
+INFINITE = 0xFF
+"""The exponent of infinities and of what is not a number."""
+LONGEST_SHIFT = 300
+"""More than the rounds of any loop that moves a mantissa until its exponent is right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Registers:
+    """The variables that the routines of one size share."""
+
+    value: list[Loc]
+    """The first operand, and the result."""
+    guard: Loc
+    high: Loc
+    """The high byte of the exponent, while that is out of range."""
+    sign: Loc
+    """In bit 7."""
+
+    @property
+    def mantissa(self) -> list[Loc]:
+        return self.value[:-1]
+
+    @property
+    def top(self) -> Loc:
+        """Return the byte of the mantissa with the hidden bit."""
+        return self.value[-2]
+
+    @property
+    def exponent(self) -> Loc:
+        return self.value[-1]
+
+
+def shared(library: Library, size: int) -> Registers:
+    """Return the variables of the routines for values of `size` bytes."""
+    own = {symbol.name: symbol for symbol in library("float_pack", (size,)).own}
+    value = own["value"]
+    guard, high, sign = (Byte(own[name], 0) for name in ("guard", "high", "sign"))
+    return Registers([Byte(value, each) for each in range(size)], guard, high, sign)
+
+
+def second_operand(library: Library, size: int) -> list[Loc]:
+    """Return where the routines with two operands find the second one."""
+    other = next(each for each in library("float_unpack", (size,)).own if each.name == "other")
+    return [Byte(other, each) for each in range(size)]
+
+
+def _returns_value(gen: InstructionBuilder, registers: Registers) -> None:
+    symbol = registers.value[0]
+    assert isinstance(symbol, Byte)
+    gen.function.result = symbol.symbol
+    gen.function.parameters = [symbol.symbol]
+
+
+def _skip_unless_zero(gen: InstructionBuilder, bytes_: list[Loc]) -> None:
+    """Skip the next instruction unless all bytes are 0."""
+    gen.load(bytes_[0])
+    for each in bytes_[1:]:
+        gen.emit("IORWF", each, 0)
+    gen.skip_if(Z, False)
+
+
+def _keep_sticky(gen: InstructionBuilder, guard: Loc) -> None:
+    """Keep the bit that a shift to the right has moved into the carry."""
+    gen.skip_if(C, False)
+    gen.emit("BSF", guard, b=0)
+
+
+def _put(gen: InstructionBuilder, target: Loc, value: int) -> None:
+    gen.emit("MOVLW", k=value)
+    gen.store(target)
+
+
+def _add_exponent(gen: InstructionBuilder, registers: Registers) -> None:
+    """Add W to the exponent of two bytes."""
+    gen.emit("ADDWF", registers.exponent, 1)
+    gen.skip_if(C, False)
+    gen.emit("INCF", registers.high, 1)
+
+
+def _subtract_exponent(gen: InstructionBuilder, registers: Registers) -> None:
+    gen.emit("SUBWF", registers.exponent, 1)
+    gen.skip_if(C, True)
+    gen.emit("DECF", registers.high, 1)
+
+
+def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit the end of every routine: mantissa, exponent and sign become a value, rounded."""
+    (size,) = key
+    parameter(gen, "value", size)
+    for name in ("guard", "high", "sign"):
+        variable(gen, name, 1)
+    r = shared(library, size)
+    _returns_value(gen, r)
+    small, right, left, normal, compose, put = (
+        gen.new_label(each) for each in ("small", "right", "left", "normal", "compose", "put")
+    )
+    infinite, in_range = gen.new_label("infinite"), gen.new_label("in_range")
+    _skip_unless_zero(gen, [*r.mantissa, r.guard])
+    gen.goto(compose)
+    gen.label(small)
+    gen.function.bounds[small] = LONGEST_SHIFT
+    gen.goto_if(7, False, in_range, r.high)
+    gen.label(right)
+    gen.function.bounds[right] = LONGEST_SHIFT
+    one_right(gen, [r.guard, *r.mantissa], signed=False)
+    _keep_sticky(gen, r.guard)
+    gen.emit("INCF", r.exponent, 1)
+    gen.skip_if(Z, False)
+    gen.emit("INCF", r.high, 1)
+    gen.goto(small)
+    gen.label(in_range)
+    gen.emit("MOVF", r.high, 1)
+    gen.goto_if(Z, False, infinite)
+    gen.emit("MOVF", r.exponent, 1)
+    gen.goto_if(Z, True, right)
+    gen.label(left)
+    gen.function.bounds[left] = LONGEST_SHIFT
+    gen.goto_if(7, True, normal, r.top)
+    gen.emit("DECF", r.exponent, 0)
+    gen.goto_if(Z, True, compose)
+    one_left(gen, [r.guard, *r.mantissa])
+    gen.emit("DECF", r.exponent, 1)
+    gen.goto(left)
+    gen.label(normal)
+    gen.emit("INCFSZ", r.exponent, 0)
+    gen.goto(compose)
+    gen.label(infinite)
+    for each in [r.guard, *r.mantissa]:
+        gen.emit("CLRF", each)
+    _put(gen, r.exponent, INFINITE)
+    gen.goto(put)
+    gen.label(compose)
+    gen.skip_if(7, True, r.top)
+    gen.emit("CLRF", r.exponent)
+    gen.label(put)
+    gen.emit("RLF", r.top, 1)
+    gen.emit("RLF", r.sign, 0)
+    gen.emit("RRF", r.exponent, 1)
+    gen.emit("RRF", r.top, 1)
+    # the guard byte is above one half, or is one half and the mantissa is odd
+    gen.skip_if(0, False, r.mantissa[0])
+    gen.emit("BSF", r.guard, b=0)
+    gen.emit("MOVLW", k=0x7F)
+    gen.emit("ADDWF", r.guard, 0)
+    gen.skip_if(C, True)
+    gen.emit("RETURN")
+    # a carry out of the mantissa makes the exponent one larger: the next value, be it normal or infinite
+    for each in r.value[:-1]:
+        gen.emit("INCF", each, 1)
+        gen.skip_if(Z, False)
+    gen.emit("INCF", r.exponent, 1)
+    gen.emit("RETURN")
+
+
+def not_a_number(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    r = shared(library, key[0])
+    _returns_value(gen, r)
+    gen.function.also_calls = (library("float_pack", key).name,)
+    for each in r.mantissa[:-1]:
+        gen.emit("CLRF", each)
+    _put(gen, r.top, 0xC0)
+    _put(gen, r.exponent, 0x7F)
+    gen.emit("RETURN")
+
+
+def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit the beginning of every routine with two operands. `sign` is whether their signs differ; C is set if
+    one of them is not a number.
+    """
+    r = shared(library, key[0])
+    gen.function.also_calls = (library("float_pack", key).name,)
+    other = parameter(gen, "other", key[0])
+    gen.load(other[-1])
+    gen.emit("XORWF", r.value[-1], 0)
+    gen.store(r.sign)
+    for operand in (r.value, other):
+        gen.emit("RLF", operand[-2], 0)
+        gen.emit("RLF", operand[-1], 1)
+        gen.emit("BSF", operand[-2], b=7)
+        gen.emit("MOVF", operand[-1], 1)
+        gen.skip_if(Z, False)
+        gen.emit("BCF", operand[-2], b=7)
+        gen.skip_if(Z, False)
+        gen.emit("INCF", operand[-1], 1)
+    gen.emit("CLRF", r.guard)
+    gen.emit("CLRF", r.high)
+    gen.emit("BCF", STATUS, b=C)
+    second = gen.new_label()
+    for operand in (r.value, other):
+        gen.emit("COMF", operand[-1], 0)
+        gen.skip_if(Z, True)
+        if operand is r.value:
+            gen.goto(second)
+        else:
+            gen.emit("RETURN")
+        gen.load(operand[-2])
+        gen.emit("ANDLW", k=0x7F)
+        for each in operand[:-2]:
+            gen.emit("IORWF", each, 0)
+        gen.emit("ADDLW", k=0xFF)
+        if operand is r.value:
+            gen.skip_if(C, False)
+            gen.emit("RETURN")
+            gen.label(second)
+        else:
+            gen.emit("RETURN")
+
+
+def _begin(gen: InstructionBuilder, size: int, library: Library) -> tuple[str, str]:
+    """Emit the unpacking of two operands; return the names of the routines that end an operation: the packing
+    one, and the one for what is not a number.
+    """
+    _returns_value(gen, shared(library, size))
+    nan = library("float_nan", (size,)).name
+    gen.emit("CALL", target=library("float_unpack", (size,)).name)
+    gen.goto_if(C, True, nan)
+    return library("float_pack", (size,)).name, nan
+
+
+def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    (size,) = key
+    r, other = shared(library, size), second_operand(library, size)
+    first_sign, other_guard = variable(gen, "first_sign", 1)[0], variable(gen, "other_guard", 1)[0]
+    gen.move(first_sign, r.value[-1])
+    packing, nan = _begin(gen, size, library)
+    wide, wide_other = [r.guard, *r.mantissa], [other_guard, *other[:-1]]
+    gen.emit("CLRF", other_guard)
+    names = ("infinite", "finite", "align", "shift_other", "aligned", "larger", "of_first", "of_second")
+    infinite, finite, align, shift_other, aligned, larger, of_first, of_second = map(gen.new_label, names)
+    gen.emit("COMF", r.exponent, 0)
+    gen.goto_if(Z, True, infinite)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, False, finite)
+    gen.move(r.exponent, other[-1])
+    gen.emit("BSF", r.top, b=7)
+    gen.goto(of_second)
+    gen.label(infinite)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, False, of_first)
+    gen.goto_if(7, False, of_first, r.sign)
+    gen.goto(nan)
+    gen.label(finite)
+    for one, two in ((r.value, other), (other, r.value)):  # a zero need not be shifted
+        after = gen.new_label()
+        gen.load(one[0])
+        for each in one[1:-1]:
+            gen.emit("IORWF", each, 0)
+        gen.goto_if(Z, False, after)
+        gen.move(one[-1], two[-1])
+        gen.label(after)
+    gen.label(align)
+    gen.function.bounds[align] = LONGEST_SHIFT
+    gen.load(other[-1])
+    gen.emit("SUBWF", r.exponent, 0)
+    gen.goto_if(Z, True, aligned)
+    gen.goto_if(C, True, shift_other)
+    for each in reversed(wide):
+        gen.emit("RRF", each, 1)
+    _keep_sticky(gen, r.guard)
+    gen.emit("INCF", r.exponent, 1)
+    gen.goto(align)
+    gen.label(shift_other)
+    one_right(gen, wide_other, signed=False)
+    _keep_sticky(gen, other_guard)
+    gen.emit("INCF", other[-1], 1)
+    gen.goto(align)
+    gen.label(aligned)
+    differ = gen.new_label("differ")
+    gen.goto_if(7, True, differ, r.sign)
+    add(gen, wide, list(wide), list(wide_other))
+    gen.goto_if(C, False, of_first)
+    for each in reversed(wide):
+        gen.emit("RRF", each, 1)
+    _keep_sticky(gen, r.guard)
+    gen.emit("INCF", r.exponent, 1)
+    gen.goto(of_first)
+    gen.label(differ)
+    subtract(gen, wide, list(wide), list(wide_other))
+    gen.goto_if(C, True, larger)
+    negate(gen, wide, list(wide))
+    gen.label(of_second)
+    gen.load(r.sign)
+    gen.emit("XORWF", first_sign, 1)
+    gen.goto(of_first)
+    gen.label(larger)
+    _skip_unless_zero(gen, wide)
+    gen.emit("CLRF", first_sign)  # the difference of equal values is +0
+    gen.label(of_first)
+    gen.move(r.sign, first_sign)
+    gen.goto(packing)
+
+
+def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a shift-and-add multiplication: the product replaces the first mantissa in `low` and above it."""
+    (size,) = key
+    low = variable(gen, "low", size - 2)
+    count = variable(gen, "count", 1)[0]
+    r, other = shared(library, size), second_operand(library, size)
+    packing, nan = _begin(gen, size, library)
+    multiplier = [*low, r.guard]
+    loop, skip, normalise, done, zero, infinite = (
+        gen.new_label(each) for each in ("loop", "skip", "normalise", "done", "zero", "infinite")
+    )
+    for operand in (r.value, other):
+        _skip_unless_zero(gen, operand[:-1])
+        gen.goto(zero)
+    gen.emit("COMF", r.exponent, 0)
+    gen.skip_if(Z, True)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, True, infinite)
+    gen.load(other[-1])
+    _add_exponent(gen, r)
+    gen.emit("MOVLW", k=FLOAT_BIAS - 1)
+    _subtract_exponent(gen, r)
+    for target, source in zip(multiplier, r.mantissa, strict=True):
+        gen.move(target, source)
+        gen.emit("CLRF", source)
+    _put(gen, count, 8 * (size - 1))
+    gen.label(loop)
+    gen.function.bounds[loop] = 8 * (size - 1)
+    gen.emit("BCF", STATUS, b=C)
+    gen.goto_if(0, False, skip, multiplier[0])
+    add(gen, r.mantissa, list(r.mantissa), list(other[:-1]))
+    gen.label(skip)
+    for each in reversed([*multiplier, *r.mantissa]):
+        gen.emit("RRF", each, 1)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.label(normalise)
+    gen.function.bounds[normalise] = 16 * size
+    gen.goto_if(7, True, done, r.top)
+    one_left(gen, [*multiplier, *r.mantissa])
+    gen.emit("MOVLW", k=1)
+    _subtract_exponent(gen, r)
+    gen.goto(normalise)
+    gen.label(done)
+    _skip_unless_zero(gen, low)
+    gen.goto(packing)
+    gen.emit("BSF", r.guard, b=0)
+    gen.goto(packing)
+    gen.label(zero)
+    gen.emit("COMF", r.exponent, 0)
+    gen.skip_if(Z, True)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, True, nan)
+    for each in r.mantissa:
+        gen.emit("CLRF", each)
+    gen.goto(packing)
+    gen.label(infinite)
+    _put(gen, r.exponent, INFINITE)
+    gen.emit("BSF", r.top, b=7)
+    gen.goto(packing)
+
+
+def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a bit-by-bit division, which ends when the highest bit of the quotient is set."""
+    (size,) = key
+    rest = variable(gen, "rest", size - 1)
+    r, other = shared(library, size), second_operand(library, size)
+    packing, nan = _begin(gen, size, library)
+    divisor = other[:-1]
+    names = ("finite", "infinite", "no_dividend", "zero", "scale", "loop", "take", "bit", "done", "start")
+    finite, infinite, no_dividend, zero, scale, loop, take, bit, done, start = map(gen.new_label, names)
+    gen.emit("COMF", r.exponent, 0)
+    gen.goto_if(Z, False, finite)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, True, nan)
+    gen.label(infinite)
+    _put(gen, r.exponent, INFINITE)
+    gen.emit("BSF", r.top, b=7)
+    gen.goto(packing)
+    gen.label(no_dividend)
+    _skip_unless_zero(gen, divisor)
+    gen.goto(nan)
+    gen.label(zero)
+    for each in r.mantissa:
+        gen.emit("CLRF", each)
+    gen.goto(packing)
+    gen.label(finite)
+    gen.emit("COMF", other[-1], 0)
+    gen.goto_if(Z, True, zero)
+    _skip_unless_zero(gen, r.mantissa)
+    gen.goto(no_dividend)
+    _skip_unless_zero(gen, divisor)
+    gen.goto(infinite)
+    gen.load(other[-1])
+    _subtract_exponent(gen, r)
+    gen.emit("MOVLW", k=FLOAT_BIAS + 8 * size)
+    _add_exponent(gen, r)
+    gen.label(scale)
+    gen.function.bounds[scale] = 8 * size
+    gen.goto_if(7, True, start, divisor[-1])
+    one_left(gen, divisor)
+    gen.emit("MOVLW", k=1)
+    _add_exponent(gen, r)
+    gen.goto(scale)
+    gen.label(start)
+    for target, source in zip(rest, r.mantissa, strict=True):
+        gen.move(target, source)
+        gen.emit("CLRF", source)
+    gen.label(loop)
+    gen.function.bounds[loop] = 16 * size
+    compare_bytes(gen, list(rest), list(divisor))
+    gen.goto_if(C, False, bit)
+    gen.label(take)
+    gen.function.bounds[take] = 16 * size
+    subtract(gen, rest, list(rest), list(divisor))
+    gen.emit("BSF", STATUS, b=C)
+    gen.label(bit)
+    for each in (r.guard, *r.mantissa):
+        gen.emit("RLF", each, 1)
+    gen.emit("MOVLW", k=1)
+    _subtract_exponent(gen, r)
+    gen.goto_if(7, True, done, r.top)
+    one_left(gen, rest)
+    gen.goto_if(C, True, take)
+    gen.goto(loop)
+    gen.label(done)
+    _skip_unless_zero(gen, rest)
+    gen.goto(packing)
+    gen.emit("BSF", r.guard, b=0)
+    gen.goto(packing)
+
+
+def comparison(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a comparison; W is LESS, EQUAL or GREATER, or 0 where an operand is not a number."""
+    (size,) = key
+    r, other = shared(library, size), second_operand(library, size)
+    first_sign = variable(gen, "first_sign", 1)[0]
+    _returns_value(gen, r)
+    gen.function.result = None
+    gen.function.returns_w = True
+    gen.move(first_sign, r.value[-1])
+    gen.emit("CALL", target=library("float_unpack", key).name)
+    gen.skip_if(C, False)
+    gen.emit("RETLW", k=0)
+    same, differ, first_larger = (gen.new_label(each) for each in ("same", "differ", "first_larger"))
+    gen.goto_if(7, False, same, r.sign)
+    _skip_unless_zero(gen, [*r.mantissa, *other[:-1]])
+    gen.emit("RETLW", k=EQUAL)
+    gen.label(first_larger)
+    gen.skip_if(7, False, first_sign)
+    gen.emit("RETLW", k=LESS)
+    gen.emit("RETLW", k=GREATER)
+    gen.label(same)
+    for one, two in zip(reversed(r.value), reversed(other), strict=True):
+        gen.load(two)
+        gen.emit("SUBWF", one, 0)
+        gen.goto_if(Z, False, differ)
+    gen.emit("RETLW", k=EQUAL)
+    gen.label(differ)
+    gen.goto_if(C, True, first_larger)
+    gen.skip_if(7, False, first_sign)
+    gen.emit("RETLW", k=GREATER)
+    gen.emit("RETLW", k=LESS)
+
+
+def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit the conversion to an integer of 32 bits, rounding towards zero; the low bits where it has more."""
+    (size,) = key
+    value = parameter(gen, "value", size)
+    found = value if size == 4 else variable(gen, "whole", 4)
+    sign, count = variable(gen, "sign", 1)[0], variable(gen, "count", 1)[0]
+    assert isinstance(found[0], Byte)
+    gen.function.result = found[0].symbol
+    right, left, signed = (gen.new_label(each) for each in ("right", "left", "signed"))
+    gen.move(sign, value[-1])
+    gen.emit("RLF", value[-2], 0)
+    gen.emit("RLF", value[-1], 0)
+    gen.store(count)
+    mantissa = found[: size - 1]
+    for target, source in zip(mantissa, value, strict=False):
+        gen.move(target, source)
+    gen.emit("BSF", mantissa[-1], b=7)
+    for each in found[size - 1 :]:
+        gen.emit("CLRF", each)
+    gen.emit("MOVLW", k=FLOAT_BIAS + 8 * (size - 1) - 1)
+    gen.emit("SUBWF", count, 1)
+    gen.goto_if(C, True, left)
+    gen.label(right)
+    gen.function.bounds[right] = LONGEST_SHIFT
+    one_right(gen, mantissa, signed=False)
+    gen.emit("INCFSZ", count, 1)
+    gen.goto(right)
+    gen.goto(signed)
+    gen.label(left)
+    gen.function.bounds[left] = LONGEST_SHIFT
+    gen.emit("MOVF", count, 1)
+    gen.goto_if(Z, True, signed)
+    one_left(gen, found)
+    gen.emit("DECF", count, 1)
+    gen.goto(left)
+    gen.label(signed)
+    gen.skip_if(7, True, sign)
+    gen.emit("RETURN")
+    negate(gen, found, list(found))
+    gen.emit("RETURN")
+
+
+def integer_places(r: Registers, extra: list[Loc], integer_bytes: int) -> list[Loc]:
+    """Return where the conversion from an integer expects its bytes: as high as they fit."""
+    wide = [*extra, r.guard, *r.mantissa]
+    return wide[len(wide) - integer_bytes :]
+
+
+def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit the conversion from an integer of 16 or 32 bits, which lies in the mantissa already."""
+    size, integer_bytes, signed = key
+    r = shared(library, size)
+    packing = library("float_pack", (size,)).name
+    extra = variable(gen, "extra", 1) if integer_bytes > size else []
+    _returns_value(gen, r)
+    places = integer_places(r, extra, integer_bytes)
+    positive = gen.new_label("positive")
+    gen.emit("CLRF", r.sign)
+    gen.emit("CLRF", r.high)
+    for each in [r.guard, *r.mantissa]:
+        if each not in places:
+            gen.emit("CLRF", each)
+    if signed:
+        gen.goto_if(7, False, positive, places[-1])
+        gen.emit("BSF", r.sign, b=7)
+        negate(gen, places, list(places))
+        gen.label(positive)
+    _put(gen, r.exponent, FLOAT_BIAS + 8 * integer_bytes - 1)
+    if extra:
+        loop, done = gen.new_label("loop"), gen.new_label("done")
+        _skip_unless_zero(gen, places)
+        gen.goto(packing)
+        gen.label(loop)
+        gen.function.bounds[loop] = 8 * integer_bytes
+        gen.goto_if(7, True, done, r.top)
+        one_left(gen, places)
+        gen.emit("DECF", r.exponent, 1)
+        gen.goto(loop)
+        gen.label(done)
+        _skip_unless_zero(gen, extra)
+        gen.goto(packing)
+        gen.emit("BSF", r.guard, b=0)
+    gen.goto(packing)
+
+
+FLOAT_ROUTINES: dict[str, Callable[[InstructionBuilder, tuple[int, ...], Library], None]] = {
+    "float_pack": pack,
+    "float_nan": not_a_number,
+    "float_unpack": unpack,
+    "float_add": addition,
+    "float_multiply": multiplication,
+    "float_divide": division,
+    "float_compare": comparison,
+    "float_to_integer": to_integer,
+    "float_from_integer": from_integer,
+}
+
+
+def build_float(kind: str, key: tuple[int, ...], function: Function, library: Library) -> None:
+    """Fill `function` with the instructions of a routine of floating-point arithmetic."""
+    FLOAT_ROUTINES[kind](InstructionBuilder(function), key, library)

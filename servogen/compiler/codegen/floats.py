@@ -1,0 +1,106 @@
+"""Floating-point operations: their operands into the routines' bytes, the call, the result.
+
+In: `Builtin` nodes of `FLOAT_OPERATIONS`. Out: instructions, and where the result is. The routines find their
+first operand where they leave their results, so that a chain of operations moves no intermediate value: where the
+order of the operands does not matter, the one that is the result of another operation becomes the first.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.nodes import FLOAT_OPERATIONS, Builtin, Expr
+from servogen.compiler.ast.types import FloatType
+from servogen.compiler.codegen.effects import calls_something
+from servogen.compiler.codegen.expressions import into
+from servogen.compiler.codegen.float_routines import integer_places, second_operand, shared
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Byte, Loc
+
+_COMMUTATIVE = ("float_add", "float_subtract", "float_multiply")
+"""Operations whose operands may be exchanged; a difference is the sum with the sign of one operand changed."""
+
+
+def float_operation(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit an operation and return the bytes of its result; none where it is in W."""
+    match expr.name:
+        case "float_to_integer":
+            return _to_integer(gen, expr)
+        case "float_from_integer":
+            return _from_integer(gen, expr)
+        case "float_square_root":
+            size = _size(expr)
+            routine = gen.library(expr.name, (size,))
+            _evaluate_into(gen, expr.arguments[0], shared(gen.library, size).value)
+            return _called(gen, routine)
+    return _binary(gen, expr)
+
+
+def _size(expr: Builtin) -> int:
+    return next(each.type.size for each in (expr, *expr.arguments) if isinstance(each.type, FloatType))
+
+
+def _called(gen: FunctionGenerator, routine: Function) -> list[Loc]:
+    gen.emit("CALL", target=routine.name)
+    if routine.result is None:
+        return []
+    return [Byte(routine.result, each) for each in range(routine.result.size)]
+
+
+def _to_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    routine = gen.library(expr.name, (_size(expr),))
+    parameter = routine.parameters[0]
+    _evaluate_into(gen, expr.arguments[0], [Byte(parameter, each) for each in range(parameter.size)])
+    return _called(gen, routine)
+
+
+def _from_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    size = _size(expr)
+    signed, integer = bool(expr.data), expr.arguments[0]
+    routine = gen.library(expr.name, (size, integer.type.size, int(signed)))
+    extra: list[Loc] = [Byte(each, 0) for each in routine.own if each.name == "extra"]
+    _evaluate_into(gen, integer, integer_places(shared(gen.library, size), extra, integer.type.size))
+    return _called(gen, routine)
+
+
+def _evaluate_into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+    """Evaluate an operand into a routine's bytes. What calls a function goes through a temporary, because the
+    bytes of two functions may overlap; the result of an operation lies in the routines' bytes already.
+    """
+    if not calls_something(expr) or _is_operation(expr):
+        into(gen, expr, target)
+        return
+    held: list[Loc] = gen.temp(len(target))
+    into(gen, expr, held)
+    gen.move_all(target, list(held))
+
+
+def _is_operation(expr: Expr) -> bool:
+    """Return whether an expression leaves its value where the routines have their results."""
+    return (
+        isinstance(expr, Builtin) and expr.name in FLOAT_OPERATIONS and isinstance(expr.type, FloatType)
+    )
+
+
+def _binary(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    size = _size(expr)
+    routine = gen.library("float_add" if expr.name == "float_subtract" else expr.name, (size,))
+    value, other = shared(gen.library, size).value, second_operand(gen.library, size)
+    first, second = expr.arguments
+    second_is_there = expr.name in _COMMUTATIVE and _is_operation(second)
+    place_of_second = value if second_is_there else other
+    place_of_first = other if second_is_there else value
+    if not calls_something(second):
+        _evaluate_into(gen, first, place_of_first)
+        into(gen, second, place_of_second)
+    elif not calls_something(first):
+        _evaluate_into(gen, second, place_of_second)
+        into(gen, first, place_of_first)
+    else:
+        held: list[Loc] = gen.temp(size)
+        into(gen, first, held)
+        _evaluate_into(gen, second, place_of_second)
+        gen.move_all(place_of_first, list(held))
+    if expr.name == "float_subtract":
+        gen.emit("MOVLW", k=0x80)
+        gen.emit("XORWF", place_of_second[-1], 1)
+    return _called(gen, routine)
