@@ -65,6 +65,10 @@ def compile_c(
         int | None,
         typer.Option("--clock-hz", min=1, help="The clock in Hz, if the source does not state it."),
     ] = None,
+    float_bits: Annotated[
+        int | None,
+        typer.Option("--float", metavar="24|32", help="Bits of float and double (default: 24 in xc8, else 32)."),
+    ] = None,
     dump: Annotated[
         str | None,
         typer.Option(
@@ -99,6 +103,7 @@ def compile_c(
         device=chip,
         faster_device=faster,
         clock_hz=clock_hz,
+        float_bits=float_bits,
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,
         dump_ir=_pass_to_dump(dump),

@@ -185,6 +185,10 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
             kind = "CHAR_CONST"
         elif re.fullmatch(r"[A-Za-z_$][\w$]*", text):
             kind = "ID"
+        elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?[fFlL]?", text):
+            kind = "FLOAT_CONST"
+        elif re.fullmatch(r"0[xX](?=\.?[\da-fA-F])[\da-fA-F]*\.?[\da-fA-F]*[pP][+-]?\d+[fFlL]?", text):
+            kind = "HEX_FLOAT_CONST"
         elif match := _INTEGER.fullmatch(text):
             kind = "INT_CONST_DEC"
             if match[1].lower() not in ("", "u", "l", "ul", "lu", "ll", "ull", "llu"):
@@ -195,8 +199,6 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
             elif text[0] == "0" and text[1:2] not in ("x", "X") and re.search("[89]", text):
                 reporter.error("c-number", f"'{text}' is not a number: octal digits are 0 to 7", token.place)
                 text = "0"
-        elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?[fFlL]?", text):
-            kind = "FLOAT_CONST"
         elif text[0].isdigit():
             reporter.error("c-number", f"'{text}' is not a number", token.place)
             kind, text = "INT_CONST_DEC", "0"

@@ -274,10 +274,20 @@ def preprocess(
 
 
 def _belongs(before: str, text: str) -> bool:
-    """Return whether pcpp has split one token: 0b1, 12UL, 1.5, and ^=, which its lexer does not know."""
+    """Return whether pcpp has split one token: 0b1, 12UL, 1.5e-3, and ^=, which its lexer does not know."""
     if (before, text) == ("^", "="):
         return True
-    return before[0].isdigit() and (text == "." or re.match(r"\w", text) is not None)
+    if not before.lstrip(".")[:1].isdigit():
+        return False
+    if text in ("+", "-"):  # the sign of an exponent
+        return before[-1] in ("pP" if before[:2] in ("0x", "0X") else "eE")
+    return text == "." or re.match(r"\w", text) is not None
+
+
+def _begins_number(name: str, before: str, text: str) -> bool:
+    """Return whether a point and digits are a number, as in `= .5`, and not a bit of `name`, as in `portb.7`."""
+    names_object = re.fullmatch(r"\w+|[)\]]", name) is not None and name not in ("return", "else", "case")
+    return before == "." and text[0].isdigit() and not names_object
 
 
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
@@ -285,6 +295,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
     again.
     """
     held: PToken | None = None
+    name = ""
     last = Location()
     touching = False
     for tok in stream:
@@ -293,11 +304,17 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
             continue
         place = _place(tok, starts, reporter, last)
         long = held is not None and len(held.text) > limits.TOKEN_CHARACTERS
-        if held is not None and touching and not long and _belongs(held.text, tok.value):
+        if (
+            held is not None
+            and touching
+            and not long
+            and (_belongs(held.text, tok.value) or _begins_number(name, held.text, tok.value))
+        ):
             held = PToken(held.text + tok.value, held.place)
         else:
             if held is not None:
                 yield held
+                name = held.text
             held = PToken(tok.value, place)
         last = place
         touching = True

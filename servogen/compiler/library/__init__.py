@@ -11,7 +11,12 @@ from functools import cache
 from importlib import resources
 
 HEADERS = ("ctype.h", "math.h", "stdio.h", "stdlib.h", "string.h")
-_SOURCES = ("ctype.c", "printf.c", "sprintf.c", "stdlib.c", "string.c")
+_SOURCES = ("ctype.c", "math.c", "printf.c", "sprintf.c", "stdlib.c", "string.c")
+
+MISSING = frozenset(
+    "acos asin atan atan2 cos cosh exp fmod frexp ldexp log log10 modf pow sin sinh tan tanh".split()
+)
+"""Functions of <math.h> that the library does not have."""
 
 
 def _text(name: str) -> str:

@@ -30,10 +30,11 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, IntType
+from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, FloatType, IntType
 from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
+from servogen.compiler.sema.floats import number_of, without_sign
 from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
@@ -115,6 +116,11 @@ def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fr
     if exact is not None:
         return exact
     expr = rvalue(analyser, expression(analyser, node))
+    if isinstance(expr, Num) and isinstance(expr.type, FloatType):
+        value = number_of(expr) if fractions else None
+        if value is None:
+            raise analyser.fail("c-argument", "the time must be a whole number", node)
+        return value
     return Fraction(expr.value) if isinstance(expr, Num) else None
 
 
@@ -379,6 +385,13 @@ def _value_to_format(analyser: Analyser, name: str, part: formats.Part, argument
             analyser.place(argument),
             hint=f"%l{part.spelling[-1]} shows 32 bits" if wanted == 2 else None,
         )
+    if isinstance(value.type, FloatType):
+        raise analyser.fail(
+            "c-argument",
+            f"'{name}': {part.spelling} does not show '{value.type}'",
+            argument,
+            hint="convert it to an integer with a cast",
+        )
     kinds = {"int": U16, "long": U32, "char": U8}
     if isinstance(value.type, IntType) and part.function in kinds:
         return cast(analyser, value, kinds[part.function])
@@ -393,6 +406,11 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
         for given, parameter in zip(arguments, function.parameters, strict=True)
     ]
     return Call(function.name, converted, function.result.plain(), analyser.place(node))
+
+
+def absolute(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, "the argument of 'fabs'")
+    return without_sign(value, analyser.place(node))
 
 
 def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -478,6 +496,7 @@ _TABLE: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
     **dict.fromkeys(UNITS_US, (_C, 1, delay)),
     **dict.fromkeys(("__delay_us", "__delay_ms", "_delay"), (_X, 1, xc8_delay)),
     **dict.fromkeys(("printf", "sprintf"), (DIALECTS, None, formatted)),
+    "__fabs": (DIALECTS, 1, absolute),
     "reset": (_C, 0, reset),
     **dict.fromkeys(("_delaywdt", "__delaywdt_us", "__delaywdt_ms"), (_X, 1, watched_delay)),
     "eeprom_read": (_BOTH, 1, eeprom_read),

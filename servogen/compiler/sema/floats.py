@@ -38,9 +38,9 @@ _OUTCOMES = {"<": LESS, "<=": LESS | EQUAL, "==": EQUAL, "!=": EQUAL, ">": GREAT
 """The results of a comparison for which an operator holds; for `!=` those for which it does not."""
 _DECIMAL = re.compile(r"(\d*)\.?(\d*)(?:[eE]([+-]?\d+))?[fFlL]?")
 _HEXADECIMAL = re.compile(r"0[xX]([0-9a-fA-F]*)\.?([0-9a-fA-F]*)[pP]([+-]?\d+)[fFlL]?")
-MAX_EXPONENT = 1000
-"""Beyond any type's, so that a literal's exponent costs no time."""
 MAX_DIGITS = 400
+MAX_EXPONENT = 2000
+"""So far beyond any type's exponents that digits do not make up for it; more would only cost time."""
 
 
 def float_literal(analyser: Analyser, text: str, place: Location) -> Num:
@@ -52,16 +52,24 @@ def float_literal(analyser: Analyser, text: str, place: Location) -> Num:
         match = _DECIMAL.fullmatch(text)
         digits, base, step = 10, 10, 1
     assert match is not None  # the parser has rejected other numbers
-    whole, fraction, power = match[1] or "", match[2] or "", int(match[3] or 0)
-    if len(whole + fraction) > MAX_DIGITS or abs(power) > MAX_EXPONENT:
+    whole, fraction = match[1] or "", match[2] or ""
+    if len(whole + fraction) > MAX_DIGITS:
         raise analyser.fail("c-number", f"the number has more than {MAX_DIGITS} digits", place)
-    number = int(whole + fraction, digits) * Fraction(base) ** (power - step * len(fraction))
+    power = _power(match[3] or "0") - step * len(fraction)
+    number = int(whole + fraction, digits) * Fraction(base) ** power
     bits = encode(number, kind)
     if bits == infinity(kind):
         raise analyser.fail("c-number", f"{text} does not fit '{kind}'", place)
     if bits == 0 and number:
         analyser.reporter.warn("c-conversion", f"{text} is too small for '{kind}' and becomes 0", place)
     return Num(bits, kind, place)
+
+
+def _power(text: str) -> int:
+    """Return the exponent of a literal; one beyond all types' is as good as any other."""
+    size = text.lstrip("+-").lstrip("0")
+    power = int(size or 0) if len(size) <= len(str(MAX_EXPONENT)) else MAX_EXPONENT
+    return -min(power, MAX_EXPONENT) if text[0] == "-" else min(power, MAX_EXPONENT)
 
 
 def shown(bits: int, kind: FloatType) -> str:
@@ -176,12 +184,22 @@ def negated(expr: Expr, place: Location) -> Expr:
     return Cast(changed, kind, place)
 
 
+def without_sign(expr: Expr, place: Location) -> Expr:
+    """Return the absolute value of a value."""
+    kind = expr.type.plain()
+    assert isinstance(kind, FloatType)
+    if isinstance(expr, Num):
+        return Num(expr.value & kind.sign_bit - 1, kind, place)
+    size = Binary("&", bits_of(expr), Num(kind.sign_bit - 1, kind.bits, place), kind.bits, place)
+    return Cast(size, kind, place)
+
+
 def one(analyser: Analyser, place: Location) -> Num:
     """Return the constant 1.0."""
     return Num(encode(Fraction(1), analyser.float_type), analyser.float_type, place)
 
 
-def exact(expr: Expr) -> Fraction | None:
+def number_of(expr: Expr) -> Fraction | None:
     """Return the number that a constant stands for; None if it is not finite or not a constant."""
     if not isinstance(expr, Num) or not isinstance(expr.type, FloatType):
         return None

@@ -262,6 +262,13 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
             raise analyser.fail("c-type", f"'{name}' is not a function", node)
         if name in analyser.reporter.lost:
             raise Fatal(name)
+        if name.removesuffix("f") in library.MISSING:
+            raise analyser.fail(
+                "c-unsupported",
+                f"the library has no '{name}'",
+                node,
+                hint="of <math.h> it has fabs, floor and ceil",
+            )
         known = [
             each
             for each, what in analyser.scopes.stack[0].names.items()

@@ -5,8 +5,8 @@ struct wide {
   char few : 3;
 } s, other;
 struct wide third;
-// error: this compiler has no floating point
-float speed;
+// error: 64-bit integers are not supported
+long long speed;
 void main(void) {
   struct wide fourth;
   s.many = 5;

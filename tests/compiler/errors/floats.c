@@ -1,11 +1,95 @@
-// error: this compiler has no floating point
-// hint: use scaled integers
-float f;
+// Where an integer is needed, and constants that a conversion changes. float has 32 bits in this dialect.
+#include <math.h>
+#include <stdio.h>
+float f = 1, g[3];
+unsigned char n, table[4], *p;
+unsigned int w;
+struct {
+  // error: a bit-field has 1 to 16 bits of an integer type
+  float field : 3;
+} s;
+// error: 64-bit integers are not supported
+// hint: the widest type is 32 bits
+long long wide;
+// error: 'unsigned float' is not a type
+unsigned float u;
+// error: an integer is needed here, not 'float'
+char sized[f];
+// error: an integer is needed here, not 'float'
+char by_number[2.0];
 void main(void) {
-  // error: '1.5': this compiler has no floating point
-  // hint: use scaled integers
-  char a = 1.5;
-  // error: 64-bit integers are not supported
-  // hint: the widest type is 32 bits
-  long long x;
+  // error: an integer is needed here, not 'float'
+  f = f % 2;
+  // error: an integer is needed here, not 'float'
+  f = f & 1;
+  // error: an integer is needed here, not 'float'
+  f = 1 | f;
+  // error: an integer is needed here, not 'float'
+  f = f << 1;
+  // error: an integer is needed here, not 'float'
+  n = n >> f;
+  // error: an integer is needed here, not 'float'
+  n = ~f;
+  // error: '%=' cannot change 'float'
+  f %= 2;
+  // error: '<<=' cannot change 'float'
+  f <<= 1;
+  // error: an integer is needed here, not 'float'
+  n ^= f;
+  // error: an integer is needed here, not 'float'
+  n = table[f];
+  // error: an integer is needed here, not 'float'
+  switch (f) { }
+  // error: a bit can only be taken of an integer variable
+  f.3 = 1;
+  // error: '+' cannot combine 'unsigned char *' and 'float'
+  p = p + f;
+  // error: 'unsigned char *' cannot be converted to 'float'
+  f = (float)p;
+  // error: the assignment needs 'float', this is 'unsigned char *'
+  f = p;
+  // error: 'float' cannot be converted to 'unsigned char *'
+  p = (unsigned char *)f;
+  // error: the assignment needs 'unsigned char *', this is 'float'
+  p = f;
+  // error: the assignment needs 'float', this is 'float *'
+  f = g;
+  switch (n) {
+    // error: an integer is needed here, not 'float'
+    case 1.5: break;
+  }
+  // error: 1e39 does not fit 'float'
+  f = 1e39;
+  // error: 1e999999999999999 does not fit 'float'
+  f = 1e999999999999999;
+  // error: the number has more than 400 digits
+  f = 0.00000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000001;
+  // error: the time must be a whole number
+  delay_ms(2.5);
+  // error: 'printf': %d does not show 'float'
+  // hint: convert it to an integer with a cast
+  printf("%d", f);
+  // error: the library has no 'sin'
+  // hint: of <math.h> it has fabs, floor and ceil
+  f = sin(f);
+}
+void warned(void) {
+  // warning: 1e-60 is too small for 'float' and becomes 0
+  f = 1e-60;
+  // warning: 1e-999999999999999 is too small for 'float' and becomes 0
+  f = 1e-999999999999999;
+  // warning: 2.5 does not fit 'unsigned char' and becomes 2
+  n = 2.5;
+  // warning: 300 does not fit 'unsigned char' and becomes 44
+  n = 300.0;
+  // warning: 16777217 has more digits than 'float' and becomes 16777216
+  f = 16777217;
+  // warning: this statement has no effect
+  f;
+  // warning: this statement has no effect
+  f * 2;
+  n = (unsigned char)2.5;
+  n = 3.0;
+  f = (float)16777217;
+  f = 16777216;
 }
