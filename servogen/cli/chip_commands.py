@@ -67,7 +67,9 @@ def compile_c(
     ] = None,
     float_bits: Annotated[
         int | None,
-        typer.Option("--float", metavar="24|32", help="Bits of float and double (default: 24 in xc8, else 32)."),
+        typer.Option(
+            "--float", metavar="24|32", help="Bits of float and double (default: 24 in xc8, else 32)."
+        ),
     ] = None,
     dump: Annotated[
         str | None,

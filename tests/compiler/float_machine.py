@@ -1,7 +1,7 @@
 """One operation on the simulated chip, with operands that are written into its RAM.
 
-In: the statement of an operation on the variables x and y. Out: what it leaves in its variables, for any number of
-operands, without compiling or starting the program again.
+In: the statement of an operation on the variables x and y. Out: what it leaves in its variables, for any
+number of operands, without compiling or starting the program again.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ float x, y, z;
 volatile uint8_t c;
 volatile int32_t i;
 volatile uint32_t u;
+volatile short long s;
 volatile int16_t h;
 volatile int8_t b;
 """

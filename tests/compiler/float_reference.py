@@ -1,7 +1,7 @@
 """Floating-point arithmetic a second time, for the compiler's routines to be compared with.
 
-In: the bytes of operands as integers. Out: the bytes that IEEE 754 requires. 32 bits are numpy's float32; the 24-bit
-format, binary32 with 15 bits of mantissa, is computed with exact fractions and rounded by halving and comparing.
+In: the bytes of operands as integers. Out: the bytes that IEEE 754 requires. 32 bits are numpy's float32; the
+24-bit format, binary32 with 15 bits of mantissa, is computed with exact fractions and rounded by bisection.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import operator
 import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import lru_cache
 from math import isqrt
 
 import numpy as np
@@ -64,6 +65,7 @@ BEYOND = Fraction(2) ** 1000
 """Stands for infinity where only the order counts."""
 
 
+@lru_cache(maxsize=1 << 16)
 def _number24(bits: int) -> Fraction:
     sign = -1 if bits >> 23 else 1
     exponent, mantissa = bits >> 15 & 0xFF, bits & 0x7FFF
@@ -159,7 +161,7 @@ def edges(width: int) -> list[int]:
 
 
 def operands(width: int, seed: int) -> Iterator[tuple[int, int]]:
-    """Yield pairs of operands without end: of all magnitudes, close to each other, with few bits, and edges."""
+    """Yield pairs of operands without end: of all magnitudes, close to each other, of few bits, and edges."""
     chance = random.Random(seed)
     special = edges(width)
     stored = width - 9
@@ -167,7 +169,11 @@ def operands(width: int, seed: int) -> Iterator[tuple[int, int]]:
         kind = chance.randrange(6)
         left, right = chance.getrandbits(width), chance.getrandbits(width)
         if kind == 1:  # about equal magnitudes, so that leading digits cancel
-            right = left ^ chance.getrandbits(chance.randrange(1, stored + 3)) ^ chance.getrandbits(1) << width - 1
+            right = (
+                left
+                ^ chance.getrandbits(chance.randrange(1, stored + 3))
+                ^ chance.getrandbits(1) << width - 1
+            )
         elif kind == 2:  # exponents within the length of the mantissa
             exponent = (left >> stored & 0xFF) + chance.randrange(-stored - 4, stored + 5)
             right = right & ~(0xFF << stored) | min(max(exponent, 0), 255) << stored
@@ -175,7 +181,9 @@ def operands(width: int, seed: int) -> Iterator[tuple[int, int]]:
             keep = chance.randrange(1, 6)
             mask = ~((1 << stored - keep) - 1)
             left, right = left & mask, right & mask
-            right = right & ~(0xFF << stored) | min((left >> stored & 0xFF) + chance.randrange(20), 255) << stored
+            right = (
+                right & ~(0xFF << stored) | min((left >> stored & 0xFF) + chance.randrange(20), 255) << stored
+            )
         elif kind == 4:
             left = chance.choice(special)
         elif kind == 5:

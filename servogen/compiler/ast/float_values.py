@@ -1,7 +1,7 @@
 """The values of floating-point types: numbers to their bytes and back, and constant arithmetic.
 
-In: exact numbers, or the bytes of values as integers. Out: the nearest value, ties to even, as IEEE 754 has it for
-binary32; the type of 3 bytes is binary32 with 15 bits of mantissa.
+In: exact numbers, or the bytes of values as integers. Out: the nearest value, ties to even, as IEEE 754 has
+it for binary32; the type of 3 bytes is binary32 with 15 bits of mantissa.
 """
 
 from __future__ import annotations

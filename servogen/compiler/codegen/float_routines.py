@@ -1,11 +1,11 @@
 """The routines of floating-point arithmetic: unpacking, packing, + × ÷, comparison, conversions.
 
-In: the kind of a routine and its sizes. Out: its `Function`. A value of 4 bytes is an IEEE 754 binary32; one of
-3 bytes has the same sign and exponent, and 15 bits of mantissa instead of 23. Results are rounded to the nearest
-value, ties to even; denormals, infinities and NaN are those of IEEE 754, with one NaN.
+In: the kind of a routine and its sizes. Out: its `Function`. A value of 4 bytes is an IEEE 754 binary32; one
+of 3 bytes has the same sign and exponent, and 15 bits of mantissa instead of 23. Results are rounded to the
+nearest value, ties to even; denormals, infinities and NaN are those of IEEE 754, with one NaN.
 
-The routines work in place. A value is unpacked to its mantissa with the hidden bit, and the exponent in the top
-byte; the guard byte continues the mantissa downwards, and its lowest bit is sticky:
+The routines work in place. A value is unpacked to its mantissa with the hidden bit, and the exponent in the
+top byte; the guard byte continues the mantissa downwards, and its lowest bit is sticky:
 
     as stored   [ mantissa … mantissa | e mantissa | s eeeeeee ]
     unpacked    [ mantissa … mantissa | 1 mantissa | eeeeeeee  ]   guard, sign
@@ -194,8 +194,8 @@ def not_a_number(gen: InstructionBuilder, key: tuple[int, ...], library: Library
 
 
 def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Emit the beginning of every routine with two operands. `sign` is whether their signs differ; C is set if
-    one of them is not a number.
+    """Emit the beginning of every routine with two operands. `sign` is whether their signs differ; C is set
+    if one of them is not a number.
     """
     r = shared(library, key[0])
     gen.function.also_calls = (library("float_pack", key).name,)

@@ -1,8 +1,8 @@
 """Floating-point operations: their operands into the routines' bytes, the call, the result.
 
 In: `Builtin` nodes of `FLOAT_OPERATIONS`. Out: instructions, and where the result is. The routines find their
-first operand where they leave their results, so that a chain of operations moves no intermediate value: where the
-order of the operands does not matter, the one that is the result of another operation becomes the first.
+first operand where they leave their results, so that a chain of operations moves no intermediate value: where
+the order of the operands does not matter, the result of another operation becomes the first.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Loc
 
 _COMMUTATIVE = ("float_add", "float_subtract", "float_multiply")
-"""Operations whose operands may be exchanged; a difference is the sum with the sign of one operand changed."""
+"""Operations whose operands may be exchanged; a difference is a sum in which one operand changes its sign."""
 
 
 def float_operation(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
@@ -76,9 +76,7 @@ def _evaluate_into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> Non
 
 def _is_operation(expr: Expr) -> bool:
     """Return whether an expression leaves its value where the routines have their results."""
-    return (
-        isinstance(expr, Builtin) and expr.name in FLOAT_OPERATIONS and isinstance(expr.type, FloatType)
-    )
+    return isinstance(expr, Builtin) and expr.name in FLOAT_OPERATIONS and isinstance(expr.type, FloatType)
 
 
 def _binary(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:

@@ -409,7 +409,9 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
 
 
 def absolute(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
-    value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, "the argument of 'fabs'")
+    value = convert(
+        analyser, expression(analyser, arguments[0]), analyser.float_type, "the argument of 'fabs'"
+    )
     return without_sign(value, analyser.place(node))
 
 

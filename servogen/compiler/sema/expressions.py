@@ -186,8 +186,8 @@ def _float_update(
     *,
     post: bool = False,
 ) -> Expr:
-    """Return `target op= value` where one of them is a floating-point value; with `post` it has the value from
-    before.
+    """Return `target op= value` where one of them is a floating-point value; with `post` it has the value
+    from before.
     """
     place, kind = analyser.place(node), target.type.plain()
     before: list[Expr] = []

@@ -92,10 +92,8 @@ def _from_integer(analyser: Analyser, expr: Expr, kind: FloatType) -> Expr:
     if isinstance(expr, Num):
         return Num(encode(Fraction(expr.value), kind), kind, expr.place)
     signed = expr.type.signed
-    if expr.type.size <= U16.size:
-        work = S16 if signed else U16
-    else:
-        work = S32 if signed else U32
+    short = expr.type.size <= U16.size
+    work = (S16 if short else S32) if signed else (U16 if short else U32)
     integer = expr if expr.type.size == work.size else Cast(expr, work, expr.place)
     return Builtin("float_from_integer", [integer], kind, expr.place, signed, pure=True)
 

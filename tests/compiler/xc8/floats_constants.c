@@ -24,8 +24,8 @@ void main(void) {
   unsigned char i;
   const double two = 2;
   tenth = .1;
-  large = 65535.9e0;
-  least = 9.2e-41f;
+  large = 65535.4e0;
+  least = 3.6e-43f;
   hex = -0x1.18p3L;
   point = 5.e0;
   folded = 1.5 * 4 / 2;
