@@ -609,7 +609,7 @@ ROWS = [
         "error",
         "WDTE is set twice: ON and OFF",
     ),
-    ("xc8", "int x;void main(void) { if (x)‸; x = 1; }", "warning", "this 'if' controls an empty statement"),
+    ("xc8", "int x;void main(void) { if (x)‸; x = 1; }", "warning", "the body of this 'if' is this ';'"),
     ("xc8", "int x;void main(void) { ‸default: x = 1; }", "error", "'default' outside a switch"),
     (
         "xc8",

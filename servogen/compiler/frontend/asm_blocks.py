@@ -62,6 +62,18 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
         if comment and comment.startswith("/*") and (len(comment) < 4 or not comment.endswith("*/")):
             reporter.error("c-syntax", "the comment is not closed", Location(file, lines.at(match.start())))
             out.append("\n" * comment.count("\n"))
+        elif comment and ("/*" in comment[2:] or comment.endswith("\\")):
+            inner = comment.find("/*", 2) if comment.startswith("/*") else -1
+            if inner > 0 or comment.endswith("\\"):
+                reporter.warn(
+                    "c-comment",
+                    "a comment begins inside a comment"
+                    if inner > 0
+                    else "'\\' continues this comment in the next line",
+                    Location(file, lines.at(match.start() + max(inner, 0))),
+                    hint="the first '*/' ends both" if inner > 0 else None,
+                )
+            out.append(comment)
         elif match["binary"]:
             out.append(_hexadecimal(match["binary"]))
         elif match["hash"] and "endasm" in match["hash"]:

@@ -107,6 +107,8 @@ class Analyser:
         """The one floating-point type: `float`, `double` and `long double`."""
         self.parenthesised: set[int] = set()
         """The identities of the expressions of the syntax tree that stand in parentheses."""
+        self.enumerated: dict[str, list[str]] = {}
+        """The enumerators of the variables that are declared with an `enum`, by name."""
         self.declared_locals: list[Symbol] = []
         """The variables that the program declares in the present function."""
         self.library_files: set[str] = set()

@@ -136,10 +136,9 @@ def _directions(writes: list[_Write], reporter: Reporter) -> None:
 
 def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
     ra4 = 1 << 4
-    output = any(each.register == "TRISA" and not each.whole and each.may_clear & ra4 for each in writes)
-    first = next(
-        (each for each in writes if each.register == "PORTA" and not each.whole and each.sets & ra4), None
-    )
+    output = any(each.register == "TRISA" and each.may_clear & ra4 for each in writes)
+    high = (each for each in writes if each.register == "PORTA" and each.sets & ra4)
+    first = next((each for each in high if not each.whole or each.sets < 2 * ra4), None)
     if output and first is not None:
         reporter.warn(
             "c-open-drain",

@@ -218,6 +218,16 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
 
 def truth(analyser: Analyser, expr: Expr) -> Expr:
     """Return the operand of a condition."""
+    function = isinstance(expr.type, PointerType) and isinstance(expr.type.target, FuncType)
+    if (isinstance(expr.type, ArrayType) and isinstance(expr, Ref)) or (function and isinstance(expr, Num)):
+        analyser.reporter.warn(
+            "c-comparison",
+            "this address is always true",
+            expr.place,
+            hint="call the function: write its name and parentheses"
+            if function
+            else "an element needs an index",
+        )
     expr = rvalue(analyser, expr)
     if not expr.type.scalar:
         raise analyser.fail("c-type", f"a condition needs a number or a pointer, not '{expr.type}'", expr)

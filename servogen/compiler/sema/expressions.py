@@ -159,6 +159,8 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
                 place,
             )
         return binary(analyser, op, left, right, left.type, place)
+    if op in COMPARISONS:
+        _signs(analyser, left, right, place)
     left, right, kind = balance(analyser, left, right)
     if op in COMPARISONS:
         return _comparison(analyser, op, left, right, place)
@@ -238,6 +240,25 @@ def _settled(analyser: Analyser, target: Ref | Deref, before: list[Expr]) -> Ref
     if isinstance(target, Deref):
         return replace(target, pointer=held)
     return replace(target, index=held)
+
+
+def _signs(analyser: Analyser, left: Expr, right: Expr, place: Location) -> None:
+    """Warn about a comparison that takes a negative number for a large positive one. C2C's `int` is unsigned
+    by itself.
+    """
+    left, right = promoted(analyser, left), promoted(analyser, right)
+    assert isinstance(left.type, IntType) and isinstance(right.type, IntType)
+    if analyser.c2c or common(left.type, right.type, c2c=False).signed:
+        return
+    for side in (left, right):
+        assert isinstance(side.type, IntType)
+        if side.type.signed and not isinstance(side, Num) and interval(side)[0] < 0:
+            analyser.reporter.warn(
+                "c-sign-compare",
+                "this compares a signed and an unsigned number: a negative one counts as large",
+                place,
+                hint="declare both in the same way, or cast one",
+            )
 
 
 def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
@@ -365,6 +386,8 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     if node.op == "=":
         value = convert(analyser, expression(analyser, node.rvalue), kind, "the assignment")
         _warn_field(analyser, target, value)
+        if isinstance(target, Ref) and isinstance(value, Ref) and _same_variable(target, value):
+            analyser.reporter.warn("c-no-effect", f"'{target.symbol.name}' is assigned to itself", place)
         if isinstance(target, (WideField, EepromObject)):
             return store(analyser, target, value)
         return Assign(target, value, kind, place)
@@ -399,6 +422,13 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     if op in "/%" and isinstance(value, Num) and value.value == 0:
         raise analyser.fail("c-division-by-zero", "division by zero", value)
     return Update(op, target, value, work, False, kind, place)
+
+
+def _same_variable(one: Ref, two: Ref) -> bool:
+    """Return whether two references read the same bytes and reading them has no effect."""
+    same_place = (one.symbol, one.offset, one.bit, one.width) == (two.symbol, two.offset, two.bit, two.width)
+    steady = not one.symbol.volatile and one.symbol.kind != "fixed"
+    return same_place and steady and one.index is None and two.index is None
 
 
 def cast_expression(analyser: Analyser, node: Any) -> Expr:

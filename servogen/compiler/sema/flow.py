@@ -5,7 +5,7 @@ In: a function's typed tree. Out: warnings. Assembly in the function may do anyt
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import (
@@ -39,14 +39,15 @@ from servogen.compiler.sema.call_graph import expressions, has_assembly, stateme
 def check_flow(
     function: FunctionDefinition, declared: Sequence[Symbol], used: set[str], reporter: Reporter
 ) -> None:
-    """Report unused variables, variables read before they are set, and a missing return. `declared` are the
-    variables that the program declares in the function, `used` the names that its text uses, also where
-    constants have replaced them in the tree.
+    """Report unused variables and parameters, variables read before they are set, and a missing return.
+    `declared` are the variables that the program declares in the function, `used` the names that its text
+    uses, also where constants have replaced them in the tree.
     """
     body = function.body
     if body is None or has_assembly(body):
         return
     _unused(body, declared, used, reporter)
+    _unused_parameters(function, used, reporter)
     _missing_return(function, body, reporter)
     if not any(isinstance(each, LabelStmt) for each in statements(body)):
         _Uninitialised(body, declared, reporter).report()
@@ -68,6 +69,17 @@ def _unused(body: Block, declared: Sequence[Symbol], used: set[str], reporter: R
             reporter.warn("c-unused", f"'{symbol.name}' is set and never used", symbol.place)
         else:
             reporter.warn("c-unused", f"'{symbol.name}' is never used", symbol.place)
+
+
+def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: Reporter) -> None:
+    for symbol in function.parameters:
+        if symbol.place.line and symbol.name not in used:
+            reporter.warn(
+                "c-unused",
+                f"the parameter '{symbol.name}' is never used",
+                symbol.place,
+                hint=f"'(void){symbol.name};' says that this is meant",
+            )
 
 
 # the end of a function
@@ -127,12 +139,15 @@ def breaks(node: Stmt) -> bool:
 
 @dataclass(slots=True)
 class _Uninitialised:
-    """Follows a body in the order of the text; `set_` are the variables that some path has set so far."""
+    """Follows a body in the order of the text. `set_` are the variables that some path has set so far, `sure`
+    those that every path has set; a loop or switch counts as if its body ran.
+    """
 
     body: Block
     declared: Sequence[Symbol]
     reporter: Reporter
     set_: set[Symbol] = field(default_factory=set)
+    sure: set[Symbol] = field(default_factory=set)
     in_loop: set[Symbol] = field(default_factory=set)
     """What the loops around the present place set, perhaps in an earlier round."""
     conditional: int = 0
@@ -157,26 +172,33 @@ class _Uninitialised:
                     self.statement(each)
             case If(condition, yes, no):
                 self.expression(condition)
-                self.branches(lambda: self.statement(yes), lambda: self.statement(no))
+                ends = not _completes(yes), no is not None and not _completes(no)
+                self.branches(lambda: self.statement(yes), lambda: self.statement(no), ends=ends)
             case Loop():
                 self.loop(node)
             case Switch(value, _, _, body):
                 self.expression(value)
                 self.branches(lambda: self.statement(body), lambda: None)
+                self.sure |= self.set_
             case Return(value) if value is not None:
                 self.expression(value)
 
-    def branches(self, *parts: object) -> None:
-        """Follow alternatives; afterwards everything counts as set that one of them sets."""
-        before, after = set(self.set_), set(self.set_)
+    def branches(
+        self, one: Callable[[], None], two: Callable[[], None], ends: tuple[bool, bool] = (False, False)
+    ) -> None:
+        """Follow two alternatives; `ends`: whether what follows is not reached through each."""
+        before, sure = set(self.set_), set(self.sure)
+        sets, sures = [], []
         self.conditional += 1
-        for part in parts:
-            self.set_ = set(before)
-            assert callable(part)
+        for part in (one, two):
+            self.set_, self.sure = set(before), set(sure)
             part()
-            after |= self.set_
+            sets.append(self.set_)
+            sures.append(self.sure)
         self.conditional -= 1
-        self.set_ = after
+        self.set_ = sets[0] | sets[1]
+        through = [each for each, ended in zip(sures, ends, strict=True) if not ended]
+        self.sure = set.intersection(*through) if through else set(self.set_)
 
     def loop(self, node: Loop) -> None:
         outside = set(self.in_loop)
@@ -202,14 +224,14 @@ class _Uninitialised:
                 if isinstance(target, Ref):
                     if target.index is not None:
                         self.expression(target.index)
-                    self.set_.add(target.symbol)
+                    self.set(target.symbol)
                 else:
                     self.expression(target)
             case Update(_, target, value):
                 self.expression(value)
                 self.expression(target)
                 if isinstance(target, Ref):
-                    self.set_.add(target.symbol)
+                    self.set(target.symbol)
             case Logic(_, left, right):
                 self.expression(left)
                 self.branches(lambda: self.expression(right), lambda: None)
@@ -229,8 +251,21 @@ class _Uninitialised:
                         if isinstance(each, Expr):
                             self.expression(each)
 
+    def set(self, symbol: Symbol) -> None:
+        self.set_.add(symbol)
+        self.sure.add(symbol)
+
     def read(self, symbol: Symbol, expr: Ref) -> None:
-        if symbol not in self.watched or symbol in self.set_:
+        if symbol not in self.watched or symbol in self.sure:
+            return
+        if symbol in self.set_:
+            if not self.conditional and symbol not in self.in_loop:
+                self.watched.discard(symbol)
+                self.reporter.warn(
+                    "c-uninitialised",
+                    f"'{symbol.name}' is only set if a condition holds, and is read in any case",
+                    expr.place,
+                )
             return
         if self.conditional and symbol in self.in_loop:
             return  # perhaps an earlier round has set it

@@ -210,12 +210,16 @@ def _aggregate(
     if isinstance(kind, StructType) and kind.layout.union:
         slots = slots[:1]
     at = 0
+    done: set[int] = set()
+    by_name = False
+    first = items[0] if items else None
     while items and (at < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
         item = items[0]
         if isinstance(item, c_ast.NamedInitializer):
             if not braced:
                 return
             at = _designated(analyser, kind, item)
+            by_name = True
             slots = _elements(kind)
             if at >= len(slots):
                 raise analyser.fail("c-initialiser", "this element does not exist", item.expr)
@@ -223,6 +227,10 @@ def _aggregate(
                 raise analyser.fail("c-unsupported", "nested designators are not supported", item.expr)
             inside = bool(parts) and not parts[at].name
             items[0] = item = c_ast.InitList([item]) if inside else item.expr
+            if inside:
+                done.discard(at)  # another member of the unnamed one
+        if at in done:
+            analyser.reporter.warn("c-initialiser", "this element has a value already", analyser.place(item))
         where, element = slots[at]
         member = parts[at] if parts else None
         if (
@@ -237,7 +245,15 @@ def _aggregate(
                 out.append(Leaf(offset + where, element, item, member.bit, member.width))
             else:
                 _leaves(analyser, element, item, offset + where, out)
+        done.add(at)
         at += 1
+    zero = isinstance(first, c_ast.Constant) and first.value == "0" and at == 1  # `{ 0 }`: all zero
+    if parts and braced and not by_name and 0 < at < len(slots) and not zero and not items:
+        analyser.reporter.warn(
+            "c-initialiser",
+            f"the member '{parts[at].name}' has no value and starts with 0",
+            analyser.place(first),
+        )
 
 
 def _designated(analyser: Analyser, kind: CType, item: Any) -> int:

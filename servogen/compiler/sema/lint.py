@@ -14,10 +14,18 @@ from typing import Any
 from pycparser import c_ast
 
 from servogen.compiler.ast.constant_folding import COMPARISONS
+from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.sema.analyser import Analyser
 
 _BITWISE = ("&", "|", "^")
-_SHIFTS = ("<<", ">>")
+_LOOSER = {
+    **dict.fromkeys(_BITWISE, COMPARISONS),
+    **dict.fromkeys(("<<", ">>"), ("+", "-")),
+    "|": (*COMPARISONS, "&", "^"),
+    "^": (*COMPARISONS, "&"),
+    "||": ("&&",),
+}
+"""For an operator, those that are evaluated before it where a reader may take them together the other way."""
 
 
 def check_syntax(analyser: Analyser, function: Any) -> None:
@@ -29,8 +37,12 @@ def check_syntax(analyser: Analyser, function: Any) -> None:
                 _compared_strings(analyser, node)
             case c_ast.If():
                 _dangling_else(analyser, node)
+                _empty_else(analyser, node)
             case c_ast.Compound():
                 _empty_bodies(analyser, node)
+                _indentation(analyser, node)
+            case c_ast.UnaryOp(op="sizeof"):
+                _sizeof_parameter(analyser, node, function)
     for expression in _full_expressions(function.body):
         _Order(analyser).of(expression)
 
@@ -45,26 +57,32 @@ def _nodes(node: Any) -> Iterator[Any]:
 
 
 def _precedence(analyser: Analyser, node: Any) -> None:
-    """Warn about `a & b == c`, `!a & 1` and `a << b + c`, which lack the parentheses that were meant."""
+    """Warn about `a & b == c`, `!a & 1`, `a << b + c`, `a || b && c` and `a | b & c`, which lack the
+    parentheses that were meant, and about `2 ^ 8`, which is not a power.
+    """
     for operand in (node.left, node.right):
         if id(operand) in analyser.parenthesised:
             continue
         inner = operand.op if isinstance(operand, c_ast.BinaryOp) else ""
-        if (node.op in _BITWISE and inner in COMPARISONS) or (node.op in _SHIFTS and inner in ("+", "-")):
+        if inner in _LOOSER.get(node.op, ()):
             analyser.reporter.warn(
                 "c-precedence",
                 f"'{inner}' is evaluated before '{node.op}'",
                 analyser.place(operand),
                 hint="put parentheses around what belongs together",
             )
+    constants = all(isinstance(each, c_ast.Constant) for each in (node.left, node.right))
+    if node.op == "^" and constants and node.left.value in ("2", "10"):
+        analyser.reporter.warn(
+            "c-xor-power",
+            "'^' is exclusive or, not a power",
+            analyser.place(node),
+            hint="1 << n is a power of two",
+        )
     negated = isinstance(node.left, c_ast.UnaryOp) and node.left.op == "!"
     tested = node.op in _BITWISE or node.op in COMPARISONS
-    if (
-        negated
-        and tested
-        and id(node.left) not in analyser.parenthesised
-        and isinstance(node.right, c_ast.Constant)
-    ):
+    both = isinstance(node.right, c_ast.UnaryOp) and node.right.op == "!"
+    if negated and tested and not both and id(node.left) not in analyser.parenthesised:
         analyser.reporter.warn(
             "c-precedence",
             f"'!' is evaluated before '{node.op}'",
@@ -99,6 +117,68 @@ def _dangling_else(analyser: Analyser, node: Any) -> None:
         )
 
 
+def _empty_else(analyser: Analyser, node: Any) -> None:
+    """Warn about an `else` whose statement is a `;` in its line."""
+    for body, word in ((node.iftrue, "if"), (node.iffalse, "else")):
+        if not isinstance(body, c_ast.EmptyStatement) or (word == "if" and node.iffalse is not None):
+            continue
+        analyser.reporter.warn(
+            "c-empty-body",
+            f"the body of this '{word}' is this ';'",
+            analyser.place(body),
+            hint="what follows runs in either case",
+        )
+
+
+def _indentation(analyser: Analyser, node: Any) -> None:
+    """Warn about a statement that is indented like the body of the `if` or loop above it, which has no
+    braces.
+    """
+    for above, after in pairwise(node.block_items or []):
+        body = _last_body(above)
+        if body is None or isinstance(body, (c_ast.Compound, c_ast.EmptyStatement)):
+            continue
+        if isinstance(after, (c_ast.Label, c_ast.Case, c_ast.Default)):
+            continue
+        head, inner, here = analyser.place(above), analyser.place(body), analyser.place(after)
+        apart = (head.line or 0) < (inner.line or 0) < (here.line or 0)
+        if apart and (head.column or 0) < (here.column or 0) == inner.column:
+            analyser.reporter.warn(
+                "c-indentation",
+                "this is indented like the statement above it, and does not depend on the condition",
+                here,
+                hint="put braces around both",
+            )
+
+
+def _last_body(node: Any) -> Any:
+    """Return the statement that ends an `if` or a loop; None for other statements."""
+    match node:
+        case c_ast.If():
+            last = node.iftrue if node.iffalse is None else node.iffalse
+            return _last_body(last) or last
+        case c_ast.For() | c_ast.While():
+            return node.stmt
+    return None
+
+
+def _sizeof_parameter(analyser: Analyser, node: Any, function: Any) -> None:
+    """Warn about the size of a parameter that is declared as an array and is a pointer."""
+    arguments = function.decl.type.args
+    arrays = {
+        each.name
+        for each in (arguments.params if arguments is not None else [])
+        if isinstance(getattr(each, "type", None), c_ast.ArrayDecl)
+    }
+    if isinstance(node.expr, c_ast.ID) and node.expr.name in arrays:
+        analyser.reporter.warn(
+            "c-sizeof",
+            f"'{node.expr.name}' is a pointer here: this is not the size of the array",
+            analyser.place(node),
+            hint="pass the length as another parameter",
+        )
+
+
 def _empty_bodies(analyser: Analyser, node: Any) -> None:
     """Warn about a loop whose body is a `;` although a block or an indented statement follows."""
     for loop, after in pairwise(node.block_items or []):
@@ -119,6 +199,31 @@ def _empty_bodies(analyser: Analyser, node: Any) -> None:
             )
 
 
+def check_statics(analyser: Analyser, units: list[Any]) -> None:
+    """Report static functions and variables of a file that nothing in it names; headers may hold more than is
+    used.
+    """
+    used = {node.name for unit in units for node in _nodes(unit) if isinstance(node, c_ast.ID)}
+    assembly = "\n".join(text for block in analyser.asm_blocks for _, text in block.lines)
+    for unit in units:
+        decl = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
+        if not isinstance(decl, c_ast.Decl) or "static" not in (decl.storage or []) or decl.name in used:
+            continue
+        place = analyser.place(decl)
+        function = isinstance(decl.type, c_ast.FuncDecl)
+        meaning = analyser.file_scopes[-1].stack[0].names.get(decl.name)
+        wanted = (
+            meaning.interrupt
+            if isinstance(meaning, FunctionDefinition)
+            else not isinstance(meaning, Symbol) or meaning.volatile or meaning.kind != "global"
+        )
+        in_header = (place.file or "").lower().endswith(".h") or "inline" in (decl.funcspec or [])
+        defined = isinstance(unit, c_ast.FuncDef) or not function
+        if defined and not wanted and not in_header and f"_{decl.name}" not in assembly:
+            done = "called" if function else "used"
+            analyser.reporter.warn("c-unused", f"'{decl.name}' is never {done}", place)
+
+
 def used_names(node: Any) -> set[str]:
     """Return the names whose values a function uses: not those that are only assigned to or counted."""
     match node:
@@ -128,6 +233,8 @@ def used_names(node: Any) -> set[str]:
             return used_names(node.rvalue)
     alone = [*(node.block_items or [])] if isinstance(node, c_ast.Compound) else []
     alone += [node.next] if isinstance(node, c_ast.For) else []
+    alone += [node.stmt] if isinstance(node, (c_ast.For, c_ast.While, c_ast.DoWhile)) else []
+    alone += [node.iftrue, node.iffalse] if isinstance(node, c_ast.If) else []
     found: set[str] = set()
     for _, child in node.children():
         counted = isinstance(child, c_ast.UnaryOp) and child.op in _STEPS and child in alone

@@ -19,6 +19,7 @@ from servogen.compiler.ast.nodes import (
     Choice,
     Comma,
     ConstNum,
+    Deref,
     EepromObject,
     Expr,
     FunctionDefinition,
@@ -27,6 +28,7 @@ from servogen.compiler.ast.nodes import (
     Ref,
     Symbol,
     Unary,
+    Update,
     WideField,
 )
 from servogen.compiler.ast.types import BIT, U8, FloatType, IntType, Layout, Member, StructType, VoidType
@@ -212,6 +214,13 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
         )
     elif not has_effect(expr):
         analyser.reporter.warn("c-no-effect", "this statement has no effect", expr.place)
+    elif isinstance(expr, Deref) and isinstance(expr.pointer, Update) and not expr.type.volatile:
+        analyser.reporter.warn(
+            "c-unused-result",
+            "what the pointer points to is read and not used",
+            expr.place,
+            hint="'(*p)++' changes it, 'p++' moves the pointer",
+        )
     elif isinstance(expr, (Binary, Unary, Cast)) or (isinstance(expr, Builtin) and expr.pure):
         analyser.reporter.warn("c-unused-result", "the result of this expression is not used", expr.place)
 

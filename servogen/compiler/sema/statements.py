@@ -40,6 +40,8 @@ from servogen.compiler.frontend.asm_blocks import MARKER
 from servogen.compiler.frontend.extensions import CRITICAL_LABEL
 from servogen.compiler.sema.analyser import Analyser, Body
 from servogen.compiler.sema.builtins import chip_bit, register_ref, set_bit
+from servogen.compiler.sema.call_graph import has_assembly
+from servogen.compiler.sema.condition_checks import check_conditions
 from servogen.compiler.sema.conversions import convert, promoted, truth
 from servogen.compiler.sema.declarations import declare
 from servogen.compiler.sema.expressions import condition_operand
@@ -68,12 +70,23 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
             analyser.reporter.error(
                 "c-jump", f"there is no label '{label}' in '{function.name}'", analyser.place(where), hint
             )
+    unused = set(analyser.body.labels) - {label for label, _ in analyser.body.gotos}
+    labels = {label: analyser.body.labels[label] for label in unused}
     analyser.scopes.pop()
     function.body = block
     analyser.function = None
     if not is_own_file(function.place) and errors == analyser.reporter.errors:
         check_syntax(analyser, node)
+        check_conditions(analyser, node)
         check_flow(function, analyser.declared_locals, used_names(node.body), analyser.reporter)
+        _unused_labels(analyser, labels, function)
+
+
+def _unused_labels(analyser: Analyser, labels: dict[str, Location], function: FunctionDefinition) -> None:
+    """Warn about labels that no `goto` names; assembly may jump to one."""
+    if function.body is not None and not has_assembly(function.body):
+        for label, place in labels.items():
+            analyser.reporter.warn("c-unused", f"nothing jumps to '{label}'", place)
 
 
 def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
@@ -171,12 +184,13 @@ def _step_alone(analyser: Analyser, node: Any) -> Expr:
 
 
 def checked_condition(analyser: Analyser, node: Any) -> Expr:
-    if isinstance(node, c_ast.Assignment) and node.op == "=":
+    meant = id(node) in analyser.parenthesised
+    if isinstance(node, c_ast.Assignment) and node.op == "=" and not meant:
         analyser.reporter.warn(
             "c-assignment-condition",
             "an assignment as a condition",
             analyser.place(node),
-            hint="'==' compares; '((a = b) != 0)' says it is meant",
+            hint="'==' compares; '((a = b))' says it is meant",
         )
     return truth(analyser, condition_operand(analyser, node))
 
@@ -235,10 +249,6 @@ def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
     condition = checked_condition(analyser, node.cond)
-    if isinstance(node.iftrue, c_ast.EmptyStatement) and node.iffalse is None:
-        analyser.reporter.warn(
-            "c-no-effect", "this 'if' controls an empty statement", analyser.place(node.iftrue)
-        )
     return If(
         condition,
         nested(analyser, node.iftrue),
@@ -291,6 +301,13 @@ def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
     analyser.body.switches.append((switch, promote(value.type, c2c=analyser.c2c)))
     analyser.body.breakable += 1
     if isinstance(node.stmt, c_ast.Compound):
+        first = next(iter(node.stmt.block_items or []), None)
+        if first is not None and not _can_be_reached(first):
+            analyser.reporter.warn(
+                "c-unreachable",
+                "this is never reached: it stands before the first case",
+                analyser.place(first),
+            )
         switch.body = _stmt_compound(analyser, node.stmt)
     else:
         switch.body = nested(analyser, node.stmt)

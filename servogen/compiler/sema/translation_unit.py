@@ -5,6 +5,7 @@ In: preprocessed and rewritten files. Out: the `Analyser` with the program's typ
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from pycparser import c_ast
@@ -23,6 +24,7 @@ from servogen.compiler.frontend.settings import Settings
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.analyser import Analyser, Dispatch, ReadFile
 from servogen.compiler.sema.builtins import builtin, builtin_names
+from servogen.compiler.sema.condition_checks import enumerated_names
 from servogen.compiler.sema.declarations import compound_literal, declare, declare_function
 from servogen.compiler.sema.expressions import (
     assignment,
@@ -31,6 +33,7 @@ from servogen.compiler.sema.expressions import (
     ternary_op,
     unary_op,
 )
+from servogen.compiler.sema.lint import check_statics
 from servogen.compiler.sema.lvalues import array_ref, func_call, struct_ref
 from servogen.compiler.sema.names import expression_list, identifier, literal
 from servogen.compiler.sema.scopes import Constant, Scopes
@@ -142,6 +145,9 @@ def analyse(
     )
     trees = [_parsed(analysis, rewritten) for _, rewritten in files]
     infer_const_pointers(trees)
+    for units in trees:
+        with suppress(RecursionError):  # the analysis reports it, with its place
+            analysis.enumerated.update(enumerated_names(units))
     for (_, rewritten), units in zip(files, trees, strict=True):
         _declarations(analysis, rewritten, units)
         file_assembly(analysis, rewritten, settings)
@@ -184,6 +190,9 @@ def _declarations(analysis: Analyser, rewritten: Rewritten, units: list[Any]) ->
         except Fatal:
             declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
             reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
+    if not reporter.errors:
+        with suppress(RecursionError):
+            check_statics(analysis, units)
 
 
 def _bodies(analysis: Analyser) -> None:

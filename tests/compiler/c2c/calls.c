@@ -19,5 +19,6 @@ int twice(int n)
 // warning: 'nothing' can reach its end without returning a value
 int nothing()
 {
+  // warning: 'a' is assigned to itself
   a = a;
 }

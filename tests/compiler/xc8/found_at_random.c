@@ -36,6 +36,7 @@ static uint8_t added(const uint8_t *from, uint8_t count)
     return found;
 }
 
+// warning: the parameter 'other' is never used
 static uint32_t before(uint32_t other, uint32_t value)
 {
     return value--;                            // the step is dropped, its result is not
