@@ -13,6 +13,7 @@ from pycparser import c_ast
 
 from servogen.compiler.ast.constant_folding import COMPARISONS, compare
 from servogen.compiler.ast.nodes import Symbol
+from servogen.compiler.ast.types import FloatType
 from servogen.compiler.frontend.dialects import chip_bits, chip_registers
 from servogen.compiler.sema.analyser import Analyser
 
@@ -48,12 +49,19 @@ def _nodes(node: Any) -> Iterator[Any]:
 
 
 def _volatile_names(function: Any) -> set[str]:
-    """Return the names that a function declares volatile."""
+    """Return the names that a function declares volatile, or with a floating-point type: a NaN differs from
+    itself.
+    """
     return {
         node.declname
         for node in _nodes(function)
-        if isinstance(node, c_ast.TypeDecl) and "volatile" in node.quals and node.declname
+        if isinstance(node, c_ast.TypeDecl) and node.declname and ("volatile" in node.quals or _floats(node))
     }
+
+
+def _floats(node: Any) -> bool:
+    names = getattr(node.type, "names", ())
+    return "float" in names or "double" in names
 
 
 def _number(node: Any) -> int | None:
@@ -116,10 +124,10 @@ def _with_itself(analyser: Analyser, node: Any, changing: set[str]) -> None:
 
 
 def _may_change(analyser: Analyser, name: str, changing: set[str]) -> bool:
-    """Return whether a variable may differ each time it is read."""
+    """Return whether a variable may differ each time it is read, or from itself."""
     found = analyser.scopes.find(name)
-    volatile = isinstance(found, Symbol) and found.volatile
-    return volatile or name in changing or name in chip_registers() or name in chip_bits()
+    differs = isinstance(found, Symbol) and (found.volatile or isinstance(found.type, FloatType))
+    return differs or name in changing or name in chip_registers() or name in chip_bits()
 
 
 def _decided(analyser: Analyser, node: Any) -> None:
