@@ -129,7 +129,7 @@ class ServogenError(Exception):
     @property
     def first(self) -> Diagnostic:
         """Return the first error among the diagnostics."""
-        return next(each for each in self.diagnostics if each.severity == "error")
+        return next(diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error")
 
     @property
     def code(self) -> str:
@@ -154,7 +154,7 @@ class ServogenError(Exception):
         return moved
 
     def __str__(self) -> str:
-        return "\n".join(each.render(self.source_lines) for each in self.diagnostics)
+        return "\n".join(diagnostic.render(self.source_lines) for diagnostic in self.diagnostics)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Return how to rebuild the error in another process, whatever a subclass is constructed from."""

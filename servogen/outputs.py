@@ -211,7 +211,7 @@ def _abandoned(folder: Path, name: str) -> Iterator[Path]:
     """Yields this user's parts of `name` whose process has ended: nobody holds their lock any more."""
     if os.name != "posix":  # there is no such lock, so that nobody knows
         return
-    for entry in [each for each in folder.iterdir() if _is_part_of(each.name, name)]:
+    for entry in [part for part in folder.iterdir() if _is_part_of(part.name, name)]:
         with suppress(OSError), _held(os.open(entry, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)) as handle:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(handle).st_uid == os.geteuid():

@@ -115,9 +115,9 @@ class Build:
             if diagnostic.code != EXPECTED_WARNING
         ]
         engine = [
-            replace(each, location=Location(program.firmware.file))
+            replace(warning, location=Location(program.firmware.file))
             for program in self.programs
-            for each in program.firmware.warnings
+            for warning in program.firmware.warnings
         ]
         return (*self.job.warnings, *self.plan.warnings, *engine, *compiler, *self.left_out)
 

@@ -153,7 +153,7 @@ def capture(
             check_rate(fastest)
         planned = plan(looking.memory or device.memory, fastest, looking.rle, wanted, several)
         seen = _looks(line, planned, wanted.frames, channel, wired, schedule, seconds is None, progress)
-    servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
+    servos = {channel.pin: channel.name for channel in schedule.channels} if schedule else {}
     path = write_capture(
         output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
     )
@@ -253,8 +253,8 @@ def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:
     Without frames both are 0.
     """
     moments = [
-        (each.frames, len({time for p in each.pulses if p for time in (p.rise, p.rise + p.width)}))
-        for each in runs
+        (run.frames, len({time for p in run.pulses if p for time in (p.rise, p.rise + p.width)}))
+        for run in runs
     ]
     if not moments:
         return Fraction(0), 0

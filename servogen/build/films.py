@@ -43,8 +43,8 @@ def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
     film, name = grade.film, submission.name
     assert film is not None
     servos = [
-        {**servo_model(each.servo, index), "pin": row.pin}
-        for index, (each, row) in enumerate(zip(lab.servos, film.rows, strict=True))
+        {**servo_model(lab_servo.servo, index), "pin": row.pin}
+        for index, (lab_servo, row) in enumerate(zip(lab.servos, film.rows, strict=True))
     ]
     begin = max(film.begin_us, film.moment_us - SHOWN_US / 2)
     data = {
@@ -58,14 +58,14 @@ def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
         "robot": {"servos": servos, "ends": [], "body": [], "base": None},
         "rows": [
             {
-                "channel": each.servo.name,
+                "channel": lab_servo.servo.name,
                 "pin": row.pin,
                 "kind": "simulated",
                 "colour": servo["colour"],
                 "rise": row.rise_us,
                 "width": row.width_us,
             }
-            for each, row, servo in zip(lab.servos, film.rows, servos, strict=True)
+            for lab_servo, row, servo in zip(lab.servos, film.rows, servos, strict=True)
         ],
     }
     return _rendered(
@@ -86,20 +86,20 @@ def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
     """Return the page with all programs: points, verdict or first reason, links to page and film."""
     rows = [
         {
-            "name": shown_name(each.submission.name),
-            "passed": each.grade.passed,
-            "points": number(total(found := outcomes(lab, each.grade))),
+            "name": shown_name(result.submission.name),
+            "passed": result.grade.passed,
+            "points": number(total(found := outcomes(lab, result.grade))),
             "max_points": number(max_total(found)),
-            "reason": each.grade.reasons[0] if each.grade.reasons else "",
+            "reason": result.grade.reasons[0] if result.grade.reasons else "",
             "page": page,
-            "film": film_name(page) if each.grade.film else "",
+            "film": film_name(page) if result.grade.film else "",
         }
-        for page, each in zip(names, graded, strict=True)
+        for page, result in zip(names, graded, strict=True)
     ]
     return _rendered(
         "class.html.j2",
         title=lab.title,
-        passed=sum(each.grade.passed for each in graded),
+        passed=sum(result.grade.passed for result in graded),
         count=len(graded),
         rows=rows,
     )

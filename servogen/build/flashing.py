@@ -32,9 +32,9 @@ class Check:
         """Return the warnings. Raises InputError if there are objections, unless `force`."""
         if self.against and not force:
             raise InputError.of(
-                replace(each, hint="--force programs it all the same") for each in self.against
+                replace(objection, hint="--force programs it all the same") for objection in self.against
             )
-        return (*(replace(each, severity="warning") for each in self.against), *self.remarks)
+        return (*(replace(objection, severity="warning") for objection in self.against), *self.remarks)
 
 
 def schedule_beside(file: Path) -> Path | None:
@@ -56,8 +56,8 @@ def check(
     against = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
     return Check(
         device,
-        tuple(replace(each, location=place) for each in against),
-        tuple(replace(each, location=place) for each in remarks(image, device)),
+        tuple(replace(objection, location=place) for objection in against),
+        tuple(replace(diagnostic, location=place) for diagnostic in remarks(image, device)),
     )
 
 

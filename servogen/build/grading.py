@@ -143,8 +143,8 @@ def grade_submissions(
         found = _in_forks(submissions, task, at_once)
     else:
         found = _in_fresh_processes(submissions, task, at_once)
-    for index, each in found:
-        graded[index] = each
+    for index, result in found:
+        graded[index] = result
         progress(len(graded))
     return [graded[index] for index in range(len(submissions))]
 
@@ -170,7 +170,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
 def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
     """Return the film of a program that failed: its servos' pins around the moment that is wrong."""
     named = dict(grade.pins)
-    pins = [PINS.index(named.get(each.servo.name, each.pins[0])) for each in lab.servos]
+    pins = [PINS.index(named.get(servo.servo.name, servo.pins[0])) for servo in lab.servos]
     at = (
         watched.end if grade.moment is None and not any(pin in watched.pins for pin in pins) else grade.moment
     )
@@ -186,7 +186,7 @@ def _source(listing: Listing | None, pc: int, returns: Sequence[int]) -> FilmSou
     """Return the source around the instruction at `pc`: in a routine of the compiler, around its call."""
     rows = {row.address: row for row in listing.rows} if listing else {}
     texts = dict(listing.sources) if listing else {}
-    for address in (pc, *(each - 1 for each in returns)):
+    for address in (pc, *(return_address - 1 for return_address in returns)):
         row = rows.get(address % PROGRAM_WORDS)
         if row is not None and row.file in texts and row.line is not None:
             return lines_around(Path(row.file).name, texts[row.file], row.line)

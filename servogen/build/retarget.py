@@ -57,7 +57,7 @@ class Tuned:
         """Return the result without the C to compile next."""
         return {
             "proven": self.verdict.proven,
-            "added": [each.to_json() for each in self.added],
+            "added": [overhead.to_json() for overhead in self.added],
             "verdict": self.verdict.to_json(),
         }
 

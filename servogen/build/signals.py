@@ -147,7 +147,7 @@ def _of_pin(
     measurement: Measurement, pin: PinMeasurement, model: ServoModel | None
 ) -> tuple[Diagnostic, ...]:
     name = PINS[pin.pin]
-    periods = [float(measurement.us(each)) for each in _periods(pin)]
+    periods = [float(measurement.us(period)) for period in _periods(pin)]
     if model is None:
         widths = [float(measurement.us(width)) for width in pin.widths]
         return (*check_unknown(name, widths), *check_periods(periods, name))

@@ -150,5 +150,5 @@ def refusals(job: Job, servo: str, file: Path) -> tuple[Diagnostic, ...]:
     try:
         plan_job(calibrated(job, servo, str(file.resolve())))
     except InputError as error:
-        return tuple(replace(each, severity="warning") for each in error.diagnostics)
+        return tuple(replace(diagnostic, severity="warning") for diagnostic in error.diagnostics)
     return ()

@@ -132,7 +132,7 @@ def _limits(job: Job) -> tuple[Limits, ...]:
     """Return each servo's limits, reduced to those of the joint that it turns."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
-    bound = {each.servo: each for each in job.bindings}
+    bound = {binding.servo: binding for binding in job.bindings}
     limits = []
     for servo in job.servos:
         speed = math.inf if servo.model.speed is None else servo.model.speed

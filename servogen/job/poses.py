@@ -245,7 +245,7 @@ class _Reader:
                 "pose-keys", here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm"
             )
         tip = self._tip((*key, "foot_mm" if row.foot_mm is not None else "tip_mm"))
-        columns = [[each.name for each in self.servos].index(servo.name) for servo in tip.servos]
+        columns = [[job_servo.name for job_servo in self.servos].index(servo.name) for servo in tip.servos]
         start, end = np.array(self._vector(before)), np.array(self._vector(state))
         a, b = tip.where(start[columns][None])[0], tip.where(end[columns][None])[0]
         path: Line | Arc

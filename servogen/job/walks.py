@@ -305,7 +305,7 @@ def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
 
 def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
     """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
-    texts = [*planned.centre_texts(), *((each.segment, each.text()) for each in planned.held_back)]
+    texts = [*planned.centre_texts(), *((foot.segment, foot.text()) for foot in planned.held_back)]
     for index, text in sorted(texts):
         yield Diagnostic("note", "turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
 

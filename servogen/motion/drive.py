@@ -56,9 +56,9 @@ def drive(
             "too-many-frames", f"the drive is more than {MAX_FRAMES} frames long", hint="raise its speed"
         )
     blocks, counts = [], []
-    for each, frames in zip(stretches, asked, strict=True):
+    for stretch, frames in zip(stretches, asked, strict=True):
         shape = _shape(frames, ramp)
-        turns = np.outer(shape / (shape.sum() * float(period_s)), each.wheel_angles)
+        turns = np.outer(shape / (shape.sum() * float(period_s)), stretch.wheel_angles)
         blocks += [turns, np.zeros((pause, len(wheels)))]
         counts.append(len(shape))
     if not repeat:

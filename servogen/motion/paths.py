@@ -99,7 +99,7 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | 
     u, v = b - a, c - a
     normal = np.cross(u, v)
     area2 = float(normal @ normal)
-    longest = max(float(np.linalg.norm(each)) for each in (u, v, c - b))
+    longest = max(float(np.linalg.norm(side)) for side in (u, v, c - b))
     if np.sqrt(area2) <= STRAIGHT_M * longest or longest <= STRAIGHT_M:
         raise InputError(
             "pose-keys",

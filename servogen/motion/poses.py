@@ -187,7 +187,7 @@ class _Sampler:
 
     def _along(self, pose: Pose, way: moves.Way) -> None:
         frame_s, limits = float(self.period_s), self.motion.limits
-        number = next(number for number, each in enumerate(self.motion.poses, 1) if each is pose)
+        number = next(number for number, other in enumerate(self.motion.poses, 1) if other is pose)
         move: Followed | None
         if pose.move_s is None:
             move = moves.fastest_along(way, pose.law, limits, frame_s)

@@ -87,16 +87,16 @@ class Command:
     def form(self) -> str:
         """Return the notation of the command: "MO a [, O/C]"."""
         text = ""
-        for index, each in enumerate(self.parameters):
-            name = "O/C" if each.kind is Kind.HAND else each.name
+        for index, parameter in enumerate(self.parameters):
+            name = "O/C" if parameter.kind is Kind.HAND else parameter.name
             comma = ", " if index else ""
-            text += f" [{comma}{name}]" if each.optional else f"{comma or ' '}{name}"
+            text += f" [{comma}{name}]" if parameter.optional else f"{comma or ' '}{name}"
         return self.mnemonic + text
 
     @property
     def min_arguments(self) -> int:
         """Return the number of arguments that must be given."""
-        return sum(not each.optional for each in self.parameters)
+        return sum(not parameter.optional for parameter in self.parameters)
 
 
 def _whole(name: str, span: tuple[int, int], hexadecimal: bool = False) -> Parameter:

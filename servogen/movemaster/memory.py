@@ -96,15 +96,15 @@ class Memory:
         self.positions[number] = replace(moved, pose=moved.pose.plus(self.position(by).pose))
 
     def clear(self, first: int, last: int) -> None:
-        for number in [each for each in self.positions if first <= each <= last]:
+        for number in [position for position in self.positions if first <= position <= last]:
             del self.positions[number]
 
     def neighbour(self, number: int, step: int) -> int:
         """Return the next defined position above (`step` 1) or below (-1) `number`."""
         if step > 0:
-            beyond = [each for each in self.positions if each > number]
+            beyond = [position for position in self.positions if position > number]
         else:
-            beyond = [each for each in self.positions if each < number]
+            beyond = [position for position in self.positions if position < number]
         if not beyond:
             side = "above" if step > 0 else "below"
             raise InputError(
@@ -203,7 +203,7 @@ class InputPort:
 
     def __init__(self, inputs: tuple[Input, ...], period_s: Fraction) -> None:
         ordered = sorted(inputs, key=lambda each: each.at_s)
-        self._rows = tuple((-((-each.at_s) // period_s), each.value) for each in ordered)
+        self._rows = tuple((-((-entry.at_s) // period_s), entry.value) for entry in ordered)
         self._taken = 0
 
     def value(self, frame: int) -> int:

@@ -67,10 +67,12 @@ class Run:
                 for step in self.steps
             ],
             "outputs": [
-                {"time_s": self.seconds(each.frame), "value": each.value, "strobe": each.strobe}
-                for each in self.outputs
+                {"time_s": self.seconds(output.frame), "value": output.value, "strobe": output.strobe}
+                for output in self.outputs
             ],
-            "positions": {str(number): each.pose.to_json() for number, each in self.positions.items()},
+            "positions": {
+                str(number): position.pose.to_json() for number, position in self.positions.items()
+            },
             "counters": {str(number): value for number, value in self.counters.items()},
             "final_joints": self.trajectory.angles[-1].tolist(),
         }
@@ -113,7 +115,11 @@ def run(
             loop_start=loop_start - first,
         ),
         tuple(replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first),
-        tuple(replace(each, frame=each.frame - first) for each in controller.outputs if each.frame >= first),
+        tuple(
+            replace(output, frame=output.frame - first)
+            for output in controller.outputs
+            if output.frame >= first
+        ),
         dict(sorted(controller.memory.positions.items())),
         dict(sorted(controller.memory.counters.items())),
         tuple(controller.warnings),

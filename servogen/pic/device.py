@@ -171,7 +171,9 @@ def device(name: str, known: Sequence[Device] = DEVICES) -> Device:
         if candidate.short_name == wanted:
             return candidate
     raise InputError(
-        "unknown-device", f"unknown device '{name}'", hint=did_you_mean(name, (each.name for each in known))
+        "unknown-device",
+        f"unknown device '{name}'",
+        hint=did_you_mean(name, (device.name for device in known)),
     )
 
 

@@ -176,11 +176,11 @@ def _runs(words: Mapping[int, int]) -> Iterator[tuple[int, list[int]]]:
     stretch: list[int] = []
     for address in sorted(words):
         if stretch and address != stretch[-1] + 1:
-            yield stretch[0], [words[each] for each in stretch]
+            yield stretch[0], [words[address] for address in stretch]
             stretch = []
         stretch.append(address)
     if stretch:
-        yield stretch[0], [words[each] for each in stretch]
+        yield stretch[0], [words[address] for address in stretch]
 
 
 def _commented(line: str, comment: str) -> str:

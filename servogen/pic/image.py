@@ -279,5 +279,5 @@ def _region(address: int, place: Location) -> Region:
         "hex-syntax",
         f"word address 0x{address:04X} is beyond the chip",
         place,
-        hint="allowed: " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),
+        hint="allowed: " + ", ".join(f"{region.name} {region.span}" for region in REGIONS),
     )

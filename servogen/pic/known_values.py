@@ -162,7 +162,7 @@ def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
     elif word.writes_f and place is not None:
         _put(known, place, None if place in changing else result)
     elif word.writes_f and word.f == INDF:
-        for other in [each for each in known if each >= RAM_FIRST]:
+        for other in [address for address in known if address >= RAM_FIRST]:
             del known[other]  # it may be any of them
 
 

@@ -102,17 +102,18 @@ def _code(listing: Listing) -> Iterator[str]:
 def _functions(listing: Listing) -> Iterator[str]:
     if not listing.functions:
         return
-    width = max(len("function"), *(len(each.name) for each in listing.functions))
+    width = max(len("function"), *(len(function.name) for function in listing.functions))
     yield f"{'function':<{width}}  start  words  bytes of RAM  deepest calls  cycles"
-    for each in listing.functions:
-        cycles = _range(each)
+    for function in listing.functions:
+        cycles = _range(function)
         yield (
-            f"{each.name:<{width}}  {each.start:04X}   {each.end - each.start:>5}  {each.ram_bytes:>12}  "
-            f"{each.deepest_calls:>13}  {cycles}"
+            f"{function.name:<{width}}  {function.start:04X}   {function.end - function.start:>5}  "
+            f"{function.ram_bytes:>12}  "
+            f"{function.deepest_calls:>13}  {cycles}"
         )
-    for each in listing.functions:
-        if each.unbounded:
-            yield f"{each.name:<{width}}  unbounded: {', '.join(each.unbounded)}"
+    for function in listing.functions:
+        if function.unbounded:
+            yield f"{function.name:<{width}}  unbounded: {', '.join(function.unbounded)}"
     yield ""
 
 

@@ -18,7 +18,7 @@ PCL = 0x02
 
 @cache
 def _bank(number: int) -> dict[int, Register]:
-    return {each.address & 0x7F: each for each in REGISTERS if each.address >> 7 == number}
+    return {register.address & 0x7F: register for register in REGISTERS if register.address >> 7 == number}
 
 
 def register_name(address: int) -> str:

@@ -125,7 +125,7 @@ class Program:
     ) -> None:
         self._words = words
         self._targets = targets or {}
-        self.functions = {each.start: each for each in functions}
+        self.functions = {function.start: function for function in functions}
         self.changing = frozenset(changing)
         self.bounds = bounds or {}
         self._pieces = dict(pieces)
@@ -158,7 +158,11 @@ class Program:
     @cached_property
     def home(self) -> Mapping[int, int]:
         """Return the first address of the function that each address belongs to."""
-        return {at: each.start for each in self.functions.values() for at in range(each.start, each.end)}
+        return {
+            at: function.start
+            for function in self.functions.values()
+            for at in range(function.start, function.end)
+        }
 
     # what is asked
 
@@ -170,10 +174,10 @@ class Program:
         """Return the times over all its calls, if they are bounded only with the values that these pass."""
         alone = self.times(start)
         calls = [times for (at, known), times in self._times.items() if at == start and known]
-        if alone.longest is not None or not calls or any(each.longest is None for each in calls):
+        if alone.longest is not None or not calls or any(call.longest is None for call in calls):
             return alone
-        shortest = [each.shortest for each in calls if each.shortest is not None]
-        longest = [each.longest for each in calls if each.longest is not None]
+        shortest = [call.shortest for call in calls if call.shortest is not None]
+        longest = [call.longest for call in calls if call.longest is not None]
         return Times(min(shortest, default=None), max(longest))
 
     def longest(self, start: int, ends: Collection[int], without: Collection[int] = ()) -> Cycles | None:
@@ -264,8 +268,8 @@ class Program:
         if not walk.complete or times.longest is None or times.shortest != times.longest:
             return None
         words = [self.word(at) for at in range(start, end)]
-        changed = {W, CARRY, ZERO}.union(*(self.changes(each.k) for each in words if each.flow == "call"))
-        fs = {each.f for each in words if each.writes_f}
+        changed = {W, CARRY, ZERO}.union(*(self.changes(word.k) for word in words if word.flow == "call"))
+        fs = {word.f for word in words if word.writes_f}
         return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs))
 
     def reached(self, start: int) -> frozenset[int]:
@@ -315,7 +319,7 @@ class Program:
     def _counters(self, start: int) -> frozenset[int]:
         """Return the bytes that the function at `start` counts in, W, FSR and the flags."""
         words = [self.word(at) for at in self.reached(start)]
-        counts = {each.f for each in words if each.name in ("DECFSZ", "INCFSZ", "DECF", "INCF")}
+        counts = {word.f for word in words if word.name in ("DECFSZ", "INCFSZ", "DECF", "INCF")}
         return frozenset({W, CARRY, ZERO, FSR, *counts})
 
     @property
@@ -523,7 +527,7 @@ class _Walk:
             yield addresses
             inside = {state for state in part if state[0] != addresses[0]}
             yield from self._loops(
-                {state: [each for each in graph[state] if each in inside] for state in inside},
+                {state: [follower for follower in graph[state] if follower in inside] for state in inside},
                 returns=returns,
             )
 
@@ -664,10 +668,10 @@ class _Walk:
         at, home, stack, known = state
         live = self.program.live.get(at, 0)
         kept = tuple(
-            each
-            for each in known
-            if is_live(each[0], live)
-            and (self.tracked is None or each[0] in self.tracked or each[0] >= _PASSES)
+            fact
+            for fact in known
+            if is_live(fact[0], live)
+            and (self.tracked is None or fact[0] in self.tracked or fact[0] >= _PASSES)
         )
         return at, home, stack, kept
 

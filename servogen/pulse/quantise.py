@@ -127,9 +127,9 @@ def largest(errors: Iterable[PlanError]) -> PlanError:
     """Return the largest of each kind, rounded for files."""
     all_errors = list(errors)
     return PlanError(
-        round(max((each.width_us for each in all_errors), default=0.0), DECIMALS),
-        _largest(each.angle_deg for each in all_errors),
-        _largest(each.speed_deg_s for each in all_errors),
+        round(max((error.width_us for error in all_errors), default=0.0), DECIMALS),
+        _largest(error.angle_deg for error in all_errors),
+        _largest(error.speed_deg_s for error in all_errors),
     )
 
 

@@ -269,8 +269,8 @@ class _Reader:
             raise self._error("json-value", "version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
         read = tuple(
-            self._channel(each, f"channels[{index}]")
-            for index, each in enumerate(self._array(channels, "channels"))
+            self._channel(entry, f"channels[{index}]")
+            for index, entry in enumerate(self._array(channels, "channels"))
         )
         if not read:
             raise self._error("json-value", "channels", "is empty: a schedule has at least one channel")
@@ -281,8 +281,8 @@ class _Reader:
                     raise self._error("json-value", "channels", f"two channels have the {column} {value}")
         runs = [
             tuple(
-                self._run(each, f"{key}[{index}]", len(read), cycles)
-                for index, each in enumerate(self._array(value, key))
+                self._run(item, f"{key}[{index}]", len(read), cycles)
+                for index, item in enumerate(self._array(value, key))
             )
             for key, value in (("lead_in", lead_in), ("loop", loop))
         ]
@@ -297,8 +297,8 @@ class _Reader:
             )
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
         held = tuple(
-            self._input(each, f"inputs[{index}]", read)
-            for index, each in enumerate(self._array(inputs, "inputs"))
+            self._input(entry, f"inputs[{index}]", read)
+            for index, entry in enumerate(self._array(inputs, "inputs"))
         )
         return PulseSchedule(
             clock=clock,
@@ -333,8 +333,8 @@ class _Reader:
         names = ("pin", "rest_level", "rest_frames", "stop_frames", "ways")
         pin, level, rest, stop, ways = self._table(data, "commands", names)
         read = tuple(
-            self._way(each, f"commands.ways[{index}]", len(channels), period)
-            for index, each in enumerate(self._array(ways, "commands.ways"))
+            self._way(entry, f"commands.ways[{index}]", len(channels), period)
+            for index, entry in enumerate(self._array(ways, "commands.ways"))
         )
         if not read:
             raise self._error("json-value", "commands.ways", "is empty: there is a way to command")
@@ -356,7 +356,7 @@ class _Reader:
             where = f"{key}.{part}"
             entries = enumerate(self._array(value, where))
             runs.append(
-                tuple(self._run(each, f"{where}[{index}]", channels, period) for index, each in entries)
+                tuple(self._run(entry, f"{where}[{index}]", channels, period) for index, entry in entries)
             )
             if not runs[-1]:
                 raise self._error("json-value", where, "is empty: it has a frame at least")

@@ -478,9 +478,9 @@ class AbstractChip:
         if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
             every = warnings_of(s, self.image, self.clock)
             found += [
-                each.message
-                for each in every
-                if each.code in CHIP_DEPENDENT and each.location is not None and each.location.cycle
+                warning.message
+                for warning in every
+                if warning.code in CHIP_DEPENDENT and warning.location is not None and warning.location.cycle
             ]
         expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
         if s[at.OPTION_WRITES] > expected:

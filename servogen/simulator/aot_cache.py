@@ -103,11 +103,11 @@ def _only_ours(path: Path) -> bool:
     if path.is_symlink():
         return False
     path = path.resolve(strict=True)
-    for each in (path, *path.parents):
-        found = each.stat()
+    for component in (path, *path.parents):
+        found = component.stat()
         shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         if found.st_uid not in (0, os.geteuid()) or (
-            shared and (each == path or not found.st_mode & stat.S_ISVTX)
+            shared and (component == path or not found.st_mode & stat.S_ISVTX)
         ):
             return False
     return True

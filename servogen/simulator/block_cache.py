@@ -265,5 +265,5 @@ def _uses_file(word: int) -> bool:
 
 def _components(graph: Graph, nodes: set[int]) -> list[frozenset[int]]:
     """Return the strongly connected sets of `nodes` that contain a cycle."""
-    within = {node: [each for each in graph[node] if each in nodes] for node in sorted(nodes)}
-    return [frozenset(each) for each in components(within)]
+    within = {node: [follower for follower in graph[node] if follower in nodes] for node in sorted(nodes)}
+    return [frozenset(component) for component in components(within)]

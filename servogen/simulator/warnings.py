@@ -105,8 +105,8 @@ def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[D
             told.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
             told[code, cycle, place, subject] = []
-    found = [(0, each) for each in _oscillator(image, clock)]
-    found += [(int(s[at.USE_CYCLE]), each) for each in _first_use(s)]
+    found = [(0, warning) for warning in _oscillator(image, clock)]
+    found += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
     for (code, cycle, place, subject), pins in told.items():
         kind, text = _WORDS[code]
         message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")

@@ -139,5 +139,5 @@ def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], 
     found = next((match for text in comments if (match := _PIECES.search(text))), None)
     if found is None:
         return ()
-    ranges = (tuple(map(int, each.split("-"))) for each in found.group(1).split())
+    ranges = (tuple(map(int, span.split("-"))) for span in found.group(1).split())
     return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

@@ -53,8 +53,8 @@ def table(texts: Sequence[str]) -> Bytes:
 
 def joined(*tables: Bytes) -> Bytes:
     """Return the rows of all `tables` as one table."""
-    width = max(each.shape[1] for each in tables)
-    return np.concatenate([np.pad(each, ((0, 0), (0, width - each.shape[1]))) for each in tables])
+    width = max(table.shape[1] for table in tables)
+    return np.concatenate([np.pad(table, ((0, 0), (0, width - table.shape[1]))) for table in tables])
 
 
 def text(*columns: Bytes) -> bytes:

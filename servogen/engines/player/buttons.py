@@ -61,7 +61,9 @@ class Buttons:
     @property
     def rule(self) -> ButtonRule | None:
         """Return what the schedule publishes of the buttons."""
-        start, stop = (Input(each.pin, each.level) if each else None for each in (self.start, self.stop))
+        start, stop = (
+            Input(button.pin, button.level) if button else None for button in (self.start, self.stop)
+        )
         return ButtonRule(start, stop, self.off, PRESSED_FRAMES) if self.any else None
 
     @property

@@ -99,7 +99,7 @@ def commanded(
     ideal = ideal_widths(tour, servos, clock)
     encoded, chain = _encoded(lead_in, ways, line, servos, bindings, soft, most_bytes)
     widths = encoded.widths
-    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in widths.T]
+    used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in widths.T]
     slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
     rises = [slots.rise(channel) for channel in range(len(servos))]
 
@@ -152,8 +152,8 @@ def _encoded(
         at = cuts[-1].last
     walk = None
     if 2 * len(pairs) == rows.shape[1] and len(pairs) <= MOST_LEGS:
-        walk = walk_events(rows, soft, pairs, [each for cut in cuts for each in cut.forward])
-    wanted = [2 * each for cut in cuts for each in cut.forward]
+        walk = walk_events(rows, soft, pairs, [mark for cut in cuts for mark in cut.forward])
+    wanted = [2 * mark for cut in cuts for mark in cut.forward]
     if walk is None or any(event % 2 for event in walk.events) or not {*wanted} <= {*walk.events}:
         raise InputError(
             "engine-unsupported",
@@ -188,8 +188,8 @@ def _with_rows(
     steps = list(keyed.steps)
     entry = {event // 2: number for number, event in enumerate(keyed.events)}
     # What the chip reaches in two ways is one pose.
-    for one, other in [(each.begin, each.end) for each in cuts] + [
-        (stance, mark) for each in cuts for mark in (each.first, each.last)
+    for one, other in [(cut.begin, cut.end) for cut in cuts] + [
+        (stance, mark) for cut in cuts for mark in (cut.first, cut.last)
     ]:
         steps[entry[other]] = replace(steps[entry[other]], row=steps[entry[one]].row)
         assert steps[entry[other]].lifted == steps[entry[one]].lifted

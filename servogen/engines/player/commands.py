@@ -101,7 +101,7 @@ def hearing_table(names: Sequence[str]) -> bytes:
                 states.append(state)
             row.append(states.index(state) | (0 if way is None else way + 1 << COMMAND_SHIFT))
         rows.append((row[0], row[1]))
-    return bytes(each for row in rows for each in row)
+    return bytes(value for row in rows for value in row)
 
 
 IDLE = "idle"

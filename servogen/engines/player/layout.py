@@ -165,7 +165,7 @@ def layout(
                 servo.place,
                 "choose a faster clock",
             )
-    rooms = [each.room(servo, clock) for servo, each in zip(servos, used, strict=True)]
+    rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
     size: _Frame | None = None
     for pairs in (_by_pins(servos), _by_length(servos, rooms)):
         longest = tuple(
@@ -251,7 +251,7 @@ class _Frame:
     def least(self) -> int:
         """The ticks of the shortest frame."""
         *others, last = self.longest
-        return sum(self.whole(each, self.slot_c) for each in others) + self.whole(
+        return sum(self.whole(other, self.slot_c) for other in others) + self.whole(
             last, self.slot_c + self.frame_c
         )
 
@@ -261,7 +261,7 @@ class _Frame:
         `fed`: the cycles within which the kernel must clear the watchdog; None for no such limit. With
         `exceed`, the time reserved for the C may be longer than that.
         """
-        slots = [self.whole(each, self.slot_c) for each in self.longest]
+        slots = [self.whole(width, self.slot_c) for width in self.longest]
         rest = round(self.period / self.tick) - sum(slots[:-1])
         least = [self.whole(self.longest[-1], self.slot_c + self.frame_c)]
         while sum(least) <= rest or len(least) == 1:

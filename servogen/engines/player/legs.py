@@ -76,14 +76,14 @@ class WalkEvents:
 
     def spot(self, begin: int, end: int) -> _Spot | None:
         """Return the steps on the spot that the frames between two events belong to."""
-        return next((each for each in self.spots if each.begin <= begin and end <= each.end), None)
+        return next((spot for spot in self.spots if spot.begin <= begin and end <= spot.end), None)
 
     def pose(self, event: int) -> Floats:
         """Return all widths at an event; between two frames, their mean."""
         return np.asarray((self.rows[event // 2] + self.rows[(event + 1) // 2]) / 2)
 
     def lifted(self, event: int) -> int:
-        return sum(1 << each.leg for each in self.swings if each.middle == event)
+        return sum(1 << swing.leg for swing in self.swings if swing.middle == event)
 
 
 def legs_encoded(
@@ -142,18 +142,18 @@ def walk_events(
             for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=False)
         ]
     events = {0, *(2 * frame for frame in soft)}
-    for each in swings:
-        events |= {2 * each.lift, each.middle, 2 * each.land}
+    for swing in swings:
+        events |= {2 * swing.lift, swing.middle, 2 * swing.land}
     for end in ends:
-        if not any(each.lift < end < each.land for each in swings):
+        if not any(swing.lift < end < swing.land for swing in swings):
             events.add(2 * end)
-    last = max((2 * each.land for each in swings), default=0)
+    last = max((2 * swing.land for swing in swings), default=0)
     found = sorted(event for event in events if event <= max(last, 2 * ends[-1]))
     for one, other in pairwise(list(found)):
         found += [*range(one + 2 * LONGEST, other, 2 * LONGEST)]
     found.sort()
-    for each in swings:
-        if [event for event in found if 2 * each.lift < event < 2 * each.land] != [each.middle]:
+    for swing in swings:
+        if [event for event in found if 2 * swing.lift < event < 2 * swing.land] != [swing.middle]:
             return None
     return WalkEvents(
         rows, first, turns, lifts, tuple(swings), tuple(found), tuple(_spots(rows, turns, swings))
@@ -182,8 +182,8 @@ def _spot(group: Sequence[Swing], swings: Sequence[Swing]) -> Iterator[_Spot]:
     """Yield the steps on the spot of a group; none where another swing reaches into them."""
     if not group:
         return
-    first, last = group[0].lift, max(each.land for each in group)
-    if not any(each.lift < last and each.land > first and each not in group for each in swings):
+    first, last = group[0].lift, max(swing.land for swing in group)
+    if not any(swing.lift < last and swing.land > first and swing not in group for swing in swings):
         yield _Spot(2 * first, 2 * last)
 
 
@@ -280,25 +280,25 @@ def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:
 def _tops(walk: WalkEvents) -> Floats:
     """Return the lifts' widths at which the lift's table, which ends at 255, has them highest."""
     tops = walk.rows[walk.soft, list(walk.lifts)].copy()
-    for each in walk.swings:
-        column = walk.lifts[each.leg]
-        frame = each.middle // 2
-        share = bump(np.array((frame - each.lift) / (each.land - each.lift))).item()
+    for swing in walk.swings:
+        column = walk.lifts[swing.leg]
+        frame = swing.middle // 2
+        share = bump(np.array((frame - swing.lift) / (swing.land - swing.lift))).item()
         stands = walk.rows[walk.soft, column]
-        tops[each.leg] = stands + (walk.rows[frame, column] - stands) / share * 256 / 255
+        tops[swing.leg] = stands + (walk.rows[frame, column] - stands) / share * 256 / 255
     return tops
 
 
 def _rate(walk: WalkEvents) -> float:
     """Return the rate of the walking swings' law that is nearest to all of them, in least squares."""
     above = below = 0.0
-    for each in walk.swings:
-        if walk.spot(2 * each.lift, 2 * each.land):
+    for swing in walk.swings:
+        if walk.spot(2 * swing.lift, 2 * swing.land):
             continue
-        turn = walk.turns[each.leg]
-        column = walk.rows[each.lift : each.land + 1, turn]
+        turn = walk.turns[swing.leg]
+        column = walk.rows[swing.lift : swing.land + 1, turn]
         u = np.arange(len(column)) / (len(column) - 1)
-        middle = walk.pose(each.middle)[turn]
+        middle = walk.pose(swing.middle)[turn]
         # Of a swing that the body's start or stop cuts one half has no way.
         way = np.where(u < 0.5, middle - column[0], column[-1] - middle)
         plain, other = (2 * swing_share(u, rate) - 1 for rate in (0.0, 1.0))

@@ -95,7 +95,7 @@ def playing(
     played = replace(trajectory, angles=trajectory.angles[order], loop_start=encoded.lead)
     ideal = rows[order]
     pulsed = encoded.widths[~encoded.silent]
-    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in pulsed.T]
+    used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
     slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=encoded.legs is not None)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     heard, lead = ~encoded.silent, encoded.lead
@@ -118,7 +118,7 @@ def playing(
 def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
     """Return the channels that turn and lift each leg, in order of the legs."""
     names = [servo.name for servo in servos]
-    joints = {each.joint: names.index(each.servo) for each in bindings}
+    joints = {binding.joint: names.index(binding.servo) for binding in bindings}
     legs = [joint.removesuffix("_alpha") for joint in joints if joint.endswith("_alpha")]
     return [(joints[f"{leg}_alpha"], joints[f"{leg}_beta"]) for leg in legs if f"{leg}_beta" in joints]
 
@@ -188,7 +188,7 @@ def plan_error_of(
     errors = []
     for index, servo in enumerate(servos):
         pulsed = ~np.isnan(ideal[:, index])
-        widths = [cycle_us * each[pulsed, index] for each in (ideal, made)]
+        widths = [cycle_us * cycles[pulsed, index] for cycles in (ideal, made)]
         errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
     return largest(errors)
 

@@ -248,8 +248,10 @@ def _encoded(
         return kept.number(scale.exact(pose))
 
     steps = [Step(number(0), timing(pieces[0].end - pieces[0].first, STRAIGHT))]
-    steps += [Step(number(each.pose), timing(each.end - each.first, places[each.law])) for each in pieces]
-    first = 1 + sum(each.end <= loop_start for each in pieces)
+    steps += [
+        Step(number(piece.pose), timing(piece.end - piece.first, places[piece.law])) for piece in pieces
+    ]
+    first = 1 + sum(piece.end <= loop_start for piece in pieces)
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept)
     table = row_table(kept_rows)
     made = script(lead, loop, rows.shape[1], legs=False)

@@ -70,7 +70,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
     columns = len(legs.turns) if legs else len(schedule.channels)
     constants = _constants(played)
     spots = legs is not None and len(encoded.laws) > 2 * ENTRIES
-    laws = [each.law for each in timings]
+    laws = [timing.law for timing in timings]
     return render_template(
         "player/main.c.j2",
         overrun=OVERRUN,
@@ -84,7 +84,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         tick=tick,
         tick_us=decimal(clock.us(tick)),
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
-        step_us=" or ".join(decimal(clock.us(1 << each)) for each in sorted(set(shifts.tolist()))),
+        step_us=" or ".join(decimal(clock.us(1 << shift)) for shift in sorted(set(shifts.tolist()))),
         channels=[_channel(played, channel) for channel in played.order],
         ports=list(ports_of(schedule)),
         columns=columns,
@@ -105,7 +105,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         at=AT,
         spot=SPOT,
         repeats=played.chain is None and _repeats(encoded.script.data),
-        starts=any(each.start for each in timings),
+        starts=any(timing.start for timing in timings),
         half=HALF,
         laws=bool(encoded.laws),
         slot_count=len(played.layout.slots),
@@ -171,27 +171,27 @@ def _constants(played: Playing) -> _Constants:
     bases = [int(encoded.scale.bases[channel]) for channel in played.order]
     made.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
     made.add("BASE_HIGH", [base >> 8 for base in bases])
-    made.add("SLOT_A", [each.a for each in slots], "the pins that rise together in a slot")
-    made.add("SLOT_B", [each.b for each in slots])
-    made.add("SLOT_PORT", [each.port for each in slots], "its port's address")
-    made.add("SLOT_TICKS", [each.ticks for each in slots], "ticks from the slot before")
-    made.add("SLOT_CHANNEL", [each.channel for each in slots], "the channel of pin A")
+    made.add("SLOT_A", [slot.a for slot in slots], "the pins that rise together in a slot")
+    made.add("SLOT_B", [slot.b for slot in slots])
+    made.add("SLOT_PORT", [slot.port for slot in slots], "its port's address")
+    made.add("SLOT_TICKS", [slot.ticks for slot in slots], "ticks from the slot before")
+    made.add("SLOT_CHANNEL", [slot.channel for slot in slots], "the channel of pin A")
     if encoded.legs is not None:
-        made.add("SLOT_OTHER", [each.other for each in slots], "and of pin B")
-    made.add("FRAMES", [each.frames & 0xFF for each in timings], "of a step; 0 is 256")
-    made.add("SPEED_LOW", [each.speed & 0xFF for each in timings], "65536ths of a step in a frame")
-    made.add("SPEED_HIGH", [each.speed >> 8 for each in timings])
-    if any(each.start for each in timings):
-        made.add("START", [each.start for each in timings], "256ths of a step at its first frame")
+        made.add("SLOT_OTHER", [slot.other for slot in slots], "and of pin B")
+    made.add("FRAMES", [timing.frames & 0xFF for timing in timings], "of a step; 0 is 256")
+    made.add("SPEED_LOW", [timing.speed & 0xFF for timing in timings], "65536ths of a step in a frame")
+    made.add("SPEED_HIGH", [timing.speed >> 8 for timing in timings])
+    if any(timing.start for timing in timings):
+        made.add("START", [timing.start for timing in timings], "256ths of a step at its first frame")
     if played.chain is not None:
         made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
         note = "for standing, and for each way, where its start, its cycle and its stop begin, and its end"
         made.add("WAYS", played.chain.places, note)
     if encoded.laws:
         made.add("LAW", encoded.laws, "weights at each sixteenth of a step")
-    if encoded.legs is None and any(each.law != STRAIGHT for each in timings):
+    if encoded.legs is None and any(timing.law != STRAIGHT for timing in timings):
         first = made.place("LAW") if encoded.laws else 0
-        places = [each.law + (first if each.law < SILENT else 0) for each in timings]
+        places = [timing.law + (first if timing.law < SILENT else 0) for timing in timings]
         note = f"where its law begins; {STRAIGHT}: straight, {STAY}: at once, {SILENT}: no pulses"
         made.add("TIMING_LAW", places, note)
     return made

@@ -74,7 +74,9 @@ def allowances(listing: Listing, layout: Layout) -> tuple[Allowance, Allowance]:
 
 
 def _smallest(found: Sequence[Allowance]) -> Allowance:
-    return Allowance(min(each.same_edges for each in found), min(each.late_is_seen for each in found))
+    return Allowance(
+        min(allowance.same_edges for allowance in found), min(allowance.late_is_seen for allowance in found)
+    )
 
 
 class _Kernel:
@@ -83,7 +85,7 @@ class _Kernel:
     def __init__(self, listing: Listing, layout: Layout) -> None:
         self._words: Mapping[int, int] = {row.address: row.word for row in listing.rows}
         self._ram = {name: address for address, name, _ in listing.variables}
-        self._start = next(each.start for each in listing.functions if each.name == KERNEL)
+        self._start = next(function.start for function in listing.functions if function.name == KERNEL)
         self._check, self._poll = listing.label(CHECK), listing.label(POLL)
         self._done = listing.label(DONE)
         self._tick = layout.tick

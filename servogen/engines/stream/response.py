@@ -135,7 +135,7 @@ def _addresses(listing: Listing) -> Mapping[str, int]:
 def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | None, int]:
     """Return the longest `prepare` and `execute` of the main loop, and how long it masks interrupts."""
     words = {row.address: row.word for row in listing.rows}
-    main = next(each for each in listing.functions if each.name.strip("_") == "main")
+    main = next(function for function in listing.functions if function.name.strip("_") == "main")
     due = _addresses(listing)["due"]
     mask = [at for at, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
     unmask = [at for at, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
@@ -435,5 +435,5 @@ def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
 
 def _least(found: list[int | None]) -> int | None:
     """Return the minimum; None if one of them has no bound."""
-    numbers = [each for each in found if each is not None]
+    numbers = [number for number in found if number is not None]
     return min(numbers) if len(numbers) == len(found) else None

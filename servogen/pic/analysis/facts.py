@@ -71,7 +71,7 @@ class Answer:
             "status": str(self.status),
             "text": self.text,
             "over": self.over,
-            "findings": [each.to_json() for each in self.findings],
+            "findings": [finding.to_json() for finding in self.findings],
             **dict(self.numbers),
         }
 
@@ -256,7 +256,9 @@ class Facts:
         if config is not None and not config & CONFIG_WATCHDOG_ON:
             return Answer(question, Status.HOLDS, "the configuration word leaves it off", "every path")
         feeds = sorted(at for at in self.paths.executed if _clears_watchdog(self._image.program.get(at)))
-        limit_us = WATCHDOG_US[0] * min(1 << (each & 7) if each & PSA else 1 for each in self.paths.options)
+        limit_us = WATCHDOG_US[0] * min(
+            1 << (option & 7) if option & PSA else 1 for option in self.paths.options
+        )
         span = self._timing.without_ends((0, *feeds), feeds, interrupts=True)
         over = f"{EVERYTHING}; chips whose watchdog takes at least {WATCHDOG_US[0] // 1000} ms"
         if config is None:
@@ -325,7 +327,7 @@ class Facts:
                 hint="labels and lines need C or assembly source",
             )
         labels = {at for name, at in listing.labels if name == text}
-        labels |= {each.start for each in listing.functions if each.name == text}
+        labels |= {function.start for function in listing.functions if function.name == text}
         if labels:
             return sorted(labels)
         file, _, number = text.rpartition(":")
@@ -334,7 +336,7 @@ class Facts:
             if lines:
                 return lines
             raise InputError("unknown-name", f"line {text} has no words")
-        names = [name for name, _ in listing.labels] + [each.name for each in listing.functions]
+        names = [name for name, _ in listing.labels] + [function.name for function in listing.functions]
         hint = did_you_mean(text, names)
         raise InputError("unknown-name", f"'{text}' is not a label, a line or an address", hint=hint)
 
@@ -393,7 +395,7 @@ def _ranges(numbers: list[int]) -> Iterable[tuple[int, int]]:
 
 def decided_and_fine(answers: Iterable[Answer]) -> bool:
     """Return whether every answer is that the claim holds."""
-    return all(each.status is Status.HOLDS for each in answers)
+    return all(answer.status is Status.HOLDS for answer in answers)
 
 
 __all__ = ["Answer", "Facts", "Finding", "Span", "Status", "decided_and_fine"]

@@ -238,8 +238,8 @@ class Explorer:
                     waiting.append((at, stack, state))
                     return
                 node.by_pointer = {}
-                for each in node.apart.values():
-                    add(at, stack, node.by_pointer, each)
+                for separate in node.apart.values():
+                    add(at, stack, node.by_pointer, separate)
             add(at, stack, node.by_pointer, state)
 
         def add(at: int, stack: tuple[int, ...], joined: dict[int | None, State], state: State) -> None:
@@ -272,8 +272,8 @@ class Explorer:
         while True:
             followers = self._step(at, stack, state)
             if len(followers) != 1 or followers[0][0] in self._heads:
-                for each in followers:
-                    self._reach(*each)
+                for follower in followers:
+                    self._reach(*follower)
                 return
             at, stack, state = followers[0]
 
@@ -303,8 +303,8 @@ class Explorer:
             return []
         if word.flow == "skip":
             return [
-                ((at + step) % PROGRAM_WORDS, stack, self._settled(each, inside=inside))
-                for step, each in skip_ways(after, state, word, at)
+                ((at + step) % PROGRAM_WORDS, stack, self._settled(refined, inside=inside))
+                for step, refined in skip_ways(after, state, word, at)
             ]
         after = self._settled(after, inside=inside)
         if word.flow == "jump":
@@ -434,7 +434,7 @@ class Explorer:
         after, effects = execute(state, word, at)
         self._note(at, state, after, word, effects, inside=inside)
         low, high, table = _low_byte(state, word, at), state.get(PCLATH), self._table(at)
-        targets = {(each << 8 | byte) % PROGRAM_WORDS for each in high for byte in low}
+        targets = {(page << 8 | byte) % PROGRAM_WORDS for page in high for byte in low}
         if len(targets) > 1 and not targets <= set(table):
             if not table:
                 paths.lost[at] = "a computed jump"
@@ -443,15 +443,15 @@ class Explorer:
             targets = set(table)
         paths.computed.setdefault(at, set()).update(targets)
         after = self._settled(after, inside=inside)
-        words = [decode(self._words[each]) for each in sorted(targets)]
-        returned = [each.k for each in words if each is not None and _is_retlw(each.instruction)]
+        words = [decode(self._words[target]) for target in sorted(targets)]
+        returned = [word.k for word in words if word is not None and _is_retlw(word.instruction)]
         if len(words) > 1 and len(returned) == len(words):
             # A table: one return with any of its bytes
             paths.executed |= targets
             self._steps += len(targets)
             after.put(W, values.of(returned))
             return self._return(at, stack, self._settled(after, inside=inside), word)
-        return [(each, stack, after.copy()) for each in sorted(targets)]
+        return [(target, stack, after.copy()) for target in sorted(targets)]
 
     def _table(self, at: int) -> list[int]:
         """Return the RETLWs or GOTOs that follow a computed jump without a gap."""

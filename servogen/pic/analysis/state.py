@@ -274,22 +274,22 @@ def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, l
     if reads and any_byte:
         effects.any_byte = True
     value: Value | None = None
-    for each in found:
-        if each.special is not None:
-            one = _special(state, each.special, at)
-            if reads and each.special == TMR0 and not state.has_written(TMR0):
+    for operand in found:
+        if operand.special is not None:
+            one = _special(state, operand.special, at)
+            if reads and operand.special == TMR0 and not state.has_written(TMR0):
                 effects.unwritten.add(TMR0)
-            if reads and each.special == STATUS and not modifies_bit:
+            if reads and operand.special == STATUS and not modifies_bit:
                 numbers = [word.b] if word.name in ("BTFSC", "BTFSS") else [0, 1, 2]
                 flags = {_FLAG_PLACES[number] for number in numbers if number in _FLAG_PLACES}
                 effects.unwritten |= {flag for flag in flags if not state.has_written(flag)}
-        elif each.place is None:
-            one = ANY if each.port is not None else values.constant(0)
+        elif operand.place is None:
+            one = ANY if operand.port is not None else values.constant(0)
             one = ANY if word.f in (EEDATA, EEDATA + 1) or word.f == INDF else one
         else:
-            one = state.get(each.place)
-            if reads and not any_byte and not state.has_written(each.place):
-                effects.unwritten.add(each.place)
+            one = state.get(operand.place)
+            if reads and not any_byte and not state.has_written(operand.place):
+                effects.unwritten.add(operand.place)
         value = one if value is None else value | one
     if word.f == INDF and not found:
         value = values.constant(0)
@@ -450,35 +450,35 @@ def _write(
     definitely = len(found) == 1
     if any_byte:
         effects.wild = True
-    for each in found:
-        if each.port is not None:
+    for operand in found:
+        if operand.port is not None:
             may, must = _pins_meant(word, result)
-            effects.pins.append((each.port, may, must if definitely else 0))
-            first, count = PORT_BITS[each.port]
+            effects.pins.append((operand.port, may, must if definitely else 0))
+            first, count = PORT_BITS[operand.port]
             if definitely:
                 state.written |= bits(LATCHES + first + pin for pin in range(count))
-        elif each.special == STATUS:
+        elif operand.special == STATUS:
             _write_status(before, state, word, result, copied, effects, definitely=definitely)
-        elif each.special == TMR0:
+        elif operand.special == TMR0:
             # Its value is not followed: it counts.
             effects.timer_writes = result if effects.timer_writes is None else effects.timer_writes | result
             effects.changed.add(TMR0)
             if definitely:
                 state.written |= bit(TMR0)
-        elif each.special == INTCON:
+        elif operand.special == INTCON:
             enables = values.mapped(result, lambda member: member & 0xF8)
             if before.interruptible:
                 # An interrupt during this instruction sets GIE again when it returns.
                 enables |= values.mapped(enables, lambda member: member | GIE)
             _write_place(state, INTCON, enables, effects, definitely=definitely)
-        elif each.special == PCL:
+        elif operand.special == PCL:
             effects.jumps = True
-        elif each.place is not None:
-            if each.place in (TRISA, TRISB):
-                _directions(before, each.place, result, effects)
-            _write_place(state, each.place, result, effects, definitely=definitely)
+        elif operand.place is not None:
+            if operand.place in (TRISA, TRISB):
+                _directions(before, operand.place, result, effects)
+            _write_place(state, operand.place, result, effects, definitely=definitely)
             if definitely and copied:
-                state.saved[each.place] = copied
+                state.saved[operand.place] = copied
 
 
 def _pins_meant(word: Word, result: Value) -> tuple[int, int]:
@@ -523,7 +523,7 @@ def _write_status(
         if place is None:
             continue
         zero, one = result.may_be_0 >> number & 1, result.may_be_1 >> number & 1
-        value = values.of([each for each, may in ((0, zero), (1, one)) if may])
+        value = values.of([bit for bit, may in ((0, zero), (1, one)) if may])
         _write_place(state, place, value, effects, definitely=definitely)
     if copied == (_SAVED_STATUS, False) and word.name in ("MOVWF", "SWAPF") and definitely:
         for place in _STATUS_PLACES:

@@ -82,8 +82,8 @@ class Timing:
                 least = times.shortest if least is None else min(least, times.shortest)
             if unbounded or times.longest is None:
                 most = None
-                reasons += [_reason(each) for each in unbounded]
-                addresses += [at for each in unbounded for at in each.addresses]
+                reasons += [_reason(loop) for loop in unbounded]
+                addresses += [at for loop in unbounded for at in loop.addresses]
                 if not unbounded:
                     reasons.append(f"no path from 0x{start:03X} gets there")
                     addresses.append(start)

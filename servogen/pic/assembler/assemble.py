@@ -88,8 +88,8 @@ def _lines_of(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> 
     """Return the source lines that the diagnostics point to."""
     found = {}
     rows = {file: [line.text.chars for line in lines_of(text, file)] for file, text in sources.items()}
-    for each in diagnostics:
-        place = each.location or Location()
+    for diagnostic in diagnostics:
+        place = diagnostic.location or Location()
         if place.file in rows and place.line and place.line <= len(rows[place.file]):
             found[place.file, place.line] = rows[place.file][place.line - 1]
     return found
@@ -101,7 +101,7 @@ def beside(directory: Path) -> Include:
     def read(name: str) -> str | None:
         wanted = directory / name.replace("\\", "/")
         if not wanted.is_file():
-            found = [each for each in wanted.parent.glob("*") if each.name.lower() == wanted.name.lower()]
+            found = [entry for entry in wanted.parent.glob("*") if entry.name.lower() == wanted.name.lower()]
             if not found:
                 return None
             wanted = found[0]
@@ -134,4 +134,4 @@ def _rows(state: Pass) -> tuple[ListingRow, ...]:
 
 def _variables(state: Pass) -> tuple[tuple[int, str, int], ...]:
     """Return the entries of CBLOCK that lie in RAM: the variables of an assembly source."""
-    return tuple(sorted(each for each in state.blocks if RAM_FIRST <= each[0] <= RAM_LAST))
+    return tuple(sorted(block for block in state.blocks if RAM_FIRST <= block[0] <= RAM_LAST))

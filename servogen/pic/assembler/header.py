@@ -33,7 +33,7 @@ OSCILLATOR_NAMES = {
 }
 OSCILLATOR_NAMES["RC"] = ("_RC_OSC", "_FOSC_EXTRC")
 
-HEADERS = tuple(f"p{each.short_name.lower()}.inc" for each in ASSEMBLED_DEVICES)
+HEADERS = tuple(f"p{device.short_name.lower()}.inc" for device in ASSEMBLED_DEVICES)
 
 
 def header_device(name: str) -> Device | None:

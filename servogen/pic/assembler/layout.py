@@ -53,8 +53,8 @@ def _fill(state: Pass, found: Statement) -> None:
     fields = state.parser(found.rest[bracketed.end(1) : bracketed.end(2)]).fields()
     count = state.expression(found.rest[bracketed.end() :])
     for _ in range(_counted(state.evaluate(count), found)):
-        for each in instructions.instructions(bracketed[1], fields, found.place):
-            state.encode(each, found)
+        for instruction in instructions.instructions(bracketed[1], fields, found.place):
+            state.encode(instruction, found)
 
 
 _BRACKETED = re.compile(r"\(\s*(\w+)(.*)\)\s*,")
@@ -132,8 +132,8 @@ def _da(state: Pass, found: Statement) -> None:
 def _select(state: Pass, found: Statement, bit_name: str, is_set: bool) -> None:
     register, bit = register_bits()[bit_name]
     fields = (Number(register.address), Number(bit))
-    for each in instructions.instructions("BSF" if is_set else "BCF", fields, found.place):
-        state.encode(each, found)
+    for instruction in instructions.instructions("BSF" if is_set else "BCF", fields, found.place):
+        state.encode(instruction, found)
 
 
 def _banksel(state: Pass, found: Statement) -> None:

@@ -12,9 +12,9 @@ from servogen.pic.image import REGIONS, Image, Region
 
 def region(address: int) -> Region | None:
     """Return the memory region of the chip that contains a word address; None if there is none."""
-    for each in REGIONS:
-        if each.start <= address < each.start + each.length:
-            return each
+    for region in REGIONS:
+        if region.start <= address < region.start + region.length:
+            return region
     return None
 
 
@@ -29,7 +29,7 @@ class Memory:
             raise SourceError(
                 "asm-address-range",
                 f"address 0x{address & 0xFFFFFFFF:04X} is beyond the chip",
-                hint="words are " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),
+                hint="words are " + ", ".join(f"{region.name} {region.span}" for region in REGIONS),
             )
         if address in self._words:
             raise SourceError(
@@ -42,7 +42,7 @@ class Memory:
         self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
 
     def image(self) -> Image:
-        found: dict[str, dict[int, int]] = {each.name: {} for each in REGIONS}
+        found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
         for address, word in self._words.items():
             part = region(address)
             if part is not None:

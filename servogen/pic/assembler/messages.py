@@ -75,11 +75,11 @@ class Log:
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        return tuple(each for each in self.entries if each.severity == "error")[:MAX_ERRORS]
+        return tuple(entry for entry in self.entries if entry.severity == "error")[:MAX_ERRORS]
 
     @property
     def remarks(self) -> tuple[Diagnostic, ...]:
-        return tuple(each for each in self.entries if each.severity != "error")
+        return tuple(entry for entry in self.entries if entry.severity != "error")
 
 
 _RANKS = {"note": 0, "warning": 1}

@@ -150,7 +150,7 @@ class Pass:
         found = statement(line, self)
         if found.operation in CONDITIONAL:
             self.directives[found.operation](self, found)
-        elif found.operation in ELSE_IF and all(each.active for each in self.conditions[:-1]):
+        elif found.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
             text = f"{found.word.upper()} is not a directive: it is left out with the lines around it"
             self.report("warning", "asm-else-if", text, line, found.column, ELSE_IF_HINT)
 
@@ -218,8 +218,10 @@ class Pass:
     # -- instructions and macro calls -----------------------------------------------------------------
 
     def _instruction(self, found: Statement) -> None:
-        for each in instructions.instructions(found.word, self.parser(found.rest).fields(), found.place):
-            self.encode(each, found)
+        for instruction in instructions.instructions(
+            found.word, self.parser(found.rest).fields(), found.place
+        ):
+            self.encode(instruction, found)
 
     def encode(self, instruction: instructions.ParsedInstruction, found: Statement) -> None:
         """Place an instruction; the first pass only reserves its words, because operands may still be

@@ -58,7 +58,9 @@ def substitute(
             if arguments is None:
                 index = end
                 continue
-            values = [substitute(Text.of(each), definitions, spend, within).chars for each in arguments]
+            values = [
+                substitute(Text.of(argument), definitions, spend, within).chars for argument in arguments
+            ]
             body = parameters(body, dict(zip(definition.parameters, values, strict=True)))
         body = substitute(body, definitions, spend, within | {name})
         text = text.replace(start, end, body.chars)
