@@ -68,7 +68,7 @@ def test_every_key_of_a_servo_file_is_told_with_its_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "key"), [("motion", "poses"), ("walk", "way"), ("program", "hand"), ("drive", "routines")]
+    ("table", "key"), [("motion", "poses"), ("walk", "route"), ("program", "hand"), ("drive", "routines")]
 )
 def test_the_keys_of_inner_tables_are_told(table: str, key: str) -> None:
     inner = table_of(table_of(JobTable.model_fields[table].annotation).model_fields[key].annotation)

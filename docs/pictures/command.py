@@ -76,18 +76,19 @@ def main() -> None:
     grid = figure.add_gridspec(1, 2, width_ratios=(1, 1.15))
     above: Any = figure.add_subplot(grid[0])
     over: Any = figure.add_subplot(grid[1])
-    ways = [state.way for state in states]
-    ends = [0, *(n for n in range(1, len(ways)) if ways[n] != ways[n - 1]), len(ways) - 1]
+    directions = [state.direction for state in states]
+    changes = [n for n in range(1, len(directions)) if directions[n] != directions[n - 1]]
+    ends = [0, *changes, len(directions) - 1]
     shown = set()
     for first, end in pairwise(ends):
-        way = ways[first]
-        if way in COLOURS:
+        direction = directions[first]
+        if direction in COLOURS:
             piece = 1000 * at[first : end + 1]
-            label = way if way not in shown else None
-            shown.add(way)
-            above.plot(piece.real, piece.imag, color=COLOURS[way], linewidth=2, label=label)
+            label = direction if direction not in shown else None
+            shown.add(direction)
+            above.plot(piece.real, piece.imag, color=COLOURS[direction], linewidth=2, label=label)
             over.axvspan(
-                states[first].seconds, states[end].seconds, color=COLOURS[way], alpha=0.18, linewidth=0
+                states[first].seconds, states[end].seconds, color=COLOURS[direction], alpha=0.18, linewidth=0
             )
     stands = points[:, :, 2] < points[:, :, 2].min(axis=1, keepdims=True) + STANDS_M
     ground = 1000 * (at[:, None] + turn[:, None] * (points[:, :, 0] + 1j * points[:, :, 1]))
@@ -97,7 +98,7 @@ def main() -> None:
         here = 1000 * at[n]
         above.annotate("", (nose.real, nose.imag), (here.real, here.imag), arrowprops={"arrowstyle": "->"})
     above.set_aspect("equal")
-    above.set_xlabel("x, mm; grey: where feet stand; arrows: the body's heading between the ways")
+    above.set_xlabel("x, mm; grey: where feet stand; arrows: the body's heading between the directions")
     above.set_ylabel("y, mm")
     above.legend()
     above.grid(alpha=0.3)
@@ -109,7 +110,7 @@ def main() -> None:
         over.plot(seconds, widths - widths.min() + base, color="0.2", linewidth=0.9)
         ticks.append((base + np.ptp(widths) / 2, f"{name}\n{widths.min():.0f} to\n{widths.max():.0f} µs"))
     over.set_yticks(*zip(*ticks, strict=True), fontsize=8)
-    over.set_xlabel("s; the widths of four pulses, coloured by the way that is walked")
+    over.set_xlabel("s; the widths of four pulses, coloured by the direction that is walked")
     save(figure, HERE / "walk-on-command.png")
 
 

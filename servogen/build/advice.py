@@ -16,6 +16,7 @@ from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
 from servogen.job.reader import changed
 from servogen.job.schema import MotionTable, WalkTable
+from servogen.units import counted
 
 CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
 """Of errors for which changes are tried."""
@@ -61,7 +62,7 @@ def advised(job: PlannedJob, error: InputError) -> InputError:
     sentences = [f"what fits: {'; or '.join(found)}"] if found else []
     parts = list(_parts(job))
     if parts:
-        sentences.append(f"by part: {'; '.join(parts)}")
+        sentences.append(f"by segment: {'; '.join(parts)}")
     if not sentences:
         return error
     advised_error = copy(error)
@@ -98,10 +99,12 @@ def _walk_changes(job: PlannedJob, walk: WalkTable) -> Iterator[list[Change]]:
     yield [Change("walk", "lift_mm", value, f"lift_mm = {value:g}") for value in lower]
     if walk.gait != "tripod" and walk.duty is None:
         yield [Change("walk", "gait", "tripod", 'gait = "tripod"')]
-    ways = tuple(job.document.data["walk"]["way"])
-    if len(ways) > 1:
-        counts = range(len(ways) - 1, 0, -1)
-        yield [Change("walk", "way", ways[:count], f"only the first {count} of way") for count in counts]
+    route = tuple(job.document.data["walk"]["route"])
+    if len(route) > 1:
+        yield [
+            Change("walk", "route", route[:count], f"only the first {counted(count, 'segment')} of the route")
+            for count in range(len(route) - 1, 0, -1)
+        ]
 
 
 def _first_fit(job: PlannedJob, group: list[Change]) -> tuple[Change, Fit] | None:
@@ -130,10 +133,9 @@ def _taken(made: Planned) -> Fit | None:
 
 
 def _parts(job: PlannedJob) -> Iterator[str]:
-    """Yield what each part of a walk's way takes alone."""
-    if not isinstance(job.section, WalkTable) or len(job.section.way) < 2:
+    """Yield what each segment of a walk's route takes by itself."""
+    if not isinstance(job.section, WalkTable) or len(job.section.route) < 2:
         return
-    ways = tuple(job.document.data["walk"]["way"])
-    for number, way in enumerate(ways, 1):
-        fit = _fit(job, Change("walk", "way", (way,), ""))
-        yield f"part {number} of way alone {'does not fit' if fit is None else f'takes {fit.text()}'}"
+    for number, segment in enumerate(job.document.data["walk"]["route"], 1):
+        fit = _fit(job, Change("walk", "route", (segment,), ""))
+        yield f"segment {number} alone {'does not fit' if fit is None else f'takes {fit.text()}'}"

@@ -55,7 +55,7 @@ def silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Looking:
+class CaptureRequest:
     """The settings of a capture."""
 
     rate: int = RATE
@@ -130,7 +130,7 @@ def capture(
     port: str,
     schedule: PulseSchedule | None = None,
     seconds: float | None = None,
-    looking: Looking = Looking(),
+    looking: CaptureRequest = CaptureRequest(),
     progress: Progress = silent,
 ) -> Captured:
     """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture.
@@ -172,7 +172,7 @@ def capture_by_sigrok(
     driver: str,
     schedule: PulseSchedule | None = None,
     seconds: float | None = None,
-    looking: Looking = Looking(),
+    looking: CaptureRequest = CaptureRequest(),
 ) -> SigrokCaptured:
     """Capture the pins through sigrok-cli, for `seconds` or the schedule's whole loop.
 
@@ -238,13 +238,13 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
         frames = ceil(_exact(seconds or SECONDS) / TYPICAL_PERIOD_S)
         return Wanted(TYPICAL_PERIOD_S, Fraction(TYPICAL_EDGES), frames, Fraction(MIN_EDGES), TYPICAL_EDGES)
     period = schedule.clock.seconds(schedule.period)
-    loop, most = _moments(schedule.loop)
+    loop, maximum = _moments(schedule.loop)
     begin, more = _moments(schedule.lead_in)
     if seconds is None:
         frames = schedule.lead_in_frames + schedule.loop_frames
-        return Wanted(period, max(loop, begin), frames, min(loop, begin or loop), max(most, more))
+        return Wanted(period, max(loop, begin), frames, min(loop, begin or loop), max(maximum, more))
     frames = ceil(_exact(seconds) / period)
-    return Wanted(period, Fraction(max(most, more)), frames, min(loop, begin or loop), max(most, more))
+    return Wanted(period, Fraction(max(maximum, more)), frames, min(loop, begin or loop), max(maximum, more))
 
 
 def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:

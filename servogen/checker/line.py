@@ -1,4 +1,4 @@
-"""What a line commands, by "Walk on command" of docs/firmware.md: which way, and which frame comes next.
+"""What a line commands, by "Walk on command" of docs/firmware.md: the direction and the next frame.
 
 In: the commands of schedule.json. Out: a `Line`. What was heard is a number, as docs/proof.md lists them: 0
 at rest; a 1 before the levels since a start, as a binary number; 64 + n or 128 + n after n equal levels that
@@ -21,9 +21,9 @@ class Line:
     rest_frames: int
     stop_frames: int
     codes: list[str]
-    """Of the ways, which are numbered from 1 on."""
+    """Of the directions, which are numbered from 1 on."""
     parts: list[tuple[int, int, int, int]]
-    """Of the stance and of each way, the first frames of start, cycle and stop, and the frame after it."""
+    """Of the stance and each direction: the first frames of start, cycle and stop, and the frame after."""
 
     def hear(self, heard: int, wanted: int, level: int) -> tuple[int, int]:
         """Return what is heard, and what is commanded, after another level."""
@@ -59,10 +59,10 @@ class Line:
             return frame + 1
         if frame + 1 == stance[0] or frame + 1 == stance[3]:
             return self.parts[wanted][0]
-        for way, (start, cycle, stop, end) in enumerate(self.parts):
-            if way and start <= frame < end:
+        for direction, (start, cycle, stop, end) in enumerate(self.parts):
+            if direction and start <= frame < end:
                 if frame + 1 in (cycle, stop):
-                    return cycle if wanted == way else stop
+                    return cycle if wanted == direction else stop
                 if frame + 1 == end:
                     return self.parts[wanted][0]
         return frame + 1

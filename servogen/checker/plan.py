@@ -138,8 +138,8 @@ def read_plan(text: bytes, file: str) -> Plan:
         period = _number(data["period_cycles"], 1)
         pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
         commands = data.get("commands")
-        ways = commands["ways"] if commands else []
-        parts = [way[part] for way in ways for part in ("start", "cycle", "stop")]
+        directions = commands["directions"] if commands else []
+        parts = [direction[part] for direction in directions for part in ("start", "cycle", "stop")]
         loop_runs = len(data["lead_in"]) + len(data["loop"])
         runs = [*data["lead_in"], *data["loop"], *(run for part in parts for run in part)]
         frames = [_number(run["frames"], 1) for run in runs]
@@ -178,15 +178,17 @@ def _button(data: Any) -> Button | None:
 def _line(data: dict[str, Any], loop: int, at: int) -> Line:
     """Return the line of a schedule whose loop are the frames from `loop` up to `at`."""
     parts = [(loop, at, at, at)]
-    for way in data["ways"]:
-        lengths = [sum(_number(run["frames"], 1) for run in way[part]) for part in ("start", "cycle", "stop")]
+    for direction in data["directions"]:
+        lengths = [
+            sum(_number(run["frames"], 1) for run in direction[part]) for part in ("start", "cycle", "stop")
+        ]
         start, cycle, stop, at = accumulate((at, *lengths))
-        if not all(lengths) or not way["code"] or set(way["code"]) - set("01"):
-            raise ValueError("a way needs a code of levels, a start, a cycle and a stop")
+        if not all(lengths) or not direction["code"] or set(direction["code"]) - set("01"):
+            raise ValueError("a direction needs a code of levels, a start, a cycle and a stop")
         parts.append((start, cycle, stop, at))
-    codes = [way["code"] for way in data["ways"]]
+    codes = [direction["code"] for direction in data["directions"]]
     if not codes or len(set(codes)) < len(codes):
-        raise ValueError("a line needs ways of different codes")
+        raise ValueError("a line needs directions of different codes")
     if 1 << max(map(len, codes)) > OFF:
         raise ValueError("a code has at most 6 levels")
     return Line(

@@ -127,7 +127,7 @@ def drive(
     from servogen.job import load, plan_job
 
     loaded = plan_job(load(job))
-    if loaded.ways:
+    if loaded.directions:
         others = {
             "--pose": pose,
             "--stop": stop,
@@ -220,7 +220,7 @@ def _walk_on_command(
 
         def tell(state: State) -> None:
             nonlocal last
-            new = last is None or (state.way, state.part) != (last.way, last.part)
+            new = last is None or (state.direction, state.part) != (last.direction, last.part)
             last = state
             if json and new:
                 json_line(state.to_json())

@@ -265,8 +265,8 @@ def _show_plan(facts: PlanFacts) -> None:
         _show_ends(facts)
     for note in job.notes:
         print(note.message)
-    if facts.rigid_way is not None:
-        x, y, yaw = facts.rigid_way
+    if facts.rigid_legs_end is not None:
+        x, y, yaw = facts.rigid_legs_end
         print(
             f"rigid legs take the body {1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left "
             f"and turn it by {degrees(yaw):z.1f}°"
@@ -296,7 +296,7 @@ def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
             (
                 each.servo.name,
                 joints.get(each.servo.name, ""),
-                f"{degrees(each.least):z.2f} to {degrees(each.greatest):z.2f}{unit}",
+                f"{degrees(each.minimum):z.2f} to {degrees(each.maximum):z.2f}{unit}",
                 " to ".join(f"{degrees(limit):zg}" for limit in each.servo.limits) + unit,
                 _degrees(each.speed),
                 _degrees(model.speed),

@@ -151,7 +151,7 @@ def gait(
             "bad-option", f"the sign of β is 1 or -1, not {beta_sign}", Location(key="--beta-sign")
         )
     direction = radians(direction_deg)
-    way = Segment(
+    segment = Segment(
         stride_mm / 1000 * cos(direction), stride_mm / 1000 * sin(direction), radians(turn_deg), cycles
     )
     period, clock = Cycles(period_us), Clock(CLOCK_HZ)
@@ -161,7 +161,7 @@ def gait(
     made = walk(
         walker,
         rhythm,
-        [way],
+        [segment],
         Posture(_metres(body_height_mm), _metres(stance_width_mm), lift_mm / 1000, beta_sign),
         period,
         clock,
@@ -295,8 +295,8 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) 
         [
             (
                 each.name,
-                f"{degrees(each.least):z.2f}",
-                f"{degrees(each.greatest):z.2f}",
+                f"{degrees(each.minimum):z.2f}",
+                f"{degrees(each.maximum):z.2f}",
                 f"{degrees(each.limits[0]):zg} to {degrees(each.limits[1]):zg}",
                 f"{degrees(each.speed):z.1f}",
             )
@@ -311,8 +311,8 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) 
     print(f"the walk: {frames} frames, {again}")
     if facts.margin is not None:
         feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
-        least = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
-        print(f"stability margin: {least if feet else f'none, no foot is on the ground in frame {frame}'}")
+        minimum = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
+        print(f"stability margin: {minimum if feet else f'none, no foot is on the ground in frame {frame}'}")
     if facts.correction > 0:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
         print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")

@@ -4,7 +4,7 @@ In: a job whose robot walks on command, where commands come from, and the port o
 one. Out: the codes on the port, and a `State` for each frame.
 
     command ─▶ byte ─▶ port, at one bit per frame
-                 ╰───▶ a simulated chip with the job's program ─▶ way, part, frame, widths
+                 ╰───▶ a simulated chip with the job's program ─▶ direction, part, frame, widths
 
 The state is always the simulated chip's: nothing comes back from a real one, which does the same as long as
 it hears the same and stood at the beginning.
@@ -48,7 +48,7 @@ class State:
     seconds: float
     """Since power-up."""
     frame: int
-    way: str
+    direction: str
     part: str
     widths_us: Mapping[str, float]
     """Of each servo, its latest complete pulse."""
@@ -58,7 +58,7 @@ class State:
         return {
             "s": round(self.seconds, 3),
             "frame": self.frame,
-            "way": self.way,
+            "direction": self.direction,
             "part": self.part,
             "widths_us": dict(self.widths_us),
         }
@@ -66,7 +66,9 @@ class State:
     def text(self) -> str:
         """Return the state in one line."""
         widths = " ".join(f"{width:.0f}" for width in self.widths_us.values())
-        return f"{self.seconds:8.2f} s  frame {self.frame:5}  {f'{self.way} {self.part}':14}  {widths} µs"
+        return (
+            f"{self.seconds:8.2f} s  frame {self.frame:5}  {f'{self.direction} {self.part}':14}  {widths} µs"
+        )
 
 
 class Twin:
@@ -92,8 +94,8 @@ class Twin:
         self._frames = 0
 
     @property
-    def ways(self) -> tuple[str, ...]:
-        """Return the ways that it can be commanded."""
+    def directions(self) -> tuple[str, ...]:
+        """Return the directions that it can be commanded."""
         return self._chain.names
 
     @property
@@ -109,10 +111,10 @@ class Twin:
         """Run the chip for one frame and return its state then."""
         self._chip.run(self._period)
         self._frames += 1
-        way, part = self._way()
-        return State(self.seconds, self._frames, way, part, dict(self._widths))
+        direction, part = self._direction()
+        return State(self.seconds, self._frames, direction, part, dict(self._widths))
 
-    def _way(self) -> tuple[str, str]:
+    def _direction(self) -> tuple[str, str]:
         ram = self._chip.machine.state().ram
         begun, until = (ram[self._variable[name] - RAM_FIRST] for name in ("begun", "until"))
         places = self._chain.places[2 * begun : 2 * begun + 4]
@@ -168,7 +170,7 @@ class CommandedDrive:
 
     def command(self, command: str) -> None:
         """Send a command. Raises InputError for an unknown one, Unplugged if the port is gone."""
-        known = (*self.twin.ways, STOP)
+        known = (*self.twin.directions, STOP)
         if command not in known:
             if self.single_keys:
                 return

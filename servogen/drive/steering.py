@@ -215,16 +215,16 @@ def _walk_controller(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walk
     """Return the controller with the directions that the legs allow, at least one of them."""
     stride = DEFAULT_STRIDE_MM if rates.distance_mm is None else rates.distance_mm
     angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
-    ways = {
+    rows = {
         command: {"forward_mm": x * stride, "left_mm": y * stride, "turn_deg": turn * angle}
         for command, (x, y, turn) in DIRECTIONS.items()
         if robot.sidesteps or not y
     }
-    segments = [_segment(way) for way in ways.values()]
+    segments = [_segment(row) for row in rows.values()]
     gaits, refused = {}, None
-    for command, way in ways.items():
+    for command, row in rows.items():
         try:
-            gaits[command] = _gait(job, way, segments)
+            gaits[command] = _gait(job, row, segments)
         except InputError as error:
             refused = refused or error
     if refused and not gaits:
@@ -232,21 +232,21 @@ def _walk_controller(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walk
     return WalkController(job, gaits)
 
 
-def _segment(way: Mapping[str, float]) -> Segment:
-    """Return what the body does in a cycle."""
-    return Segment(way["forward_mm"] / 1000, way["left_mm"] / 1000, math.radians(way["turn_deg"]))
+def _segment(row: Mapping[str, float]) -> Segment:
+    """Return the body's motion in a cycle."""
+    return Segment(row["forward_mm"] / 1000, row["left_mm"] / 1000, math.radians(row["turn_deg"]))
 
 
-def _gait(job: PlannedJob, way: Mapping[str, float], others: Sequence[Segment]) -> Gait:
+def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> Gait:
     """Return one direction as start, cycle and stop, with the legs standing at both ends as for the others.
 
     Raises InputError if the legs cannot walk it.
     """
-    endless = plan_job(job, way, others).trajectory
+    endless = plan_job(job, row, others).trajectory
     angles, loop = endless.angles, endless.loop_start
     cycle = len(angles) - loop
     for cycles in range(-(-loop // cycle) + 1, MAX_CYCLES):
-        whole = plan_job(job, {**way, "cycles": float(cycles)}, others).trajectory.angles
+        whole = plan_job(job, {**row, "cycles": float(cycles)}, others).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
             return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
     raise InputError(

@@ -18,7 +18,7 @@ from servogen.engines.player.commands import CommandLine
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Location
 from servogen.motion import JointTrajectory
-from servogen.motion.gait.commands import CommandedWay
+from servogen.motion.gait.commands import CommandedDirection
 from servogen.pic.device import Device
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
@@ -79,7 +79,7 @@ class EngineJob(Protocol):
     def trajectory(self) -> JointTrajectory: ...
 
     @property
-    def ways(self) -> tuple[CommandedWay, ...]: ...
+    def directions(self) -> tuple[CommandedDirection, ...]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +100,7 @@ class EnginePlan:
 
 
 class Engine(Protocol):
-    """A way to play a motion: a package, its folder of `templates/` and its line in `registry`."""
+    """A kind of program that plays a motion: a package, a folder of `templates/` and a line in `registry`."""
 
     @property
     def title(self) -> str:

@@ -15,7 +15,7 @@ from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory
-from servogen.motion.gait.commands import CommandedWay
+from servogen.motion.gait.commands import CommandedDirection
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
@@ -37,7 +37,7 @@ class Firmware:
     """How far a pulse may be from the planned one."""
     buttons: Buttons
     commands: CommandLine | None = None
-    """The input that chooses the ways of a walk on command."""
+    """The input that selects the direction of a walk on command."""
     soft_start_place: Location | None = None
 
 
@@ -114,5 +114,5 @@ class PlannedJob(Job):
     poses: tuple[NamedPose, ...]
     warnings: tuple[Diagnostic, ...]
     notes: tuple[Diagnostic, ...]
-    ways: tuple[CommandedWay, ...] = ()
+    directions: tuple[CommandedDirection, ...] = ()
     """What a walk on command can do; `trajectory` is its stance then."""

@@ -1,7 +1,7 @@
 """A `Job` -> `PlannedJob`: the poses, walk, program or drive of its servos, frame by frame.
 
-In: the validated values of a job file; for a walk also another way. Out: the servos' trajectory.
-The job file is not read again. Every error names the line and the key that cannot be fulfilled.
+In: the validated values of a job file and, for a walk, optionally another route. Out: the servos' trajectory.
+The job file is not read again. Every error names the line and the key that cannot be satisfied.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable,
 from servogen.job.walks import walk_of, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion import JointTrajectory, Motion, Planned, trajectory
-from servogen.motion.gait.commands import CommandedWay
+from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES, Floats
@@ -31,17 +31,20 @@ from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
 
 
-def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[Segment] = ()) -> PlannedJob:
+def plan_job(
+    job: Job, segment: Mapping[str, float] | None = None, others: Sequence[Segment] = ()
+) -> PlannedJob:
     """Return the job with the trajectory of its servos. Raises InputError.
 
-    With `way`, which has the keys of one of [walk] way, the robot walks that way instead of the job's own;
-    without cycles the walk never ends. `others` are what the robot may walk next without standing up anew.
+    With `segment`, which has the keys of one segment of [walk] route, the robot walks that instead of the
+    job's route; without `cycles` the walk never ends. `others` are the segments that the robot may walk next
+    without taking another stance.
     """
-    section = job.section if way is None else _walking(job, way)
-    planned, poses, ways = _motion(job, section, others)
+    section = job.section if segment is None else _walking(job, segment)
+    planned, poses, directions = _motion(job, section, others)
     _check_travel(job, section, planned.trajectory.angles)
-    for each in ways:
-        _check_travel(job, section, each.angles)
+    for direction in directions:
+        _check_travel(job, section, direction.angles)
     _check_soft_start(job, planned)
     values = {field.name: getattr(job, field.name) for field in fields(Job)}
     return PlannedJob(
@@ -50,12 +53,15 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
         poses=poses,
         warnings=(*planned.warnings, *_overloads(job, planned)),
         notes=planned.notes,
-        ways=ways,
+        directions=directions,
     )
 
 
-def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
-    """Return the job's [walk] with only that way. Raises InputError if something else moves the servos."""
+def _walking(job: Job, segment: Mapping[str, float]) -> WalkTable:
+    """Return the job's [walk] with a route of this segment alone.
+
+    Raises InputError if something else moves the servos.
+    """
     if job.section is not None and not isinstance(job.section, WalkTable):
         moving = _key(job.section)
         raise job.document.error(
@@ -63,7 +69,7 @@ def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
         )
     written = job.document.data.get("walk", {})
     walk = {key: value for key, value in written.items() if key not in ("end", "commands")}
-    walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
+    walk |= {"route": (dict(segment),), "repeat": "cycles" not in segment}
     return toml_file.validate(
         replace(job.document, data={**job.document.data, "walk": walk}), WalkTable, ("walk",)
     )
@@ -76,8 +82,8 @@ def _key(section: Section) -> str:
 
 def _motion(
     job: Job, section: Section | None, others: Sequence[Segment]
-) -> tuple[Planned, tuple[NamedPose, ...], tuple[CommandedWay, ...]]:
-    """Return the motion of the section, its poses if it has any, and the ways of a walk on command."""
+) -> tuple[Planned, tuple[NamedPose, ...], tuple[CommandedDirection, ...]]:
+    """Return the motion of the section, its poses if it has any, and the directions of a walk on command."""
     period = job.frame.period.cycles
     limits = _limits(job)
     match section:
@@ -92,8 +98,8 @@ def _motion(
             return trajectory(motion, period, job.clock), named, ()
         case WalkTable():
             if section.commands is not None:
-                walk, ways = walk_on_command(job, section, section.commands, _joint_limits(job, limits))
-                return walk, (), ways
+                walk, directions = walk_on_command(job, section, section.commands, _joint_limits(job, limits))
+                return walk, (), directions
             return walk_of(job, section, _joint_limits(job, limits), others), (), ()
         case ProgramTable():
             return program_of(job, section, limits), (), ()
@@ -177,8 +183,8 @@ def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
 
 
 def _check_soft_start(job: Job, planned: Planned) -> None:
-    """Raise InputError if the soft start makes the motion too long: the neutral pose and the way to the first
-    one.
+    """Raise InputError if the motion is too long with its soft start, which moves from the neutral pose to
+    the first one.
     """
     motion, asked_s = planned.trajectory, job.firmware.soft_start_s
     frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)

@@ -58,7 +58,7 @@ def poses_of(
                 "duplicate-name", (*_key(index), "name"), f"two poses have the name '{row.name}'"
             )
     states: list[_State] = []
-    paths: list[_Way | None] = []
+    paths: list[_FollowedPath | None] = []
     while len(states) < len(table.poses):
         end = len(states) + 1
         while end < len(table.poses) and table.poses[end].path != "joint":
@@ -66,7 +66,7 @@ def poses_of(
         for state, path in reader.run(len(states), end, states[-1] if states else _State({})):
             states.append(state)
             paths.append(path)
-    paths[0] = reader.way(0, states[-1], states[0])
+    paths[0] = reader.path(0, states[-1], states[0])
     return tuple(
         reader.pose(index, table, state, path)
         for index, (state, path) in enumerate(zip(states, paths, strict=True))
@@ -86,7 +86,7 @@ class _Reader:
     tip: Tip | None
     rows: Sequence[PoseTable]
 
-    def run(self, first: int, end: int, before: _State) -> list[tuple[_State, _Way | None]]:
+    def run(self, first: int, end: int, before: _State) -> list[tuple[_State, _FollowedPath | None]]:
         """Return the states of the pose `first` and of those up to `end` that are reached on paths from it.
 
         Of the solutions of the pose, the nearest from which all paths can be followed is chosen; if there is
@@ -94,7 +94,7 @@ class _Reader:
         """
         refused: list[InputError] = []
         for state in self.states(first, before)[:MAX_CHOICES]:
-            states: list[tuple[_State, _Way | None]] = [(state, None)]
+            states: list[tuple[_State, _FollowedPath | None]] = [(state, None)]
             try:
                 for index in range(first + 1, end):
                     states.append(self._arrived(index, states[-1][0]))
@@ -104,10 +104,10 @@ class _Reader:
                 return states
         raise refused[0]
 
-    def _arrived(self, index: int, before: _State) -> tuple[_State, _Way | None]:
+    def _arrived(self, index: int, before: _State) -> tuple[_State, _FollowedPath | None]:
         """Return the state of a pose that is reached on a path, and the path."""
         state = self.states(index, before)[0]
-        path = self.way(index, before, state)
+        path = self.path(index, before, state)
         return path.arrival(state) if path else state, path
 
     def states(self, index: int, before: _State) -> list[_State]:
@@ -161,7 +161,7 @@ class _Reader:
                 )
         return [_State({**before.angles, **choice}, orientation) for choice in choices]
 
-    def pose(self, index: int, table: MotionTable, state: _State, path: _Way | None) -> Pose:
+    def pose(self, index: int, table: MotionTable, state: _State, path: _FollowedPath | None) -> Pose:
         """Return the pose, with how the servos get there from the one before."""
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
@@ -234,7 +234,7 @@ class _Reader:
             raise self.document.error("wrong-unit", key, f"this robot's positions are called {self.tip.key}")
         return self.tip
 
-    def way(self, index: int, before: _State, state: _State) -> _Way | None:
+    def path(self, index: int, before: _State, state: _State) -> _FollowedPath | None:
         """Return the path from the pose before, if the pose is reached on one."""
         key, row = _key(index), self.rows[index]
         if row.path == "joint":
@@ -260,11 +260,11 @@ class _Reader:
         turn = None
         if before.orientation is not None and state.orientation is not None:
             turn = np.array(before.orientation), np.array(state.orientation)
-        return _Way(path, tip, tuple(columns), start, end, turn, self.document.place(*here))
+        return _FollowedPath(path, tip, tuple(columns), start, end, turn, self.document.place(*here))
 
 
 @dataclass(eq=False)
-class _Way:
+class _FollowedPath:
     """A path of the tip; servos that do not move it go straight from start to end."""
 
     path: Line | Arc

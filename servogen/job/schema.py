@@ -1,7 +1,6 @@
 """The schema of a job file: one `Table` per TOML table, one field per key, its unit in the name.
 
-In: nothing. Out: models that `toml` validates a file against. `reader` checks what several keys mean
-together.
+In: nothing. Out: models against which `toml` validates a file. `reader` checks combinations of keys.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from servogen.toml.file import Table
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 
 MAX_MM, MAX_S = 100_000.0, 1_000_000.0
-"""A greater number is a typing error."""
+"""A larger number must be a typing error."""
 
 Coordinate = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -44,7 +43,7 @@ class ChipTable(Table):
 
 
 class ServoTable(FactTable):
-    """[[servo]]; it can override any fact of its model."""
+    """[[servo]], which can override any fact of its model."""
 
     name: str = Field(pattern=NAME)
     pin: PinName
@@ -56,9 +55,9 @@ class ServoTable(FactTable):
     max_deg: float | None = None
     open_drain: bool = False
     calibration: str | None = None
-    """A file of `servogen calibrate`, beside the job, in place of `points`."""
+    """A file written by `servogen calibrate`, beside the job, in place of `points`."""
     joint: str | None = None
-    """The joint of [robot] that it turns, which is at 0 when the servo is at `zero_deg`."""
+    """The joint of [robot] that the servo turns; the joint is at 0 when the servo is at `zero_deg`."""
     zero_deg: float = 90.0
     ratio: float = 1.0
     """Degrees of the servo per degree of a turning joint."""
@@ -88,7 +87,7 @@ class RobotTable(Table):
 
 
 class PoseTable(Table):
-    """One of [motion] poses; the angles, `<servo>_deg`, are the keys that are not listed here."""
+    """A pose of [motion] poses; all keys that are not listed here are angles, `<servo>_deg`."""
 
     model_config = ConfigDict(
         extra="allow",
@@ -99,7 +98,7 @@ class PoseTable(Table):
     )
 
     name: str | None = Field(default=None, pattern=NAME)
-    """Its name for `servogen drive --pose`, besides its number."""
+    """Names the pose for `servogen drive --pose`, in addition to its number."""
     foot_mm: Point | None = None
     tip_mm: Point | None = None
     orientation_deg: tuple[float, ...] | None = None
@@ -122,8 +121,8 @@ class MotionTable(Table):
     poses: tuple[PoseTable, ...] = Field(min_length=1)
 
 
-class WayTable(Table):
-    """One of [walk] way: the body's motion in a cycle, and the number of cycles; without, it never ends."""
+class SegmentTable(Table):
+    """A segment of [walk] route: the body's motion per cycle and the number of cycles, endless if omitted."""
 
     forward_mm: Coordinate = 0.0
     left_mm: Coordinate = 0.0
@@ -132,7 +131,7 @@ class WayTable(Table):
 
 
 class CommandsTable(Table):
-    """[walk] commands: the body's motion in a cycle, and the input that chooses the way."""
+    """[walk] commands: the body's motion per cycle, and the input that selects the direction."""
 
     forward_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     turn_deg: float | None = Field(default=None, gt=0, le=360)
@@ -146,9 +145,9 @@ class WalkTable(Table):
     gait: str = "tripod"
     duty: float | None = Field(default=None, gt=0, lt=1)
     lifts: dict[str, float] | None = None
-    way: tuple[WayTable, ...] = ()
+    route: tuple[SegmentTable, ...] = ()
     commands: CommandsTable | None = None
-    """In place of `way`: the robot stands and goes as it is commanded."""
+    """Instead of `route`: the robot stands, and walks as commanded."""
     cycle_s: float | None = Field(default=None, gt=0, le=MAX_S)
     lift_mm: float = Field(default=20.0, gt=0, le=MAX_MM)
     body_height_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
@@ -157,7 +156,7 @@ class WalkTable(Table):
     spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
     allow_falling: bool = False
     leg: str | None = None
-    """Only this leg walks."""
+    """The only leg that walks; None: all legs walk."""
     repeat: bool = True
     end: Literal["hold", "release"] | None = None
 
@@ -221,7 +220,7 @@ class FrameTable(Table):
     slot_us: float | None = Field(default=None, gt=0)
     per_slot: int = Field(default=1, ge=1, le=13)
     max_together: int | None = Field(default=None, ge=1, le=13)
-    """The greatest number of servos that start together, which limits the peak current."""
+    """The maximum number of pulses that start together, which limits the peak current."""
 
 
 class FirmwareTable(Table):
@@ -230,14 +229,14 @@ class FirmwareTable(Table):
     dialect: Literal["c2c", "xc8", "sdcc"] = "c2c"
     engine: EngineName = "auto"
     soft_start_s: Seconds = 1.0
-    """How long the player's first pulses hold the neutral pose."""
+    """How long the player holds the neutral pose with its first pulses."""
     max_error_us: float = Field(default=10.0, gt=0, le=1000)
-    """How far a pulse may be from the planned one: beyond it nothing is built."""
+    """The maximum deviation of a pulse from the planned one; a job that exceeds it is not built."""
     start_pin: PinName | None = None
-    """The player waits in its first frame until the button on this pin is pressed."""
+    """The pin of the start button; the player repeats its first frame until the button is pressed."""
     start_level: Literal["low", "high"] = "low"
     stop_pin: PinName | None = None
-    """An emergency stop."""
+    """The pin of the emergency stop."""
     stop_level: Literal["low", "high"] = "low"
     stop_pulses: Literal["off", "hold"] | None = None
 
@@ -253,7 +252,7 @@ class StreamTable(Table):
 
 
 class SupplyTable(Table):
-    """[supply]: the battery or power supply of all servos, for `servogen twin`."""
+    """[supply]: the battery or power supply that feeds all servos, for `servogen twin`."""
 
     voltage_v: float = Field(gt=0, le=100)
     """Without load."""
@@ -268,13 +267,13 @@ class SensorTable(Table):
     pin: PinName
     kind: Literal["foot", "end-stop", "stall"]
     of: str | None = None
-    """The leg of a foot switch, the joint of an end stop; a stall comparator measures the whole supply."""
+    """The leg of a foot switch or the joint of an end stop; a stall comparator measures the whole supply."""
     force_n: float = Field(default=0.2, gt=0, le=1000)
     """The force at which a foot switch closes."""
     at_deg: float | None = Field(default=None, ge=-360, le=360)
     at_mm: float | None = Field(default=None, ge=-MAX_MM, le=MAX_MM)
     side: Literal["above", "below"] = "above"
-    """On which side of `at_deg` or `at_mm` an end stop is pressed."""
+    """The side of `at_deg` or `at_mm` on which an end stop is pressed."""
     above_a: float | None = Field(default=None, gt=0, le=1000)
     level: Literal["low", "high"] = "low"
     """The level of the pin while the sensor is active."""
@@ -283,18 +282,18 @@ class SensorTable(Table):
 class ExpectTable(Table):
     """[expect]: what `servogen twin` checks."""
 
-    way_within_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
-    """The distance of the robot's position at the end from the planned one."""
+    robot_within_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    """The allowed distance of the robot's final position from the planned one."""
     turn_within_deg: float | None = Field(default=None, gt=0, le=360)
     end_within_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
-    """The distance of the tool from its planned path wherever the motion stops."""
+    """The allowed distance of the tool from its planned path wherever the motion stops."""
     no_fall: bool = True
     drag_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
-    """The way that a foot is dragged in one stance."""
+    """The allowed distance that a foot is dragged in one stance."""
     torque_nm: float | None = Field(default=None, gt=0, le=1000)
     current_a: float | None = Field(default=None, gt=0, le=1000)
     within_s: float | None = Field(default=None, gt=0, le=MAX_S)
-    """The time from power-up in which the motion has been done once."""
+    """The time from power-up within which the motion must have been made once."""
 
 
 class JobTable(Table):

@@ -16,7 +16,7 @@ from servogen.job.job import Job
 from servogen.job.schema import CommandsTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
 from servogen.motion import JointTrajectory, Planned, bound
-from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedWay, commanded_way
+from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedDirection, commanded_direction
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
@@ -40,20 +40,20 @@ def walk_of(
     `others` are segments of other walks for which the legs stand as for this one.
     """
     document = job.document
-    if not table.way:
+    if not table.route:
         raise document.error(
-            "missing-key", ("walk",), "a walk needs a way", "add way = [{ forward_mm = 40 }], or commands"
+            "missing-key", ("walk",), "a walk needs a route", "add route = [{ forward_mm = 40 }], or commands"
         )
-    endless = table.way[-1].cycles is None
+    endless = table.route[-1].cycles is None
     if endless and not table.repeat:
         raise document.error(
             "endless-motion",
             ("walk", "repeat"),
-            "a way without an end never ends",
-            "give its last part cycles = …",
+            "a route whose last segment has no cycles never ends",
+            "add cycles = … to its last segment",
         )
     walker = _walker(job, table, limits)
-    segments = [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.way]
+    segments = [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.route]
     planned = walker.walk(segments, others, walker.frames)
     trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
     heavy = tuple(_overloads(walker.robot, planned, job.bindings, job.servos))
@@ -70,10 +70,10 @@ MAX_COMMANDED_CYCLES = 12
 
 def walk_on_command(
     job: Job, table: WalkTable, commands: CommandsTable, limits: tuple[Limits, ...]
-) -> tuple[Planned, tuple[CommandedWay, ...]]:
-    """Return the stance of a walk on command, and its ways. Raises InputError."""
+) -> tuple[Planned, tuple[CommandedDirection, ...]]:
+    """Return the stance of a walk on command, and its directions. Raises InputError."""
     document, key = job.document, ("walk", "commands")
-    for name in ("way", "end"):
+    for name in ("route", "end"):
         if name in document.data["walk"]:
             raise document.error(
                 "conflicting-keys",
@@ -88,18 +88,18 @@ def walk_on_command(
         pairs.append((TURN, _segment(0, 0, commands.turn_deg, None)))
     if not pairs:
         raise document.error(
-            "missing-key", key, "it has no way", "add forward_mm = 40, turn_deg = 20, or both"
+            "missing-key", key, "the walk has no direction", "add forward_mm = 40, turn_deg = 20, or both"
         )
     walker = _walker(job, table, limits)
     segments = [segment for _, segment in pairs]
-    ways: list[CommandedWay] = []
+    directions: list[CommandedDirection] = []
     heavy: list[Diagnostic] = []
     notes: list[Diagnostic] = []
     for names, segment in pairs:
-        others = [each for each in segments if each is not segment]
+        others = [other for other in segments if other is not segment]
         endless = walker.even_walk(segment, others)
         count = endless.frames_per_cycle
-        walks = (
+        walks_of_cycles = (
             _bound(
                 document,
                 walker.walk([replace(segment, cycles=float(cycles))], others, count).trajectory,
@@ -109,23 +109,25 @@ def walk_on_command(
         )
         planned = _bound(document, endless.trajectory, job.bindings)
         try:
-            way = commanded_way(names[0], planned.angles, planned.loop_start, (each.angles for each in walks))
+            direction = commanded_direction(
+                names[0], planned.angles, planned.loop_start, (walked.angles for walked in walks_of_cycles)
+            )
         except InputError as error:
             raise error.at(document.place(*key)) from error
-        ways += [way, way.reversed(names[1])]
+        directions += [direction, direction.reversed(names[1])]
         heavy += _overloads(walker.robot, endless, job.bindings, job.servos)
         heavy += _upright(document, endless)
-        last = len(way.angles) - 1
+        last = len(direction.angles) - 1
         text = f"{names[0]} and {names[1]}: " + ", ".join(
             f"{what} of {count} frames"
             for what, count in (
-                ("a start", way.first),
-                ("a cycle", way.end - way.first),
-                ("a stop", last - way.end),
+                ("a start", direction.first),
+                ("a cycle", direction.end - direction.first),
+                ("a stop", last - direction.end),
             )
         )
         notes += [Diagnostic("note", "command", text, document.place(*key)), *_notes(document, endless)]
-    first = ways[0]
+    first = directions[0]
     stance = JointTrajectory(
         joints=tuple(servo.name for servo in job.servos),
         clock=job.clock,
@@ -134,7 +136,7 @@ def walk_on_command(
         loop_start=0,
     )
     unique = tuple(dict.fromkeys(heavy))
-    return Planned(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(ways)
+    return Planned(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(directions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,10 +297,10 @@ def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
         Diagnostic("note", "slip", planned.slip.text(), place),
         Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
-    if math.isfinite(planned.least_margin_m):
-        text = f"the centre of mass is always {1000 * planned.least_margin_m:z.1f} mm inside of the feet"
-        if planned.least_margin_m < 0:
-            text = f"the robot falls: {-1000 * planned.least_margin_m:z.1f} mm outside of its feet at worst"
+    if math.isfinite(planned.minimum_margin_m):
+        text = f"the centre of mass is always {1000 * planned.minimum_margin_m:z.1f} mm inside of the feet"
+        if planned.minimum_margin_m < 0:
+            text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside of its feet at worst"
         notes.append(Diagnostic("note", "stability", text, place))
     return notes
 
@@ -307,7 +309,8 @@ def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
     """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
     texts = [*planned.centre_texts(), *((foot.segment, foot.text()) for foot in planned.held_back)]
     for index, text in sorted(texts):
-        yield Diagnostic("note", "turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
+        place = document.place("walk", "route", index)
+        yield Diagnostic("note", "turn", f"segment {index + 1}: {text}", place)
 
 
 def _overloads(

@@ -109,19 +109,19 @@ def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = F
     Raises InputError if nothing limits a joint that moves, and for two equal points in a row.
     """
     points = np.asarray(points, float)
-    most = np.array([limit.speed for limit in limits])
-    if np.isinf(most[np.ptp(points, axis=0) > 0]).any():
+    maximum = np.array([limit.speed for limit in limits])
+    if np.isinf(maximum[np.ptp(points, axis=0) > 0]).any():
         raise InputError("no-speed", "via points without a time need a speed limit of every joint that moves")
-    h = (np.abs(np.diff(points, axis=0)) / most).max(axis=1)
+    h = (np.abs(np.diff(points, axis=0)) / maximum).max(axis=1)
     if not (h > 0).all():
         raise InputError("pose-keys", "two via points in a row are the same")
     first = spline(points, np.concatenate(([0.0], np.cumsum(h))), closed)
     speed, acceleration = first.peaks()
     bound = np.array([limit.acceleration for limit in limits])
-    return first.slower(max(float((speed / most).max()), float(np.sqrt((acceleration / bound).max()))))
+    return first.slower(max(float((speed / maximum).max()), float(np.sqrt((acceleration / bound).max()))))
 
 
-Way = Callable[[Floats], Followed]
+FollowPath = Callable[[Floats], Followed]
 """Shares of a path (n,) -> the angles of all joints there (n, joints), and their distance from the path."""
 
 EXACT = 1e-9
@@ -144,7 +144,7 @@ def fastest_straight(
     return np.where(share >= 1, end, start + share * (end - start))
 
 
-def along(follow: Way, name: str, frames: int) -> Followed:
+def along(follow: FollowPath, name: str, frames: int) -> Followed:
     """Return a move along a path in so many frames; the first sample is its start."""
     return follow(law(name).share(np.concatenate(([0.0], _shares(frames)))))
 
@@ -153,7 +153,7 @@ MAX_PATH_FRAMES = 1 << 15
 """The most frames of a path without a time: 11 minutes at 50 frames per second."""
 
 
-def fastest_along(follow: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
+def fastest_along(follow: FollowPath, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
     """Return the same as `along` in as few frames as the limits allow, None for more than
     `MAX_PATH_FRAMES`.
     """

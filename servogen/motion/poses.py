@@ -44,7 +44,7 @@ class Pose:
     law: str = "linear"
     via: bool = False
     """Whether it is passed without stopping or holding."""
-    way: moves.Way | None = None
+    path: moves.FollowPath | None = None
     """The path of the move; None: straight through joint space."""
     place: Location | None = None
 
@@ -175,8 +175,8 @@ class _Sampler:
         start, end = np.array(before.angles), np.array(pose.angles)
         frame_s, limits = float(self.period_s), self.motion.limits
         try:
-            if pose.way is not None:
-                self._along(pose, pose.way)
+            if pose.path is not None:
+                self._along(pose, pose.path)
             elif pose.move_s is None:
                 self._add(moves.fastest_straight(start, end, pose.law, limits, frame_s), pose)
             else:
@@ -185,14 +185,14 @@ class _Sampler:
         except InputError as error:
             raise error if error.location else error.at(pose.place) from error
 
-    def _along(self, pose: Pose, way: moves.Way) -> None:
+    def _along(self, pose: Pose, path: moves.FollowPath) -> None:
         frame_s, limits = float(self.period_s), self.motion.limits
         number = next(number for number, other in enumerate(self.motion.poses, 1) if other is pose)
         move: Followed | None
         if pose.move_s is None:
-            move = moves.fastest_along(way, pose.law, limits, frame_s)
+            move = moves.fastest_along(path, pose.law, limits, frame_s)
         else:
-            move = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
+            move = moves.along(path, pose.law, self._count(pose.move_s, "move_s", pose))
         if move is None:
             raise InputError(
                 "path-too-fast",
@@ -206,14 +206,14 @@ class _Sampler:
         if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
             self.notes.append(Diagnostic("note", "off-the-path", followed, pose.place))
         else:
-            followed += _slower(pose, way, len(move.angles) - 1, frame_s)
+            followed += _slower(pose, path, len(move.angles) - 1, frame_s)
             self.warnings.append(Diagnostic("warning", "off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
         points = np.array([pose.angles for pose in chain])
         timed = [pose.move_s for pose in chain[1:]]
         for pose in chain[1:]:
-            if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.way is not None:
+            if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.path is not None:
                 raise InputError(
                     "pose-keys",
                     "poses that are passed take a time each, or none of them does",
@@ -262,13 +262,13 @@ class _Sampler:
         return count
 
 
-def _slower(pose: Pose, way: moves.Way, frames: int, frame_s: float) -> str:
+def _slower(pose: Pose, path: moves.FollowPath, frames: int, frame_s: float) -> str:
     """Return how long a move must take to stay near its path, as text, empty if the longer times
     do not help.
     """
     for longer in (2 * frames, 4 * frames, 8 * frames, 16 * frames):
         if longer <= moves.MAX_PATH_FRAMES:
-            move = moves.along(way, pose.law, longer)
+            move = moves.along(path, pose.law, longer)
             if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
                 error_mm = 1000 * move.chord_error_m
                 return f"; move_s = {longer * frame_s:g} keeps it within {error_mm:z.3f} mm"

@@ -35,8 +35,8 @@ class ListedFunction:
     ram_bytes: int = 0
     deepest_calls: int = 0
     """Stack levels that it needs below itself."""
-    least_cycles: int | None = None
-    most_cycles: int | None = None
+    minimum_cycles: int | None = None
+    maximum_cycles: int | None = None
     """Cycles from its first instruction to the end of its return; None where that is not known or, with
     `unbounded`, where it never returns or can take as long as you like.
     """
@@ -118,12 +118,12 @@ def _functions(listing: Listing) -> Iterator[str]:
 
 
 def _range(function: ListedFunction) -> str:
-    least, most = function.least_cycles, function.most_cycles
-    if least is None:
+    minimum, maximum = function.minimum_cycles, function.maximum_cycles
+    if minimum is None:
         return "never returns" if function.unbounded else "unknown"
-    if least == most:
-        return str(least)
-    return f"{least} to {'unbounded' if most is None else most}"
+    if minimum == maximum:
+        return str(minimum)
+    return f"{minimum} to {'unbounded' if maximum is None else maximum}"
 
 
 def _ram(listing: Listing) -> Iterator[str]:

@@ -551,15 +551,15 @@ class _Walk:
             cost, _, state = heapq.heappop(heap)
             if cost > best[state] or (end is not None and cost >= end):
                 continue
-            for least, _, after in self.edges.get(state, ()):
+            for minimum, _, after in self.edges.get(state, ()):
                 if (
                     after is None or after not in self.edges
                 ):  # the search was abandoned: this is a lower bound
-                    end = cost + least if end is None else min(end, cost + least)
-                elif cost + least < best.get(after, cost + least + 1):
-                    best[after] = cost + least
+                    end = cost + minimum if end is None else min(end, cost + minimum)
+                elif cost + minimum < best.get(after, cost + minimum + 1):
+                    best[after] = cost + minimum
                     count += 1
-                    heapq.heappush(heap, (cost + least, count, after))
+                    heapq.heappush(heap, (cost + minimum, count, after))
         return None if end is None else Cycles(end)
 
     # states
@@ -614,26 +614,26 @@ class _Walk:
 
     def _run(self, state: _State) -> Iterator[_Edge]:
         """Follow the only path from a state up to where paths part or meet."""
-        least, most = 0, 0
+        minimum, maximum = 0, 0
         unknown = False
         while True:
             state, passed = self._straight(state)
-            least += passed
-            most += passed
+            minimum += passed
+            maximum += passed
             ways = [self._within(state, way) for way in self._steps(state)]
             if len(ways) == 1:
                 fewest, slowest, after = ways[0]
-                least += fewest
-                most += slowest or 0
+                minimum += fewest
+                maximum += slowest or 0
                 unknown |= slowest is None
                 if after is None or after[0] in self.program.heads:
-                    yield least, None if unknown else most, self._kept(after)
+                    yield minimum, None if unknown else maximum, self._kept(after)
                     return
                 state = after
                 continue
             for fewest, slowest, after in ways:
-                longest = None if unknown or slowest is None else most + slowest
-                yield least + fewest, longest, self._kept(after)
+                longest = None if unknown or slowest is None else maximum + slowest
+                yield minimum + fewest, longest, self._kept(after)
             return
 
     def _straight(self, state: _State) -> tuple[_State, int]:
@@ -655,11 +655,11 @@ class _Walk:
         """Return the edge, ended at the boundary of the function if its code runs on into another: the
         start-up code before main.
         """
-        least, most, after = way
+        minimum, maximum, after = way
         if after is None or self.returns_to_callers or after[0] not in self.program.functions:
             return way
         runs_on = after[0] in (before[0] + 1, before[0] + 2) and after[0] != before[1]
-        return (least, most, None) if runs_on else way
+        return (minimum, maximum, None) if runs_on else way
 
     def _kept(self, state: _State | None) -> _State | None:
         """Return a state without the values that need not be remembered."""
@@ -732,8 +732,8 @@ class _Walk:
         else:
             times = self._call_times(at, word, known)
             if times.shortest is not None:
-                most = None if times.longest is None else 2 + times.longest
-                yield 2 + times.shortest, most, None
+                maximum = None if times.longest is None else 2 + times.longest
+                yield 2 + times.shortest, maximum, None
 
     def _home(self, at: int, home: int) -> int:
         return self.program.home.get(at, home)
@@ -762,8 +762,8 @@ class _Walk:
             return  # it never comes back
         changed = self.program.changes(word.k)
         kept = {place: value for place, value in known.items() if place not in changed}
-        most = None if times.longest is None else 2 + times.longest
-        yield 2 + times.shortest, most, (at + 1, home, stack, _frozen(kept))
+        maximum = None if times.longest is None else 2 + times.longest
+        yield 2 + times.shortest, maximum, (at + 1, home, stack, _frozen(kept))
 
     def _call_times(self, at: int, word: Word, known: Known) -> Times:
         """Return the times of the function that is entered at `at`."""

@@ -1,7 +1,7 @@
 """A line that commands a walk, as the specification hears it: "Walk on command" in docs/firmware.md.
 
-In: a `CommandRule`, and the frames of its ways as numbers. Out: what is heard of the line, level by level,
-and the frame that follows a frame.
+In: a `CommandRule`, and the frames of its directions as numbers. Out: what is heard of the line, level by
+level, and the frame that follows a frame.
 """
 
 from __future__ import annotations
@@ -15,19 +15,23 @@ OFF_REST, ON_REST = 64, 128
 
 
 class Commands:
-    """Follows a line. Ways are numbered from 1 on; 0 is the stance."""
+    """Follows a line. Directions are numbered from 1 on; 0 is the stance."""
 
     def __init__(self, schedule: PulseSchedule, rule: CommandRule) -> None:
         self.rule = rule
-        self._codes = {way.code: number + 1 for number, way in enumerate(rule.ways)}
+        self._codes = {direction.code: number + 1 for number, direction in enumerate(rule.directions)}
         self._stance = at = schedule.lead_in_frames
         self._first: list[tuple[int, int, int]] = [(at, at, at)]
         self._after: dict[int, int] = {at - 1: 0, at + schedule.loop_frames - 1: 0}
-        """The last frame of each part, and the way whose start or cycle it is; 0: the robot stands then."""
+        """The last frame of each part, and the direction whose start or cycle it is; 0: the robot stands."""
         at += schedule.loop_frames
-        for number, way in enumerate(rule.ways):
+        for number, direction in enumerate(rule.directions):
             firsts = []
-            for runs, then in ((way.start, number + 1), (way.cycle, number + 1), (way.stop, 0)):
+            for runs, then in (
+                (direction.start, number + 1),
+                (direction.cycle, number + 1),
+                (direction.stop, 0),
+            ):
                 firsts.append(at)
                 at += sum(run.frames for run in runs)
                 self._after[at - 1] = then
@@ -40,15 +44,15 @@ class Commands:
 
     def following(self, frame: int, wanted: int) -> int:
         """Return the frame after `frame` if `wanted` is commanded."""
-        way = self._after.get(frame)
-        if way is None:
+        direction = self._after.get(frame)
+        if direction is None:
             return frame + 1
-        if way == 0:
+        if direction == 0:
             return self._first[wanted][0]
-        return self._first[way][1 if wanted == way else 2]
+        return self._first[direction][1 if wanted == direction else 2]
 
     def heard(self, before: int, level: int) -> tuple[int, int | None]:
-        """Return what is heard after another level, and the way that is commanded with it, 0 to stop."""
+        """Return what is heard after another level, and the direction that it commands, 0 to stop."""
         rest = self.rule.line.level
         if before == AT_REST:
             return (AT_REST if level == rest else 1), None

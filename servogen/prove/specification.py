@@ -78,8 +78,10 @@ class Specification:
         self.rule = rule
         self._commands = None if commands is None else Commands(schedule, commands)
         self._frames: list[tuple[Edge, ...]] = []
-        ways = () if commands is None else commands.ways
-        parts = (part for way in ways for part in (way.start, way.cycle, way.stop))
+        directions = () if commands is None else commands.directions
+        parts = (
+            part for direction in directions for part in (direction.start, direction.cycle, direction.stop)
+        )
         for run in (*schedule.lead_in, *schedule.loop, *(run for part in parts for run in part)):
             self._frames += [_edges(schedule, run)] * run.frames
         self._loop = schedule.lead_in_frames
@@ -137,8 +139,8 @@ class Specification:
         if self._commands is not None:
             if state.line_read:
                 raise Violation(f"{PINS[pin]} is read twice in a frame", 0, certain=False)
-            heard, way = self._commands.heard(state.heard, level)
-            wanted = state.wanted if way is None else way
+            heard, direction = self._commands.heard(state.heard, level)
+            wanted = state.wanted if direction is None else direction
             return state._replace(heard=heard, wanted=wanted, line_read=1)
         known = getattr(state, field)
         if known not in (-1, level):

@@ -97,8 +97,8 @@ class ButtonRule:
 
 
 @dataclass(frozen=True, slots=True)
-class WayRuns:
-    """The frames of a commanded way: `start` once, `cycle` again and again, `stop` once.
+class DirectionRuns:
+    """The frames of a commanded direction: `start` once, `cycle` again and again, `stop` once.
 
     `code` are the levels that command it, from the one after the start on.
     """
@@ -110,7 +110,7 @@ class WayRuns:
     stop: tuple[Run, ...]
 
     def to_json_text(self) -> str:
-        """Return the way as text with one run per line."""
+        """Return the direction as text with one run per line."""
         parts = ", ".join(
             f'"{name}": {_runs_text(runs)}'
             for name, runs in (("start", self.start), ("cycle", self.cycle), ("stop", self.stop))
@@ -131,15 +131,15 @@ class CommandRule:
     """A code begins after the line has been at rest for so many frames."""
     stop_frames: int
     """So many frames at the other level are the command to stop."""
-    ways: tuple[WayRuns, ...]
+    directions: tuple[DirectionRuns, ...]
 
     def to_json_text(self) -> str:
         """Return the rule as text."""
-        ways = ",\n    ".join(way.to_json_text() for way in self.ways)
+        directions = ",\n    ".join(direction.to_json_text() for direction in self.directions)
         return (
             f'{{"pin": {json.dumps(self.line.pin)}, "rest_level": {self.line.level}, '
             f'"rest_frames": {self.rest_frames}, "stop_frames": {self.stop_frames}, '
-            f'"ways": [\n    {ways}\n  ]}}'
+            f'"directions": [\n    {directions}\n  ]}}'
         )
 
 
@@ -330,16 +330,18 @@ class _Reader:
         )
 
     def _commands(self, data: Any, channels: tuple[Channel, ...], period: int) -> CommandRule:
-        names = ("pin", "rest_level", "rest_frames", "stop_frames", "ways")
-        pin, level, rest, stop, ways = self._table(data, "commands", names)
+        names = ("pin", "rest_level", "rest_frames", "stop_frames", "directions")
+        pin, level, rest, stop, directions = self._table(data, "commands", names)
         read = tuple(
-            self._way(entry, f"commands.ways[{index}]", len(channels), period)
-            for index, entry in enumerate(self._array(ways, "commands.ways"))
+            self._direction(entry, f"commands.directions[{index}]", len(channels), period)
+            for index, entry in enumerate(self._array(directions, "commands.directions"))
         )
         if not read:
-            raise self._error("json-value", "commands.ways", "is empty: there is a way to command")
-        if len({way.code for way in read}) < len(read):
-            raise self._error("json-value", "commands.ways", "two ways have the same code")
+            raise self._error(
+                "json-value", "commands.directions", "is empty: at least one direction can be commanded"
+            )
+        if len({direction.code for direction in read}) < len(read):
+            raise self._error("json-value", "commands.directions", "two directions have the same code")
         return CommandRule(
             self._input({"pin": pin, "level": level}, "commands", channels),
             self._whole(rest, "commands.rest_frames", 1),
@@ -347,7 +349,7 @@ class _Reader:
             read,
         )
 
-    def _way(self, data: Any, key: str, channels: int, period: int) -> WayRuns:
+    def _direction(self, data: Any, key: str, channels: int, period: int) -> DirectionRuns:
         name, code, *parts = self._table(data, key, ("name", "code", "start", "cycle", "stop"))
         if not self._text(code, f"{key}.code") or code.strip("01"):
             raise self._error("json-value", f"{key}.code", f"is not levels, 0 and 1: {_shown(code)}")
@@ -362,7 +364,7 @@ class _Reader:
                 raise self._error("json-value", where, "is empty: it has a frame at least")
             if sum(run.frames for run in runs[-1]) > MAX_FRAMES:
                 raise self._error("json-value", where, "has too many frames", f"at most {MAX_FRAMES}")
-        return WayRuns(self._text(name, f"{key}.name"), code, *runs)
+        return DirectionRuns(self._text(name, f"{key}.name"), code, *runs)
 
     def _plan_error(self, data: Any) -> PlanError:
         keys = ("width_us", "angle_deg", "speed_deg_s", "end", "end_mm")

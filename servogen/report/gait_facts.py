@@ -28,16 +28,16 @@ class JointFacts:
     """The range of a joint of the walk and its limits, radians; its top speed, radians a second."""
 
     name: str
-    least: float
-    greatest: float
+    minimum: float
+    maximum: float
     limits: tuple[float, float]
     speed: float
 
     def to_json(self) -> dict[str, object]:
         return {
             "name": self.name,
-            "least": self.least,
-            "greatest": self.greatest,
+            "minimum": self.minimum,
+            "maximum": self.maximum,
             "lower_limit": self.limits[0],
             "upper_limit": self.limits[1],
             "peak_speed": self.speed,
@@ -75,7 +75,7 @@ def facts_of(robot: WalkingRobot, made: Walk) -> GaitFacts:
     higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, made))
     return GaitFacts(
         frame_s * made.frames_per_cycle,
-        None if made.least_margin_m == math.inf else made.least_margin_m,
+        None if made.minimum_margin_m == math.inf else made.minimum_margin_m,
         worst,
         tuple(name for name, down in zip(made.legs, made.ground[worst], strict=True) if down),
         made.largest_correction_m,
@@ -136,7 +136,7 @@ def walk_to_json(
         "stability": None
         if facts.margin is None
         else {
-            "least_m": facts.margin if facts.margin_feet else None,
+            "minimum_m": facts.margin if facts.margin_feet else None,
             "frame": facts.margin_frame,
             "feet": list(facts.margin_feet),
         },
@@ -148,7 +148,7 @@ def walk_to_json(
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
         "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in made.centres],
         "held_back": [{"leg": each.leg, "angle": each.angle} for each in made.held_back],
-        "first_millimetre_m": made.first_way_m,
+        "first_millimetre_m": made.liftoff_slide_m,
         "torque": None
         if loads is None or worst is None
         else {

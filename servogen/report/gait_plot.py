@@ -86,11 +86,11 @@ def _draw_margin(axes: Axes, made: Walk, facts: GaitFacts, times: Floats) -> Non
     axes.axhline(0, color="0.5", lw=1)
     axes.margins(y=0.15)
     axes.grid(alpha=0.3)
-    least = (
+    minimum = (
         f"at least {1000 * facts.margin:z.1f} mm" if math.isfinite(facts.margin) else "no foot on the ground"
     )
     axes.set_title(
-        f"centre of mass inside the support polygon: {least} in frame {facts.margin_frame}", fontsize=10
+        f"centre of mass inside the support polygon: {minimum} in frame {facts.margin_frame}", fontsize=10
     )
 
 

@@ -367,12 +367,12 @@ def _spoken(name: str) -> str:
 
 def _cycles(listed: ListedFunction) -> str:
     """Return the cycles of a call: exact, or from the shortest to the longest path, and what is unbounded."""
-    least, most = listed.least_cycles, listed.most_cycles
-    if least is None:
+    minimum, most = listed.minimum_cycles, listed.maximum_cycles
+    if minimum is None:
         return "–" if most is None else f"up to {most}"
     if most is None:
-        return f"{least} or more" + (f": {_few(listed.unbounded)}" if listed.unbounded else "")
-    return str(least) if least == most else f"{least} to {most}"
+        return f"{minimum} or more" + (f": {_few(listed.unbounded)}" if listed.unbounded else "")
+    return str(minimum) if minimum == most else f"{minimum} to {most}"
 
 
 def _few(texts: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from servogen.job import PlannedJob
 from servogen.kinematics.protocol import WalkingRobot
-from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.loads import MIN_LEGS
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan
@@ -37,8 +37,8 @@ class ServoFacts:
     """
 
     servo: Servo
-    least: float
-    greatest: float
+    minimum: float
+    maximum: float
     speed: float | None
     speed_frame: int | None
     step: float | None
@@ -58,8 +58,8 @@ class ServoFacts:
             "pin": servo.pin,
             "model": servo.model.name,
             "continuous": servo.model.continuous,
-            "least": self.least,
-            "greatest": self.greatest,
+            "minimum": self.minimum,
+            "maximum": self.maximum,
             "lower_limit": servo.limits[0],
             "upper_limit": servo.limits[1],
             "peak_speed": self.speed,
@@ -83,9 +83,9 @@ def servo_facts(job: PlannedJob) -> tuple[ServoFacts, ...]:
 
 
 def _of_servo(servo: Servo, angles: Floats, loop_start: int, frame_s: float) -> ServoFacts:
-    least, greatest = float(np.nanmin(angles)), float(np.nanmax(angles))
+    minimum, maximum = float(np.nanmin(angles)), float(np.nanmax(angles))
     if servo.model.continuous:
-        return ServoFacts(servo, least, greatest, None, None, None, None)
+        return ServoFacts(servo, minimum, maximum, None, None, None, None)
     frames, changes, lengths = _runs(angles, loop_start)
     reach = (servo.model.speed or 0.0) * frame_s
     ramp = (lengths == 1) | (np.abs(changes) <= reach)
@@ -96,7 +96,7 @@ def _of_servo(servo: Servo, angles: Floats, loop_start: int, frame_s: float) -> 
     if not ramp.all():
         at = int(np.argmax(np.where(ramp, -1.0, np.abs(changes))))
         step, step_s = float(abs(changes[at])), float(lengths[at]) * frame_s
-    return ServoFacts(servo, least, greatest, speed, frame, step, step_s)
+    return ServoFacts(servo, minimum, maximum, speed, frame, step, step_s)
 
 
 def _runs(angles: Floats, loop_start: int) -> tuple[Ints, Floats, Ints]:
@@ -126,7 +126,7 @@ class PlanFacts:
     servos: tuple[ServoFacts, ...]
     tracks: tuple[Track, ...]
     ends: tuple[EndError, ...]
-    rigid_way: tuple[float, float, float] | None = None
+    rigid_legs_end: tuple[float, float, float] | None = None
     """Where rigid legs take a walking body in all planned frames: x, y, yaw; None: it does not walk."""
 
     def seconds(self, frames: int) -> float:
@@ -157,27 +157,33 @@ class PlanFacts:
             "loop_s": self.seconds(schedule.loop_frames),
             "servos": [each.to_json() for each in self.servos],
             "ends": [self._end(each) for each in self.ends],
-            "rigid_way": list(self.rigid_way) if self.rigid_way else None,
+            "rigid_legs_end": list(self.rigid_legs_end) if self.rigid_legs_end else None,
         }
 
     def _end(self, end: EndError) -> dict[str, object]:
-        least, greatest = self.extent(end)
+        minimum, maximum = self.extent(end)
         error = {**end.to_json(), "time_s": self.seconds(end.frame)}
-        return {"name": end.name, "kind": end.kind, "least_m": least, "greatest_m": greatest, "error": error}
+        return {
+            "name": end.name,
+            "kind": end.kind,
+            "minimum_m": minimum,
+            "maximum_m": maximum,
+            "error": error,
+        }
 
 
 def plan_facts(job: PlannedJob, plan: PulsePlan) -> PlanFacts:
     """Return the facts of a job whose pulses are `plan`."""
     tracks = tracks_of(job, plan.schedule)
-    return PlanFacts(job, plan, servo_facts(job), tracks, errors_of(tracks), rigid_way(job))
+    return PlanFacts(job, plan, servo_facts(job), tracks, errors_of(tracks), rigid_legs_end(job))
 
 
-def rigid_way(job: PlannedJob) -> tuple[float, float, float] | None:
+def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:
     """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`); None for other jobs."""
     ends = ends_of(job)
     angles = job.trajectory.angles
     if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
         return None
     feet = np.stack([end.points(angles) for end in ends], axis=1)
-    x, y, yaw = way_of(feet, job.robot.centre_of_mass[:2]).pose[-1].tolist()
+    x, y, yaw = rigid_body_path(feet, job.robot.centre_of_mass[:2]).pose[-1].tolist()
     return x, y, yaw

@@ -74,7 +74,7 @@ def events_of(record: Record, job: PlannedJob, planned: Planned) -> tuple[Event,
 def brown_out(record: Record) -> float | None:
     """Return when the chip's voltage left its range; None: never, or the chip has a supply of its own."""
     supply = record.rig.supply
-    low = np.flatnonzero(record.voltage < supply.chip_least_v)
+    low = np.flatnonzero(record.voltage < supply.chip_minimum_v)
     return float(record.time[low[0]]) if supply.feeds_chip and len(low) else None
 
 
@@ -120,7 +120,7 @@ def _supply(record: Record) -> Iterator[Event]:
         yield Event(
             when_low,
             Kind.SUPPLY,
-            f"the chip's voltage is below {supply.chip_least_v:g} V at {when_low:.2f} s: "
+            f"the chip's voltage is below {supply.chip_minimum_v:g} V at {when_low:.2f} s: "
             "what follows is not guaranteed",
         )
 

@@ -33,7 +33,7 @@ MAX_PICTURES = 120
 FRAME_S = 0.02
 """Torques and currents are drawn as means over a usual frame: within it they jump with every pulse."""
 
-MOST_ROWS = 4000
+MAX_ROWS = 4000
 """Of a line in a picture: more would only make the file larger."""
 
 PAGE_ROWS, PAGE_DOTS = 1000, 200
@@ -182,7 +182,7 @@ def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
     figure = new_figure(12.5, 9.0, f"{name}: {verdict.word}, {record.settings.ground.text()}")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.5))
     _path(figure.add_subplot(grid[:2, 0]), verdict)
-    rows = slice(None, None, max(1, len(record.time) // MOST_ROWS))
+    rows = slice(None, None, max(1, len(record.time) // MAX_ROWS))
     time = record.time[rows]
     torque = figure.add_subplot(grid[0, 1])
     for index, servo in enumerate(record.rig.servos):
@@ -198,7 +198,7 @@ def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
     voltage.plot(time, record.voltage[rows], color="tab:green", lw=0.8)
     voltage.set_ylabel("voltage, V")
     if record.rig.supply.feeds_chip:
-        voltage.axhline(record.rig.supply.chip_least_v, color="0.4", ls="--", lw=0.8)
+        voltage.axhline(record.rig.supply.chip_minimum_v, color="0.4", ls="--", lw=0.8)
     last = figure.add_subplot(grid[3, 1], sharex=torque)
     heading = figure.add_subplot(grid[2, 0], sharex=torque)
     height = figure.add_subplot(grid[3, 0], sharex=torque)

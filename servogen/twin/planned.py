@@ -14,7 +14,7 @@ import numpy.typing as npt
 from servogen.job import PlannedJob
 from servogen.job.schema import WalkTable
 from servogen.motion.drive import positions
-from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.gait.steps import Segment
 from servogen.motion.loads import MIN_LEGS
 from servogen.report.tracks import ends_of
@@ -57,18 +57,18 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> Planned:
     if len(ends) < MIN_LEGS:
         return Planned(frame_s)
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
-    rigid = way_of(feet, centre[:2]).pose
+    rigid = rigid_body_path(feet, centre[:2]).pose
     height = float((-feet[..., 2].min(axis=1)).min())
     return Planned(frame_s, _asked(job, loops), rigid, height=height)
 
 
 def _asked(job: PlannedJob, loops: int) -> tuple[float, float, float] | None:
-    """Return where [walk] leads: x, y, yaw after all of its way; None for a job without one."""
+    """Return where [walk] leads: x, y, yaw at the end of its route; None for a job without one."""
     if not isinstance(job.section, WalkTable):
         return None
     at, yaw = 0j, 0.0
-    rows = [row for row in job.section.way if row.cycles is not None]
-    if len(rows) < len(job.section.way):
+    rows = [row for row in job.section.route if row.cycles is not None]
+    if len(rows) < len(job.section.route):
         return None
     for row in [row for _ in range(loops) for row in rows]:
         segment = Segment(row.forward_mm / 1000, row.left_mm / 1000, math.radians(row.turn_deg), row.cycles)

@@ -23,7 +23,7 @@ from servogen.twin.world import Wiring
 HIGH_SPEED_HZ = 4_000_000
 """Above it the crystal's mode is HS, whose least voltage is higher (DS35007 section 9.1, D001 and D001A)."""
 
-LEAST_V, LEAST_HS_V = 4.0, 4.5
+MIN_V, MIN_HS_V = 4.0, 4.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +105,11 @@ def _actuator(servo: Servo, binding: Binding, drive: Drive) -> Actuator:
 
 def _supply(job: Job, drives: Sequence[Drive]) -> tuple[Supply, list[str]]:
     """Return the job's supply; without one, an ideal source of the servos' own voltage."""
-    least = LEAST_V if job.clock.hz <= HIGH_SPEED_HZ else LEAST_HS_V
+    least = MIN_V if job.clock.hz <= HIGH_SPEED_HZ else MIN_HS_V
     if job.supply is None:
         volts = min(drive.supply_v for drive in drives)
         said = [f"supply: {volts:g} V without resistance or limit assumed (no [supply])"]
-        return Supply(volts, feeds_chip=False, chip_least_v=least), said
+        return Supply(volts, feeds_chip=False, chip_minimum_v=least), said
     table = job.supply
     return Supply(table.voltage_v, table.resistance_ohm, table.limit_a, table.feeds_chip, least), []
 

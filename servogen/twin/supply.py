@@ -16,14 +16,14 @@ from dataclasses import dataclass
 class Supply:
     """`volts` without load, inner `resistance` in ohms, a limit in amperes or none.
 
-    `feeds_chip`: the chip runs on the same voltage, and is out of its range below `chip_least_v`.
+    `feeds_chip`: the chip runs on the same voltage, and is out of its range below `chip_minimum_v`.
     """
 
     volts: float
     resistance: float = 0.0
     limit_a: float | None = None
     feeds_chip: bool = True
-    chip_least_v: float = 4.0
+    chip_minimum_v: float = 4.0
 
     def under(self, idle: float, a: float, b: float) -> tuple[float, float]:
         """Return voltage and current for the idle current and the sums A and B."""

@@ -121,7 +121,7 @@ class Verdict:
             "drag_leg": self.drag_leg or None,
             "tool_error_m": self.tool_error,
             "tool_rest_error_m": self.tool_rest_error,
-            "least_height_m": float(record.pose[:, 2].min()) if record.floating else None,
+            "minimum_height_m": float(record.pose[:, 2].min()) if record.floating else None,
             "torque_nm": {
                 servo.name: float(np.abs(record.torque[:, index]).max())
                 for index, servo in enumerate(record.rig.servos)
@@ -184,7 +184,7 @@ def _checks(
         found.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))
     if planned.way is not None:
         x, y, yaw = planned.way
-        check("way", 1000 * math.hypot(done[0] - x, done[1] - y), expect.way_within_mm, "mm off")
+        check("robot", 1000 * math.hypot(done[0] - x, done[1] - y), expect.robot_within_mm, "mm off")
         check("turn", abs(math.degrees(done[2] - yaw)), expect.turn_within_deg, "° off")
     if rest[0] is not None:
         check("tool at rest", 1000 * rest[0], expect.end_within_mm, "mm off", rest[1])

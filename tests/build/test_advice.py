@@ -12,9 +12,9 @@ from tests.engines.player.player_jobs import ROOT, job_text, poses
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
 MORE = ", { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3 }, { turn_deg = -20, cycles = 3 }"
-WAY = "way = [{ forward_mm = 40, cycles = 4 }]"
+ROUTE = "route = [{ forward_mm = 40, cycles = 4 }]"
 LONG = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace(
-    WAY, f"way = [{{ forward_mm = 40, cycles = 3 }}{MORE}]"
+    ROUTE, f"route = [{{ forward_mm = 40, cycles = 3 }}{MORE}]"
 )
 
 
@@ -77,8 +77,8 @@ def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     )
     alone = LONG.replace(MORE, "")
     data = planned(plan_job(loads(alone, "job.toml"))).data_bytes
-    assert f"part 1 of way alone takes {data} bytes of motion" in parts
-    assert "part 4 of way alone takes" in parts
+    assert f"segment 1 alone takes {data} bytes of motion" in parts
+    assert "segment 4 alone takes" in parts
 
 
 def test_nothing_is_tried_for_other_errors() -> None:

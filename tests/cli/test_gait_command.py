@@ -53,7 +53,7 @@ def test_every_named_gait_keeps_the_centre_of_mass_inside_of_the_feet(
 ) -> None:
     found = told(run, "--gait", name, "--stride-mm", 40)
     assert found["duty"] == pytest.approx(duty)
-    assert found["stability"]["least_m"] > 0.03
+    assert found["stability"]["minimum_m"] > 0.03
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_the_least_margin_is_that_of_steps_on_the_spot(
     y = 100 - (50 - math.sqrt(50**2 - half**2)) / 2
     across = y if stepped else 100
     least = (front * y + middle * across) / math.hypot(front - middle, y + across)
-    assert 1000 * found["stability"]["least_m"] == pytest.approx(least, abs=0.02)
+    assert 1000 * found["stability"]["minimum_m"] == pytest.approx(least, abs=0.02)
 
 
 def test_the_springs_correction_of_a_straight_stance_is_the_sagitta_shared_out(run: Run) -> None:
@@ -148,7 +148,7 @@ def test_the_csv_says_which_feet_are_on_the_ground_and_the_margin(run: Run, tmp_
     found = told(run, "--csv", path)
     rows = rows_of(path)
     least = min(rows, key=lambda row: float(row["margin_mm"]))
-    assert float(least["margin_mm"]) == pytest.approx(1000 * found["stability"]["least_m"], abs=1e-4)
+    assert float(least["margin_mm"]) == pytest.approx(1000 * found["stability"]["minimum_m"], abs=1e-4)
     named = rows[found["stability"]["frame"]]
     assert named["margin_mm"] == least["margin_mm"]
     legs = ("L1", "L2", "L3", "R1", "R2", "R3")
@@ -164,8 +164,8 @@ def test_one_leg_on_the_bench_has_no_stability(run: Run) -> None:
 def test_a_walk_that_goes_nowhere_stands(run: Run) -> None:
     found = told(run, "--stride-mm", 0)
     assert found["lift_m"] == 0
-    assert {joint["least"] for joint in found["joints"] if joint["name"].endswith("beta")} == {0}
-    assert 1000 * found["stability"]["least_m"] == pytest.approx(90)  # half of the body's length
+    assert {joint["minimum"] for joint in found["joints"] if joint["name"].endswith("beta")} == {0}
+    assert 1000 * found["stability"]["minimum_m"] == pytest.approx(90)  # half of the body's length
 
 
 UNSTABLE = ("--duty", 0.5, "--lifts", "L1=0,L2=0,L3=0,R1=0.5,R2=0.5,R3=0.5")
@@ -180,7 +180,7 @@ def test_a_gait_that_falls_over_is_refused_with_why(run: Run) -> None:
 
 
 def test_it_is_planned_when_that_is_asked_for(run: Run) -> None:
-    assert told(run, *UNSTABLE, "--allow-falling")["stability"]["least_m"] < -0.09
+    assert told(run, *UNSTABLE, "--allow-falling")["stability"]["minimum_m"] < -0.09
 
 
 def test_a_robot_in_the_air_has_no_margin_at_all(run: Run) -> None:
@@ -188,7 +188,8 @@ def test_a_robot_in_the_air_has_no_margin_at_all(run: Run) -> None:
     assert done.code == 2
     assert "no foot is on the ground" in done.err
     assert (
-        told(run, "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling")["stability"]["least_m"] is None
+        told(run, "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling")["stability"]["minimum_m"]
+        is None
     )
 
 

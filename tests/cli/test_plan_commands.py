@@ -83,8 +83,8 @@ def test_plans_json_is_in_metres_radians_and_seconds(run: Run) -> None:
     found = json.loads(run("plan", JOBS / "scara-pick.toml", "--json").out)
     (tool,) = found["ends"]
     assert tool["kind"] == "tool"
-    assert tool["least_m"] == pytest.approx([0.05, 0.2, 0.3])
-    assert tool["greatest_m"] == pytest.approx([0.5, 0.606, 0.45])
+    assert tool["minimum_m"] == pytest.approx([0.05, 0.2, 0.3])
+    assert tool["maximum_m"] == pytest.approx([0.5, 0.606, 0.45])
     assert 0 < tool["error"]["rms_m"] < tool["error"]["worst_m"] < 0.002
     shoulder = found["servos"][0]
     assert shoulder["speed_limit"] == pytest.approx(1.8)

@@ -57,7 +57,7 @@ def test_times_between_marks_are_printed_and_in_json(run: Run, good: Path) -> No
     done = run("prove", good, "--from", "main", "--to", "back", "--json")
     assert done.code == 0
     answer = json.loads(done.out)["answers"][-1]
-    assert (answer["least_cycles"], answer["most_cycles"]) == (2, 2)
+    assert (answer["minimum_cycles"], answer["maximum_cycles"]) == (2, 2)
     twice = run("prove", good, "--from", "main", "--to", "back", "--from", "back", "--to", "0x000")
     assert "the time from main to back: holds\n  2 to 2 cycles" in twice.out
     assert "the time from back to 0x000: holds\n  2 to 2 cycles" in twice.out

@@ -133,8 +133,8 @@ def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
     assert len(found["joints"]) == 12
     for joint in found["joints"]:
         name, least, most, limits, peak = row(out, joint["name"])
-        assert float(least) == pytest.approx(joint["least"] / radians(1), abs=0.006), name
-        assert float(most) == pytest.approx(joint["greatest"] / radians(1), abs=0.006)
+        assert float(least) == pytest.approx(joint["minimum"] / radians(1), abs=0.006), name
+        assert float(most) == pytest.approx(joint["maximum"] / radians(1), abs=0.006)
         assert float(peak) == pytest.approx(joint["peak_speed"] / radians(1), abs=0.06)
         assert limits == "-90 to 90"
     frames = found["frames_per_cycle"]
@@ -142,7 +142,7 @@ def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
     assert f"the walk: {found['frames']} frames, the last {frames} of them" in out
     margin = re.search(r"stability margin: at least ([\d.]+) mm \(frame (\d+), on ([\w, ]+)\)", out)
     assert margin is not None
-    assert float(margin[1]) == pytest.approx(1000 * found["stability"]["least_m"], abs=0.006)
+    assert float(margin[1]) == pytest.approx(1000 * found["stability"]["minimum_m"], abs=0.006)
     assert int(margin[2]) == found["stability"]["frame"]
     assert margin[3].split(", ") == found["stability"]["feet"]
     spring = re.search(r"springs: they give up to ([\d.]+) mm", out)

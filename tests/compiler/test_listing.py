@@ -52,10 +52,10 @@ WRITE = 1
 def test_a_loop_with_constant_bounds_is_counted() -> None:
     functions, measured = build("average()", 0)
     listed = functions["average"]
-    assert listed.least_cycles == listed.most_cycles == measured - CALL - WRITE
+    assert listed.minimum_cycles == listed.maximum_cycles == measured - CALL - WRITE
 
 
-@pytest.mark.parametrize(("x", "which"), [(1, "least_cycles"), (0, "most_cycles")])
+@pytest.mark.parametrize(("x", "which"), [(1, "minimum_cycles"), (0, "maximum_cycles")])
 def test_the_shortest_and_the_longest_way_are_those_of_the_two_branches(x: int, which: str) -> None:
     functions, measured = build("choose()", x)
     assert getattr(functions["choose"], which) == measured - CALL - WRITE
@@ -63,13 +63,13 @@ def test_the_shortest_and_the_longest_way_are_those_of_the_two_branches(x: int, 
 
 def test_a_loop_whose_bound_is_not_known_has_no_longest_time() -> None:
     functions, measured = build("wait()", 0)
-    assert functions["wait"].least_cycles == measured - CALL - WRITE
-    assert functions["wait"].most_cycles is None
+    assert functions["wait"].minimum_cycles == measured - CALL - WRITE
+    assert functions["wait"].maximum_cycles is None
 
 
 def test_main_never_returns_and_has_no_times() -> None:
     functions, _ = build("wait()", 0)
-    assert functions["main"].least_cycles is None
+    assert functions["main"].minimum_cycles is None
     assert functions["main"].deepest_calls == 1
 
 
@@ -125,15 +125,15 @@ def loops(call: str = "step", a: int = 0, b: int = 0) -> tuple[dict[str, ListedF
 @pytest.mark.parametrize("name", ["down", "nested"])
 def test_loops_over_locals_and_inside_loops_are_counted(name: str) -> None:
     functions, measured = loops(name)
-    assert functions[name].least_cycles == functions[name].most_cycles == measured - CALL - WRITE
+    assert functions[name].minimum_cycles == functions[name].maximum_cycles == measured - CALL - WRITE
 
 
 def test_a_loop_over_a_global_variable_is_counted_over_calls_that_leave_it_alone() -> None:
     functions, _ = loops()
-    step = functions["step"].most_cycles
-    assert functions["global"].most_cycles == functions["global"].least_cycles
-    assert functions["global"].most_cycles > 8 * (step + CALL)  # type: ignore[operator]
-    assert functions["wide"].most_cycles == functions["wide"].least_cycles > 300 * 3  # type: ignore[operator]
+    step = functions["step"].maximum_cycles
+    assert functions["global"].maximum_cycles == functions["global"].minimum_cycles
+    assert functions["global"].maximum_cycles > 8 * (step + CALL)  # type: ignore[operator]
+    assert functions["wide"].maximum_cycles == functions["wide"].minimum_cycles > 300 * 3  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("name", ["multiply", "divide"])
@@ -141,12 +141,12 @@ def test_a_loop_over_a_global_variable_is_counted_over_calls_that_leave_it_alone
 def test_multiplication_and_division_take_no_longer_than_listed(name: str, a: int, b: int) -> None:
     functions, measured = loops(name, a, b)
     listed = functions[name]
-    assert listed.least_cycles <= measured - CALL - WRITE <= listed.most_cycles  # type: ignore[operator]
+    assert listed.minimum_cycles <= measured - CALL - WRITE <= listed.maximum_cycles  # type: ignore[operator]
 
 
 def test_the_longest_multiplication_is_nearly_reached() -> None:
     functions, measured = loops("multiply", 65535, 65535)
-    assert functions["multiply"].most_cycles - (measured - CALL - WRITE) < 4 * 16  # type: ignore[operator]
+    assert functions["multiply"].maximum_cycles - (measured - CALL - WRITE) < 4 * 16  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_the_longest_multiplication_is_nearly_reached() -> None:
 def test_what_has_no_known_end_is_named(name: str, why: tuple[str, ...]) -> None:
     functions, _ = loops()
     assert functions[name].unbounded == why
-    assert (functions[name].most_cycles is None) == bool(why)
+    assert (functions[name].maximum_cycles is None) == bool(why)
 
 
 def test_the_loop_of_main_is_named_and_the_text_shows_it() -> None:
@@ -190,8 +190,8 @@ def test_a_function_that_returns_or_stands_still_is_unbounded(body: str, level: 
     found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise=level))
     listed = next(each for each in found.listing.functions if each.name == "t")
     (why,) = listed.unbounded
-    assert why.endswith("at line 2") and listed.most_cycles is None
-    assert listed.least_cycles  # the way past the loop
+    assert why.endswith("at line 2") and listed.maximum_cycles is None
+    assert listed.minimum_cycles  # the way past the loop
 
 
 @pytest.mark.parametrize(("unit_us", "call"), [(1000, "delay_ms"), (10, "delay_10us")])
@@ -200,7 +200,7 @@ def test_a_variable_delay_is_longest_with_255(unit_us: int, call: str) -> None:
     found = compile_sources([Source(text, "main.c")], Options(clock_hz=4_000_000))
     routine = next(each for each in found.listing.functions if each.name.startswith("__delay"))
     load_of_n = 1
-    assert routine.most_cycles == 255 * unit_us - load_of_n - CALL
+    assert routine.maximum_cycles == 255 * unit_us - load_of_n - CALL
 
 
 def test_the_programs_own_variables_come_before_what_the_compiler_needs() -> None:

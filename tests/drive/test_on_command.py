@@ -32,7 +32,7 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 
 def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[State]:
-    """Return the states at which way or part change, and the last one."""
+    """Return the states at which direction or part change, and the last one."""
     states: list[State] = []
     drive = CommandedDrive(
         Twin(plan_job(load(JOB))), script(text), VirtualTime().time(), states.append, single_keys=single_keys
@@ -40,15 +40,15 @@ def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[
     drive.run(seconds)
     kept = [states[0]]
     for state in states:
-        if (state.way, state.part) != (kept[-1].way, kept[-1].part):
+        if (state.direction, state.part) != (kept[-1].direction, kept[-1].part):
             kept.append(state)
     return [*kept, states[-1]]
 
 
-def test_ways_follow_commands_and_each_ends_in_the_stance() -> None:
+def test_directions_follow_commands_and_each_ends_in_the_stance() -> None:
     """Starts, cycles and stops are as long as the schedule has them; a cycle takes 0.96 s, 48 frames."""
     states = driven("wait 3\nforward\nwait 2\nleft\nwait 4\nstop\nwait 6\n")
-    assert [(state.way, state.part) for state in states] == [
+    assert [(state.direction, state.part) for state in states] == [
         ("lead-in", ""),
         ("stance", ""),
         ("forward", "start"),
@@ -63,7 +63,7 @@ def test_ways_follow_commands_and_each_ends_in_the_stance() -> None:
     frames = [state.frame for state in states]
     commands = from_json((FIRMWARE / "schedule.json").read_text(), "schedule.json").commands
     assert commands is not None
-    forward, _, left, _ = commands.ways
+    forward, _, left, _ = commands.directions
     assert frames[3] - frames[2] == sum(run.frames for run in forward.start)
     assert (frames[4] - frames[3]) % 48 == 0
     assert frames[5] - frames[4] == sum(run.frames for run in forward.stop)
@@ -82,7 +82,7 @@ def test_the_widths_are_those_of_the_schedules_frames() -> None:
 def test_an_unknown_command_is_refused_and_an_unknown_key_ignored() -> None:
     with pytest.raises(InputError, match="unknown command 'sideways-left'"):
         driven("sideways-left\n")
-    assert driven("sideways-left\nwait 1\n", single_keys=True)[-1].way == "lead-in"
+    assert driven("sideways-left\nwait 1\n", single_keys=True)[-1].direction == "lead-in"
 
 
 def test_the_keys() -> None:
@@ -104,7 +104,7 @@ def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:
     code, out, err = piped(start, "back\nwait 3\nstop\nwait 3\n", "--keys", "--json")
     assert code == 0, err
     *states, summary = map(json.loads, out.splitlines())
-    assert [(state["way"], state["part"]) for state in states] == [
+    assert [(state["direction"], state["part"]) for state in states] == [
         ("lead-in", ""),
         *(("back", part) for part in ("start", "cycle", "stop")),
         ("stance", ""),

@@ -250,7 +250,7 @@ def four_legs(folder: Path) -> Path:
     path.write_text(
         f'[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[robot]\nname = "four.toml"\n{servos}'
         "[walk]\nduty = 0.75\nlifts = { FL = 0.0, RR = 0.25, FR = 0.5, RL = 0.75 }\nallow_falling = true\n"
-        'way = [{ forward_mm = 30 }]\ncycle_s = 2.4\n[stream]\nfail_safe = "hold"\n'
+        'route = [{ forward_mm = 30 }]\ncycle_s = 2.4\n[stream]\nfail_safe = "hold"\n'
     )
     return path
 

@@ -400,7 +400,7 @@ def test_a_walk_can_go_another_way_and_only_so_far() -> None:
     assert far.loop_start == len(far.angles) - 1, "it stands at its end"
     with pytest.raises(InputError, match=r"the job does not walk: .motion. moves its servos"):
         plan_job(load(path.with_name("lab8-exercise.toml")), {"turn_deg": 8.0})
-    with pytest.raises(InputError, match=r"hexapod-tripod.toml:\d+:\d+: error: walk.way.1..turn_deg: "):
+    with pytest.raises(InputError, match=r"hexapod-tripod.toml:\d+:\d+: error: walk.route.1..turn_deg: "):
         plan_job(job, {"turn_deg": 361.0})
 
 

@@ -199,9 +199,11 @@ def test_opposite_legs_do_the_same_half_a_cycle_later_with_mirrored_servos() -> 
 
 
 def test_a_walk_may_turn_go_back_and_end() -> None:
-    way = "[{ forward_mm = 40, cycles = 2 }, { turn_deg = 20, cycles = 2 }, { forward_mm = -40, cycles = 2 }]"
+    route = (
+        "[{ forward_mm = 40, cycles = 2 }, { turn_deg = 20, cycles = 2 }, { forward_mm = -40, cycles = 2 }]"
+    )
     text = changed(
-        HEXAPOD, ("[{ forward_mm = 40 }]", way), ("[walk]", '[walk]\nrepeat = false\nend = "release"')
+        HEXAPOD, ("[{ forward_mm = 40 }]", route), ("[walk]", '[walk]\nrepeat = false\nend = "release"')
     )
     job = plan_job(loads(text, "job.toml"))
     assert job.trajectory.loop_start == len(job.trajectory.angles) - 1
@@ -235,7 +237,11 @@ def test_one_leg_walks_on_two_servos() -> None:
             "lift_mm = 20\nbody_height_mm = 500",
             "the legs cannot stand 500 mm high and lift their feet by 20 mm [out-of-reach]\n  their feet are",
         ),
-        ("lift_mm = 20", "lift_mm = 20\nrepeat = false", "a way without an end never ends"),
+        (
+            "lift_mm = 20",
+            "lift_mm = 20\nrepeat = false",
+            "a route whose last segment has no cycles never ends",
+        ),
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),
         ("lift_mm = 20", 'lift_mm = 20\nleg = "L9"', "walk.leg: hexapod has no leg 'L9'"),
         ('joint = "L1_alpha"\n', "", "servo[1]: L1-turn turns no joint of the robot"),

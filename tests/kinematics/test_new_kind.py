@@ -68,7 +68,7 @@ name = "dog"
 [walk]
 duty = 0.8
 lifts = { HL = 0.0, FL = 0.25, HR = 0.5, FR = 0.75 }
-way = [{ left_mm = 30 }]
+route = [{ left_mm = 30 }]
 cycle_s = 2
 body_height_mm = 100
 allow_falling = true

@@ -145,7 +145,7 @@ def test_the_feet_step_on_the_spot_before_and_after_a_turn(name: str) -> None:
     # Before the first step and after the last one the legs point straight out.
     straight = walked(Segment(forward=0.04, cycles=1)).feet[0, :, 1]
     assert np.abs(np.abs(made.feet[0, :, 1]) - np.abs(straight)).max() < 1e-9
-    assert made.least_margin_m > 0.01
+    assert made.minimum_margin_m > 0.01
 
 
 def test_no_step_on_the_spot_where_the_feet_stand_alike() -> None:
@@ -200,7 +200,7 @@ def test_slip_is_what_the_springs_take_up_along_a_stance() -> None:
 def test_a_stance_at_the_legs_full_height_is_warned_of(height: float | None, way: float) -> None:
     # A foot at cos β moves by l_BC (sin β - sin β') until it is 1 mm higher.
     made = walked(Segment(forward=0.04), posture=Posture(body_height=height))
-    assert 1000 * made.first_way_m == pytest.approx(way, abs=0.01)
+    assert 1000 * made.liftoff_slide_m == pytest.approx(way, abs=0.01)
     assert (made.full_height() is not None) == (way > 3)
 
 
@@ -212,7 +212,7 @@ def test_plan_shows_centre_slip_and_correction_and_warns_of_the_full_height(tmp_
         file.write_text(text.replace("body_height_mm = 130", f"body_height_mm = {height}"))
         planned = plan_job(load(file))
         notes[height] = [note.message for note in planned.notes], [each.code for each in planned.warnings]
-    assert "way 2: the body turns about (0.0, 0.0) mm in its own frame" in notes[130][0]
+    assert "segment 2: the body turns about (0.0, 0.0) mm in its own frame" in notes[130][0]
     assert "the legs' springs give up to 1.05 mm" in notes[130][0]
     assert any("slip up to" in note for note in notes[130][0])
     assert "full-height" not in notes[130][1]

@@ -132,7 +132,7 @@ def test_a_path_says_its_chord_error_and_keeps_the_limits() -> None:
 
     made = planned(
         Pose((1.0, 0.0), hold_s=HOLD),
-        Pose((1.0, math.pi / 2), move_s=None, law="quintic", way=way, hold_s=HOLD),
+        Pose((1.0, math.pi / 2), move_s=None, law="quintic", path=way, hold_s=HOLD),
         repeat=False,
     )
     angles = made.trajectory.angles

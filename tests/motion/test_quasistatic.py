@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.gait.quasistatic import rigid_body_path
 
 HEXAGON = (
     np.array([[90, 100, 0], [0, 110, 0], [-90, 100, 0], [90, -100, 0], [0, -110, 0], [-90, -100, 0]]) / 1e3
@@ -26,7 +26,7 @@ def moved(twist: tuple[float, float, float], frames: int) -> np.ndarray:
 
 @pytest.mark.parametrize("twist", [(0.001, 0, 0), (0, -0.0005, 0), (0, 0, 0.005), (0.001, 0.0005, -0.004)])
 def test_feet_that_stand_still_carry_the_body_exactly(twist: tuple[float, float, float]) -> None:
-    way = way_of(moved(twist, 101), (0.0, 0.0))
+    way = rigid_body_path(moved(twist, 101), (0.0, 0.0))
     assert way.pose[-1, 2] == pytest.approx(100 * twist[2], abs=1e-5)
     chord = abs(complex(twist[0], twist[1])) * abs(np.sinc(50 * twist[2] / np.pi)) * 100
     assert abs(complex(*way.pose[-1, :2])) == pytest.approx(chord, rel=1e-4, abs=1e-6)
@@ -37,7 +37,7 @@ def test_the_twist_is_the_one_of_the_least_slip() -> None:
     """Feet that quarrel, against a search of a fine grid around the answer."""
     rng = np.random.default_rng(3)
     feet = np.array([HEXAGON, HEXAGON + np.column_stack([rng.normal(0, 1e-3, (6, 2)), np.zeros(6)])])
-    way = way_of(feet, (0.0, 0.0))
+    way = rigid_body_path(feet, (0.0, 0.0))
     middle, shift = (feet[0] + feet[1])[:, :2] / 2, (feet[1] - feet[0])[:, :2]
 
     def work(x: float, y: float, turn: float) -> float:
@@ -59,10 +59,10 @@ def test_feet_in_the_air_and_light_feet_have_no_say() -> None:
     feet = moved((0.001, 0.0, 0.0), 11)
     feet[:, 1, 2] += 0.005
     feet[:, 1, 0] += np.linspace(0, 0.1, 11)  # swings
-    assert way_of(feet, (0.0, 0.0)).pose[-1] == pytest.approx([0.01, 0.0, 0.0], abs=1e-7)
+    assert rigid_body_path(feet, (0.0, 0.0)).pose[-1] == pytest.approx([0.01, 0.0, 0.0], abs=1e-7)
 
 
 def test_a_body_in_the_air_goes_nowhere() -> None:
     feet = moved((0.001, 0.0, 0.0), 3)
-    way = way_of(feet, (0.0, 0.0), np.zeros((3, 6), bool))
+    way = rigid_body_path(feet, (0.0, 0.0), np.zeros((3, 6), bool))
     assert way.pose == pytest.approx(0.0) and math.isfinite(way.slip.max())

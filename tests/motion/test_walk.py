@@ -207,7 +207,7 @@ def test_the_stance_width_can_be_given() -> None:
 def test_the_robot_stands_safely_in_every_gait(name: str) -> None:
     made = walked(name, *SEGMENTS.values())
     assert len(made.margins) == len(made.trajectory.angles)
-    assert made.least_margin_m > 0.01
+    assert made.minimum_margin_m > 0.01
 
 
 def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
@@ -218,7 +218,7 @@ def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
     ):
         walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
     made = walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48, allow_falling=True)
-    assert made.least_margin_m < -0.05
+    assert made.minimum_margin_m < -0.05
 
 
 def test_a_single_leg_walks_as_it_does_on_the_robot() -> None:

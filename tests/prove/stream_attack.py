@@ -60,7 +60,7 @@ def fault(made: Firmware, image: Image, line: Line | None) -> str:
                 high[pin] = cycle
             elif pin in high:
                 travel, width = made.streamed.travels[pins[pin]], cycle - high.pop(pin)
-                if not travel.least - MAX_TRIM - 1 <= width <= travel.most + MAX_TRIM:
+                if not travel.minimum - MAX_TRIM - 1 <= width <= travel.maximum + MAX_TRIM:
                     return f"cycle {cycle}: a pulse of {width} cycles at {PINS[pin]}"
     return ""
 

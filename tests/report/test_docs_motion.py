@@ -69,7 +69,7 @@ def test_the_least_margins_are_the_ones_told(name: str) -> None:
     sentence = TEXT.split("The minimum margins at a stride of 40 mm:")[1].split(" A robot of")[0]
     told = {word: float(value) for word, value in re.findall(r"(\w+) ([\d.]+) mm", sentence)}
     found = robot_walk(name, Segment(forward=0.040))
-    assert round(1000 * found.least_margin_m, 1) == told[name]
+    assert round(1000 * found.minimum_margin_m, 1) == told[name]
 
 
 def robot_walk(name: str, segment: Segment) -> Walk:

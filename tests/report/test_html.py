@@ -175,7 +175,7 @@ def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:
 def test_cycles_are_told_as_far_as_they_are_known(
     least: int | None, most: int | None, unbounded: tuple[str, ...], words: str
 ) -> None:
-    listed = ListedFunction("main", 0, 7, least_cycles=least, most_cycles=most, unbounded=unbounded)
+    listed = ListedFunction("main", 0, 7, minimum_cycles=least, maximum_cycles=most, unbounded=unbounded)
     assert next(iter(costs(Listing((), (listed,)))))[-1] == words
 
 

@@ -12,7 +12,7 @@ from servogen.build import nearest_pulses, planned
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from servogen.pulse.plan import plan
-from servogen.report.plan_facts import PlanFacts, plan_facts, rigid_way
+from servogen.report.plan_facts import PlanFacts, plan_facts, rigid_legs_end
 
 JOBS = Path(__file__).parents[2] / "jobs"
 CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
@@ -29,8 +29,8 @@ def test_the_facts_of_the_exercise_are_those_of_its_poses() -> None:
     assert (shown["lead_in_frames"], shown["loop_frames"], shown["loop_s"]) == (0, 500, 10.0)
     (servo,) = facts.servos
     found = servo.to_json()
-    assert found["least"] == pytest.approx(math.radians(30))
-    assert found["greatest"] == pytest.approx(math.radians(120))
+    assert found["minimum"] == pytest.approx(math.radians(30))
+    assert found["maximum"] == pytest.approx(math.radians(120))
     assert found["largest_step"] == pytest.approx(math.radians(90)), "from 120° to 30°"
     assert (shown["ends"], facts.worst) == ([], None)
 
@@ -70,6 +70,6 @@ def test_a_walk_says_where_rigid_legs_take_the_body() -> None:
     assert text.count("body_height_mm = 130") == 1
     for height, least, most in ((130, 0.158, 0.1605), (140, 0.140, 0.155)):
         higher = text.replace("body_height_mm = 130", f"body_height_mm = {height}")
-        x, y, yaw = rigid_way(plan_job(loads(higher, "tripod.toml"))) or (0.0, 0.0, 0.0)
+        x, y, yaw = rigid_legs_end(plan_job(loads(higher, "tripod.toml"))) or (0.0, 0.0, 0.0)
         assert least < x < most and abs(y) < 0.001 and abs(yaw) < 0.01
-    assert rigid_way(plan_job(load(JOBS / "scara-pick.toml"))) is None
+    assert rigid_legs_end(plan_job(load(JOBS / "scara-pick.toml"))) is None

@@ -31,7 +31,7 @@ def degrees(value: float | None) -> float:
 
 def test_a_move_in_a_stated_time_asks_for_its_travel_over_its_time() -> None:
     found = facts("poses = [{ arm_deg = 30, move_s = 0.5 }, { arm_deg = 90, move_s = 0.24 }]")
-    assert (degrees(found.least), degrees(found.greatest)) == pytest.approx((30, 90), abs=3)
+    assert (degrees(found.minimum), degrees(found.maximum)) == pytest.approx((30, 90), abs=3)
     assert degrees(found.speed) == pytest.approx(60 / 0.24)
     assert found.step is None
 
@@ -53,7 +53,7 @@ def test_the_way_from_the_loops_end_to_its_beginning_counts() -> None:
 
 def test_a_servo_that_never_moves_has_a_range_and_nothing_else() -> None:
     found = facts("poses = [{ arm_deg = 30, hold_s = 1 }]")
-    assert degrees(found.least) == degrees(found.greatest) == pytest.approx(30)
+    assert degrees(found.minimum) == degrees(found.maximum) == pytest.approx(30)
     assert (found.speed, found.step) == (None, None)
 
 

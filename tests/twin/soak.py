@@ -14,7 +14,7 @@ import numpy as np
 
 from servogen.errors import InputError
 from servogen.kinematics.hexapod import feet
-from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.twin import Ground, Settings, Variation, Verdict
 from tests.twin.walking import SUPPLIED, Firmware, walking
 
@@ -64,7 +64,7 @@ def specimens() -> None:
 
 def causes() -> None:
     """What must fail, and the first cause that is named."""
-    expect = "\n[expect]\nway_within_mm = 12\nturn_within_deg = 5\n"
+    expect = "\n[expect]\nrobot_within_mm = 12\nturn_within_deg = 5\n"
     limited = expect + "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
     heavy = {"mass": 2.24}
     runs: list[tuple[str, Firmware, Settings, dict[str, float]]] = [
@@ -96,7 +96,7 @@ def oracle() -> None:
         angles = record.angle[record.first :: 4]
         joints = [each.position(angles[:, index]) for index, each in enumerate(rig.bindings)]
         legs = feet(rig.robot, np.stack(joints, axis=1).reshape(len(angles), -1, 2))  # type: ignore[arg-type]
-        x, y, yaw = way_of(legs, (0.0, 0.0)).pose[-1].tolist()
+        x, y, yaw = rigid_body_path(legs, (0.0, 0.0)).pose[-1].tolist()
         planned = f"{1000 * rigid[-1, 0]:.1f} {1000 * rigid[-1, 1]:.1f} mm {math.degrees(rigid[-1, 2]):.1f}°"
         print(
             f"{name}: physics {shown(seen)}; rigid legs as planned {planned}, "

@@ -35,7 +35,7 @@ def run(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
 def job(tmp_path: Path) -> Path:
     path = tmp_path / "walk.toml"
     path.write_text(
-        text_of(ONE_CYCLE, extra=SUPPLIED + "\n[expect]\nway_within_mm = 5\nturn_within_deg = 3\n")
+        text_of(ONE_CYCLE, extra=SUPPLIED + "\n[expect]\nrobot_within_mm = 5\nturn_within_deg = 3\n")
     )
     return path
 
@@ -50,7 +50,7 @@ def test_the_command_compares_and_exits_with_0(
     answer = json.loads(capsys.readouterr().out)
     assert answer["passed"] and answer["asked"] == pytest.approx([0.04, 0.0, 0.0])
     assert answer["simulated"][0] == pytest.approx(0.04, rel=0.05)
-    assert [check["name"] for check in answer["checks"]] == ["falls", "way", "turn"]
+    assert [check["name"] for check in answer["checks"]] == ["falls", "robot", "turn"]
     assert any("0.64 kg assumed" in text for text in answer["assumptions"])
     assert plot.read_bytes().startswith(b"\x89PNG")
     rows = csv.read_text().splitlines()

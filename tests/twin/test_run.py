@@ -58,7 +58,7 @@ def test_without_contacts_the_joints_follow_the_plan_within_the_lag_of_the_servo
 
 
 def test_a_robot_too_heavy_for_its_servos_is_seen_with_its_cause() -> None:
-    extra = "\n[expect]\nway_within_mm = 10\n"
+    extra = "\n[expect]\nrobot_within_mm = 10\n"
     heavy = walking(AHEAD, height=120, extra=extra).twin(mass=2.24)
     assert not heavy.passed
     assert heavy.cause is not None and heavy.cause.kind == Kind.SATURATED
@@ -149,7 +149,7 @@ def test_the_record_can_be_cut_at_any_time() -> None:
 
 
 def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
-    seen = walking(AHEAD, height=140, extra="\n[expect]\nway_within_mm = 4\n").twin()
+    seen = walking(AHEAD, height=140, extra="\n[expect]\nrobot_within_mm = 4\n").twin()
     assert not seen.passed and seen.events == ()
     assert seen.reasons()[-1].startswith("the plan warned: the legs stand at their full height")
 

@@ -44,16 +44,16 @@ class Firmware:
 
 
 @cache
-def walking(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> Firmware:
-    """Return the firmware of a walk along `way`, the rows of [walk] way."""
-    return firmware(text_of(way, gait, height, extra))
+def walking(route: str, gait: str = "tripod", height: float = 130, extra: str = "") -> Firmware:
+    """Return the firmware of a walk along `route`, the segments of [walk] route."""
+    return firmware(text_of(route, gait, height, extra))
 
 
-def text_of(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> str:
+def text_of(route: str, gait: str = "tripod", height: float = 130, extra: str = "") -> str:
     """Return the job of a walk."""
     text = (JOBS / "hexapod-tripod.toml").read_text()
     text = re.sub(r"^body_height_mm = .*\n", "", text, flags=re.M)
-    text = re.sub(r"way = .*", f"way = [{way}]\nbody_height_mm = {height:g}", text)
+    text = re.sub(r"route = .*", f"route = [{route}]\nbody_height_mm = {height:g}", text)
     text = text.replace('gait = "tripod"', f'gait = "{gait}"')
     text = text.replace("[firmware]", "[firmware]\nsoft_start_s = 0.3")
     return text + extra

@@ -1,7 +1,8 @@
-"""A walk on command as the player plays it: its ways as one chain of poses, read forward and backward.
+"""A walk on command as the player plays it: its directions as one chain of poses, read forward and backward.
 
-In: the stance and the ways of a walk, its servos, and the frame. Out: `Playing`, whose schedule is the robot
-that stands while the line is at rest, with the frames of every way; and a schedule of all these frames.
+In: the stance and the directions of a walk, its servos, and the frame. Out: `Playing`, whose schedule is that
+of a robot that stands while the line is at rest, with the frames of every direction; and a schedule of all
+these frames.
 
       lead-in    forward ──▶                    left ──▶
     ●────●────●─●───────●──────────●──────●───────●──────────●──────●
@@ -31,7 +32,7 @@ from servogen.engines.player.encoding import Encoded, row_table
 from servogen.engines.player.layout import Used, layout
 from servogen.engines.player.legs import (
     LONGEST,
-    MOST_LEGS,
+    MAX_LEGS,
     KeyedWalk,
     keyed_walk,
     played_steps,
@@ -47,12 +48,12 @@ from servogen.engines.player.playing import (
     runs_of,
     warnings_of,
 )
-from servogen.engines.player.script import LEGS_TIMINGS, MOST_BYTES, Script, Step
+from servogen.engines.player.script import LEGS_TIMINGS, MAX_BYTES, Script, Step
 from servogen.errors import InputError
-from servogen.motion.gait.commands import CommandedWay
+from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.trajectory import JointTrajectory
 from servogen.pulse.plan import PulsePlan
-from servogen.pulse.schedule import Channel, CommandRule, Input, PulseSchedule, Run, WayRuns
+from servogen.pulse.schedule import Channel, CommandRule, DirectionRuns, Input, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
@@ -61,7 +62,7 @@ from servogen.units import Cycles
 
 @dataclass(frozen=True, slots=True)
 class _Cuts:
-    """Where a way that is read forward begins, its cycle begins and ends, and the way ends."""
+    """The frames at which a direction that is read forward begins, its cycle begins and ends, and it ends."""
 
     first: int
     begin: int
@@ -79,25 +80,26 @@ class _Cuts:
 
 def commanded(
     lead_in: JointTrajectory,
-    ways: Sequence[CommandedWay],
+    directions: Sequence[CommandedDirection],
     line: CommandLine,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     frame: Frame,
     soft: Sequence[int],
-    most_bytes: int,
+    max_bytes: int,
 ) -> tuple[Playing, PulseSchedule]:
     """Return how the player plays a walk on command, and a schedule of all frames that it can play.
 
     `lead_in` ends with one frame of the stance, `soft` are the frames at which parts of it end. The playing's
-    trajectory is that of the second schedule: the lead-in, the stance, and way after way. Raises InputError.
+    trajectory is that of the second schedule: the lead-in, the stance, and one direction after the other.
+    Raises InputError.
     """
     clock = lead_in.clock
     stance = len(lead_in.angles) - 1
-    whole = np.vstack((lead_in.angles, *(way.angles[:-1] for way in ways)))
+    whole = np.vstack((lead_in.angles, *(direction.angles[:-1] for direction in directions)))
     tour = replace(lead_in, angles=whole, loop_start=stance)
     ideal = ideal_widths(tour, servos, clock)
-    encoded, chain = _encoded(lead_in, ways, line, servos, bindings, soft, most_bytes)
+    encoded, chain = _encoded(lead_in, directions, line, servos, bindings, soft, max_bytes)
     widths = encoded.widths
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in widths.T]
     slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
@@ -108,10 +110,12 @@ def commanded(
 
     published = []
     at = stance + 1
-    for way in ways:
-        first, begin, end, last = (at + row for row in (0, way.first, way.end, len(way.angles) - 1))
+    for direction in directions:
+        first, begin, end, last = (
+            at + row for row in (0, direction.first, direction.end, len(direction.angles) - 1)
+        )
         parts = runs(first, begin), runs(begin, end), runs(end, last)
-        published.append(WayRuns(way.name, CODES[way.name], *parts))
+        published.append(DirectionRuns(direction.name, CODES[direction.name], *parts))
         at = last
     schedule = PulseSchedule(
         clock,
@@ -131,27 +135,27 @@ def commanded(
 
 def _encoded(
     lead_in: JointTrajectory,
-    ways: Sequence[CommandedWay],
+    directions: Sequence[CommandedDirection],
     line: CommandLine,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     soft: Sequence[int],
-    most_bytes: int,
+    max_bytes: int,
 ) -> tuple[Encoded, Chain]:
     """Return the first encoding that the tables hold, or the smallest. Raises InputError."""
     pairs = leg_channels(servos, bindings)
-    read = ways[::2]
-    """The ways that are read forward."""
-    angles = [lead_in.angles, read[0].angles, *(way.angles[1:] for way in read[1:])]
+    read = directions[::2]
+    """The directions that are read forward."""
+    angles = [lead_in.angles, read[0].angles, *(direction.angles[1:] for direction in read[1:])]
     # The last frame stands twice: events need a frame after them.
     chained = replace(lead_in, angles=np.vstack((*angles, angles[-1][-1:])))
     rows = ideal_widths(chained, servos, lead_in.clock)
     cuts, at = [], len(lead_in.angles)
-    for way in read:
-        cuts.append(_Cuts(at, at + way.first, at + way.end, at + len(way.angles) - 1))
+    for direction in read:
+        cuts.append(_Cuts(at, at + direction.first, at + direction.end, at + len(direction.angles) - 1))
         at = cuts[-1].last
     walk = None
-    if 2 * len(pairs) == rows.shape[1] and len(pairs) <= MOST_LEGS:
+    if 2 * len(pairs) == rows.shape[1] and len(pairs) <= MAX_LEGS:
         walk = walk_events(rows, soft, pairs, [mark for cut in cuts for mark in cut.forward])
     wanted = [2 * mark for cut in cuts for mark in cut.forward]
     if walk is None or any(event % 2 for event in walk.events) or not {*wanted} <= {*walk.events}:
@@ -167,10 +171,12 @@ def _encoded(
         )
     smallest: tuple[Encoded, Chain] | None = None
     for near in NEAR:
-        made = _with_rows(keyed_walk(walk, wanted[-1], near), ways, cuts, line, len(lead_in.angles) - 1, soft)
+        made = _with_rows(
+            keyed_walk(walk, wanted[-1], near), directions, cuts, line, len(lead_in.angles) - 1, soft
+        )
         if smallest is None or made[0].size < smallest[0].size:
             smallest = made
-        if made[0].size <= most_bytes:
+        if made[0].size <= max_bytes:
             return made
     assert smallest is not None
     return smallest
@@ -178,7 +184,7 @@ def _encoded(
 
 def _with_rows(
     keyed: KeyedWalk,
-    ways: Sequence[CommandedWay],
+    directions: Sequence[CommandedDirection],
     cuts: Sequence[_Cuts],
     line: CommandLine,
     stance: int,
@@ -187,7 +193,7 @@ def _with_rows(
     """Return the encoding with the rows of `keyed`. Raises ResourceError where no table holds it."""
     steps = list(keyed.steps)
     entry = {event // 2: number for number, event in enumerate(keyed.events)}
-    # What the chip reaches in two ways is one pose.
+    # A pose that the chip reaches from two sides is stored once.
     for one, other in [(cut.begin, cut.end) for cut in cuts] + [
         (stance, mark) for cut in cuts for mark in (cut.first, cut.last)
     ]:
@@ -202,11 +208,11 @@ def _with_rows(
         for step in steps
     )
     spots = [number for number, (_, spot) in enumerate(kinds) if spot]
-    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MOST_BYTES or len(spots) > 1:
+    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MAX_BYTES or len(spots) > 1:
         raise ResourceError(
             "does-not-fit",
             f"the walk on command has {len(data)} bytes of steps with {len(timings)} timings: the player "
-            f"holds {MOST_BYTES} and {LEGS_TIMINGS + 1}",
+            f"holds {MAX_BYTES} and {LEGS_TIMINGS + 1}",
         )
     places = [entry[stance], entry[stance + 1], 0, 0]
     sequences = [steps[: entry[stance] + 1]] if entry[stance] else []
@@ -233,9 +239,9 @@ def _with_rows(
         np.zeros(len(widths), dtype=bool),
         stance,
     )
-    order = [number ^ 1 for number in range(len(ways))]
+    order = [number ^ 1 for number in range(len(directions))]
     places += [place for number in order for place in places_of[number]]
-    names = tuple(ways[number].name for number in order)
+    names = tuple(directions[number].name for number in order)
     return encoded, Chain(
         line, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots
     )

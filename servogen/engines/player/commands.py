@@ -1,9 +1,9 @@
 """Codes that command a walk, as the player hears them: one level of the line per frame, after its last slot.
 
-In: the names of ways. Out: their codes, and the table with which the chip follows the line.
+In: the names of directions. Out: their codes, and the table with which the chip follows the line.
 
     line   ▔▔▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▔▔▔▔      high at rest; each level lasts one frame
-                s  0  1  0  1  0  rest      a start, the five levels of a way, three frames of rest
+                s  0  1  0  1  0  rest      a start, the five levels of a direction, three frames of rest
 
 Other levels change nothing. Low for `STOP_FRAMES` frames is the command to stop, whatever came before: a line
 that is broken or held low ends the walk.
@@ -26,8 +26,8 @@ STOP_FRAMES = 5
 CODES: Mapping[str, str] = MappingProxyType(
     dict(zip((*STRAIGHT, *TURN), ("01010", "00110", "11000", "11011"), strict=True))
 )
-"""The levels after the start. One level that is wrong, missing or doubled makes no other way's code: of the
-codes of five levels of which that is true, these have the fewest states.
+"""The levels after the start. No single level that is wrong, missing or doubled turns a code into that of
+another direction; of all sets of five-level codes with this property, this one needs the fewest states.
 """
 
 CODE_LEVELS = 5
@@ -58,10 +58,10 @@ ENTRY = 2
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The ways of a walk as places in the script, four each: where its start begins, its cycle, its stop, and
-    where it ends. The first four are of standing, which has a start only.
+    """The directions of a walk as places in the script, four for each: where its start, its cycle and its
+    stop begin, and where it ends. The first four belong to standing, which has only a start.
 
-    Of the ways the first, the third … are read backward, the others and standing forward.
+    Of the directions the first, the third … are read backward, the others and standing forward.
     """
 
     line: CommandLine
@@ -74,7 +74,7 @@ class Chain:
 
 
 def uart_byte(name: str | None) -> int:
-    """Return the byte that sends a way's code over a UART whose bit lasts one frame, 8N1; None: stop."""
+    """Return the byte that sends a direction's code over a UART (8N1) with one bit per frame; None: stop."""
     if name is None:
         return STOP_BYTE
     levels = CODES[name].ljust(8, "1")
@@ -82,11 +82,11 @@ def uart_byte(name: str | None) -> int:
 
 
 COMMAND_SHIFT = 5
-"""In the table: a command is left of the next state, 0 for none, 1 to stop, 2 for the first way."""
+"""In the table: a command is left of the next state, 0 for none, 1 to stop, 2 for the first direction."""
 
 
 def hearing_table(names: Sequence[str]) -> bytes:
-    """Return for each state, and the line low or high, what follows; way n of `names` is n + 1.
+    """Return for each state, and the line low or high, what follows; direction n of `names` is n + 1.
 
     The first state is that of power-up.
     """
@@ -96,10 +96,10 @@ def hearing_table(names: Sequence[str]) -> bytes:
     while len(rows) < len(states):
         row = []
         for level in "01":
-            state, way = _heard(states[len(rows)], level, codes)
+            state, direction = _heard(states[len(rows)], level, codes)
             if state not in states:
                 states.append(state)
-            row.append(states.index(state) | (0 if way is None else way + 1 << COMMAND_SHIFT))
+            row.append(states.index(state) | (0 if direction is None else direction + 1 << COMMAND_SHIFT))
         rows.append((row[0], row[1]))
     return bytes(value for row in rows for value in row)
 
@@ -108,7 +108,7 @@ IDLE = "idle"
 
 
 def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int | None]:
-    """Return the state after another level, and the number of a way that is commanded by it, 0 to stop.
+    """Return the state after another level, and the number of a direction that is commanded by it, 0 to stop.
 
     A state is `IDLE`, "s" and the levels since a start, or else the latest equal levels.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole, excursion
-from servogen.engines.player.script import MOST_BYTES, Script
+from servogen.engines.player.script import MAX_BYTES, Script
 from servogen.motion.trajectory import Floats
 
 LAST_STEP = 5
@@ -130,8 +130,8 @@ class Encoded:
 def row_table(rows: Sequence[Sequence[int]]) -> bytes:
     """Return rows as one table. Raises ResourceError where they are more than it holds."""
     data = bytes(value for row in rows for value in row)
-    if len(data) > MOST_BYTES:
+    if len(data) > MAX_BYTES:
         raise ResourceError(
-            "does-not-fit", f"the motion's poses have {len(data)} bytes: their table holds {MOST_BYTES}"
+            "does-not-fit", f"the motion's poses have {len(data)} bytes: their table holds {MAX_BYTES}"
         )
     return data

@@ -44,8 +44,10 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     soft = len(begun.angles) - len(job.trajectory.angles)
     ends = tuple(range(frames, soft + 1, frames)) if soft else ()
     if job.firmware.commands is not None:
-        line, most = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES
-        played, tour = commanded(begun, job.ways, line, job.servos, job.bindings, job.frame, ends, most)
+        line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES
+        played, tour = commanded(
+            begun, job.directions, line, job.servos, job.bindings, job.frame, ends, maximum
+        )
         return begun, played, tour
     played = playing(
         begun,
@@ -54,7 +56,7 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
         bindings=job.bindings,
         soft=ends,
         max_error_us=job.firmware.max_error_us,
-        most_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0),
+        max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0),
     )
     waiting = waited(played.plan.schedule, buttons.waiting)
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
@@ -80,13 +82,13 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
 def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
     """The time that the C takes between two slots and between two frames, beside what it has."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
-    most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
+    maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
     return (
         TimingBudget(
-            "two slots", most(without={listing.label(WIDTHS)}), slots.same_edges, slots.late_is_seen
+            "two slots", maximum(without={listing.label(WIDTHS)}), slots.same_edges, slots.late_is_seen
         ),
-        TimingBudget("two frames", most(), frames.same_edges, frames.late_is_seen),
+        TimingBudget("two frames", maximum(), frames.same_edges, frames.late_is_seen),
     )
 
 

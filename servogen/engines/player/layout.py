@@ -176,11 +176,11 @@ def layout(
             return Layout(found[0], found[1], stagger)
         size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
     assert size is not None
-    least = size.least * TICKS[0]
+    minimum = size.minimum * TICKS[0]
     raise InputError(
         "frame-too-short",
         f"the pulses do not fit a frame: those of {len(servos)} servos, two at a time, and the C for them "
-        f"take {least} cycles, {float(clock.us(least)):g} µs; a frame is {frame.period.cycles} cycles, "
+        f"take {minimum} cycles, {float(clock.us(minimum)):g} µs; a frame is {frame.period.cycles} cycles, "
         f"{float(frame.period.achieved_us):g} µs",
         frame.place,
         "lengthen period_us, or choose a faster clock",
@@ -196,10 +196,10 @@ def _slots(
 ) -> tuple[tuple[Slot, ...], Cycles] | None:
     """Return the slots and the tick with which the pairs fit a frame; None where they do not."""
     fed = clock.round_us(WATCHDOG_US).cycles
-    for tick, most, ease in product(TICKS, (fed, None), EASES):
+    for tick, maximum, ease in product(TICKS, (fed, None), EASES):
         size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
         # What other compilers' code might need must not keep the watchdog waiting.
-        ticks = size.ticks(most, exceed=ease == EASES[-1])
+        ticks = size.ticks(maximum, exceed=ease == EASES[-1])
         if ticks is not None:
             waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
             slots = [
@@ -248,7 +248,7 @@ class _Frame:
         return -(-_slot(pulse, c, self.tick) // self.tick)
 
     @property
-    def least(self) -> int:
+    def minimum(self) -> int:
         """The ticks of the shortest frame."""
         *others, last = self.longest
         return sum(self.whole(other, self.slot_c) for other in others) + self.whole(
@@ -263,33 +263,33 @@ class _Frame:
         """
         slots = [self.whole(width, self.slot_c) for width in self.longest]
         rest = round(self.period / self.tick) - sum(slots[:-1])
-        least = [self.whole(self.longest[-1], self.slot_c + self.frame_c)]
-        while sum(least) <= rest or len(least) == 1:
-            most = [self._most(part, 0, fed) for part in least[:-1]]
-            most.append(self._most(least[-1], self.longest[0], fed))
-            late = not exceed and any(part > self._limit(0, fed) for part in least)
-            if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MAX_TICKS:
-                parts = _filled(least, most, rest)
+        minimum = [self.whole(self.longest[-1], self.slot_c + self.frame_c)]
+        while sum(minimum) <= rest or len(minimum) == 1:
+            maximum = [self._maximum(part, 0, fed) for part in minimum[:-1]]
+            maximum.append(self._maximum(minimum[-1], self.longest[0], fed))
+            late = not exceed and any(part > self._limit(0, fed) for part in minimum)
+            if not late and sum(minimum) <= rest <= sum(maximum) and max(*slots, *maximum) <= MAX_TICKS:
+                parts = _filled(minimum, maximum, rest)
                 # Ticks are counted from the slot before: the first slot's are the last of the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
-            waits = [self.whole(0, self.slot_c)] * (len(least) - 1)
-            least = [slots[-1], *waits, self.whole(0, self.slot_c + self.frame_c)]
+            waits = [self.whole(0, self.slot_c)] * (len(minimum) - 1)
+            minimum = [slots[-1], *waits, self.whole(0, self.slot_c + self.frame_c)]
         return None
 
-    def _most(self, least: int, pulse: int, fed: int | None) -> int:
+    def _maximum(self, minimum: int, pulse: int, fed: int | None) -> int:
         """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
-        return max(least, self._limit(pulse, fed))
+        return max(minimum, self._limit(pulse, fed))
 
     def _limit(self, pulse: int, fed: int | None) -> int:
         cycles = MAX_TICKS * self.tick if fed is None else fed - to_rise(Cycles(self.tick)) - pulse
         return min(MAX_TICKS, cycles // self.tick)
 
 
-def _filled(least: list[int], most: list[int], whole: int) -> list[int]:
+def _filled(minimum: list[int], maximum: list[int], whole: int) -> list[int]:
     """Parts that make up `whole`, the later ones as long as they may be."""
-    parts, spare = list(least), whole - sum(least)
+    parts, spare = list(minimum), whole - sum(minimum)
     for number in reversed(range(len(parts))):
-        more = min(spare, most[number] - parts[number])
+        more = min(spare, maximum[number] - parts[number])
         parts[number] += more
         spare -= more
     return parts

@@ -28,7 +28,7 @@ from servogen.engines.player.script import Step, Timing, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.trajectory import Floats
 
-MOST_LEGS = 6
+MAX_LEGS = 6
 STANDS = 1e-3
 """Cycles: a lift that is nearer to its stance is not lifted."""
 
@@ -94,7 +94,7 @@ def legs_encoded(
     `soft` are the frames at which the soft start's parts end, `pairs` the channels that turn and lift each
     leg, and poses within `near` steps of a row share it.
     """
-    if len(pairs) > MOST_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
+    if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
     released = bool(np.isnan(rows[loop_start:]).all())
     if released and loop_start:  # at its end the robot stands, and then has no pulses

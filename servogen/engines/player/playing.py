@@ -54,7 +54,9 @@ class Playing:
     layout: Layout
     encoded: Encoded
     chain: Chain | None = None
-    """The ways of a walk on command; the trajectory is the lead-in, the stance, and way after way then."""
+    """The directions of a walk on command; the trajectory is then the lead-in, the stance, and one direction
+    after the other.
+    """
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -73,12 +75,12 @@ def playing(
     bindings: Sequence[Binding] = (),
     soft: Sequence[int] = (),
     max_error_us: float = 10.0,
-    most_bytes: int = DATA_BYTES,
+    max_bytes: int = DATA_BYTES,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
     `bindings` say which servos are legs'; `soft` are the frames at which the soft start's parts end. The
-    distance from the plan is as small as tables of `most_bytes` allow, and may be more than `max_error_us`:
+    distance from the plan is as small as tables of `max_bytes` allow, and may be more than `max_error_us`:
     the caller sees it. Raises InputError.
     """
     clock = trajectory.clock
@@ -86,7 +88,7 @@ def playing(
     if np.isnan(rows).all():
         raise InputError("no-pulses", "the motion has no pulse")
     encoded = _encoded(
-        rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, most_bytes
+        rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, max_bytes
     )
     # A walk's loop begins at an event of its gait, which may be some frames later than the trajectory's.
     loop = len(rows) - trajectory.loop_start
@@ -130,26 +132,26 @@ def _encoded(
     pairs: Sequence[tuple[int, int]],
     max_error_us: float,
     clock: Clock,
-    most_bytes: int,
+    max_bytes: int,
 ) -> Encoded:
     """Return the first encoding that the tables hold; of those the walk's by its legs, where it is one."""
     limit = max_error_us / float(clock.cycle_us)
-    ways: list[Callable[[float, float], Encoded | None]] = []
+    encoders: list[Callable[[float, float], Encoded | None]] = []
     if pairs:
-        ways.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near))
-    ways.append(lambda far, near: poses_encoded(rows, (*soft, loop_start), loop_start, far * limit, near))
+        encoders.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near))
+    encoders.append(lambda far, near: poses_encoded(rows, (*soft, loop_start), loop_start, far * limit, near))
     refused: ResourceError | None = None
     smallest: Encoded | None = None
-    for way in ways:
+    for encoder in encoders:
         for far, near in zip(FAR, NEAR, strict=True):
             try:
-                made = way(far, near)
+                made = encoder(far, near)
             except ResourceError as error:
                 refused = error
                 continue
             if made is None:
                 break
-            if made.size <= most_bytes:
+            if made.size <= max_bytes:
                 return made
             if smallest is None or made.size < smallest.size:
                 smallest = made

@@ -20,7 +20,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
 from servogen.engines.player.encoding import Encoded, Rows, Scale, row_table, scale_of
 from servogen.engines.player.laws import SHAPES, table_of
-from servogen.engines.player.script import MOST_BYTES, SILENT, STAY, STRAIGHT, Step, ordered, script, timing
+from servogen.engines.player.script import MAX_BYTES, SILENT, STAY, STRAIGHT, Step, ordered, script, timing
 from servogen.motion.trajectory import Floats
 
 LONGEST = 256
@@ -65,11 +65,11 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
     poses, moves = fewest(whole, far, near * float((1 << scale.shifts).max()))
-    if poses * rows.shape[1] > MOST_BYTES or moves >= MOST_BYTES:
+    if poses * rows.shape[1] > MAX_BYTES or moves >= MAX_BYTES:
         raise ResourceError(
             "does-not-fit",
             f"the motion needs {poses} or more poses and {moves} or more moves between them: "
-            f"the player's tables hold {MOST_BYTES // rows.shape[1]} and {MOST_BYTES - 1}",
+            f"the player's tables hold {MAX_BYTES // rows.shape[1]} and {MAX_BYTES - 1}",
         )
     best: Encoded | None = None
     refused: ResourceError | None = None
@@ -118,7 +118,7 @@ def _far_apart(points: Floats, apart: float) -> int:
     """Return how many of the points lie more than `apart` from one another: some, up to a full table's."""
     kept = points[:1]
     for point in points[1:]:
-        if len(kept) > MOST_BYTES:
+        if len(kept) > MAX_BYTES:
             break
         if np.abs(kept - point).max(axis=1).min() > apart:
             kept = np.vstack((kept, point))

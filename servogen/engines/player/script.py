@@ -20,14 +20,14 @@ from servogen.engines.firmware import ResourceError
 AGAIN, SPOT, AT = 0xFF, 0xFD, 0xFC
 """Bytes that are no step's; the chip takes bit 0 of `SPOT` and `AT` for whether a step is on the spot."""
 
-MOST_TIMES = 255
-MOST_BODY = 80
+MAX_TIMES = 255
+MAX_BODY = 80
 """Steps that are played again, of three bytes each at most."""
 
 AGAIN_BYTES = 5
 """What playing again costs: three bytes, and two of the body's first step."""
 
-MOST_BYTES = 256
+MAX_BYTES = 256
 """A table is read with an index of one byte."""
 
 STRAIGHT, STAY, SILENT = 0xFF, 0xFE, 0xFC
@@ -105,11 +105,11 @@ def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bo
     Raises ResourceError where its bytes are more than a table holds.
     """
     timings = tuple(dict.fromkeys(step.timing for step in (*lead, *loop)))
-    most = LEGS_TIMINGS + 1 if legs else AT
+    maximum = LEGS_TIMINGS + 1 if legs else AT
     lifting = max((step.lifted for step in (*lead, *loop)), default=0)
-    if len(timings) > most:
+    if len(timings) > maximum:
         raise ResourceError(
-            "does-not-fit", f"the motion has steps of {len(timings)} timings: the player holds {most}"
+            "does-not-fit", f"the motion has steps of {len(timings)} timings: the player holds {maximum}"
         )
 
     def entries(steps: Sequence[Step]) -> list[Entry]:
@@ -122,9 +122,9 @@ def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bo
     assert not legs or lifting < ALL_LEGS
     first = _bytes(entries(lead), columns)
     data = first + _bytes(entries(loop), columns)
-    if len(data) > MOST_BYTES - 1:
+    if len(data) > MAX_BYTES - 1:
         raise ResourceError(
-            "does-not-fit", f"the motion's script has {len(data)} bytes: its table holds {MOST_BYTES - 1}"
+            "does-not-fit", f"the motion's script has {len(data)} bytes: its table holds {MAX_BYTES - 1}"
         )
     return Script(data, len(first), timings, len(_bytes(entries(lead)[:3], columns)))
 
@@ -209,7 +209,7 @@ def ordered(
 def folded(entries: Sequence[Entry]) -> list[tuple[list[Entry], int]]:
     """Return the entries as bodies, each with how often it is played, so that few bytes are left."""
     best = (0, 0, 0, 0)
-    for length in range(1, min(len(entries) // 2, MOST_BODY) + 1):
+    for length in range(1, min(len(entries) // 2, MAX_BODY) + 1):
         start = 0
         while start + 2 * length <= len(entries):
             if entries[start].goes_on:
@@ -219,9 +219,9 @@ def folded(entries: Sequence[Entry]) -> list[tuple[list[Entry], int]]:
             one = entries[start : start + length]
             while entries[start + times * length : start + (times + 1) * length] == one:
                 times += 1
-            saved = (min(times, MOST_TIMES) - 1) * length - AGAIN_BYTES
+            saved = (min(times, MAX_TIMES) - 1) * length - AGAIN_BYTES
             if saved > best[0]:
-                best = (saved, start, length, min(times, MOST_TIMES))
+                best = (saved, start, length, min(times, MAX_TIMES))
             start += max(1, (times - 1) * length)
     saved, start, length, times = best
     if not saved:

@@ -96,7 +96,7 @@ class _Kernel:
 
         Raises KernelChanged if an edge depends on when the C had finished.
         """
-        most = 0
+        maximum = 0
         for apart in range(APART):
             # The shorter pulse's remainder of 8, and the phase, take every value.
             shorter = MIN_WIDTH + apart % 8
@@ -108,8 +108,8 @@ class _Kernel:
                 (pulses,) = found
                 self._compare(pulses, one, other)
                 # The layout's longest pulse has the stagger in it.
-                most = max(most, pulses.done - max(one, other + self._stagger))
-        return most
+                maximum = max(maximum, pulses.done - max(one, other + self._stagger))
+        return maximum
 
     def late_ticks_seen(self, ahead: int) -> int:
         """Return the first number of ticks since the slot before, from `ahead` on, whose lateness the kernel

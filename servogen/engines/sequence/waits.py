@@ -52,13 +52,13 @@ def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
     rest = int(cycles)
     for whole_only in (True, False):
         for name, step_us in C2C_STEPS:
-            while count := _most(rest, step_us, clock, whole_only):
+            while count := _maximum(rest, step_us, clock, whole_only):
                 calls.append(Call(f"{name}({count})"))
                 rest -= clock.round_us(count * step_us).cycles
     return (*_merged(calls), *([Call("nop()", rest)] if rest else []))
 
 
-def _most(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
+def _maximum(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
     """Return the largest argument of a step that lasts no longer than `cycles`; 0 if there is none."""
     multiple = (step_us / clock.cycle_us).denominator if whole_only else 1
     count = min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple

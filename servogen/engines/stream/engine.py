@@ -73,7 +73,7 @@ def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
 def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget, ...]:
     """Return what the C takes to prepare a pulse, beside what the interrupts leave it, for every line."""
     byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
-    travel = max(travel.most - travel.least for travel in streamed.travels) + TRIMS
+    travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
     found = response(listing, streamed.layout.rounds, travel, BYTES * byte)
     supply = found.supply or Cycles(0)
     return (

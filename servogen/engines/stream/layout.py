@@ -54,40 +54,40 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
     """Return the longest frame that does not exceed the requested one. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
     for servo, width in zip(servos, widths, strict=True):
-        if width.least < MIN_WIDTH:
+        if width.minimum < MIN_WIDTH:
             raise InputError(
                 "pulse-too-short",
-                f"{servo.name}: a pulse of {width.least} cycles is shorter than {MIN_WIDTH}",
+                f"{servo.name}: a pulse of {width.minimum} cycles is shorter than {MIN_WIDTH}",
                 servo.place,
                 "take a faster clock, or narrow the servo's limits",
             )
     rounds = frame.period.cycles // ROUND
-    least, most = max(C_ROUNDS, _rounds(widths)), _most_rounds(clock, baud)
-    if least > most:
+    minimum, maximum = max(C_ROUNDS, _rounds(widths)), _max_rounds(clock, baud)
+    if minimum > maximum:
         raise InputError(
             "baud-rate",
-            f"the longest pulse needs a slot of {least} rounds of {ROUND} cycles; "
-            f"commands at {baud} baud come after as few as {most}",
+            f"the longest pulse needs a slot of {minimum} rounds of {ROUND} cycles; "
+            f"commands at {baud} baud come after as few as {maximum}",
             frame.place,
             "a lower rate, or narrow the servos' limits",
         )
     fits = [
-        Layout(slots, min(rounds // slots, most))
+        Layout(slots, min(rounds // slots, maximum))
         for slots in range(len(servos), MAX_SLOTS)
-        if rounds // slots >= least
+        if rounds // slots >= minimum
     ]
     if not fits:
         raise InputError(
             "frame-too-short",
-            f"the pulses do not fit a frame: {len(servos)} servos, one after the other, take {least} rounds "
-            f"of {ROUND} cycles each, the frame has {rounds}",
+            f"the pulses do not fit a frame: {len(servos)} servos, one after the other, take {minimum} "
+            f"rounds of {ROUND} cycles each, the frame has {rounds}",
             frame.place,
-            f"period_us = {float(clock.us(len(servos) * least * ROUND)):g}, or narrow the servos' limits",
+            f"period_us = {float(clock.us(len(servos) * minimum * ROUND)):g}, or narrow the servos' limits",
         )
     return max(fits, key=lambda candidate: (candidate.period, -candidate.slots))
 
 
-def _most_rounds(clock: Clock, baud: int) -> int:
+def _max_rounds(clock: Clock, baud: int) -> int:
     """Return the longest slot in rounds: a command is done before the next one is there, and counts soon
     enough.
     """
@@ -98,5 +98,5 @@ def _most_rounds(clock: Clock, baud: int) -> int:
 
 def _rounds(widths: Sequence[Travel]) -> int:
     """Return the rounds of the shortest slot that holds the longest pulse and its trim."""
-    longest = max(width.most for width in widths) + MAX_TRIM
+    longest = max(width.maximum for width in widths) + MAX_TRIM
     return -(-(longest - LATEST) // ROUND) + 1

@@ -154,19 +154,19 @@ def trim_cycles(byte: int) -> int:
 class Travel:
     """A servo's widths without trim; position p asks for `width(p)`, the chip's own arithmetic."""
 
-    least: Cycles
-    most: Cycles
+    minimum: Cycles
+    maximum: Cycles
 
     @property
     def scale(self) -> int:
         """Return 256ths of a cycle per position, rounded: the factor with which the chip multiplies p."""
-        return (2 * (self.most - self.least << SCALE_BITS) + MAX_VALUE) // (2 * MAX_VALUE)
+        return (2 * (self.maximum - self.minimum << SCALE_BITS) + MAX_VALUE) // (2 * MAX_VALUE)
 
     def width(self, p: int) -> Cycles:
         """Return min + p (max - min) / 254 to within a cycle; exact at 0 and 254."""
         if not 0 <= p <= MAX_VALUE:
             raise InputError("bad-command", f"{p} is not a position", hint=f"0 to {MAX_VALUE}")
-        return Cycles(self.least + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
+        return Cycles(self.minimum + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
 
     def nearest(self, width: float) -> int:
         """Return the p whose width is nearest, the smaller of two; the end for a width beyond it."""

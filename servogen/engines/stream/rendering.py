@@ -113,7 +113,7 @@ def tick(streamed: Streaming) -> str:
 def _channels(streamed: Streaming) -> Iterator[ChannelText]:
     schedule = streamed.plan.schedule
     for channel, travel in zip(schedule.channels, streamed.travels, strict=True):
-        ends = (decimal(schedule.clock.us(width)) for width in (travel.least, travel.most))
+        ends = (decimal(schedule.clock.us(width)) for width in (travel.minimum, travel.maximum))
         yield ChannelText(channel.name, channel.pin, " to ".join(ends))
 
 
@@ -133,7 +133,7 @@ def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
     rows = [
         half
         for widths in (
-            [travel.least for travel in streamed.travels],
+            [travel.minimum for travel in streamed.travels],
             [travel.scale for travel in streamed.travels],
             streamed.neutral,
         )

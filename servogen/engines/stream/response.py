@@ -89,13 +89,13 @@ class Response:
         """
         if self.prepare is None or self.execute is None or self.supply is None:
             return None
-        behind = most = 0
+        behind = maximum = 0
         for slot in range(MAX_SLOTS):
-            most = max(most, behind + self.prepare)
+            maximum = max(maximum, behind + self.prepare)
             behind += self.prepare + (self.execute if slot % self.commands_apart == 0 else 0)
             behind = max(0, behind - self.supply)
             if behind == 0 and slot and slot % self.commands_apart == self.commands_apart - 1:
-                return Cycles(most)
+                return Cycles(maximum)
         return None
 
     @property

@@ -1,6 +1,6 @@
-"""Walks on command: ways of a walking robot, each as start, cycle and stop, from its stance to its stance.
+"""Walks on command: the directions of a walking robot, each as start, cycle and stop, from stance to stance.
 
-In: nothing. Out: `CommandedWay`, which `job` plans and the player puts on the chip.
+In: nothing. Out: `CommandedDirection`, which `job` plans and the player puts on the chip.
 
     stance ─▶ start ─▶ cycle ─▶ cycle … ─▶ stop ─▶ stance      backward: the same angles, the last first
 """
@@ -16,15 +16,15 @@ from servogen.errors import InputError
 from servogen.motion.trajectory import Floats
 
 STRAIGHT, TURN = ("forward", "back"), ("left", "right")
-"""The names of the ways: each pair is one walk, forward and backward."""
+"""The names of the directions: each pair is one walk, played forward and backward."""
 
 SAME_RAD = 1e-6
 """Angles of two walks that differ by less are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CommandedWay:
-    """`angles` (frames + 1, servos) from the stance to the stance, which the last row is.
+class CommandedDirection:
+    """`angles` (frames + 1, servos) from the stance back to the stance, which is the last row.
 
     Rows `first` up to `end` are one cycle; the rows before are the start, those after the stop.
     """
@@ -34,16 +34,18 @@ class CommandedWay:
     first: int
     end: int
 
-    def reversed(self, name: str) -> CommandedWay:
-        """Return the way walked backward: feet that lifted land, and the other way round."""
+    def reversed(self, name: str) -> CommandedDirection:
+        """Return the direction walked backward: feet that lifted land, and vice versa."""
         last = len(self.angles) - 1
-        return CommandedWay(name, self.angles[::-1], last - self.end, last - self.first)
+        return CommandedDirection(name, self.angles[::-1], last - self.end, last - self.first)
 
 
-def commanded_way(name: str, endless: Floats, loop_start: int, walks: Iterable[Floats]) -> CommandedWay:
-    """Return a way from a walk without an end and `walks` of 1, 2, … cycles, frames by servos.
+def commanded_direction(
+    name: str, endless: Floats, loop_start: int, walks: Iterable[Floats]
+) -> CommandedDirection:
+    """Return a direction made from an endless walk and `walks` of 1, 2, … cycles, frames by servos.
 
-    Raises InputError if no walk goes on as the endless one does.
+    Raises InputError if none of the walks begins as the endless one does.
     """
     for angles in walks:
         last = len(angles) - 1
@@ -51,8 +53,8 @@ def commanded_way(name: str, endless: Floats, loop_start: int, walks: Iterable[F
             last -= 1
         whole = angles[: last + 1]
         if len(whole) > len(endless) and np.allclose(whole[: len(endless)], endless, atol=SAME_RAD):
-            # Between a step on the spot and a walk the robot stands for a frame, which is left out.
+            # Between a step on the spot and a walk the robot stands for one frame, which is omitted.
             moves = np.append(True, np.abs(np.diff(whole, axis=0)).max(axis=1) > SAME_RAD)
             first, end = (int(moves[1 : row + 1].sum()) for row in (loop_start, len(endless)))
-            return CommandedWay(name, whole[moves], first, end)
+            return CommandedDirection(name, whole[moves], first, end)
     raise InputError("endless-motion", "the walk cannot be stopped: its gait leaves a leg behind")

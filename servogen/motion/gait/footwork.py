@@ -107,7 +107,7 @@ class Footwork:
                 if angle > SAME_RAD:
                     yield HeldBack(number, name, angle)
 
-    def first_way_m(self, height: float) -> float:
+    def liftoff_slide_m(self, height: float) -> float:
         """Return how far a foot moves sideways until it has risen by `height`, or by a lower lift."""
         share = np.linspace(0.0, 1.0, RISE_SAMPLES)
         here = self._footing(Segment())[0]
@@ -117,7 +117,7 @@ class Footwork:
         ways = np.abs(feet[:, 0] - feet[0, 0] + 1j * (feet[:, 1] - feet[0, 1]))
         return float(np.interp(height, risen, ways))
 
-    def frames_of_way(self, segments: Sequence[Segment], count: int) -> list[Frames]:
+    def frames_of_route(self, segments: Sequence[Segment], count: int) -> list[Frames]:
         """Return the frames of all segments, from rest and, unless the last has no end, back to rest.
 
         The feet step on the spot from where they stand to where the next segment has them. The last part of

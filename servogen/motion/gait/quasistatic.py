@@ -35,14 +35,16 @@ SMALL_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class BodyPath:
     """`pose` (frames, 3): x, y, yaw of the body, from (0, 0, 0); `slip` (frames, legs): metres per frame."""
 
     pose: Floats
     slip: Floats
 
 
-def way_of(feet: Floats, centre: tuple[float, float], ground: npt.NDArray[np.bool_] | None = None) -> Way:
+def rigid_body_path(
+    feet: Floats, centre: tuple[float, float], ground: npt.NDArray[np.bool_] | None = None
+) -> BodyPath:
     """Return the way of a body whose feet are at `feet` (frames, legs, 3) in its frame.
 
     `ground` (frames, legs) says which are down; None: those within `CONTACT_M` of the lowest.
@@ -54,9 +56,9 @@ def way_of(feet: Floats, centre: tuple[float, float], ground: npt.NDArray[np.boo
     moved = np.diff(feet[..., :2], axis=0)
     forces = foot_forces(middle, down, np.asarray(centre, float), 1.0)
     weights = np.where(np.isnan(forces), down / np.maximum(down.sum(axis=1, keepdims=True), 1), forces)
-    twist = _least_slip(middle, moved, weights)
+    twist = _minimum_slip(middle, moved, weights)
     slip = np.where(weights > 0, np.linalg.norm(_slips(twist, middle, moved), axis=-1), 0.0)
-    return Way(_integrated(twist), np.vstack([np.zeros((1, feet.shape[1])), slip]))
+    return BodyPath(_integrated(twist), np.vstack([np.zeros((1, feet.shape[1])), slip]))
 
 
 def _slips(twist: Floats, feet: Floats, moved: Floats) -> Floats:
@@ -65,7 +67,7 @@ def _slips(twist: Floats, feet: Floats, moved: Floats) -> Floats:
     return np.asarray(moved + twist[:, None, :2] + twist[:, None, 2:] * across)
 
 
-def _least_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
+def _minimum_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
     """Return the twists (n, 3) of the least weighted slip."""
     ones, zeros = np.ones(feet.shape[:2]), np.zeros(feet.shape[:2])
     rows = np.stack(

@@ -44,7 +44,7 @@ FIRST_M = 0.001
 """A foot that has risen as much has left the ground."""
 
 
-MAX_FIRST_WAY = 3.0
+MAX_LIFTOFF_SLIDE = 3.0
 """How many times the height that it has risen a foot may have moved sideways by then."""
 
 
@@ -90,7 +90,7 @@ class Walk:
     """For each segment the centre of rotation in the body's frame, x + iy; None: the body does not turn."""
     held_back: tuple[HeldBack, ...]
     """The feet that the limits of joints keep off the line from the centre of rotation."""
-    first_way_m: float
+    liftoff_slide_m: float
     """How far a foot moves sideways until it has risen by `FIRST_M`."""
     changes: tuple[PhaseChange, ...] = ()
     """Where the frames moved the gait's phases by more than half a frame."""
@@ -106,7 +106,7 @@ class Walk:
         return float(np.linalg.norm(self.corrections, axis=2).max(initial=0.0))
 
     @property
-    def least_margin_m(self) -> float:
+    def minimum_margin_m(self) -> float:
         """Return the smallest stability margin of all frames."""
         return float(self.margins.min(initial=math.inf))
 
@@ -128,11 +128,11 @@ class Walk:
 
     def full_height(self) -> str | None:
         """Return a warning where the legs stand so upright that a foot is dragged before it lifts."""
-        if self.first_way_m <= MAX_FIRST_WAY * FIRST_M:
+        if self.liftoff_slide_m <= MAX_LIFTOFF_SLIDE * FIRST_M:
             return None
         return (
-            f"the legs stand at their full height: a foot moves {1000 * self.first_way_m:z.1f} mm sideways "
-            f"before it is {1000 * FIRST_M:g} mm above the ground; a lower body drags its feet less"
+            f"the legs stand at their full height: a foot moves {1000 * self.liftoff_slide_m:z.1f} mm "
+            f"sideways before it is {1000 * FIRST_M:g} mm above the ground; a lower body drags its feet less"
         )
 
     def centre_texts(self) -> tuple[tuple[int, str], ...]:
@@ -190,14 +190,14 @@ def walk(
     plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
     joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
-    least = math.ceil(MIN_SWING / gait.swing)
-    if frames_per_cycle is not None and frames_per_cycle < least:
+    minimum = math.ceil(MIN_SWING / gait.swing)
+    if frames_per_cycle is not None and frames_per_cycle < minimum:
         raise InputError(
             "cycle-time",
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
-            hint=f"at least {least} frames: each swing takes {MIN_SWING} or more",
+            hint=f"at least {minimum} frames: each swing takes {MIN_SWING} or more",
         )
-    count = _whole(gait, frames_per_cycle or least)
+    count = _whole(gait, frames_per_cycle or minimum)
     cycles = sum(1 if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MAX_FRAMES:
@@ -207,7 +207,7 @@ def walk(
                 hint="walk fewer cycles, or faster ones",
             )
         rounded = gait.on_frames(count)
-        parts = replace(plan, gait=rounded).frames_of_way(segments, count)
+        parts = replace(plan, gait=rounded).frames_of_route(segments, count)
         frames = joined(parts)
         loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
         angles = frames.angles.reshape(len(frames.angles), -1)
@@ -238,7 +238,7 @@ def walk(
         frames_per_cycle=count,
         centres=tuple(plan.motion(segment).centre for segment in segments),
         held_back=tuple(plan.held_back(segments)),
-        first_way_m=plan.first_way_m(FIRST_M),
+        liftoff_slide_m=plan.liftoff_slide_m(FIRST_M),
         changes=changes,
     )
     _refuse(result, spring_m, allow_falling)
@@ -283,10 +283,10 @@ def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
             f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
             hint="shorten the stride or the turn: two joints follow a straight line only roughly",
         )
-    if walk.least_margin_m < 0 and not allow_falling:
+    if walk.minimum_margin_m < 0 and not allow_falling:
         frame = int(np.argmin(walk.margins))
         feet = ", ".join(leg for leg, down in zip(walk.legs, walk.ground[frame], strict=True) if down)
-        outside = f"its centre of mass is {-1000 * walk.least_margin_m:z.1f} mm outside of the feet {feet}"
+        outside = f"its centre of mass is {-1000 * walk.minimum_margin_m:z.1f} mm outside of the feet {feet}"
         raise InputError(
             "falls-over",
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",

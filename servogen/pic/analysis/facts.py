@@ -264,21 +264,21 @@ class Facts:
         if config is None:
             over += "; the file has no configuration word: the watchdog is taken to be on"
         conditional = self._conditional()
-        if span.most is None:
+        if span.maximum is None:
             reasons = ", ".join((*span.reasons, *conditional))
             findings = tuple(
                 self._finding(at, "the time from here is not bounded") for at in span.addresses[:4]
             )
             return Answer(question, Status.NOT_DECIDED, reasons, over, findings, (("cycles", None),))
-        micros = self._clock.us(span.most)
+        micros = self._clock.us(span.maximum)
         text = (
-            f"at most {span.most} cycles ({float(micros) / 1000:g} ms at {self._clock.hz} Hz) between two "
+            f"at most {span.maximum} cycles ({float(micros) / 1000:g} ms at {self._clock.hz} Hz) between two "
             f"clearings; the shortest period is {limit_us / 1000:g} ms"
         )
         status = Status.HOLDS if micros < limit_us else Status.FOUND
         if conditional and status is Status.HOLDS:
             status, text = Status.NOT_DECIDED, f"{text}; {', '.join(conditional)}"
-        return Answer(question, status, text, over, numbers=(("cycles", span.most),))
+        return Answer(question, status, text, over, numbers=(("cycles", span.maximum),))
 
     def _conditional(self) -> list[str]:
         found = [f"paths beyond 0x{at:03X} were not followed" for at in sorted(self.paths.lost)]
@@ -298,13 +298,13 @@ class Facts:
         span = self._timing.between(reached, ends, interrupts=interrupts)
         counted = "interrupts included" if interrupts else "without the time of interrupts"
         over = f"every path from {start} to the first {end} after it, {counted}; {EVERYTHING}"
-        numbers = (("least_cycles", span.least), ("most_cycles", span.most))
-        if span.most is None or span.least is None:
+        numbers = (("minimum_cycles", span.minimum), ("maximum_cycles", span.maximum))
+        if span.maximum is None or span.minimum is None:
             text = ", ".join((*span.reasons, *conditional))
-            if span.least is not None:
-                text = f"at least {span.least} cycles; no upper bound: {text}"
+            if span.minimum is not None:
+                text = f"at least {span.minimum} cycles; no upper bound: {text}"
             return Answer(question, Status.NOT_DECIDED, text, over, numbers=numbers)
-        text = f"{span.least} to {span.most} cycles"
+        text = f"{span.minimum} to {span.maximum} cycles"
         if conditional:
             return Answer(
                 question, Status.NOT_DECIDED, f"{text}, if {', '.join(conditional)}", over, numbers=numbers

@@ -37,8 +37,8 @@ MAX_CYCLES = 1 << 40
 class Span:
     """Cycles between two points; None without a bound or without a path, and `reasons` says why."""
 
-    least: int | None
-    most: int | None
+    minimum: int | None
+    maximum: int | None
     reasons: tuple[str, ...] = ()
     addresses: tuple[int, ...] = ()
     """The words that the reasons are about."""
@@ -71,30 +71,30 @@ class Timing:
     def _joined(
         self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool, must_end: bool
     ) -> Span:
-        least: int | None = None
-        most: int | None = 0
+        minimum: int | None = None
+        maximum: int | None = 0
         reasons: list[str] = []
         addresses: list[int] = []
         for start in starts:
             times = self._program.between(start, ends, must_end=must_end)
             unbounded = list(times.unbounded)
             if times.shortest is not None:
-                least = times.shortest if least is None else min(least, times.shortest)
+                minimum = times.shortest if minimum is None else min(minimum, times.shortest)
             if unbounded or times.longest is None:
-                most = None
+                maximum = None
                 reasons += [_reason(loop) for loop in unbounded]
                 addresses += [at for loop in unbounded for at in loop.addresses]
                 if not unbounded:
                     reasons.append(f"no path from 0x{start:03X} gets there")
                     addresses.append(start)
-            elif most is not None:
-                most = max(most, times.longest)
-        if most is not None and interrupts and self._paths.interrupts:
-            bound, why = self._with_interrupts(most)
+            elif maximum is not None:
+                maximum = max(maximum, times.longest)
+        if maximum is not None and interrupts and self._paths.interrupts:
+            bound, why = self._with_interrupts(maximum)
             if bound is None:
-                return Span(least, None, (why,))
-            most = bound
-        return Span(least, most, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
+                return Span(minimum, None, (why,))
+            maximum = bound
+        return Span(minimum, maximum, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
 
     def _with_interrupts(self, cycles: int) -> tuple[int | None, str]:
         """Return the response time of code that takes `cycles` undisturbed, or why it has no bound."""

@@ -90,8 +90,8 @@ def _endif(state: Pass, found: Statement) -> None:
     state.conditions.pop()
 
 
-MOST_TURNS = 1024
-MOST_TURNS_IN_ALL = 16384
+MAX_TURNS = 1024
+MAX_TOTAL_TURNS = 16384
 """Turns of one WHILE, and of all in a pass; more are taken for endless."""
 
 
@@ -99,11 +99,11 @@ def _while(state: Pass, found: Statement) -> None:
     condition = state.expression(found.rest)
     body = state.readers[-1].block("while", "endw", found)
     state.spend(len(body))
-    for _ in range(MOST_TURNS):
+    for _ in range(MAX_TURNS):
         if not state.evaluate(condition):
             return
         state.turns += 1
-        if state.turns > MOST_TURNS_IN_ALL:
+        if state.turns > MAX_TOTAL_TURNS:
             break
         state.turning += 1
         try:

@@ -148,8 +148,8 @@ def instructions(
     if name not in SPECIAL:
         yield _instruction(name, fields, place)
         return
-    least, most, bare, taking = SPECIAL[name]
-    _count(name, fields, least, most)
+    minimum, maximum, bare, taking = SPECIAL[name]
+    _count(name, fields, minimum, maximum)
     for step, fixed in bare:
         yield _instruction(step, [Number(value) for value in fixed], place)
     for step, fixed in taking:
@@ -171,15 +171,15 @@ def _instruction(name: str, fields: Sequence[Expression | None], place: Location
     return ParsedInstruction(name, place, **values)
 
 
-def _count(name: str, fields: Sequence[Expression | None], least: int, most: int) -> None:
-    if len(fields) < least:
+def _count(name: str, fields: Sequence[Expression | None], minimum: int, maximum: int) -> None:
+    if len(fields) < minimum:
         raise SourceError(
-            "asm-missing-argument", f"{name} needs {least} operand{'s' * (least > 1)}, not {len(fields)}"
+            "asm-missing-argument", f"{name} needs {minimum} operand{'s' * (minimum > 1)}, not {len(fields)}"
         )
-    if len(fields) > most:
+    if len(fields) > maximum:
         raise SourceError(
             "asm-too-many-arguments",
-            f"{name} takes at most {most} operand{'s' * (most != 1)}, not {len(fields)}",
+            f"{name} takes at most {maximum} operand{'s' * (maximum != 1)}, not {len(fields)}",
         )
 
 

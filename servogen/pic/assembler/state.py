@@ -287,18 +287,18 @@ class Pass:
     def evaluate(self, expression: Expression) -> int:
         return evaluate(expression, self)
 
-    def fields(self, found: Statement, least: int = 0, most: int | None = None) -> list[Expression]:
+    def fields(self, found: Statement, minimum: int = 0, maximum: int | None = None) -> list[Expression]:
         """Return the operands of a directive, checked for number; none may be empty."""
         fields = self.parser(found.rest).fields()
         name = found.operation.upper()
-        if len(fields) < least or None in fields:
+        if len(fields) < minimum or None in fields:
             raise SourceError(
                 "asm-missing-argument", f"{name} lacks an operand", found.rest.column(len(found.rest.chars))
             )
-        if most is not None and len(fields) > most:
+        if maximum is not None and len(fields) > maximum:
             raise SourceError(
                 "asm-too-many-arguments",
-                f"{name} takes at most {most} operands, not {len(fields)}",
+                f"{name} takes at most {maximum} operands, not {len(fields)}",
                 found.column,
             )
         return [each for each in fields if each is not None]

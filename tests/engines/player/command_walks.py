@@ -4,8 +4,8 @@
 
 The committed program runs on the plain simulator while its line has codes, torn codes, noise and silence.
 What each frame must be follows from the rules of docs/firmware.md, typed here, and the planned angles of the
-ways, not from the player's encoding: every width within the stated plan error of the angle's, every edge in
-the cycle that schedule.json has for that frame.
+directions, not from the player's encoding: every width within the stated plan error of the angle's, every
+edge in the cycle that schedule.json has for that frame.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Target:
-    """A job with its schedule, and the ideal widths of its lead-in, its stance and its ways, µs."""
+    """A job with its schedule, and the ideal widths of its lead-in, its stance and its directions, µs."""
 
     job: PlannedJob
     schedule: PulseSchedule
     stance: Floats
-    ways: dict[str, Floats]
+    directions: dict[str, Floats]
     """Rows from the stance up to the last before it."""
     cycle: dict[str, tuple[int, int]]
 
@@ -58,16 +58,16 @@ def target() -> Target:
             [[s.width_us(a) for s, a in zip(job.servos, row, strict=True)] for row in angles.tolist()]
         )
 
-    planned = {way.name: way for way in job.ways}
-    ways, cycle = {}, {}
+    planned = {direction.name: direction for direction in job.directions}
+    directions, cycle = {}, {}
     for name in planned:
         forward = planned[REVERSED.get(name, name)]
         rows, last = forward.angles, len(forward.angles) - 1
         if name in REVERSED:  # backward: the same rows, the last first
-            ways[name], cycle[name] = widths(rows[:0:-1]), (last - forward.end, last - forward.first)
+            directions[name], cycle[name] = widths(rows[:0:-1]), (last - forward.end, last - forward.first)
         else:
-            ways[name], cycle[name] = widths(rows[:-1]), (forward.first, forward.end)
-    return Target(job, schedule, widths(job.trajectory.angles[:1])[0], ways, cycle)
+            directions[name], cycle[name] = widths(rows[:-1]), (forward.first, forward.end)
+    return Target(job, schedule, widths(job.trajectory.angles[:1])[0], directions, cycle)
 
 
 @cache
@@ -78,12 +78,12 @@ def image(dialect: str = "") -> Image:
 
 @dataclass
 class Walker:
-    """What the robot must do in each frame: a way and a row of it; before, the lead-in's frame."""
+    """What the robot must do in each frame: a direction and a row of it; before, the lead-in's frame."""
 
     of: Target
     history: str = "0"
     wanted: str = ""
-    way: str = ""
+    direction: str = ""
     row: int = -1
 
     def hear(self, level: int) -> None:
@@ -94,18 +94,18 @@ class Walker:
             self.wanted = ""
 
     def next(self) -> tuple[str, int]:
-        """Return the next frame; its way is empty in the lead-in and, with row `lead_in`, in the stance."""
+        """Return the next frame; its direction is empty in the lead-in and, at row `lead_in`, the stance."""
         lead_in = self.of.schedule.lead_in_frames
         self.row += 1
-        if self.way:
-            first, end = self.of.cycle[self.way]
+        if self.direction:
+            first, end = self.of.cycle[self.direction]
             if self.row in (first, end):
-                self.row = first if self.wanted == self.way else end
-            if self.row == len(self.of.ways[self.way]):
-                self.way, self.row = "", lead_in
-        if not self.way and self.row >= lead_in:
-            self.way, self.row = (self.wanted, 0) if self.wanted else ("", lead_in)
-        return self.way, self.row
+                self.row = first if self.wanted == self.direction else end
+            if self.row == len(self.of.directions[self.direction]):
+                self.direction, self.row = "", lead_in
+        if not self.direction and self.row >= lead_in:
+            self.direction, self.row = (self.wanted, 0) if self.wanted else ("", lead_in)
+        return self.direction, self.row
 
 
 def random_line(rng: np.random.Generator, frames: int) -> list[int]:
@@ -147,7 +147,10 @@ def problems(program: Image, line: list[int], options: Options = Options()) -> I
     stimuli = Stimuli([Levels(PINS.index("RA4"), tuple(changes))])
     machine = Machine(program, schedule.clock, options, stimuli)
     edges = join(machine.stream(start + len(line) * period))
-    parts = {way.name: flat((*way.start, *way.cycle, *way.stop)) for way in schedule.commands.ways}
+    parts = {
+        direction.name: flat((*direction.start, *direction.cycle, *direction.stop))
+        for direction in schedule.commands.directions
+    }
     standing = flat((*schedule.lead_in, *schedule.loop))
     measured = {}
     for channel in schedule.channels:
@@ -162,15 +165,15 @@ def problems(program: Image, line: list[int], options: Options = Options()) -> I
     walker = Walker(of)
     limit = schedule.plan_error.width_us + 0.001
     for frame, level in enumerate(line):
-        way, row = walker.next()
-        exact = (parts[way] if way else standing)[row]
-        ideal = of.ways[way][row] if way else of.stance
-        where = f"frame {frame}, {way or 'standing'} {row}"
+        direction, row = walker.next()
+        exact = (parts[direction] if direction else standing)[row]
+        ideal = of.directions[direction][row] if direction else of.stance
+        where = f"frame {frame}, {direction or 'standing'} {row}"
         for number, channel in enumerate(schedule.channels):
             pulse, seen = exact.pulses[number], measured[channel.name].get(frame)
             if seen != (int(pulse.rise), int(pulse.width)):
                 yield f"{where}: {channel.name} {seen}, not {pulse}"
-            elif row < schedule.lead_in_frames and not way:
+            elif row < schedule.lead_in_frames and not direction:
                 continue
             elif abs(float(schedule.clock.us(seen[1])) - ideal[number]) > limit:
                 yield f"{where}: {channel.name} {seen[1]} cycles, planned {ideal[number]} µs"

@@ -80,7 +80,7 @@ def drawn(number: int, chance: random.Random) -> Robot:
     job = (
         '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[robot]\nname = "own.toml"\n'
         f'{"".join(servos)}[walk]\ngait = "{gait}"\n'
-        f"way = [{{ forward_mm = {chance.randint(20, 60)}, cycles = 4 }}, "
+        f"route = [{{ forward_mm = {chance.randint(20, 60)}, cycles = 4 }}, "
         f"{{ turn_deg = {turn}, cycles = {90 // turn} }}]\nlift_mm = {chance.randint(12, 30)}\n"
         f"body_height_mm = {height:.0f}\ncycle_s = {cycle_s:g}\n"
         f'beta_sign = "{chance.choice(("positive", "negative"))}"\n'

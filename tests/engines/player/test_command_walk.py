@@ -47,15 +47,15 @@ def test_random_levels_walk_as_the_reference_says() -> None:
     assert list(problems(image(), random_line(np.random.default_rng(5), 3000))) == []
 
 
-def test_the_random_line_has_every_way_from_every_other() -> None:
+def test_the_random_line_has_every_direction_from_every_other() -> None:
     walker, seen = Walker(target()), []
     for level in random_line(np.random.default_rng(1), 60_000):
         seen.append(walker.next()[0] or "stance")
         walker.hear(level)
     changes = {(one, other) for one, other in pairwise(seen) if one != other}
-    ways = ("forward", "back", "left", "right")
-    assert changes >= {(one, other) for one in ways for other in ways if one != other}
-    assert changes >= {(one, "stance") for one in ways} | {("stance", one) for one in ways}
+    directions = ("forward", "back", "left", "right")
+    assert changes >= {(one, other) for one in directions for other in directions if one != other}
+    assert changes >= {(one, "stance") for one in directions} | {("stance", one) for one in directions}
 
 
 def test_a_wrong_byte_of_a_pose_is_seen_and_refuted() -> None:
@@ -68,7 +68,7 @@ def test_a_wrong_byte_of_a_pose_is_seen_and_refuted() -> None:
     assert proof.counterexample is not None
 
 
-def test_a_wrong_byte_of_a_way_is_seen_only_when_it_is_walked() -> None:
+def test_a_wrong_byte_of_a_direction_is_seen_only_when_it_is_walked() -> None:
     """The last row is of the turn's stop."""
     begin, count = rows_begin()
     wrong = changed(begin + count - 1, image().program[begin + count - 1] ^ 4)
@@ -79,21 +79,26 @@ def test_a_wrong_byte_of_a_way_is_seen_only_when_it_is_walked() -> None:
 def test_one_cycle_too_many_is_seen_and_refuted() -> None:
     """The kernel subtracts its own 32 cycles from a width: with 31 the pulses are a cycle too long."""
     words = image().program
-    ways = [at for at, word in words.items() if word == MOVLW | 32 and words.get(at + 1, 0) >> 8 == 0x02]
-    wrong = changed(ways[0], MOVLW | 31)
+    moves = [at for at, word in words.items() if word == MOVLW | 32 and words.get(at + 1, 0) >> 8 == 0x02]
+    wrong = changed(moves[0], MOVLW | 31)
     assert "not Pulse" in next(problems(wrong, [1] * 5))
     assert not prove_for_all(wrong, target().schedule).proven
 
 
-def test_the_chip_begins_a_way_in_the_stance_and_ends_it_there() -> None:
+def test_the_chip_begins_a_direction_in_the_stance_and_ends_it_there() -> None:
     of = target()
     schedule = of.schedule
-    assert [way.name for way in schedule.commands.ways] == ["forward", "back", "left", "right"]
+    assert [direction.name for direction in schedule.commands.directions] == [
+        "forward",
+        "back",
+        "left",
+        "right",
+    ]
     stance = [pulse.width for pulse in schedule.loop[0].pulses]
-    for way in schedule.commands.ways:
-        assert [pulse.width for pulse in way.start[0].pulses] == stance, way.name
-        last = [pulse.width for pulse in way.stop[-1].pulses]
-        assert 0 < max(abs(one - other) for one, other in zip(last, stance, strict=True)) < 20, way.name
+    for direction in schedule.commands.directions:
+        assert [pulse.width for pulse in direction.start[0].pulses] == stance, direction.name
+        last = [pulse.width for pulse in direction.stop[-1].pulses]
+        assert 0 < max(abs(one - other) for one, other in zip(last, stance, strict=True)) < 20, direction.name
 
 
 def test_the_schedule_with_commands_is_read_back() -> None:
@@ -109,9 +114,9 @@ def test_the_schedule_with_commands_is_read_back() -> None:
     [
         ('"rest_frames": 3', '"rest_frames": 0', "commands.rest_frames: is not a whole number"),
         ('"pin": "RA4", "rest', '"pin": "RB0", "rest', "commands.pin: RB0 is a servo's"),
-        ('"code": "00110"', '"code": "0x110"', "commands.ways[1].code: is not levels"),
-        ('"code": "00110"', '"code": "01010"', "two ways have the same code"),
-        ('"name": "back", ', "", "commands.ways[1]: 'name' is missing"),
+        ('"code": "00110"', '"code": "0x110"', "commands.directions[1].code: is not levels"),
+        ('"code": "00110"', '"code": "01010"', "two directions have the same code"),
+        ('"name": "back", ', "", "commands.directions[1]: 'name' is missing"),
     ],
 )
 def test_a_schedule_with_wrong_commands_is_refused(old: str, new: str, message: str) -> None:
@@ -125,12 +130,12 @@ def test_a_schedule_with_wrong_commands_is_refused(old: str, new: str, message: 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (COMMANDS, "commands = {}", "it has no way"),
+        (COMMANDS, "commands = {}", "the walk has no direction"),
         (COMMANDS, COMMANDS.replace("RA4", "RB0"), "RB0 is in use: L1-turn"),
         (COMMANDS, COMMANDS.replace("RA4", "RC0"), "unknown pin 'RC0'"),
         (COMMANDS, COMMANDS.replace("= 40", "= -40"), "forward_mm"),
-        (COMMANDS, f"{COMMANDS}\nway = [{{ forward_mm = 40 }}]", "a walk on command has no way"),
-        (COMMANDS, "", "a walk needs a way"),
+        (COMMANDS, f"{COMMANDS}\nroute = [{{ forward_mm = 40 }}]", "a walk on command has no route"),
+        (COMMANDS, "", "a walk needs a route"),
         ('engine = "player"', 'engine = "player"\nstop_pin = "RA4"', "has no start_pin and no stop_pin"),
         ('engine = "player"', 'engine = "sequence"', "the sequence engine takes no commands"),
     ],
@@ -143,12 +148,12 @@ def test_a_job_with_wrong_commands_is_refused(old: str, new: str, message: str) 
     assert "job.toml:" in str(refused.value)
 
 
-def test_a_walk_forward_and_back_alone_has_two_ways() -> None:
+def test_a_walk_forward_and_back_alone_has_two_directions() -> None:
     """Another gait, too: six swings, one after the other, of even numbers of frames."""
     text = TEXT.replace(COMMANDS, "commands = { forward_mm = 40 }").replace('"tripod"', '"ripple"')
     found = planned(plan_job(loads(text, "job.toml")))
     commands = found.plan.schedule.commands
     assert commands is not None
-    assert [way.name for way in commands.ways] == ["forward", "back"]
+    assert [direction.name for direction in commands.directions] == ["forward", "back"]
     assert found.plan.schedule.plan_error is not None
     assert found.plan.schedule.plan_error.width_us <= 5

@@ -33,10 +33,12 @@ def test_a_robot_drawn_at_random_with_a_button_is_built_and_proven(number: int) 
 
 def test_a_robot_that_does_not_fit_is_refused_with_a_reason() -> None:
     robot = drawn()[1]
-    way = re.search(r"way = \[(.*)\]\n", robot.job)
-    assert way
-    long = ", ".join([way[1]] + [way[1].replace("_mm = ", f"_mm = {sign}") for sign in ("-", "0.9", "-0.9")])
-    reason = outcome(replace(robot, job=robot.job.replace(way[1], long)))
+    route = re.search(r"route = \[(.*)\]\n", robot.job)
+    assert route
+    long = ", ".join(
+        [route[1]] + [route[1].replace("_mm = ", f"_mm = {sign}") for sign in ("-", "0.9", "-0.9")]
+    )
+    reason = outcome(replace(robot, job=robot.job.replace(route[1], long)))
     assert isinstance(reason, str) and "beyond-max-error" in reason
 
 

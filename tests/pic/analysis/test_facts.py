@@ -191,9 +191,9 @@ def test_the_best_and_the_worst_time_between_two_marks() -> None:
     answer = found.time("start", "done", interrupts=True)
     # RB0 low: the skip is not taken, GOTO, two NOPs. High: 2, NOP, three turns, GOTO. The counter is known to
     # be 3 on the way from main only; from the mark itself it may be anything.
-    assert dict(answer.numbers)["least_cycles"] == 1 + 2 + 1 + 1
+    assert dict(answer.numbers)["minimum_cycles"] == 1 + 2 + 1 + 1
     whole = found.time("main", "done", interrupts=True)
-    assert dict(whole.numbers) == {"least_cycles": 2 + 5, "most_cycles": 2 + 2 + 1 + (3 + 3 + 2) + 2}
+    assert dict(whole.numbers) == {"minimum_cycles": 2 + 5, "maximum_cycles": 2 + 2 + 1 + (3 + 3 + 2) + 2}
     assert whole.status is Status.HOLDS
 
 
@@ -203,7 +203,7 @@ def test_a_time_with_a_loop_that_waits_for_a_pin_is_not_decided_and_says_where()
     )
     assert answer.status is Status.NOT_DECIDED
     assert "loop at 0x001" in answer.text
-    assert dict(answer.numbers) == {"least_cycles": 3, "most_cycles": None}
+    assert dict(answer.numbers) == {"minimum_cycles": 3, "maximum_cycles": None}
 
 
 DELAY = " movlw 200\n movwf 0x20\nloop\n decfsz 0x20, f\n goto loop\ndone\n goto main\n"
@@ -220,10 +220,10 @@ def test_interrupts_of_tmr0_are_added_as_often_as_they_can_come() -> None:
     text = text.replace("    goto begin\n    org", "    goto main\n    org", 1)
     found = facts(text)
     alone = found.time("begin", "done", interrupts=False)
-    assert dict(alone.numbers)["most_cycles"] == 2 + 199 * 3 + 2
+    assert dict(alone.numbers)["maximum_cycles"] == 2 + 199 * 3 + 2
     one = 10 + 2 + 4  # ten instructions, RETFIE, and the latency
     # R = 601 + (R // 256 + 2) * 16: 601 + 4 * 16 = 665, and 665 // 256 is 2
-    assert dict(found.time("begin", "done", interrupts=True).numbers)["most_cycles"] == 601 + 4 * one
+    assert dict(found.time("begin", "done", interrupts=True).numbers)["maximum_cycles"] == 601 + 4 * one
 
 
 @pytest.mark.parametrize(
@@ -300,7 +300,7 @@ def test_a_jump_beyond_the_1024_words_leads_into_them_for_they_repeat() -> None:
         CLOCK,
     )
     assert found.paths.executed == {0, 2, 3, 4}
-    assert dict(found.time("0x000", "0x003", interrupts=False).numbers)["most_cycles"] == 2 + 2 + 2
+    assert dict(found.time("0x000", "0x003", interrupts=False).numbers)["maximum_cycles"] == 2 + 2 + 2
 
 
 @pytest.mark.parametrize("seed", range(12))

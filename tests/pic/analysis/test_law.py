@@ -66,10 +66,10 @@ def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
     measured = spans(rows, facts.mark("start")[0], facts.mark("done")[0])
     numbers = dict(answer.numbers)
     if answer.status is Status.HOLDS and measured:
-        assert numbers["least_cycles"] is not None
-        assert numbers["most_cycles"] is not None
-        assert numbers["least_cycles"] <= min(measured)
-        assert max(measured) <= numbers["most_cycles"]
+        assert numbers["minimum_cycles"] is not None
+        assert numbers["maximum_cycles"] is not None
+        assert numbers["minimum_cycles"] <= min(measured)
+        assert max(measured) <= numbers["maximum_cycles"]
 
 
 def test_the_programs_of_the_law_reach_its_bounds() -> None:
@@ -85,9 +85,9 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
         start, done = facts.mark("start"), facts.mark("done")
         span = timing.between(start, done, interrupts=False)
         measured = spans(rows, start[0], done[0])
-        if span.most is not None and measured:
+        if span.maximum is not None and measured:
             decided += 1
-            least += min(measured) == span.least
-            most += max(measured) >= span.most
+            least += min(measured) == span.minimum
+            most += max(measured) >= span.maximum
     assert decided > 30
     assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
