@@ -3,4 +3,4 @@
 __version__ = "0.1.0"
 
 INTERRUPTED = 130
-"""The exit code after Ctrl-C. It stands here so that it is known before anything else is imported."""
+"""The exit code after Ctrl-C; it is defined here so that it is known before anything else is imported."""

@@ -1,7 +1,7 @@
 """The process `servogen`, also as `python -m servogen`: Ctrl-C ends it at any moment with 130, no traceback.
 
-The commands import for a third of a second. What is interrupted there has begun nothing, so that the process
-can end at once; an exception would be caught, or shown, by whatever is being imported.
+Importing the commands takes a third of a second. A process that is interrupted meanwhile has not begun any
+work and can end at once; an exception would be caught, or shown, by the module that is being imported.
 """
 
 import os
@@ -13,8 +13,8 @@ from servogen import INTERRUPTED
 
 
 def main() -> None:
-    """Runs the command line and exits."""
-    # A shell starts background jobs with Ctrl-C ignored, which stays so.
+    """Run the command line and exit."""
+    # A shell starts background jobs with Ctrl-C ignored; they must continue to ignore it.
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:
         signal.signal(signal.SIGINT, _end)
@@ -27,7 +27,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     finally:
-        if interruptible:  # the exit code is set: what Python tidies up is not to be cut short
+        if interruptible:  # the exit code is set, and Python's clean-up must not be cut short
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,7 +1,7 @@
 """`EdgeTrace`: what the pins did, and `Expected`: what they should do.
 
-In: changes of pins, in order, in chunks of arrays, so that a day of edges needs no memory.
-Out: the same changes, to whoever iterates. Files of them are in `traces`.
+In: changes of pins, in order, in chunks of arrays, so that a day of edges needs little memory. Out: the same
+changes, by iteration. `traces` reads and writes them as files.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class EdgeChunk(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EdgeTrace:
-    """The changes of the thirteen pins from cycle 0, all `UNDRIVEN`, up to but not including `end`.
+    """The changes of the thirteen pins, which begin `UNDRIVEN`, from cycle 0 up to but not including `end`.
 
-    `chunks` may be consumed once when the source is a running machine; `stored` makes it a sequence.
-    A change that a chip makes is at the instruction cycle in which the port was written.
+    If the source is a running machine, `chunks` can be consumed only once; `stored` makes it a sequence. A
+    change made by a chip has the instruction cycle in which the port was written.
     """
 
     clock: Clock
@@ -44,23 +44,23 @@ class EdgeTrace:
     end: Cycles
 
     def stored(self) -> EdgeTrace:
-        """The same trace with all its edges in memory."""
+        """Return the same trace with all edges in memory."""
         return EdgeTrace(self.clock, (join(self.chunks),), self.end)
 
     def driven(self) -> Iterator[EdgeChunk]:
-        """The changes with an undriven pin counted as low: what the CSV file and a verifier see."""
+        """Yield the changes, with undriven pins counted as low, as CSV files and the verifier do."""
         driven = Driven()
         return (driven(chunk) for chunk in self.chunks)
 
     def until(self, end: int) -> EdgeTrace:
-        """The same trace cut at cycle `end`; a trace that is shorter stays as it is."""
+        """Return the trace cut at cycle `end`, or unchanged if it is shorter."""
         if end >= self.end:
             return self
         return EdgeTrace(self.clock, _before(self.chunks, end), Cycles(end))
 
 
 class Changes:
-    """A filter that drops what changes nothing; each pin starts at `start`, and chunks follow one another."""
+    """A filter for consecutive chunks that drops edges without a change; every pin begins at `start`."""
 
     def __init__(self, start: int = UNDRIVEN) -> None:
         self._level = np.full(len(PINS), start, dtype=np.uint8)
@@ -77,7 +77,7 @@ class Changes:
 
 
 class Driven:
-    """A filter that counts an undriven pin as low and drops what changes nothing then."""
+    """A filter that counts undriven pins as low and drops the edges that then change nothing."""
 
     def __init__(self) -> None:
         self._changes = Changes(LOW)
@@ -97,10 +97,11 @@ def _before(chunks: Iterable[EdgeChunk], end: int) -> Iterator[EdgeChunk]:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """The edges that a schedule asks for, time zero being the first; each knows its frame and channel.
+    """The edges that a schedule specifies, with their frames and channels; time zero is the first edge.
 
     `chunks` are in order, never empty, and may be endless; frames are numbered from 0. An edge of pin
-    `channels[n].pin` belongs to channel n. `lead_in` and `loop` count frames; the loop repeats for ever.
+    `channels[n].pin` belongs to channel n. `lead_in` and `loop` are numbers of frames; the loop repeats
+    endlessly.
     """
 
     clock: Clock
@@ -110,7 +111,7 @@ class Expected:
     loop: int
     chunks: Iterable[ExpectedChunk]
     plan_error: PlanError | None = None
-    """How far the schedule is from the motion that it was rounded from; None: nothing says."""
+    """The distance of the schedule from the motion that it was rounded from; None if it is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ class ExpectedChannel:
 
 
 class ExpectedChunk(NamedTuple):
-    """Consecutive expected changes, with the `frame` (int64) that each belongs to."""
+    """Consecutive expected changes, with the `frame` (int64) of each change."""
 
     cycle: npt.NDArray[np.int64]
     pin: npt.NDArray[np.uint8]
@@ -131,7 +132,7 @@ class ExpectedChunk(NamedTuple):
 
 
 def join(chunks: Iterable[EdgeChunk]) -> EdgeChunk:
-    """All of `chunks` as one."""
+    """Return all chunks as one."""
     parts = list(chunks)
     if not parts:
         return edge_chunk((), (), ())
@@ -139,12 +140,12 @@ def join(chunks: Iterable[EdgeChunk]) -> EdgeChunk:
 
 
 def part(chunk: EdgeChunk, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> EdgeChunk:
-    """The edges of `chunk` that `rows` chooses."""
+    """Return the edges of `chunk` that `rows` selects."""
     return EdgeChunk(chunk.cycle[rows], chunk.pin[rows], chunk.level[rows])
 
 
 def edge_chunk(cycle: npt.ArrayLike, pin: npt.ArrayLike, level: npt.ArrayLike) -> EdgeChunk:
-    """A chunk of the right types from any three sequences of the same length."""
+    """Return a chunk with the right types from three sequences of equal length."""
     return EdgeChunk(
         np.asarray(cycle, dtype=np.int64), np.asarray(pin, dtype=np.uint8), np.asarray(level, dtype=np.uint8)
     )

@@ -1,7 +1,7 @@
 """Diagnostics: what is wrong, how badly, where, and what to do about it; and the errors that carry them.
 
-A diagnostic is shown as gcc shows it, so that editors find the place: `file:line:column: error: key: message
-[code]`, and below it the hint. Every code is explained in docs/diagnostics.md.
+Diagnostics are formatted as gcc's are, so that editors find the place: `file:line:column: error: key: message
+[code]`, with the hint below. docs/diagnostics.md explains every code.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Literal, Self
 Severity = Literal["error", "warning", "note"]
 
 PROGRAM = "servogen"
-"""The name that stands in place of a file where a diagnostic has none."""
+"""The name shown in place of a file if a diagnostic has none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where: a file (or port), a line and column counted from 1, a key of the file, and of a running program
+    """A place: a file (or port), a line and column counted from 1, a key of the file; in a running program
     the instruction cycle since reset and the address of the instruction.
     """
 
@@ -39,7 +39,7 @@ class Location:
 
     @property
     def beside(self) -> str:
-        """Return what `in_file` leaves out: the key, or the cycle and the address."""
+        """Return what `in_file` omits: the key, or the cycle and the address."""
         parts = [self.key] if self.key else []
         if not self.file:
             named = (("line", self.line), ("column", self.column))
@@ -53,12 +53,12 @@ class Location:
 
 
 SourceLines = Mapping[tuple[str, int], str]
-"""The text of source lines by file and line number, for the line and the caret below a diagnostic."""
+"""Source lines by file and line number, for the line and the caret below a diagnostic."""
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One error, warning or note. `code` is its stable kebab-case name, as "unknown-pin"."""
+    """One error, warning or note; `code` is its stable name in kebab case, such as "unknown-pin"."""
 
     severity: Severity
     code: str
@@ -70,7 +70,7 @@ class Diagnostic:
         return self.render()
 
     def render(self, lines: SourceLines | None = None) -> str:
-        """Return the diagnostic as it is shown, with its source line and a caret if `lines` has the line."""
+        """Return the diagnostic as text, with its source line and a caret if `lines` has the line."""
         location = self.location or Location()
         about = f"{location.beside}: " if location.beside else ""
         shown = [f"{location.in_file or PROGRAM}: {self.severity}: {about}{self.message} [{self.code}]"]
@@ -86,11 +86,11 @@ class Diagnostic:
 
     @property
     def sentence(self) -> str:
-        """Return location and message alone, for a report."""
+        """Return the location and the message only, for a report."""
         return ": ".join(part for part in (str(self.location or ""), self.message) if part)
 
     def to_json(self) -> dict[str, object]:
-        """Return plain values for a JSON file."""
+        """Return the diagnostic as a value that JSON can hold."""
         return {
             "severity": self.severity,
             "code": self.code,
@@ -101,9 +101,9 @@ class Diagnostic:
 
 
 class ServogenError(Exception):
-    """The root of every error that a user can be shown without a traceback.
+    """The base class of all errors that are shown to users without a traceback.
 
-    It carries one diagnostic, or all that were collected before giving up, the warnings among them.
+    It carries one diagnostic, or all diagnostics collected before giving up, including warnings.
     """
 
     exit_code = 2
@@ -148,7 +148,7 @@ class ServogenError(Exception):
         return self.first.hint
 
     def at(self, location: Location | None) -> Self:
-        """Return the same error at another location: the caller knows where the wrong value comes from."""
+        """Return the same error at another location, for callers that know where a value came from."""
         moved = copy(self)
         moved.diagnostics = (replace(self.first, location=location),)
         return moved
@@ -157,7 +157,7 @@ class ServogenError(Exception):
         return "\n".join(diagnostic.render(self.source_lines) for diagnostic in self.diagnostics)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Return how to rebuild the error in another process, whatever a subclass is constructed from."""
+        """Return how to rebuild the error in another process, whatever arguments a subclass takes."""
         return _rebuilt, (type(self), self.args), self.__dict__
 
 
@@ -168,7 +168,7 @@ def _rebuilt(kind: type[ServogenError], args: tuple[object, ...]) -> ServogenErr
 
 
 class InputError(ServogenError):
-    """What the user gave is wrong: exit code 2."""
+    """Wrong input from the user: exit code 2."""
 
 
 class ToolError(ServogenError):
@@ -178,14 +178,14 @@ class ToolError(ServogenError):
 
 
 MAX_LISTED, MAX_COMPARED = 100, 1000
-"""The number of known words that are listed, and that are compared with a misspelt one."""
+"""The maximum number of known words that are listed, or compared with a misspelt one."""
 
 MAX_WORD = 100
-"""The number of letters of a misspelt word that are compared."""
+"""The maximum number of letters of a misspelt word that are compared."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known word most like `word`, or all known words if none is like it."""
+    """Return a hint with the known word most similar to `word`, or all known words if none is similar."""
     names = sorted(known)
     lower = {name.lower(): name for name in reversed(names[:MAX_COMPARED])}
     close = get_close_matches(word[:MAX_WORD].lower(), lower, n=1, cutoff=0.6)

@@ -1,7 +1,7 @@
-"""Circles and longest ways in a graph.
+"""Strongly connected components and longest paths of graphs.
 
-In: a graph as nodes and their followers. Out: its parts that go in circles; the longest way where there are
-none.
+In: a graph as nodes and their successors. Out: its components that contain a cycle; the longest path of an
+acyclic graph.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ Node = TypeVar("Node", bound=Hashable)
 
 
 def components(graph: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
-    """The strongly connected parts that have a circle (Tarjan 1972, without recursion)."""
+    """Return the strongly connected components that contain a cycle (Tarjan 1972, without recursion)."""
     number: dict[Node, int] = {}
     low: dict[Node, int] = {}
     held: list[Node] = []
@@ -59,20 +59,20 @@ def _taken(held: list[Node], on_hold: set[Node], node: Node) -> list[Node]:
 
 
 def longest(start: Node, edges: Mapping[Node, Sequence[tuple[int, int | None, Node | None]]]) -> int | None:
-    """The longest way to the end (None) in a graph without circles; ways that lead nowhere do not count."""
+    """Return the length of the longest path to the end (None) of an acyclic graph, ignoring dead ends."""
     done: dict[Node, int | None] = {}
     stack: list[tuple[Node, bool]] = [(start, False)]
     while stack:
         node, leaving = stack.pop()
         if leaving:
-            ways = [
+            lengths = [
                 most if after is None else most + rest
                 for _, most, after in edges[node]
                 if most is not None
                 for rest in [0 if after is None else done[after]]
                 if rest is not None
             ]
-            done[node] = max(ways, default=None)
+            done[node] = max(lengths, default=None)
         elif node not in done:
             stack.append((node, True))
             stack += [

@@ -1,8 +1,8 @@
-"""Files that commands read: regular files only, and none larger than its reader takes.
+"""Input files of commands: only regular files, up to the size that their reader allows.
 
-In: a path, and for a file that is read whole the largest number of bytes. Out: an open binary file, or the
-bytes. A named pipe, a device, a socket or a directory is refused before it is opened, because reading one may
-block or never end.
+In: a path and, for a file that is read whole, its maximum size in bytes. Out: an open binary file, or the
+bytes. Named pipes, devices, sockets and directories are refused before they are opened, because reading them
+could block or never end.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import IO
 from servogen.errors import InputError, Location
 
 MAX_TEXT_BYTES = 1 << 20
-"""The largest text that is read whole: a job, a program, a HEX file. The largest real ones have a tenth."""
+"""The maximum size of a text that is read whole: a job, a program, a HEX file. Real ones have a tenth."""
 
 _KINDS = (
     (stat.S_ISDIR, "a directory"),
@@ -27,17 +27,17 @@ _KINDS = (
 
 
 def open_input(path: str | Path) -> IO[bytes]:
-    """Returns the regular file at `path`, open for reading. Raises InputError."""
+    """Return the regular file at `path`, open for reading. Raises InputError."""
     name = os.fspath(path)
     try:
         _require_regular(name, Path(name).stat().st_mode)
-        # Not blocking: what was a file a moment ago may be a named pipe now.
+        # Non-blocking, because the file may have been replaced by a named pipe a moment ago.
         file = os.fdopen(os.open(name, os.O_RDONLY | _FLAGS), "rb")
     except OSError as error:
         raise InputError("unreadable-file", f"cannot be read: {error.strerror}", Location(name)) from error
-    except ValueError as error:  # a NUL in the name, or a letter that the file system's encoding lacks
+    except ValueError as error:  # a NUL in the name, or a character that the file system cannot encode
         raise InputError(
-            "unreadable-file", "cannot be read: the name is not a file name", Location(name)
+            "unreadable-file", "cannot be read: this is not a valid file name", Location(name)
         ) from error
     try:
         _require_regular(name, os.fstat(file.fileno()).st_mode)
@@ -51,7 +51,7 @@ _FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os,
 
 
 def read_input(path: str | Path, limit: int = MAX_TEXT_BYTES) -> bytes:
-    """Returns the contents of the regular file at `path`, at most `limit` bytes. Raises InputError."""
+    """Return the contents of the regular file at `path`, at most `limit` bytes. Raises InputError."""
     with open_input(path) as file:
         try:
             data = file.read(limit + 1)
@@ -70,7 +70,7 @@ def read_input(path: str | Path, limit: int = MAX_TEXT_BYTES) -> bytes:
 
 
 def size_text(size: int) -> str:
-    """Returns a number of bytes for people: `1 MiB`, `600 bytes`."""
+    """Return a number of bytes as text: `1 MiB`, `600 bytes`."""
     for factor, unit in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
         if size >= factor:
             return f"{size / factor:.3g} {unit}"

@@ -1,14 +1,14 @@
-"""Work done in a process of its own that is stopped at limits of time, memory, open files and result size.
+"""Work done in a separate process, with limits on its time, memory, open files and result size.
 
-In: functions without arguments and their `Limits`. Out: what each returns or raises; `LimitExceeded` where it
-was stopped, `ProcessDied` where its process ended without an answer.
+In: functions without arguments and their `Limits`. Out: what each function returns or raises; `LimitExceeded`
+if it was stopped, `ProcessDied` if its process ended without an answer.
 
     this process ──fork──▶ child: sets its limits, reads nothing, prints nothing, does the work
          ▲                                                  │
          └── pipe: (returned | raised) ◀────────────────────┘      at the deadline: SIGKILL
 
-The child is a copy of this process, so that nothing is imported twice: it costs milliseconds. Its standard
-streams are /dev/null and it can write no file.
+The child is a copy of this process and imports nothing again, so starting it takes only milliseconds. Its
+standard streams are /dev/null, and it cannot write files.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ MEGABYTE = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one piece of work may use: processor time, elapsed time, memory, the size of what it returns.
+    """The limits of one piece of work: processor time, elapsed time, memory, size of the result.
 
-    The elapsed time, by default the processor time, is a second limit: for work that waits, and for a person
-    who does. `memory_mb` counts what the process holds when the work begins. Work that begins in a large
-    process, as in a notebook, has at least half of it.
+    The limit on elapsed time, by default equal to that on processor time, stops work that only waits.
+    `memory_mb` includes what the process already holds when the work begins; work that begins in a large
+    process, such as a notebook, still gets at least half of it.
     """
 
     seconds: float = 10.0
@@ -60,14 +60,14 @@ class Limits:
 
 
 COMPILING = Limits()
-"""What compiling or assembling any one program may use. The programs that fit the chip use a tenth."""
+"""The limits for compiling or assembling one program. Programs that fit the chip use a tenth of them."""
 
 
 class Resource(Enum):
-    """What ran out."""
+    """The resource that ran out."""
 
     TIME = "time"
-    """Of the processor, or elapsed."""
+    """Processor time or elapsed time."""
     MEMORY = "memory"
     RESULT = "result"
 
@@ -81,7 +81,7 @@ class LimitExceeded(Exception):
         self.limits = limits
 
     def __str__(self) -> str:
-        """Returns what follows "compiling it" or "running it" in a sentence."""
+        """Return the rest of a sentence that begins with "compiling it" or "running it"."""
         if self.resource is Resource.TIME:
             if self.limits.deadline_s == self.limits.seconds:
                 return f"took more than {self.limits.seconds:g} s"
@@ -94,11 +94,11 @@ class LimitExceeded(Exception):
 
 
 class ProcessDied(Exception):
-    """The process ended without an answer: it was killed or crashed. Its text says how."""
+    """The process ended without an answer; the text says whether it was killed or crashed."""
 
 
 def missing_limits() -> str:
-    """Returns a sentence on the limits that this system does not enforce; empty where it enforces all."""
+    """Return a sentence about the limits that this system cannot enforce; empty if it enforces all."""
     if not can_fork():
         return (
             f"{sys.platform} cannot limit the memory and the open files of a process: "
@@ -110,9 +110,9 @@ def missing_limits() -> str:
 
 
 def run(work: Callable[[], T], limits: Limits) -> T:
-    """Returns what `work` returns, done in a process of its own; raises what it raises.
+    """Do `work` in a separate process; return what it returns, or raise what it raises.
 
-    Where processes cannot be forked, `work` is done in this process without limits: see `missing_limits`.
+    On systems that cannot fork, `work` is done in this process without limits: see `missing_limits`.
     """
     ((_, result),) = run_each([work], limits)
     if isinstance(result, Exception):
@@ -123,9 +123,9 @@ def run(work: Callable[[], T], limits: Limits) -> T:
 def run_each(
     works: Sequence[Callable[[], T]], limits: Limits, at_once: int = 1
 ) -> Iterator[tuple[int, T | Exception]]:
-    """Yields (index, what it returned or raised) for each of `works` as it ends, `at_once` at a time.
+    """Do `works`, up to `at_once` at a time, and yield (index, returned or raised) as each one ends.
 
-    Each has a process of its own. All of them have ended when the iteration ends, whatever ends it.
+    Each runs in a separate process. All of them have ended when the iteration ends, for whatever reason.
     """
     if not can_fork():
         yield from ((index, _in_this_process(work)) for index, work in enumerate(works))
@@ -153,7 +153,7 @@ def run_each(
 
 
 def can_fork() -> bool:
-    """Whether work can be done in a process of its own here."""
+    """Return whether this system can do work in a separate process."""
     return hasattr(os, "fork") and _resource is not None
 
 
@@ -171,12 +171,12 @@ except ImportError:  # Windows
 
 _LENGTH = struct.Struct("<Q")
 _OUT_OF_MEMORY = b"memory"
-"""In place of a pickled answer: to pickle one there may be too little memory left."""
+"""Sent in place of a pickled answer if too little memory may be left to pickle one."""
 
 
 @dataclass(eq=False, slots=True)
 class _Child:
-    """A process at work, seen from the process that started it."""
+    """A child process, as seen from its parent."""
 
     index: int
     process: int
@@ -185,7 +185,7 @@ class _Child:
     deadline: float
     received: bytearray = field(default_factory=bytearray)
     done: bool = False
-    """Whether it has closed its pipe or sent too much."""
+    """Whether the child has closed its pipe or sent too much."""
 
     def receive(self) -> None:
         part = os.read(self.pipe, 1 << 20)
@@ -193,7 +193,7 @@ class _Child:
         self.done = not part or len(self.received) > self.limits.result_mb * MEGABYTE
 
     def result(self) -> Any:
-        """Returns what the work returned or the exception that it raised; the process has ended then."""
+        """Return what the work returned, or the exception that it raised, once the process has ended."""
         if not self.done:
             self.kill()
             return LimitExceeded(Resource.TIME, self.limits)
@@ -214,17 +214,17 @@ class _Child:
         return ProcessDied(f"its process ended with exit code {os.WEXITSTATUS(status)}")
 
     def kill(self) -> None:
-        """Ends the process and all that it has started."""
+        """Kill the process and all processes that it has started."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process, signal.SIGKILL)
         self._wait()
 
     def _wait(self) -> tuple[int, float]:
-        """Returns the status that it ended with, and the seconds of processor time that it took."""
+        """Return the exit status of the process and its processor time in seconds."""
         os.close(self.pipe)
         try:
             _, status, used = os.wait4(self.process, 0)
-        except ChildProcessError:  # somebody else has waited for it
+        except ChildProcessError:  # another part of the program has waited for it
             return 0, 0.0
         return status, used.ru_utime + used.ru_stime
 
@@ -237,20 +237,20 @@ def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
     process = os.fork()
     if process == 0:
         _be_child(work, limits, writing)
-    with suppress(OSError):  # the child does so, too: whichever comes first
+    with suppress(OSError):  # the child does this too: whichever comes first
         os.setpgid(process, process)
     os.close(writing)
     return _Child(index, process, reading, limits, time.monotonic() + limits.deadline_s)
 
 
 def _be_child(work: Callable[[], object], limits: Limits, writing: int) -> None:
-    """Does the work, sends the answer and ends the process; never returns."""
+    """Do the work, send the answer and end the process; never return."""
     code = 1
     try:
         writing = _shut_off(writing)
         answer = _OUT_OF_MEMORY
         _set_limits(limits)
-        # Without memory there is none to say so with; the answer for that is ready.
+        # Once memory has run out, there is none left to build an answer; this one is ready.
         with suppress(MemoryError):
             answer = _answer(work)
         _send(writing, answer)
@@ -266,10 +266,10 @@ def _answer(work: Callable[[], object]) -> bytes:
         return _OUT_OF_MEMORY
     except Exception as error:
         try:
-            if not isinstance(error, ServogenError):  # a defect: say where
+            if not isinstance(error, ServogenError):  # a defect: add where it happened
                 error.add_note("".join(traceback.format_exception(error)))
             pickled = pickle.dumps(error)
-            pickle.loads(pickled)  # not every exception comes back
+            pickle.loads(pickled)  # not every exception can be unpickled
             return pickled
         except MemoryError:
             return _OUT_OF_MEMORY
@@ -284,7 +284,7 @@ def _send(writing: int, answer: bytes) -> None:
 
 
 def _shut_off(writing: int) -> int:
-    """Closes all that is the parent's but the pipe `writing`; returns the number that it has now."""
+    """Close all inherited files except the pipe `writing`; return the pipe's new descriptor."""
     os.setpgid(0, 0)
     signal.set_wakeup_fd(-1)
     for event in (
@@ -296,13 +296,13 @@ def _shut_off(writing: int) -> int:
         signal.SIGXCPU,
     ):
         signal.signal(event, signal.SIG_DFL)
-    answers = fcntl.fcntl(writing, fcntl.F_DUPFD, 3)  # where the parent had no standard streams, it is one
+    answers = fcntl.fcntl(writing, fcntl.F_DUPFD, 3)  # 0 to 2 if the parent has no standard streams
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nothing, stream)
     for number in [int(entry.name) for entry in Path("/dev/fd").iterdir()]:
         if number > 2 and number != answers:
-            with suppress(OSError):  # the one that the folder was read through
+            with suppress(OSError):  # the descriptor used for reading the folder itself
                 os.close(number)
     return answers
 
@@ -315,14 +315,14 @@ def _set_limits(limits: Limits) -> None:
         _limit("RLIMIT_DATA", data + max(most - resident, most // 2))
     _limit(
         "RLIMIT_CPU", math.ceil(limits.seconds), 1
-    )  # a second later the kernel kills what ignores the signal
+    )  # a process that ignores the signal is killed by the kernel a second later
     _limit("RLIMIT_NOFILE", limits.open_files)
     _limit("RLIMIT_FSIZE", 0)
     _limit("RLIMIT_CORE", 0)
 
 
 def _limit(name: str, value: int, beyond: int = 0) -> None:
-    """Sets a limit, and the hard one by so much `beyond`; a lower one that is set already stays."""
+    """Set a limit, and the hard limit to `beyond` more; limits that are already lower stay."""
     number = getattr(_resource, name)
     _, hard = _resource.getrlimit(number)
     most = value + beyond if hard == _resource.RLIM_INFINITY else min(value + beyond, hard)
@@ -330,7 +330,7 @@ def _limit(name: str, value: int, beyond: int = 0) -> None:
 
 
 def _memory_used() -> tuple[int, int] | None:
-    """Returns the bytes of private data and the resident bytes of this process; None where it is unknown."""
+    """Return the private and the resident bytes of this process; None if they are not known."""
     try:
         pages = [int(number) for number in Path("/proc/self/statm").read_text().split()]
     except OSError:

@@ -1,9 +1,9 @@
-"""Files that are whole or not there, and sets of files that change all at once.
+"""Atomic output: files that are either complete or absent, and sets of files that change together.
 
 In: a path and its text or bytes, or a folder and the names of a set. Out: the file, or all files of the set,
-complete; after an error, an interrupt or a kill the old ones as they were. What a killed process has left
-behind is removed by the next one that writes the same. Line ends are \\n on every system, so that the same
-input gives the same bytes.
+complete; after an error, an interrupt or a kill the old files remain unchanged. Leftovers of a killed process
+are removed by the next process that writes the same files. Line ends are \\n on every system, so that the
+same input gives the same bytes.
 
     folder/            ◀── exchanged in one step ──▶   .folder.1f2e3d4c.part/     the new set, written here
       main.hex  the old set                              main.hex  the new set
@@ -32,7 +32,7 @@ if os.name == "posix":
     import fcntl
 
 PART = ".part"
-"""The ending of what is not yet complete: `.NAME.1f2e3d4c.part`."""
+"""The suffix of incomplete files and folders: `.NAME.1f2e3d4c.part`."""
 
 
 @overload
@@ -44,52 +44,52 @@ def atomic_write(path: str | Path, mode: Literal["wb"]) -> contextlib.AbstractCo
 
 
 def atomic_write(path: str | Path, mode: str = "w") -> contextlib.AbstractContextManager[Any]:
-    """Opens a file, UTF-8 text ("w") or bytes ("wb"), that takes the name `path` when the block ends.
+    """Open a file, as UTF-8 text ("w") or bytes ("wb"), that is renamed to `path` when the block ends.
 
-    After an error it does not. A device, a pipe and an open file of this process (/dev/null, /dev/stdout) are
-    written in place: they have no old content to keep. Raises InputError where the path cannot be written and
-    ToolError where the disk fails.
+    After an error `path` stays as it was. Devices, pipes and open files of this process (/dev/null,
+    /dev/stdout) are written in place, because they have no old content to keep. Raises InputError if the path
+    cannot be written and ToolError if the disk fails.
     """
     return _opened(Path(path), mode)
 
 
 def make_folder(path: str | Path) -> Path:
-    """Makes the folder `path` where it is not there, and returns it. Raises InputError where it cannot be."""
+    """Create the folder `path` if it does not exist, and return it. Raises InputError if it cannot be."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         what = "is a file" if folder.exists() else "is below a file"
         raise InputError(
-            "not-a-file", f"{what}, where a folder is to be made", Location(str(path))
+            "not-a-file", f"{what}, but a folder is to be created there", Location(str(path))
         ) from error
     except OSError as error:
         raise InputError(
-            "unwritable-file", f"the folder cannot be made: {_reason(error)}", Location(str(path))
+            "unwritable-file", f"the folder cannot be created: {_reason(error)}", Location(str(path))
         ) from error
     return folder
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes `text` as the whole of the file `path`."""
+    """Write `text` as the whole contents of the file `path`."""
     with atomic_write(path) as file:
         file.write(text)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Writes `data` as the whole of the file `path`."""
+    """Write `data` as the whole contents of the file `path`."""
     with atomic_write(path, "wb") as file:
         file.write(data)
 
 
 @contextmanager
 def replaced_files(folder: str | Path, names: Collection[str]) -> Iterator[Path]:
-    """Yields an empty folder to write files into, which become `folder`'s when the block ends without error.
+    """Yield an empty folder; the files written there move to `folder` when the block ends without an error.
 
     `names` are all files that such a set may have. They change in one step: whenever the process is killed,
-    `folder` has the whole old set or the whole new one. Other files in it stay. Where the system cannot
-    exchange folders, and where `folder` is the working directory, the old set is removed before the new one
-    takes its place, so that even then no two sets are mixed. Raises InputError where `folder` cannot be made.
+    `folder` has either the whole old set or the whole new one. Other files in it stay. If the system cannot
+    exchange folders, or if `folder` is the working directory, the old set is removed before the new one takes
+    its place, so that even then two sets never mix. Raises InputError if `folder` cannot be created.
     """
     folder = Path(folder)
     if folder.exists():
@@ -106,7 +106,7 @@ def replaced_files(folder: str | Path, names: Collection[str]) -> Iterator[Path]
 
 @contextmanager
 def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
-    """A new folder beside `target`, locked as long as this process lives, and removed at the end."""
+    """Yield a new folder beside `target`; it is locked as long as this process lives, and finally removed."""
     with contextlib.ExitStack() as held:
         locked = False
         while not locked:
@@ -120,17 +120,17 @@ def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
             held.callback(shutil.rmtree, staging, ignore_errors=True)
             if os.name != "posix":
                 break
-            with suppress(FileNotFoundError):  # it may be removed as soon as it is there
+            with suppress(FileNotFoundError):  # another process may remove it as soon as it exists
                 locked = _lock(held.enter_context(_held(os.open(staging, os.O_RDONLY))), staging)
         yield staging
 
 
 def _swap_in(staging: Path, target: Path, names: Collection[str]) -> None:
-    """Puts the files in `staging` in the place of those of `names` that `target` has."""
+    """Replace those of `names` that `target` has with the files in `staging`."""
     if not target.exists():
         staging.rename(target)
     elif _same_files(staging, target, names):
-        return  # the folder stays the same folder, for whoever is in it
+        return  # it remains the same folder for processes that work in it
     elif _exchanged(staging, target, names):
         _carry(staging, target, names)
     else:
@@ -138,7 +138,7 @@ def _swap_in(staging: Path, target: Path, names: Collection[str]) -> None:
 
 
 def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
-    """Gives `staging` what else is in `target`, and exchanges the two; False where that is not possible."""
+    """Link other files of `target` into `staging` and exchange both; return False if impossible."""
     if Path.cwd().is_relative_to(target) or staging.is_relative_to(target):
         return False
     try:
@@ -156,7 +156,7 @@ def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
 
 
 def _replace_in_place(staging: Path, target: Path, names: Collection[str]) -> None:
-    """Removes the old set and then moves the new one in: never two of them, if not whole at each moment."""
+    """Remove the old set, then move the new one in: not atomic, but two sets never mix."""
     try:
         for name in names:
             (target / name).unlink(missing_ok=True)
@@ -170,7 +170,7 @@ def _replace_in_place(staging: Path, target: Path, names: Collection[str]) -> No
 
 
 def _same_files(staging: Path, target: Path, names: Collection[str]) -> bool:
-    """Whether the old set is the new one, byte for byte."""
+    """Return whether the old set equals the new one, byte for byte."""
     new = {entry.name for entry in staging.iterdir()}
     if new != {name for name in names if (target / name).is_file()}:
         return False
@@ -178,7 +178,7 @@ def _same_files(staging: Path, target: Path, names: Collection[str]) -> bool:
 
 
 def _others(folder: Path, names: Collection[str]) -> list[Path]:
-    """What is in `folder` beside the set, and beside what killed processes have left of it."""
+    """Return the entries of `folder` that belong neither to the set nor to leftovers of killed processes."""
     return [
         entry
         for entry in folder.iterdir()
@@ -187,7 +187,7 @@ def _others(folder: Path, names: Collection[str]) -> list[Path]:
 
 
 def _carry(old: Path, target: Path, names: Collection[str]) -> None:
-    """Moves to `target` what is only in `old` and is not of the set: folders, and files that came late."""
+    """Move entries that only `old` has and that are not of the set to `target`: folders, and late files."""
     for entry in _others(old, names):
         if not os.path.lexists(target / entry.name):
             with suppress(FileNotFoundError):  # another process that cleans up was faster
@@ -195,7 +195,7 @@ def _carry(old: Path, target: Path, names: Collection[str]) -> None:
 
 
 def _remove_abandoned(parent: Path, target: Path, names: Collection[str]) -> None:
-    """Removes what killed processes have left of the set; what is not of the set goes back to `target`."""
+    """Remove what killed processes have left of the set; move other files back to `target`."""
     for entry in _abandoned(parent, target.name):
         if entry.is_dir():
             if target.is_dir():
@@ -208,14 +208,14 @@ def _remove_abandoned(parent: Path, target: Path, names: Collection[str]) -> Non
 
 
 def _abandoned(folder: Path, name: str) -> Iterator[Path]:
-    """Yields this user's parts of `name` whose process has ended: nobody holds their lock any more."""
-    if os.name != "posix":  # there is no such lock, so that nobody knows
+    """Yield this user's parts of `name` whose process has ended, as their locks are no longer held."""
+    if os.name != "posix":  # without such locks, it cannot be known
         return
     for entry in [part for part in folder.iterdir() if _is_part_of(part.name, name)]:
         with suppress(OSError), _held(os.open(entry, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)) as handle:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(handle).st_uid == os.geteuid():
-                yield entry  # removed while it is locked: no process can have just begun it
+                yield entry  # the caller removes it under the lock, so no process can have just begun it
 
 
 @contextmanager
@@ -227,12 +227,12 @@ def _held(handle: int) -> Iterator[int]:
 
 
 def _lock(handle: int, path: Path) -> bool:
-    """Locks a new part as long as it is open; False where a process that cleans up has taken it for old."""
+    """Lock a new part as long as it is open; return False if a process that cleans up has removed it."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks, where nobody cleans up either
+    except OSError:  # a file system without locks, on which no process cleans up either
         return True
     try:
         return os.path.samestat(os.fstat(handle), path.stat())
@@ -249,9 +249,9 @@ def _is_part_of(entry: str, name: str) -> bool:
 
 
 def _exchange(first: Path, second: Path) -> None:
-    """Gives two folders each other's name in one step.
+    """Exchange the names of two folders in one step.
 
-    Raises OSError if the file system or the operating system has no such operation.
+    Raises OSError if the file system or the operating system cannot do that.
     """
     if os.name != "posix":
         raise _no_exchange()
@@ -281,15 +281,15 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
     in_place = descriptor is not None or (target.exists() and not target.is_file())
     try:
         if descriptor is not None:
-            sys.stdout.flush()  # so that what was printed before comes before
+            sys.stdout.flush()  # so that earlier output appears first
             name, file = target, os.fdopen(os.dup(descriptor), mode, **text)  # type: ignore[call-overload]
         elif in_place:
             name, file = target, target.open(mode, **text)  # type: ignore[call-overload]
         else:
             name, file = _open_part(target, mode, text)
-    except BrokenPipeError:  # of what was printed before
+    except BrokenPipeError:  # from earlier output
         raise
-    except (OSError, ValueError) as error:  # ValueError: the name is not one that the system can have
+    except (OSError, ValueError) as error:  # ValueError: not a valid name on this system
         raise InputError(
             "unwritable-file", f"cannot be written: {_reason(error)}", Location(str(path))
         ) from error
@@ -299,7 +299,7 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
         if not in_place:
             name.replace(target)
     except OSError as error:
-        ours = error.filename in (None, str(name))  # a write names no file; others are the block's own
+        ours = error.filename in (None, str(name))  # errors of writes name no file; others are the block's
         if ours and not isinstance(error, BrokenPipeError):
             raise ToolError(
                 "write-failed", f"could not be written: {_reason(error)}", Location(str(path))
@@ -311,7 +311,7 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
 
 
 def _open_part(target: Path, mode: str, text: dict[str, str]) -> tuple[Path, IO[Any]]:
-    """A new file beside `target` that is locked while it is open; parts of killed processes are removed."""
+    """Create a file beside `target`, locked while it is open, after removing parts of killed processes."""
     for entry in _abandoned(target.parent, target.name):
         entry.unlink(missing_ok=True)
     while True:
@@ -326,7 +326,7 @@ _DESCRIPTOR = re.compile(r"/dev/(?:(stdout)|(stderr)|fd/(\d{1,6}))|/proc/self/fd
 
 
 def _descriptor(path: Path) -> int | None:
-    """The number of this process's open file that `path` names: to open it by name would begin it anew."""
+    """Return the descriptor of this process's open file that `path` names; opening it would truncate it."""
     found = _DESCRIPTOR.fullmatch(str(path))
     if found is None:
         return None
@@ -334,9 +334,11 @@ def _descriptor(path: Path) -> int | None:
 
 
 def _target(path: Path) -> Path:
-    """The file itself where `path` is a link to it, so that the link stays."""
+    """Return the file that `path` links to, so that the link stays; `path` itself if it is not a link."""
     if path.is_dir():
-        raise InputError("not-a-file", "is a directory, where a file is to be written", Location(str(path)))
+        raise InputError(
+            "not-a-file", "is a directory, but a file is to be written there", Location(str(path))
+        )
     if path.is_symlink():
         path = path.resolve()
     if not path.parent.is_dir():

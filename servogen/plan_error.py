@@ -1,7 +1,7 @@
 """`PlanError`: how far a schedule's pulses are from the motion that they were rounded from.
 
-Every width is whole cycles of the chip, and an engine may encode it more coarsely still. Edges are compared
-with the schedule; this is the distance from there to what was planned.
+Every width is rounded to whole cycles of the chip, and an engine may encode it even more coarsely. Edges are
+compared with the schedule; `PlanError` is the distance from the schedule to the plan.
 """
 
 from __future__ import annotations
@@ -9,22 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 NO_PLAN = "no plan to compare with"
-"""Describes a schedule that was written by hand or measured: nothing says what it was rounded from."""
+"""Describes a schedule that was written by hand or measured, of which no plan is known."""
 
 DECIMALS = 3
-"""Of every number: a nanosecond and a micrometre are far below what a servo resolves."""
+"""Decimals of every number: a nanosecond and a micrometre are far below a servo's resolution."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanError:
-    """The largest distances over all frames and servos; None where the motion has nothing of that kind."""
+    """The maximum distances over all frames and servos; None if the motion has no such quantity."""
 
     width_us: float
     angle_deg: float | None = None
     speed_deg_s: float | None = None
-    """Of continuous-rotation servos, whose width is a speed."""
+    """For continuous-rotation servos, whose width is a speed."""
     end: str | None = None
-    """The foot, tool or base that is farthest from its planned place."""
+    """The foot, tool or base that is farthest from its planned position."""
     end_mm: float | None = None
 
     def text(self) -> str:
@@ -39,7 +39,7 @@ class PlanError:
         return ", ".join(parts)
 
     def to_json(self) -> dict[str, object]:
-        """Return plain values for a JSON file."""
+        """Return the error as a value that JSON can hold."""
         return {
             "width_us": self.width_us,
             "angle_deg": self.angle_deg,
@@ -49,6 +49,6 @@ class PlanError:
         }
 
 
-def plan_words(error: PlanError | None) -> str:
-    """Return how far a schedule is from its plan, as the end of a verdict's first line."""
+def plan_text(error: PlanError | None) -> str:
+    """Return the distance of a schedule from its plan in words, for the end of a verdict's first line."""
     return NO_PLAN if error is None else f"the schedule is within {error.text()} of the plan"

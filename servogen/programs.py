@@ -38,7 +38,7 @@ C_SUFFIX = ".c"
 ASSEMBLY_SUFFIXES = (".asm", ".s", ".src")
 HEX_SUFFIXES = (".hex", ".ihx", ".h8", ".obj")
 MAX_SCHEDULE_BYTES = 16 << 20
-"""Of a schedule: an hour of frames that all differ, for two servos."""
+"""The maximum size of a schedule: an hour of frames that all differ, for two servos."""
 
 PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
 
@@ -46,22 +46,22 @@ BUILT_PROGRAM, BUILT_SCHEDULE = "main.hex", "schedule.json"
 """Names in the folder that `servogen build` writes."""
 
 Included = Callable[[str, str], Path | None]
-"""(name, including file) -> the file that is included; None where there is none. Raises InputError."""
+"""(name, including file) -> the included file; None if there is none. Raises InputError."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """A program to run: a HEX file has no listing, and only C may say its clock."""
+    """A program to run; programs from HEX files have no listing, and only C can state the clock."""
 
     image: Image
     listing: Listing | None = None
     clock: Clock | None = None
     remarks: tuple[Diagnostic, ...] = ()
-    """What is odd about a HEX file that can be read all the same."""
+    """Warnings about a HEX file that can be read nevertheless."""
 
 
 def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
-    """Returns a text file's contents; what is not UTF-8 is taken as Latin-1. Raises InputError."""
+    """Return the contents of a text file, read as Latin-1 if it is not UTF-8. Raises InputError."""
     raw = read_input(path, limit)
     try:
         return raw.decode("utf-8-sig")
@@ -70,7 +70,7 @@ def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
 
 
 def read_assembly(path: Path) -> str:
-    """An assembly file: each byte is a character, as in the assemblers of the time. Raises InputError."""
+    """Return an assembly file's text, one character per byte as in old assemblers. Raises InputError."""
     return read_input(path).decode("latin-1")
 
 
@@ -107,7 +107,7 @@ def within_limits(
     limits: Limits = COMPILING,
     hint: str = LIMITS_HINT,
 ) -> T:
-    """Returns what `work`, which compiles `file`, returns. Raises InputError where it exceeds the limits."""
+    """Return what `work`, which compiles `file`, returns. Raises InputError if it exceeds the limits."""
     try:
         return run(work, limits)
     except LimitExceeded as error:
@@ -122,10 +122,10 @@ def within_limits(
 
 
 def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
-    """Return the program in a HEX, C or assembly file. `included` finds its include files; the device is by
-    default the one that a header of the source names, else the PIC16F84.
+    """Return the program in a HEX, C or assembly file.
 
-    It takes what time and memory the program asks for, see `read_program`. Raises InputError.
+    `included` finds its include files. The device defaults to the one that a header of the source names, else
+    to the PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
     """
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
@@ -151,9 +151,9 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
 
 
 def read_submission(submission: Submission) -> Program:
-    """Returns a student's program; it includes only what is the student's own. Raises InputError.
+    """Return a student's program, which can include only the student's own files. Raises InputError.
 
-    It takes what time and memory the program asks for: the caller limits them.
+    The caller limits time and memory.
     """
     in_any_case = submission.file.suffix.lower() in ASSEMBLY_SUFFIXES
     return compile_program(submission.file, included=partial(submission.included, in_any_case=in_any_case))
@@ -176,17 +176,17 @@ def _assembly_includes(included: Included, source: Path) -> Callable[[str], str 
 
 
 def beside_c(name: str, including: str) -> tuple[str, str] | None:
-    """(file name, text) of an include file in the folder of the file that includes it; None without one."""
+    """Return (file name, text) of an include file beside the file that includes it; None if it is missing."""
     path = Path(including).parent / name
     return (str(path), read_source(path)) if path.is_file() else None
 
 
 XC8_HEADERS = frozenset(["xc.h", "pic.h", "htc.h"])
 SDCC_HEADERS = frozenset(["pic16f84.h", "pic16f84a.h", "pic14regs.h", "pic16regs.h"])
-"""The headers by which a dialect is known, besides the folder `pic14/`; XC8 where a source has both."""
+"""The headers that identify a dialect, besides the folder `pic14/`; XC8 if a source has both."""
 DEVICE_HEADERS = {"pic16f84.h": "PIC16F84", "pic16f84a.h": "PIC16F84A", "p16f84a.h": "PIC16F84A"}
 MAX_HEADERS = 200
-"""Own headers that are looked through."""
+"""The maximum number of the program's own headers that are searched."""
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*[<"]([^>"\n]+)[>"]', re.MULTILINE)
 
 CInclude = Callable[[str, str], tuple[str, str] | None]
@@ -194,8 +194,8 @@ CInclude = Callable[[str, str], tuple[str, str] | None]
 
 
 def included_names(sources: Iterable[tuple[str, str]], include: CInclude) -> set[str]:
-    """Return the names of all headers that sources, as (file, text), include: by themselves, or through
-    headers of their own.
+    """Return the names of all headers that sources, as (file, text), include directly or through their own
+    headers.
     """
     names: set[str] = set()
     waiting = list(sources)
@@ -228,30 +228,30 @@ def dialect_of(names: set[str]) -> str:
 
 
 def device_of(names: set[str]) -> str | None:
-    """Return the chip that the names of headers say; None where they do not."""
+    """Return the chip that the names of headers imply; None if they imply none."""
     found = [DEVICE_HEADERS[each] for name in names if (each := name.rpartition("/")[2]) in DEVICE_HEADERS]
     return max(found, default=None)
 
 
 def devices_of(asked: str | None, names: set[str]) -> tuple[Device, Device | None]:
-    """Return the chip that is asked for or that the names of headers say; where there is neither, the
-    default, and the chip to take instead where the program's clock is too fast for it. Raises InputError.
+    """Return the chip that is requested or implied by the names of headers; without either, the default chip
+    and the one to use instead if the program's clock is too fast for it. Raises InputError.
     """
-    said = asked or device_of(names)
-    if said is not None:
-        return device(said), None
+    name = asked or device_of(names)
+    if name is not None:
+        return device(name), None
     return device(DEFAULT_DEVICE), device(FASTER_DEVICE)
 
 
 def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:
-    """Return the clock that is asked for, else that of the program's C, else 4 MHz."""
+    """Return the requested clock, else that of the program's C, else 4 MHz."""
     if clock_hz is not None:
         return Clock(clock_hz)
     return program.clock if program and program.clock else Clock(DEFAULT_CLOCK_HZ)
 
 
 def read_schedule(path: Path) -> PulseSchedule:
-    """Returns the schedule in a schedule.json. Raises InputError."""
+    """Return the schedule in a schedule.json. Raises InputError."""
     from servogen.pulse import from_json
 
     return from_json(read_source(path, MAX_SCHEDULE_BYTES), str(path))

@@ -1,7 +1,7 @@
 """Time as a typed integer: `Cycles` of an oscillator's `Clock`.
 
 In: an oscillator frequency in hertz. Out: exact conversions between instruction cycles and microseconds;
-a number of things in words.
+counts with their nouns.
 One instruction cycle (Tcy) is four oscillator periods (DS35007, section 2.2 "Clocking scheme").
 """
 
@@ -19,7 +19,7 @@ OSCILLATOR_PERIODS_PER_CYCLE = 4
 
 @dataclass(frozen=True, slots=True)
 class Rounded:
-    """What was asked for in microseconds and what whole cycles give."""
+    """A requested time in microseconds and the nearest one in whole cycles."""
 
     requested_us: Fraction
     cycles: Cycles
@@ -50,24 +50,24 @@ class Clock:
 
     @property
     def cycle_us(self) -> Fraction:
-        """The length of one instruction cycle in microseconds."""
+        """Return the length of an instruction cycle in µs."""
         return 1_000_000 / self.cycles_per_second
 
     def us(self, cycles: int) -> Fraction:
-        """The exact time of `cycles` in microseconds."""
+        """Return the exact time of `cycles` in µs."""
         return cycles * self.cycle_us
 
     def seconds(self, cycles: int) -> Fraction:
         return cycles / self.cycles_per_second
 
     def round_us(self, us: Fraction | float) -> Rounded:
-        """The whole number of cycles nearest to `us` microseconds; a half goes up."""
+        """Return the number of cycles nearest to `us` microseconds; halves are rounded up."""
         requested = Fraction(us)
         cycles = Cycles(_nearest(requested / self.cycle_us))
         return Rounded(requested, cycles, self.us(cycles))
 
     def round_seconds(self, seconds: Fraction | float) -> Cycles:
-        """The whole number of cycles nearest to `seconds`; a half goes up."""
+        """Return the number of cycles nearest to `seconds`; halves are rounded up."""
         return Cycles(_nearest(Fraction(seconds) * self.cycles_per_second))
 
 

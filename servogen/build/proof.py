@@ -21,7 +21,7 @@ from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
-from servogen.plan_error import plan_words
+from servogen.plan_error import plan_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, Options, find_repeat
@@ -206,14 +206,14 @@ class Forever:
         if self.proven:
             return (
                 f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
-                f"0 cycles from the schedule; {plan_words(self.verdict.plan_error)}"
+                f"0 cycles from the schedule; {plan_text(self.verdict.plan_error)}"
             )
         if self.reason:
             seconds = float(self.verdict.clock.seconds(self.verdict.span.compared))
             why = f"{self.reason}; covered {seconds:g} s"
         else:
             why = "the edges are not the schedule's"
-        return f"NOT proven for all time: {why}; {plan_words(self.verdict.plan_error)}"
+        return f"NOT proven for all time: {why}; {plan_text(self.verdict.plan_error)}"
 
     def to_json(self) -> dict[str, object]:
         return {

@@ -61,7 +61,7 @@ def check(job: JobFile, json: Json = False) -> None:
     """Check a job file and show its pulses, without building it."""
     from servogen.build import planned as planned_job
     from servogen.job import load, plan_job
-    from servogen.plan_error import plan_words
+    from servogen.plan_error import plan_text
 
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
@@ -77,7 +77,7 @@ def check(job: JobFile, json: Json = False) -> None:
         print(note.message)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
     loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
-    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_words(schedule.plan_error)}")
+    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_text(schedule.plan_error)}")
     warn_of_all(warnings)
 
 
@@ -94,7 +94,7 @@ def build(
     from servogen.build import write
     from servogen.build.build import program_facts
     from servogen.job import load, plan_job
-    from servogen.plan_error import plan_words
+    from servogen.plan_error import plan_text
     from servogen.report import timing_budgets_text
 
     loaded = plan_job(load(job))
@@ -108,7 +108,7 @@ def build(
         _width_table(done.plan.widths)
         _program_table([done])
         print("\n".join(timing_budgets_text(program_facts(done), done.job.clock)))
-        plan = plan_words(done.plan.schedule.plan_error)
+        plan = plan_text(done.plan.schedule.plan_error)
         print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
     warn_of_all(done.warnings)
     raise typer.Exit(0 if done.proven else 1)
@@ -372,7 +372,7 @@ def report(
     from servogen.errors import InputError, Location
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
-    from servogen.plan_error import plan_words
+    from servogen.plan_error import plan_text
     from servogen.verify import capture_lines
 
     if rate is not None and capture is None:
@@ -388,11 +388,11 @@ def report(
         as_json({"file": str(target), **page.to_json()}, [page.not_built] if page.not_built else [])
     elif page.not_built:
         print(page.not_built.message)
-        print(f"{target}: the plan; {plan_words(page.plan_error)}")
+        print(f"{target}: the plan; {plan_text(page.plan_error)}")
     else:
         said = "proven" if page.programs_proven else "NOT PROVEN"
         said = f"programs {said}" if page.capture else said
-        print(f"{target}: {said}; {plan_words(page.plan_error)}")
+        print(f"{target}: {said}; {plan_text(page.plan_error)}")
     if page.capture and not json:
         print(f"{capture}: {capture_lines(page.capture)[0]}")
     if page.twin and not json:

@@ -19,7 +19,7 @@ from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pic.listing import ListedFunction, Listing, listing_text
-from servogen.plan_error import plan_words
+from servogen.plan_error import plan_text
 from servogen.pulse import PulsePlan, PulseSchedule
 from servogen.report.drawing import Chart, path_chart, time_chart
 from servogen.report.motion_table import widths_us
@@ -149,7 +149,7 @@ def _state(facts: PageFacts) -> tuple[str, str]:
 
 def _distance(facts: PageFacts) -> str:
     """Return how far the edges are from the schedule, and the schedule from the plan."""
-    words = plan_words(facts.plan.schedule.plan_error)
+    words = plan_text(facts.plan.schedule.plan_error)
     proven = bool(facts.programs) and all(program.proven for program in facts.programs)
     return f"0 cycles from the schedule; {words}" if proven else words
 
@@ -299,7 +299,7 @@ def program_values(program: ProgramFacts) -> dict[str, object]:
         ),
         "proven": program.proven,
         "span": f"{verdict.span.frames} frames, {float(verdict.clock.seconds(verdict.span.compared)):g} s, "
-        f"{verdict.span.compared} cycles, on all 13 pins; {plan_words(verdict.plan_error)}",
+        f"{verdict.span.compared} cycles, on all 13 pins; {plan_text(verdict.plan_error)}",
         "start": None
         if verdict.start is None
         else f"{float(verdict.clock.us(verdict.start)):g} µs after reset",

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from servogen.edges import HIGH, PINS, Expected
 from servogen.errors import Diagnostic
-from servogen.plan_error import PlanError, plan_words
+from servogen.plan_error import PlanError, plan_text
 from servogen.units import Clock, Cycles, counted
 from servogen.verify.coverage import Coverage
 
@@ -378,7 +378,7 @@ def verdict_lines(verdict: Verdict) -> list[str]:
     """
     lines = [
         f"{_headline(verdict)}{_span_words(verdict)}; "
-        f"{'0 cycles from the schedule; ' if verdict.agrees else ''}{plan_words(verdict.plan_error)}"
+        f"{'0 cycles from the schedule; ' if verdict.agrees else ''}{plan_text(verdict.plan_error)}"
     ]
     if verdict.start is not None:
         start = float(verdict.clock.us(verdict.start))

@@ -19,7 +19,7 @@ from servogen.job import Job, PlannedJob, loads, plan_job
 from servogen.job.schema import MotionTable
 from servogen.outputs import write_text
 from servogen.pic.image import to_hex
-from servogen.plan_error import plan_words
+from servogen.plan_error import plan_text
 from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
@@ -184,7 +184,7 @@ def _built(done: Build) -> Message:
         "proven": done.proven,
         "frames": done.frames,
         "words": own.firmware.compilation.words,
-        "distance": plan_words(done.plan.schedule.plan_error),
+        "distance": plan_text(done.plan.schedule.plan_error),
         "reasons": [reason for program in done.programs for reason in map(str, program.verdict.reasons)],
         "warnings": [warning.sentence for warning in done.warnings],
         "hex": to_hex(own.image),

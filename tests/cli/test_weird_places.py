@@ -48,7 +48,7 @@ def test_a_file_where_the_folder_of_a_build_is_to_be_says_so(run: Run, tmp_path:
     (tmp_path / "file").write_text("mine")
     for target in (tmp_path / "file", tmp_path / "file" / "below", Path("/dev/null")):
         ran = run("build", JOB, "-o", target)
-        assert ran.code == 2 and "where a folder is to be made" in ran.err, ran.err
+        assert ran.code == 2 and "but a folder is to be created there" in ran.err, ran.err
     assert (tmp_path / "file").read_text() == "mine"
 
 

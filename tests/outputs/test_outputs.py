@@ -62,7 +62,7 @@ def test_a_folder_is_made_with_those_above_it_and_may_be_there(tmp_path: Path) -
 @pytest.mark.parametrize(("below", "says"), [("", "is a file"), ("/c", "is below a file")])
 def test_a_folder_where_a_file_is_says_so(tmp_path: Path, below: str, says: str) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=f"file{below}: error: {says}, where a folder is to be made"):
+    with pytest.raises(InputError, match=f"file{below}: error: {says}, but a folder is to be created there"):
         make_folder(f"{tmp_path}/file{below}")
 
 

@@ -144,7 +144,7 @@ def test_a_folder_whose_parent_cannot_be_written_is_written_in_place(
 
 def test_a_file_where_the_folder_is_to_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(InputError, match="is a file, where a folder is to be made"):
+    with pytest.raises(InputError, match="is a file, but a folder is to be created there"):
         write_set(tmp_path / "out", "new")
     assert (tmp_path / "out").read_text() == "mine"
 

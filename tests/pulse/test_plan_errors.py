@@ -11,7 +11,7 @@ import pytest
 from servogen.build import planned
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
-from servogen.plan_error import NO_PLAN, PlanError, plan_words
+from servogen.plan_error import NO_PLAN, PlanError, plan_text
 from servogen.pulse import PulseSchedule, from_json
 from servogen.pulse.quantise import channel_error, largest
 from servogen.robot.servo import servo
@@ -102,7 +102,7 @@ def test_a_schedule_without_a_plan_says_so() -> None:
     read = from_json(json.dumps(data), "schedule.json")
     assert read.plan_error is None
     assert read.device is None
-    assert plan_words(read.plan_error) == NO_PLAN == "no plan to compare with"
+    assert plan_text(read.plan_error) == NO_PLAN == "no plan to compare with"
 
 
 @pytest.mark.parametrize(

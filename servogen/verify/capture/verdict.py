@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
-from servogen.plan_error import PlanError, plan_words
+from servogen.plan_error import PlanError, plan_text
 from servogen.units import counted
 from servogen.verify.capture.alignment import Line, WholeFrames
 from servogen.verify.coverage import Coverage
@@ -291,7 +291,7 @@ def capture_summary(verdict: CaptureVerdict) -> list[str]:
     first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
     lines = [
         f"{_headline(verdict)}{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
-        f"a sample every {verdict.sample_us:g} µs; {plan_words(verdict.plan_error)}",
+        f"a sample every {verdict.sample_us:g} µs; {plan_text(verdict.plan_error)}",
         _clock_words(verdict),
     ]
     if verdict.pieces:
