@@ -1,1 +1,3 @@
-"""Positions sent live to a chip with the `stream` engine, or to any servo controller that speaks Mini SSC."""
+"""Sends positions live to a chip with the `stream` engine, or to any servo controller that speaks Mini
+SSC.
+"""

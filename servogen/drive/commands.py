@@ -1,6 +1,7 @@
-"""The commands of a person who drives a robot: words that are typed, or keys of a terminal.
+"""Commands of a person who drives a robot: typed words, or keys of a terminal.
 
-In: a terminal, a pipe or a text. Out: a `CommandSource`, which returns the commands given so far.
+In: a terminal, a pipe or a text. Out: a `CommandSource`, which returns the commands given since the last
+call.
 """
 
 from __future__ import annotations
@@ -65,13 +66,13 @@ class NoCommands:
     """A source that gives no commands."""
 
     def since(self, seconds: float) -> list[str]:
-        """Return no commands."""
+        """Return an empty list."""
         return []
 
 
 @dataclass(slots=True)
 class LineCommands:
-    """One command per line, read from a file descriptor without ever blocking; its end is `quit`."""
+    """One command per line, read from a file descriptor without blocking; the end of the file is `quit`."""
 
     descriptor: int
     _text: bytes = b""
@@ -80,7 +81,7 @@ class LineCommands:
     _until: float = 0.0
 
     def since(self, seconds: float) -> list[str]:
-        """Return the commands that are due; those after a `wait` are due when its time is over."""
+        """Return the commands that are due; commands after a `wait` are due once its time is over."""
         while not self._ended and _readable(self.descriptor):
             data = os.read(self.descriptor, READ_BYTES)
             self._ended = not data
@@ -102,7 +103,7 @@ class LineCommands:
 
 
 def script(text: str) -> LineCommands:
-    """Return a source of the commands in a text, and `quit` at its end."""
+    """Return a source of the commands in a text, with `quit` at its end."""
     return LineCommands(-1, _ended=True, _waiting=deque([*commands_in(text), QUIT]))
 
 
@@ -119,7 +120,7 @@ def wait_seconds(command: str) -> float:
     except (IndexError, ValueError):
         seconds = -1.0
     if not 0 <= seconds < float("inf"):
-        raise InputError("bad-command", f"'{command}' does not say how long to wait", hint="wait 1.5")
+        raise InputError("bad-command", f"'{command}' does not state how long to wait", hint="wait 1.5")
     return seconds
 
 

@@ -1,4 +1,4 @@
-"""`ServoController`: servo angles as Mini SSC positions, never beyond a servo's limits.
+"""`ServoController`: servo angles as Mini SSC positions within the servos' limits.
 
 In: the servos, their numbers at the controller, and the width of each of its 255 positions. Out: the
 positions that changed, and the bytes that command them.
@@ -24,13 +24,14 @@ DEFAULT_BAUD = 9600
 """The rate of controllers other than the stream engine."""
 
 REFRESH_S = 0.5
-"""How often a robot at rest is sent one position, each servo's in turn, so that a lost byte is corrected."""
+"""The interval at which a robot at rest is sent one position, of each servo in turn, to correct lost bytes.
+"""
 
 REFRESHES_PER_SILENCE = 4
-"""The number of positions sent in the time after which a chip takes its line for dead."""
+"""The number of positions sent within the time after which a chip considers its line dead."""
 
 TINY_US = 1e-6
-"""Rounding noise of a width."""
+"""Rounding noise of a width in µs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +42,11 @@ class Channel:
     number: int
     widths_us: tuple[float, ...]
     slack_us: float = TINY_US
-    """How far a width may be beyond the servo's limits by rounding."""
+    """The distance by which rounding may take a width beyond the servo's limits."""
 
     @property
     def step_us(self) -> float:
-        """Return the mean difference between the widths of consecutive positions."""
+        """Return the mean difference, in µs, between the widths of consecutive positions."""
         return (self.widths_us[-1] - self.widths_us[0]) / MAX_VALUE
 
     def position(self, angle: float) -> int:
@@ -74,16 +75,14 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class ServoController:
-    """All servos, in the order of the job; `frame_s` is the stream engine's, which alone knows groups."""
+    """All servos, in the order of the job; `frame_s` is only set for the stream engine, which has groups."""
 
     channels: tuple[Channel, ...]
     frame_s: float | None = None
     refresh_s: float = REFRESH_S
 
     def changes(self, sent: Sequence[int | None], angles: Floats) -> list[tuple[int, int]]:
-        """Return (index, position) of each servo whose position differs from the one sent; NaN changes
-        nothing.
-        """
+        """Return (index, position) of each servo whose position differs from the one sent; NaN: no change."""
         changed = []
         for index, (channel, before, angle) in enumerate(
             zip(self.channels, sent, angles.tolist(), strict=True)
@@ -108,13 +107,11 @@ def controller_of(
     if first + len(job.servos) > MAX_VALUE + 1:
         raise InputError(
             "does-not-fit",
-            f"{len(job.servos)} servos from number {first} on: the last number is {MAX_VALUE}",
+            f"{len(job.servos)} servos numbered from {first}: the last number is {MAX_VALUE}",
         )
     if job.stream is not None and range_us is None:
         if first:
-            raise InputError(
-                "bad-option", "the stream engine's servos are numbered from 0 on", job.stream.place
-            )
+            raise InputError("bad-option", "the stream engine's servos are numbered from 0", job.stream.place)
         return baud or job.stream.baud, _stream(job, job.stream)
     if range_us is None:
         raise InputError(

@@ -1,7 +1,7 @@
-"""Jogging: one servo at a time, by steps of its angle, beside the poses of the job.
+"""Jogging: moving one servo at a time in steps, in addition to going to the job's poses.
 
-In: what goes to poses, commands. Out: `Jog`, a motion without an end, and its state in a line: the selected
-servo, where it goes, the pulse for it, and the step.
+In: a `Poser`, commands. Out: `Jog`, an endless motion, and its state in one line: the selected servo, its
+goal, the pulse for the goal, and the step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FIRST_STEP = STEPS_DEG.index(1.0)
 
 
 class Poser(Protocol):
-    """What goes to poses and angles."""
+    """Goes to poses and angles."""
 
     @property
     def commands(self) -> tuple[str, ...]: ...
@@ -35,7 +35,7 @@ class Poser(Protocol):
 
 @dataclass(slots=True)
 class Jog:
-    """Takes the commands of `poser`, the names of servos, and steps of the servo that was selected."""
+    """Takes the commands of `poser`, names of servos, and steps of the selected servo."""
 
     job: PlannedJob
     poser: Poser
@@ -45,12 +45,12 @@ class Jog:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """Return the poses, the servos' names, and what selects and moves a servo."""
+        """Return the poses, the servos' names, and the commands that select and move a servo."""
         names = (servo.name for servo in self.job.servos)
         return (*self.poser.commands, *names, NEXT, PREVIOUS, MORE, LESS, FINER, COARSER)
 
     def command(self, command: str) -> None:
-        """Take a command. Raises InputError for one that it does not take."""
+        """Carry out a command. Raises InputError for an unknown one."""
         names = [servo.name for servo in self.job.servos]
         self._at_limit = False
         if command in self.poser.commands or "=" in command:
@@ -83,7 +83,7 @@ class Jog:
         )
 
     def _move(self, degrees: float) -> None:
-        """Move the selected servo, unless that is beyond its limits."""
+        """Move the selected servo by `degrees`, but not beyond its limits."""
         servo = self.job.servos[self.selected]
         goal = math.degrees(float(self.poser.goal[self.selected])) + degrees
         try:

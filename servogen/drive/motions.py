@@ -1,7 +1,7 @@
-"""Motions that are driven: a pose, or a trajectory in its own time.
+"""Motions to drive: a pose, or a trajectory at its own speed.
 
-In: servo angles. Out: `at`, the angle of every servo at a moment, in radians; NaN for a servo that is not
-moved.
+In: servo angles. Out: `at`, the angle of every servo at a moment, in radians; NaN for a servo that does not
+move.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ class Motion(Protocol):
     """Servo angles as a function of time."""
 
     def at(self, seconds: float) -> Floats | None:
-        """Return the angles (servos,) at `seconds` since it began; None once it is over."""
+        """Return the angles (servos,) at `seconds` after the start; None once the motion is over."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Still:
-    """A pose that is held without an end."""
+    """A pose that is held endlessly."""
 
     angles: Floats
 
@@ -38,7 +38,7 @@ class Still:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """A trajectory frame by frame, its loop repeated; one whose loop is a single frame is over after it."""
+    """A trajectory, frame by frame, with its loop repeated; a loop of a single frame ends the motion."""
 
     trajectory: JointTrajectory
 
@@ -67,7 +67,7 @@ class Limited:
 
 
 ALMOST = 1e-6
-"""The part of a frame by which a moment may precede the next frame and still count as its beginning."""
+"""The fraction of a frame by which a moment may precede a frame and still count as its beginning."""
 
 
 def frame_at(trajectory: JointTrajectory, seconds: float) -> int:
@@ -76,15 +76,16 @@ def frame_at(trajectory: JointTrajectory, seconds: float) -> int:
 
 
 def pose_of(job: PlannedJob, text: str) -> Floats:
-    """Return a pose by its number (from 1) or name in the job, or of `servo=degrees,…`, NaN for other servos.
+    """Return the pose with a number (from 1) or a name in the job, or that of `servo=degrees,…`, in radians.
 
-    Raises InputError for an unknown pose or servo and for an angle outside a servo's limits.
+    Servos that are not named are NaN. Raises InputError for an unknown pose or servo and for an angle outside
+    a servo's limits.
     """
     if "=" in text:
         return _angles(job.servos, text)
     place = Location(job.file)
     if not job.poses:
-        raise InputError("unknown-name", "the job has no poses", place, "give angles: --pose arm=90,hand=45")
+        raise InputError("unknown-name", "the job has no poses", place, "state angles: --pose arm=90,hand=45")
     names = {pose.name: index for index, pose in enumerate(job.poses) if pose.name}
     if text in names:
         return np.array(job.poses[names[text]].angles)

@@ -1,12 +1,12 @@
-"""Steering a walk on command: codes for the line of its chip, and what a chip that hears them does.
+"""Steering a walk on command: codes for the line of its chip, and the behaviour of a chip that hears them.
 
-In: a job whose robot walks on command, where commands come from, and the port of a real chip, if there is
-one. Out: the codes on the port, and a `State` for each frame.
+In: a job whose robot walks on command, a source of commands, and the port of a real chip, if there is one.
+Out: the codes on the port, and a `State` for each frame.
 
     command ─▶ byte ─▶ port, at one bit per frame
                  ╰───▶ a simulated chip with the job's program ─▶ direction, part, frame, widths
 
-The state is always the simulated chip's: nothing comes back from a real one, which does the same as long as
+The state is always that of the simulated chip: a real chip sends nothing back, but does the same as long as
 it hears the same and stood at the beginning.
 """
 
@@ -28,12 +28,12 @@ from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST
 
 POLL_S = 0.01
-"""The pause between two looks at the commands: less than a frame."""
+"""The interval at which commands are polled: less than a frame."""
 
 STANCE, LEAD_IN = "stance", "lead-in"
 PARTS = ("start", "cycle", "stop")
 REPEATS = 2
-"""How often a code is sent: one of which a level is missed or read twice is not heard."""
+"""The number of times that a code is sent, because a code with a level missed or read twice is not heard."""
 
 
 def line_baud(job: PlannedJob) -> int:
@@ -43,7 +43,7 @@ def line_baud(job: PlannedJob) -> int:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What the chip does in a frame. `part` is empty where there is none."""
+    """What the chip does in a frame; `part` is empty in the stance and in the lead-in."""
 
     seconds: float
     """Since power-up."""
@@ -51,7 +51,7 @@ class State:
     direction: str
     part: str
     widths_us: Mapping[str, float]
-    """Of each servo, its latest complete pulse."""
+    """The latest complete pulse of each servo."""
 
     def to_json(self) -> dict[str, object]:
         """Return the state as a value that JSON can hold."""
@@ -95,7 +95,7 @@ class Twin:
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """Return the directions that it can be commanded."""
+        """Return the names of the directions that can be commanded."""
         return self._chain.names
 
     @property
@@ -104,11 +104,11 @@ class Twin:
         return float(self._clock.seconds(self._chip.now))
 
     def hear(self, byte: int) -> None:
-        """Put a byte on the line, after those that are still on their way."""
+        """Put a byte on the line, after those that are still to be sent."""
         self._stimulus.waiting.append(byte)
 
     def frame(self) -> State:
-        """Run the chip for one frame and return its state then."""
+        """Run the chip for one frame and return its state at the end."""
         self._chip.run(self._period)
         self._frames += 1
         direction, part = self._direction()
@@ -123,7 +123,7 @@ class Twin:
         return self._chain.names[begun // 2 - 1], PARTS[places.index(until, 1) - 1]
 
     def _heard(self, levels: Levels, now: int) -> None:
-        """Measure the pulses in what the pins did."""
+        """Measure the pulses in the changes of the pins."""
         for cycle, word in zip(*(column.tolist() for column in levels), strict=True):
             changed, self._word = self._word ^ word, word
             for pin, name in self._pins.items():
@@ -135,7 +135,7 @@ class Twin:
 
 @dataclass(slots=True)
 class CommandedDrive:
-    """One drive; `link` is the line of a real chip, None: there is only the simulated one."""
+    """One drive; `link` is the line of a real chip, None if there is only the simulated one."""
 
     twin: Twin
     source: CommandSource
@@ -143,12 +143,12 @@ class CommandedDrive:
     tell: Callable[[State], None]
     link: SerialLink | None = None
     single_keys: bool = False
-    """Whether the commands are keys, of which those without a meaning are ignored."""
+    """Whether the commands are keys; keys without a meaning are ignored."""
     commanded: str = STOP
     sent: int = 0
 
     def run(self, seconds: float) -> None:
-        """Take commands until one ends the drive, or for `seconds`; then the robot is stopped.
+        """Take commands until one ends the drive, or for `seconds`; then stop the robot.
 
         Raises InputError for a command that the robot does not take.
         """

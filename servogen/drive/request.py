@@ -1,7 +1,7 @@
 """The request for a drive, and what it means for a job's robot.
 
-In: a planned job and a `Request`. Out: a `Course`: the motion, what takes commands, the pose that ends the
-drive.
+In: a planned job and a `Request`. Out: a `Course`: the motion, the function that takes commands, the pose
+that ends the drive.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 
 HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
-"""How a drive may end, besides by a pose."""
+"""The ways in which a drive can end, besides a pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One pose, steering, or the job's motion if neither is asked for."""
+    """A pose, steering, or the job's motion if neither is requested."""
 
     pose: str | None = None
     """A pose as `pose_of` reads it."""
     steer: bool = False
     single_keys: bool = False
-    """Whether the commands are keys, of which those without a meaning for this robot are ignored."""
+    """Whether the commands are keys; keys without a meaning for this robot are ignored."""
     rates: Rates = field(default_factory=Rates)
-    """How far a command moves a walking robot or a base."""
+    """The distances by which a command moves a walking robot or a base."""
     seconds: float | None = None
-    """How long; None: until it is interrupted, except for a pose that the robot keeps by itself."""
+    """The duration; None: until it is interrupted, except for a pose that the robot keeps by itself."""
     stop: str | None = None
     """`HOLD`, `NEUTRAL`, `OFF` or a pose; None: wheels stop and other servos hold."""
     rehearsal: bool = False
-    """Whether nothing is sent, so that a motion is played once."""
+    """Whether this is a dry run, which sends nothing and plays a motion once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A drive that is ready to begin."""
+    """A drive that is ready to start."""
 
     motion: Motion
     on_command: Callable[[str], None]
@@ -52,15 +52,15 @@ class Course:
     stop: Floats | None
     """The pose that ends the drive; None: the servos hold the last one."""
     seconds: float
-    """How long the motion lasts; infinite if only an interrupt ends it."""
+    """The duration of the motion; infinite if only an interrupt ends it."""
     state: Callable[[], str] | None = None
-    """Returns what a command has changed, in a line; None: nothing that is shown."""
+    """Returns the state that a command has changed, in one line; None if there is no such line."""
 
 
 def course_of(job: PlannedJob, request: Request) -> Course:
-    """Return what `request` means for the job's robot. Raises InputError."""
+    """Return the course that `request` asks of the job's robot. Raises InputError."""
     if request.pose is not None and request.steer:
-        raise InputError("conflicting-options", "--pose is one pose, --keys is many: take one of the two")
+        raise InputError("conflicting-options", "--pose is one pose, --keys is many: use one of the two")
     stop = _stop_pose(job, request.stop)
     if request.steer:
         steering = steering_of(job, request.rates)
@@ -90,8 +90,8 @@ def _motion_seconds(job: PlannedJob, request: Request) -> float:
 
 
 def _pose_seconds(job: PlannedJob, request: Request) -> float:
-    """Return 0 for a pose that the robot keeps by itself: not one of wheels that turn, nor one that the
-    chip's fail-safe would end.
+    """Return 0 for a pose that the robot keeps by itself, else infinity: for wheels that turn, and for a pose
+    that the chip's fail-safe would end.
     """
     if request.seconds is not None:
         return request.seconds
@@ -101,7 +101,7 @@ def _pose_seconds(job: PlannedJob, request: Request) -> float:
 
 
 def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
-    """Return the pose that ends the drive; None if the servos hold what they were sent last."""
+    """Return the pose that ends the drive; None if the servos hold the last one sent."""
     neutral = np.array([servo.neutral for servo in job.servos])
     wheels = [servo.model.continuous for servo in job.servos]
     if text is None and any(wheels):

@@ -1,7 +1,8 @@
 """`SerialLink`: bytes sent no faster than a serial line carries them, over a port that may disappear.
 
-In: how to open the port, the baud rate, the time. Out: the same bytes; `Unplugged` when the port disappears,
-and `reopen`, which waits until it is back. Time and port are parameters, so that tests do not wait.
+In: a function that opens the port, the baud rate, the time. Out: the same bytes; `Unplugged` when the port
+disappears, and `reopen`, which waits until it is back. Time and port are parameters, so that tests do not
+wait.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from servogen.bench.ports import PortError, open_port
 from servogen.errors import Diagnostic, ToolError
 
 BITS_PER_BYTE = 10
-"""A start bit, eight bits of data, a stop bit."""
+"""The bits of a byte on the line: a start bit, eight data bits, a stop bit."""
 
 RETRY_S = 0.5
-"""The time between two attempts to open a port that disappeared."""
+"""The interval between attempts to open a port that has disappeared."""
 
 
 class Wire(Protocol):
-    """Something that bytes are written to."""
+    """Something to which bytes can be written."""
 
     def write(self, data: bytes) -> None:
         """Write bytes. Raises `Unplugged` if the port has disappeared."""
@@ -35,7 +36,7 @@ Opener = Callable[[], AbstractContextManager[Wire]]
 
 @dataclass(frozen=True, slots=True)
 class Time:
-    """A clock, in seconds from an arbitrary moment, and how to wait."""
+    """A clock, in seconds from an arbitrary moment, and a function that waits."""
 
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -63,7 +64,7 @@ class NullWire:
 
 
 def port_opener(path: str, baud: int) -> Opener:
-    """Return what opens the serial port at `path`."""
+    """Return a function that opens the serial port at `path`."""
     return lambda: open_port(path, baud)
 
 
@@ -71,7 +72,7 @@ class SerialLink:
     """An open serial line; `close` it, or use it in a `with` statement."""
 
     def __init__(self, opener: Opener, baud: int, time: Time, patience_s: float) -> None:
-        """Open the line; `patience_s` is how long `reopen` waits for the port. Raises PortError."""
+        """Open the line; `reopen` waits up to `patience_s` seconds for the port. Raises PortError."""
         self.byte_s = BITS_PER_BYTE / baud
         self._opener = opener
         self._time = time
@@ -91,7 +92,9 @@ class SerialLink:
         self._held.close()
 
     def send(self, data: bytes) -> float:
-        """Write `data` once all before it is sent; return the time of its last stop bit. Raises Unplugged."""
+        """Write `data` after all earlier data is sent; return the time of its last stop bit. Raises
+        Unplugged.
+        """
         wait = self._free_at - self._time.now()
         if wait > 0:
             self._time.sleep(wait)
@@ -105,10 +108,10 @@ class SerialLink:
         self._time.sleep(max(0.0, self._free_at - self._time.now()))
 
     def reopen(self, waiting: Callable[[PortError], None] = lambda error: None) -> float:
-        """Open a port that disappeared as soon as it is back; return how many seconds that took.
+        """Open a port that has disappeared as soon as it is back; return the seconds that this took.
 
-        `waiting` is called with each new reason why the port cannot be opened. Raises ToolError if it is not
-        back within the patience that was given.
+        `waiting` is called with each new reason why the port cannot be opened. Raises ToolError if the port
+        is not back within the line's `patience_s`.
         """
         begin = self._time.now()
         self.close()

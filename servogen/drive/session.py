@@ -1,13 +1,13 @@
-"""One drive: a motion sent over a serial line until it is over, and the robot stopped whatever happens.
+"""One drive: sends a motion over a serial line until it is over, and stops the robot whatever happens.
 
 In: the motion, the commands, the controller, the line, the time. Out: `Summary`; every command and event is
-logged as it happens.
+logged when it happens.
 
     first pose ─▶ sample the motion ─▶ positions that changed, servo by servo, as the line is free ─▶ sample …
 
 A stream engine goes to the first pose as a group: all servos together, in the time given for it. The line
-determines how often the motion is sampled: what it cannot carry is never queued. If the port disappears, the
-session waits for it; the motion pauses meanwhile, and then every servo is sent its position again.
+determines how often the motion is sampled: positions that it cannot carry are never queued. If the port
+disappears, the session waits for it; the motion pauses meanwhile, and then all positions are sent again.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from servogen.motion.trajectory import Floats
 Log = Callable[[dict[str, object]], None]
 
 POLL_S = 0.005
-"""The pause when nothing has changed: much less than a servo's frame."""
+"""The interval between samples when nothing has changed: much less than a servo's frame."""
 
 
 ARRIVE_S = 1.0
-"""The default time of a stream engine's way to the first pose."""
+"""The default time in which a stream engine goes to the first pose."""
 
 
 @dataclass(slots=True)
 class Summary:
-    """What was sent. `rounds` counts the poses in which a servo changed; `slowest_s` is the
-    longest of them.
+    """What was sent. `rounds` is the number of poses in which a servo changed; `slowest_s` is the time of the
+    slowest one.
     """
 
     seconds: float = 0.0
     moving_s: float = 0.0
-    """The part of `seconds` after the first pose was reached, without the times when the port was gone."""
+    """The part of `seconds` after the first pose was reached, without the time when the port was missing."""
     commands: int = 0
     rounds: int = 0
     slowest_s: float = 0.0
@@ -52,7 +52,7 @@ class Summary:
 
     @property
     def poses_per_second(self) -> float:
-        """Return the mean rate of poses while the robot moved."""
+        """Return the mean number of poses per second while the robot moved."""
         return self.rounds / self.moving_s if self.moving_s > 0 else 0.0
 
     def to_json(self) -> dict[str, object]:
@@ -62,8 +62,8 @@ class Summary:
 
 @dataclass(slots=True)
 class Session:
-    """The parts of a drive: `source` gives commands to `on_command`; `stop` is the last pose, None: no
-    change.
+    """The parts of a drive: `source` gives commands to `on_command`; `stop` is the final pose, None for
+    none.
     """
 
     controller: ServoController
@@ -74,7 +74,7 @@ class Session:
     source: CommandSource = field(default_factory=NoCommands)
     on_command: Callable[[str], None] = field(default=lambda command: None)
     arrive_s: float = ARRIVE_S
-    """The time of a stream engine's way to the first pose."""
+    """The time in which a stream engine goes to the first pose."""
     summary: Summary = field(default_factory=Summary)
     _sent: list[int | None] = field(init=False)
     _arrive_frames: int = 0
@@ -82,9 +82,9 @@ class Session:
     _begun: float = 0.0
     _last: float = 0.0
     _known: bool = False
-    """Whether the robot is known to have what was sent."""
+    """Whether the robot is known to have received what was sent."""
     _held_s: float = 0.0
-    """How long the motion has waited for the port and for the first pose."""
+    """The time for which the motion has waited for the port and for the first pose."""
     _in_group: bool = False
 
     def __post_init__(self) -> None:
@@ -124,7 +124,9 @@ class Session:
         return self.summary
 
     def _commanded(self, motion: Motion, moment: float) -> Floats | None:
-        """Return the angles of a moment after the commands given until then; None if the drive is over."""
+        """Carry out the commands given until `moment` and return the angles then; None if the drive is
+        over.
+        """
         for command in self.source.since(moment):
             self.log({"s": round(moment, 4), "command": command})
             if command == QUIT:
@@ -146,7 +148,7 @@ class Session:
             ends = self._last + frames * (self.controller.frame_s or 0.0)
             while (left := ends - self.time.now()) > 0:
                 self.time.sleep(min(left, self.controller.refresh_s))
-                self._bytes(speed_command(0, 0))  # changes nothing, but shows the chip that its line is alive
+                self._bytes(speed_command(0, 0))  # no effect, but shows the chip that its line is alive
         self.line.drain()
         self.summary.rounds += 1
         self._known = True
@@ -166,10 +168,10 @@ class Session:
             return
         self._pose(changed)
         self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
-        self.line.drain()  # so that the next sample is not older than what it takes to send it
+        self.line.drain()  # so that the next sample is no older than the time it takes to send it
 
     def _refreshed(self) -> list[tuple[int, int]]:
-        """Return the servo whose turn it is, with the position last sent to it."""
+        """Return the servo that is refreshed next, with the position last sent to it."""
         known = [(index, p) for index, p in enumerate(self._sent) if p is not None]
         self._turn += 1
         return [known[self._turn % len(known)]] if known else []
@@ -197,7 +199,7 @@ class Session:
         self.log({"s": round(self._last - self._begun, 4), **facts, "bytes": command.hex(" ")})
 
     def _recover(self, error: Unplugged) -> None:
-        """Wait for the port; how much of the last pose the robot received is not known."""
+        """Wait for the port; it is not known how much of the last pose the robot has received."""
         self.log({"s": self._now(), "event": "lost", "text": str(error)})
         away = self.line.reopen(self._waits)
         self.summary.outages += 1
@@ -207,7 +209,7 @@ class Session:
         self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
 
     def _waits(self, error: PortError) -> None:
-        """Log why the port cannot be opened, such as another program that uses it, unless it is not back."""
+        """Log why the port cannot be opened, such as another program using it, unless it is still missing."""
         if error.code != "no-such-port":
             self.log({"s": self._now(), "event": "waiting", "text": str(error)})
 
@@ -216,7 +218,7 @@ class Session:
         if self.stop is None:
             return
         try:
-            if self._in_group:  # a group that an outage or error cut off would wait for its end
+            if self._in_group:  # the chip would wait for the end of a group that was cut off
                 self._group_goes(1)
             self._pose(self.controller.changes([None] * len(self._sent), self.stop))
             self.line.drain()

@@ -1,7 +1,7 @@
 """Robots steered by commands: a walking robot walks and turns, a base rolls, any other goes to its poses.
 
-In: a planned job, commands. Out: `Steering`, a motion without an end. Which of the three a robot is follows
-from the protocols of its kind (`kinematics.protocol`).
+In: a planned job, commands. Out: `Steering`, an endless motion. The protocols of a robot's kind determine
+which of the three it is (`kinematics.protocol`).
 
     WalkController: the gait of each direction as start, cycle and stop, so that no foot ever slips
 
@@ -35,33 +35,33 @@ DIRECTIONS: Mapping[str, tuple[int, int, int]] = {
     SIDEWAYS_LEFT: (0, 1, 0),
     SIDEWAYS_RIGHT: (0, -1, 0),
 }
-"""Commands and the body's motion: along x, along y, about z."""
+"""The motion of the body for each command: along x, along y, about z."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How far a walking robot goes in a cycle, or a base in a second. None: as in the job, or the default."""
+    """The distances of a walking robot per cycle, or a base per second; None: the job's, or the default."""
 
     distance_mm: float | None = None
     turn_deg: float | None = None
 
 
 class Steering(Protocol):
-    """A `Motion` without an end that takes commands."""
+    """An endless `Motion` that takes commands."""
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """Return the commands that it takes."""
+        """Return the accepted commands."""
 
     def command(self, command: str) -> None:
-        """Take a command. Raises InputError for one that it does not take."""
+        """Carry out a command. Raises InputError for an unknown one."""
 
     def at(self, seconds: float) -> Floats | None:
         """Return the angle of every servo (servos,) in radians."""
 
 
 def steering_of(job: PlannedJob, rates: Rates) -> Steering:
-    """Return what steers a job's robot.
+    """Return the steering of a job's robot.
 
     Raises InputError for a robot that can go in none of the directions, and for one that cannot be steered.
     """
@@ -75,7 +75,7 @@ def steering_of(job: PlannedJob, rates: Rates) -> Steering:
         return PoseController(job)
     raise InputError(
         "nothing-to-drive",
-        "nothing can be steered: keys steer a walking robot, a base on wheels, or the poses of [motion]",
+        "nothing can be steered: commands need a walking robot, a base on wheels, or poses of [motion]",
         Location(job.file),
     )
 
@@ -85,12 +85,12 @@ def _unknown(command: str, known: Iterable[str]) -> InputError:
 
 
 DEFAULT_SPEED_RAD_S = 1.0
-"""For a servo whose model does not state its speed."""
+"""The speed assumed for a servo whose model does not state one."""
 
 
 @dataclass(slots=True, eq=False)
 class PoseController:
-    """Goes to poses of the job, each servo as fast as its model can and all of them in the same time."""
+    """Goes to poses of the job as fast as the slowest servo allows; all servos arrive together."""
 
     job: PlannedJob
     _start: Floats = field(init=False)
@@ -104,17 +104,17 @@ class PoseController:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is taken as well."""
+        """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is accepted as well."""
         names = [pose.name for pose in self.job.poses if pose.name]
         return (*(str(index + 1) for index in range(len(self.job.poses))), *names, STOP)
 
     @property
     def goal(self) -> Floats:
-        """Return the angles that the servos go to."""
+        """Return the target angles of the servos."""
         return self._goal
 
     def command(self, command: str) -> None:
-        """Go to a pose from where the servos are now, or stop there."""
+        """Go to a pose from the present angles, or stop at these."""
         if command not in self.commands and "=" not in command:
             raise _unknown(command, self.commands)
         goal = self._now if command == STOP else pose_of(self.job, command)
@@ -122,7 +122,7 @@ class PoseController:
         self._goal = np.where(np.isnan(goal), self._goal, goal)
 
     def at(self, seconds: float) -> Floats | None:
-        """Return the angles on the straight line to the pose."""
+        """Return the angles on the straight line, in joint space, to the pose."""
         self._moment = seconds
         takes = max(
             abs(angle) / (servo.model.speed or DEFAULT_SPEED_RAD_S)
@@ -164,7 +164,7 @@ def _base_controller(job: PlannedJob, base: DrivingRobot, rates: Rates) -> BaseC
 
 @dataclass(slots=True, eq=False)
 class BaseController:
-    """Turns the wheels at the speeds of the command, which it reaches in `RAMP_S`."""
+    """Turns the wheels at the speeds of the command, which are reached after `RAMP_S`."""
 
     speeds: Mapping[str, Floats]
     commanded: str = STOP
@@ -197,14 +197,14 @@ class BaseController:
 
 DEFAULT_STRIDE_MM, DEFAULT_TURN_DEG = 40.0, 8.0
 MAX_CYCLES = 12
-"""By then a walk is steady."""
+"""The number of cycles after which a walk is certainly steady."""
 
 SAME_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gait:
-    """Frames (n, servos) from standing, of one cycle, and to standing again."""
+    """Frames (n, servos): from standing to walking, one cycle, and back to standing."""
 
     start: Floats
     cycle: Floats
@@ -238,9 +238,9 @@ def _segment(row: Mapping[str, float]) -> Segment:
 
 
 def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> Gait:
-    """Return one direction as start, cycle and stop, with the legs standing at both ends as for the others.
+    """Return one direction as start, cycle and stop, with the stance of all directions at both ends.
 
-    Raises InputError if the legs cannot walk it.
+    Raises InputError if the legs cannot walk in it.
     """
     endless = plan_job(job, row, others).trajectory
     angles, loop = endless.angles, endless.loop_start
@@ -256,7 +256,7 @@ def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) 
 
 @dataclass(slots=True, eq=False)
 class WalkController:
-    """Walks cycle by cycle; `walking` is the direction of the present cycle, None while the robot stands."""
+    """Walks cycle by cycle; `walking` is the direction of the current cycle, None while the robot stands."""
 
     job: PlannedJob
     gaits: Mapping[str, Gait]

@@ -1,7 +1,7 @@
-"""`Sweep`: one servo moved through its widths for calibration, within its limits.
+"""`Sweep`: moves one servo through its widths for calibration, within its limits.
 
-In: a channel, the first and last width, the number of points. Out: the positions in order, a servo that goes
-to each in small steps and settles there, and the readings of a calibration.
+In: a channel, the first and last width, the number of points. Out: the positions in order, to which the servo
+goes in small steps and where it settles, and the readings of a calibration.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from servogen.robot.calibration import Reading
 MIN_POINTS = 3
 STEP_S = 0.02
 RANGE_S = 1.5
-"""The time over the whole range of a servo: slow enough to switch it off before it breaks anything."""
+"""The time for the whole range of a servo: slow enough to switch it off before it breaks anything."""
 
 SETTLE_S = 0.5
-"""The time that a servo takes to come to rest."""
+"""The time that a servo needs to come to rest."""
 
 
 def positions(channel: Channel, from_us: float | None, to_us: float | None, count: int) -> tuple[int, ...]:
-    """Return `count` evenly spaced, rising positions; by default over all that the servo's limits allow.
+    """Return `count` evenly spaced, rising positions, by default over the whole range of the servo's limits.
 
     Raises InputError for widths beyond the limits and for a range too short for that many points.
     """
@@ -36,7 +36,7 @@ def positions(channel: Channel, from_us: float | None, to_us: float | None, coun
     if low < minimum - channel.slack_us or high > maximum + channel.slack_us:
         raise InputError(
             "servo-limit",
-            f"{channel.servo.name} takes pulses of {minimum:g} to {maximum:g} µs, not {low:g} to {high:g} µs",
+            f"{channel.servo.name} accepts {minimum:g} to {maximum:g} µs, not {low:g} to {high:g} µs",
             channel.servo.place,
             "its min_deg, max_deg, travel_deg and points in the job set them",
         )
@@ -78,7 +78,9 @@ class Sweep:
         self.line.send(self.controller.command(self.index, self.at))
 
     def wait_for(self, answer: Callable[[], str | None]) -> str:
-        """Return a person's answer; meanwhile positions keep the chip's fail-safe away. Raises Unplugged."""
+        """Return a person's answer, sending positions meanwhile to hold off the fail-safe. Raises
+        Unplugged.
+        """
         sent = self.time.now()
         while (text := answer()) is None:
             self.time.sleep(STEP_S)
@@ -97,8 +99,8 @@ def sweep_readings(
 ) -> list[Reading]:
     """Return the readings of the servo at `index` at each position, for which `ask` gives the angle.
 
-    It starts at its neutral position and returns there whatever happens. Raises Unplugged, and what `ask`
-    raises.
+    The servo starts at its neutral position and returns there whatever happens. Raises Unplugged, and what
+    `ask` raises.
     """
     channel = controller.channels[index]
     rest = channel.position(channel.servo.neutral)
@@ -115,9 +117,7 @@ def sweep_readings(
 
 
 def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
-    """Return an `Ask` that gives angles read before. Raises InputError unless there is one for
-    each position.
-    """
+    """Return an `Ask` that answers with given angles. Raises InputError unless there is one per position."""
     if len(angles) != len(stops):
         raise InputError(
             "wrong-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
@@ -133,12 +133,16 @@ def _steps(start: int, end: int, step: int) -> Iterator[int]:
 
 
 def servo_index(job: Job, name: str | None) -> int:
-    """Return the index of a job's servo; its only one needs no name. Raises InputError."""
+    """Return the index of a job's servo; the only servo of a job needs no name. Raises InputError."""
     names = [servo.name for servo in job.servos]
     if name is None and len(names) == 1:
         return 0
     if name not in names:
-        wrong = "it is not said which servo" if name is None else f"there is no servo '{name}'"
+        wrong = (
+            "the job has several servos, and none was named"
+            if name is None
+            else f"there is no servo '{name}'"
+        )
         raise InputError(
             "missing-option", wrong, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
         )
@@ -146,7 +150,7 @@ def servo_index(job: Job, name: str | None) -> int:
 
 
 def refusals(job: Job, servo: str, file: Path) -> tuple[Diagnostic, ...]:
-    """Return why the job cannot do its motion with a servo's calibration from `file`, as warnings."""
+    """Return warnings that say why the job cannot make its motion with a servo's calibration from `file`."""
     try:
         plan_job(calibrated(job, servo, str(file.resolve())))
     except InputError as error:

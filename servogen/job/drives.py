@@ -99,7 +99,9 @@ def _stretches(document: Document, table: DriveTable, robot: DrivingRobot) -> tu
 def _wheels(
     document: Document, table: DriveTable, robot: DrivingRobot, servos: Sequence[Servo]
 ) -> tuple[Servo, ...]:
-    """Return the servos of the wheels 1, 2, …: as many as the robot has, continuous, and all of the job's."""
+    """Return the servos of the wheels 1, 2, …: one for each wheel, continuous, and together all of the
+    job's.
+    """
     if len(table.wheels) != robot.wheel_count:
         raise document.error(
             "wrong-count",
@@ -114,13 +116,13 @@ def _wheels(
                 "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name)
             )
         if name in table.wheels[:index]:
-            raise document.error("joint-binding", key, f"'{name}' is two wheels' servo")
+            raise document.error("joint-binding", key, f"'{name}' is the servo of two wheels")
         if not by_name[name].model.continuous:
             raise document.error(
                 "wrong-servo-kind",
                 key,
                 f"'{name}' is not a continuous-rotation servo",
-                'a wheel needs model = "continuous" or the like',
+                'a wheel needs a continuous-rotation servo, such as model = "continuous"',
             )
     for index, servo in enumerate(servos):
         if servo.name not in table.wheels:
@@ -194,7 +196,7 @@ def _ending(
 
 
 def _achieved(servo: Servo, speeds: Floats, clock: Clock) -> Floats:
-    """Return the speeds that pulses of whole cycles give."""
+    """Return the speeds in rad/s that result from pulses of whole cycles."""
     distinct, back = np.unique(speeds, return_inverse=True)
     given = [
         servo.angle(float(clock.round_us(servo.width_us(speed)).achieved_us)) for speed in distinct.tolist()

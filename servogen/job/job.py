@@ -1,6 +1,4 @@
-"""`Job`: the content of a job file, validated and in internal units; `PlannedJob`: the motion of
-its servos.
-"""
+"""`Job`: the content of a job file, validated and in internal units; `PlannedJob`: a job and its motion."""
 
 from __future__ import annotations
 
@@ -27,14 +25,14 @@ from servogen.units import Clock
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """The program that a job wants."""
+    """The program that a job requests."""
 
     dialect: str
     engine: str
-    """"auto": the smallest that can do the job."""
+    """"auto": the engine with the smallest program that can do the job."""
     soft_start_s: Fraction
     max_error_us: float
-    """How far a pulse may be from the planned one."""
+    """The maximum deviation of a pulse from the planned one."""
     buttons: Buttons
     commands: CommandLine | None = None
     """The input that selects the direction of a walk on command."""
@@ -43,7 +41,7 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True)
 class NamedPose:
-    """One of [motion] poses: the angle of every servo in the job's order, in radians."""
+    """A pose of [motion] poses: the angle of every servo in the job's order, in radians."""
 
     name: str | None
     angles: tuple[float, ...]
@@ -51,10 +49,10 @@ class NamedPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """One job before planning.
+    """A job before planning.
 
-    `bindings` are the joints that servos turn, `tip` is the end of the leg or arm that they move, `robot` the
-    robot of [robot], `wheels` the servos of a drive's wheels 1, 2, ….
+    `bindings` are the joints that the servos turn, `tip` the end of the leg or arm that they move, `robot`
+    the robot of [robot], `wheels` the servos of the wheels 1, 2, … of a drive.
     """
 
     name: str
@@ -70,23 +68,23 @@ class Job:
     frame: Frame
     firmware: Firmware
     stream: Stream | None
-    """The serial line, which only the stream engine reads; None: there is none."""
+    """The serial line, which only the stream engine reads; None if there is none."""
     section: Section | None
-    """The section that moves the servos; None: a stream job without a motion of its own."""
+    """The section that moves the servos; None for a stream job without a motion."""
     supply: SupplyTable | None
     sensors: tuple[SensorTable, ...]
     expect: ExpectTable
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """Return the legs or the arm of the job's robot; none without a robot and for one on wheels."""
+        """Return the legs or the arm of the job's robot; empty without a robot and for one on wheels."""
         if self.robot is not None:
             return self.robot.limbs
         return (self.tip.limb,) if self.tip is not None else ()
 
     @property
     def base(self) -> DrivingRobot | None:
-        """Return the robot whose wheels the servos turn; None if they move something else."""
+        """Return the robot whose wheels the servos turn; None if the servos move something else."""
         return self.robot if self.wheels and isinstance(self.robot, DrivingRobot) else None
 
     @property
@@ -105,9 +103,9 @@ class Job:
 class PlannedJob(Job):
     """A job and the motion of its servos.
 
-    `trajectory` has one joint for each servo, in the order of `servos`: the servos' own angles. `poses` are
-    those of [motion], none if something else moves the servos. The user should act on or accept the
-    `warnings`; `notes` describe the motion.
+    `trajectory` has one joint for each servo, in the order of `servos`: the angles of the servos themselves.
+    `poses` are those of [motion], and empty if another section moves the servos. The user should act on the
+    `warnings` or accept them; `notes` describe the motion.
     """
 
     trajectory: JointTrajectory
@@ -115,4 +113,4 @@ class PlannedJob(Job):
     warnings: tuple[Diagnostic, ...]
     notes: tuple[Diagnostic, ...]
     directions: tuple[CommandedDirection, ...] = ()
-    """What a walk on command can do; `trajectory` is its stance then."""
+    """The directions of a walk on command, whose `trajectory` is its stance."""

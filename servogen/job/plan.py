@@ -129,13 +129,13 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
                 "joint-binding",
                 ("servo", index),
                 f"{servo.name} turns no joint of the robot",
-                "say which: joint = …",
+                "state the joint: joint = …",
             )
     return joints
 
 
 def _limits(job: Job) -> tuple[Limits, ...]:
-    """Return each servo's limits, reduced to those of the joint that it turns."""
+    """Return the limits of each servo, narrowed to those of the joint that it turns."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {binding.servo: binding for binding in job.bindings}
@@ -153,8 +153,8 @@ def _limits(job: Job) -> tuple[Limits, ...]:
 def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
     """Yield a warning for each servo of an arm whose links and payload need more than its torque.
 
-    An arm without stated masses is not checked. A servo that turns `ratio` radians for each unit of a joint
-    gives 1 / ratio of the joint's torque; a frame without pulses (NaN) needs none.
+    An arm without stated masses is not checked. A servo that turns `ratio` radians per unit of its joint
+    must supply 1 / ratio of the joint's torque; a frame without pulses (NaN) needs none.
     """
     tip = job.tip
     if tip is None or not has_masses(tip.limb.arm):
@@ -174,7 +174,7 @@ def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
 
 
 def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
-    """Raise InputError if a spline or a walk leads a servo beyond its limits though no pose does."""
+    """Raise InputError if a spline or a walk takes a servo beyond its limits although no pose does."""
     place = job.document.place(_key(section) if section else "motion")
     for servo, column in zip(job.servos, angles.T, strict=True):
         if not np.isnan(column).all():

@@ -1,6 +1,6 @@
 """[motion] poses of a job -> `motion.Pose` values: servo angles from `<servo>_deg`, `foot_mm` and `tip_mm`.
 
-In: the validated table, the servos and what they move. Out: one pose each, with every servo's angle in
+In: the validated table, the servos and what they move. Out: the poses, each with the angles of all servos in
 radians.
 """
 
@@ -28,10 +28,10 @@ from servogen.toml.locations import Key
 ANGLE = "_deg"
 
 OFF_THE_PATH = 'path = "joint" goes to this pose, but not along the path'
-"""The hint of a path that cannot be followed."""
+"""The hint for a path that cannot be followed."""
 
 MAX_CHOICES = 32
-"""How many solutions of a pose, nearest first, are tried as the start of the paths that follow it."""
+"""The maximum number of solutions of a pose, nearest first, that are tried as the start of the next paths."""
 
 
 def _key_of(servo: Servo) -> str:
@@ -50,7 +50,7 @@ class _State:
 def poses_of(
     document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
-    """Return all poses; a servo that a pose does not name stays where it was. Raises InputError."""
+    """Return all poses; servos that a pose does not name keep their angle. Raises InputError."""
     reader = _Reader(document, servos, tip, table.poses)
     for index, row in enumerate(table.poses):
         if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
@@ -87,10 +87,10 @@ class _Reader:
     rows: Sequence[PoseTable]
 
     def run(self, first: int, end: int, before: _State) -> list[tuple[_State, _FollowedPath | None]]:
-        """Return the states of the pose `first` and of those up to `end` that are reached on paths from it.
+        """Return the states of the pose `first` and of the poses before `end`, which paths from it reach.
 
-        Of the solutions of the pose, the nearest from which all paths can be followed is chosen; if there is
-        none, the error is that of the nearest.
+        The result is the nearest solution of the pose from which all paths can be followed; if there is none,
+        the error is that of the nearest solution.
         """
         refused: list[InputError] = []
         for state in self.states(first, before)[:MAX_CHOICES]:
@@ -105,7 +105,7 @@ class _Reader:
         raise refused[0]
 
     def _arrived(self, index: int, before: _State) -> tuple[_State, _FollowedPath | None]:
-        """Return the state of a pose that is reached on a path, and the path."""
+        """Return the state of a pose that is reached along a path, and the path."""
         state = self.states(index, before)[0]
         path = self.path(index, before, state)
         return path.arrival(state) if path else state, path
@@ -139,7 +139,7 @@ class _Reader:
                     raise self.document.error(
                         "conflicting-keys",
                         (*key, _key_of(servo)),
-                        f"{servo.name}'s angle follows from {name} already",
+                        f"the angle of {servo.name} already follows from {name}",
                         "give one of the two",
                     )
             near = np.array([before.angles.get(servo.name, math.pi / 2) for servo in tip.servos])
@@ -156,27 +156,27 @@ class _Reader:
                 raise self.document.error(
                     "pose-keys",
                     key,
-                    f"the first pose does not say where {servo.name} is",
-                    f"add {_key_of(servo)} = … (later poses may omit it: it stays)",
+                    f"the first pose does not state the angle of {servo.name}",
+                    f"add {_key_of(servo)} = … (later poses may omit it: the servo then stays)",
                 )
         return [_State({**before.angles, **choice}, orientation) for choice in choices]
 
     def pose(self, index: int, table: MotionTable, state: _State, path: _FollowedPath | None) -> Pose:
-        """Return the pose, with how the servos get there from the one before."""
+        """Return the pose, including the move from the previous one."""
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
             raise self.document.error(
                 "pose-keys",
                 (*key, "release"),
                 "release = true without a pause",
-                "say how long: pause_s = …",
+                "state its length: pause_s = …",
             )
         for name in ("hold_s", "pause_s"):
             if row.via and getattr(row, name):
                 raise self.document.error(
                     "pose-keys",
                     (*key, name),
-                    "a pose that is passed has no hold and no pause",
+                    "a via pose has no hold and no pause",
                     "remove via = true",
                 )
         law = row.law or table.law
@@ -198,7 +198,7 @@ class _Reader:
         return tuple(state.angles[servo.name] for servo in self.servos)
 
     def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
-        """Return the angles that a pose gives for servos by name."""
+        """Return the angles in radians that a pose states for servos by name."""
         by_key = {_key_of(servo): servo for servo in self.servos}
         angles: dict[str, float] = {}
         for word, value in (row.model_extra or {}).items():
@@ -219,9 +219,7 @@ class _Reader:
         return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
 
     def _tip(self, key: Key) -> Tip:
-        """Return the tip that a key positions. Raises InputError if the robot has none, or one with another
-        key.
-        """
+        """Return the tip that a key positions. Raises InputError if the robot has no tip with that key."""
         if self.tip is None:
             need = "a foot position needs a leg" if key[-1] == "foot_mm" else "a position needs an arm"
             raise self.document.error(
@@ -231,11 +229,13 @@ class _Reader:
                 "add the section [leg] with its lengths, or [robot] with a servo for each joint",
             )
         if key[-1] != self.tip.key:
-            raise self.document.error("wrong-unit", key, f"this robot's positions are called {self.tip.key}")
+            raise self.document.error(
+                "wrong-unit", key, f"the positions of this robot are given by {self.tip.key}"
+            )
         return self.tip
 
     def path(self, index: int, before: _State, state: _State) -> _FollowedPath | None:
-        """Return the path from the pose before, if the pose is reached on one."""
+        """Return the path from the previous pose; None if the move is through joint space."""
         key, row = _key(index), self.rows[index]
         if row.path == "joint":
             return None
@@ -265,7 +265,7 @@ class _Reader:
 
 @dataclass(eq=False)
 class _FollowedPath:
-    """A path of the tip; servos that do not move it go straight from start to end."""
+    """A path of the tip; servos that do not move the tip go straight from start to end."""
 
     path: Line | Arc
     tip: Tip
@@ -276,9 +276,7 @@ class _FollowedPath:
     place: Location
 
     def __call__(self, shares: Floats) -> Followed:
-        """Return the servos' angles at shares of the path. Raises InputError if it has to change
-        its branch.
-        """
+        """Return the servos' angles at shares of the path. Raises InputError if the branch would change."""
         columns, branch = list(self.columns), self._branch
         if np.abs(branch.end - self.end[columns]).max() > SMALL:
             here, there = self._shown(branch.end), self._shown(self.end[columns])
@@ -290,7 +288,7 @@ class _FollowedPath:
         return replace(followed, angles=angles)
 
     def arrival(self, state: _State) -> _State:
-        """Return the state of the pose at the end of the path, on the branch on which the path arrives."""
+        """Return the state of the pose at the end of the path, on the branch that the path follows."""
         columns, arrived = list(self.columns), self._branch.end
         if np.abs(arrived - self.end[columns]).max() > SMALL:
             self.end[columns] = arrived
@@ -314,7 +312,7 @@ class _FollowedPath:
 
 
 def _angle(document: Document, key: Key, value: object) -> float:
-    """Return a finite number of degrees in radians. Raises InputError."""
+    """Return a number of degrees in radians. Raises InputError unless it is finite."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             degrees = float(value)

@@ -1,7 +1,7 @@
 """[program] of a job -> the servos' trajectory: an arm, its hand, and a file of the arm command language.
 
 In: the job, its validated table, the limits of each servo. Out: `Planned`. The arm's joints are limited to
-what their servos can turn, so that a position out of a servo's reach is refused at its program line.
+the travel of their servos, so that a position that a servo cannot reach is refused at its program line.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ def program_of(
     table: ProgramTable,
     limits: Sequence[Limits],
 ) -> Planned:
-    """Return the motion of the program; `limits` are the servos', one each.
+    """Return the motion of the program; `limits` has one entry per servo.
 
-    Raises InputError, also at lines of the program.
+    Raises InputError, with locations in the job or in the program.
     """
     document, robot, bindings, servos = job.document, job.robot, job.bindings, job.servos
     if not isinstance(robot, Arm):
@@ -71,7 +71,7 @@ def _hand(
     if name not in by_name:
         raise document.error("unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name))
     if name in [binding.servo for binding in bindings]:
-        raise document.error("joint-binding", key, f"'{name}' turns a joint of the arm already")
+        raise document.error("joint-binding", key, f"'{name}' already turns a joint of the arm")
     if by_name[name].model.continuous:
         raise document.error("wrong-servo-kind", key, f"'{name}' turns continuously: a hand needs angles")
     opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
@@ -81,7 +81,7 @@ def _hand(
 
 
 def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos: Sequence[Servo]) -> Arm:
-    """Return the arm with its joints' limits narrowed to what their servos can turn."""
+    """Return the arm with its joints' limits narrowed to the travel of their servos."""
     by_name = {servo.name: servo for servo in servos}
     by_joint = {binding.joint: binding for binding in bindings}
     joints = []
@@ -91,7 +91,7 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
                 "joint-binding",
                 ("program",),
                 f"no servo turns the joint '{joint.name}'",
-                f'give one joint = "{joint.name}"',
+                f'add joint = "{joint.name}" to a servo',
             )
         binding = by_joint[joint.name]
         ends = sorted(binding.position(by_name[binding.servo].limits).tolist())
@@ -117,7 +117,7 @@ def _manipulator(
     servos: Sequence[Servo],
     limits: Sequence[Limits],
 ) -> Manipulator:
-    """Return the arm with the speeds that both its joints and their servos allow."""
+    """Return the arm with the maximum speeds that both its joints and their servos allow."""
     by_servo = {servo.name: limit.speed for servo, limit in zip(servos, limits, strict=True)}
     by_joint = {binding.joint: by_servo[binding.servo] / abs(binding.ratio) for binding in bindings}
     speeds = tuple(None if math.isinf(by_joint[joint.name]) else by_joint[joint.name] for joint in arm.joints)
@@ -130,7 +130,9 @@ def _manipulator(
 def _on_servos(
     document: Document, done: Run, table: ProgramTable, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> JointTrajectory:
-    """Return the joints' columns as those of the servos in their order, released at the end if requested."""
+    """Return the trajectory of the servos, in their order, from that of the joints, released at the end if
+    the job says so.
+    """
     by_servo = {binding.servo: binding for binding in bindings}
     if table.hand is not None:
         by_servo[table.hand.servo] = Binding(HAND, table.hand.servo)
@@ -140,7 +142,7 @@ def _on_servos(
                 "joint-binding",
                 ("servo", index),
                 f"{servo.name} turns no joint of the arm",
-                'say which: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
+                'state the joint: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
             )
     motion = bound(done.trajectory, [by_servo[servo.name] for servo in servos])
     if table.end == "release":
@@ -158,6 +160,6 @@ def _notes(document: Document, done: Run) -> tuple[Diagnostic, ...]:
         )
     ]
     if done.outputs:
-        text = f"the program writes its output port {len(done.outputs)} times: firmware makes pulses only"
+        text = f"the program writes its output port {len(done.outputs)} times: firmware only makes pulses"
         notes.append(Diagnostic("note", "output-port", text, place))
     return tuple(notes)

@@ -1,8 +1,8 @@
 """A job file -> `Job`. Every error names the line, the key, the value and what is allowed.
 
-In: the path (or the text) of a job file. Out: the frozen `Job`; `plan` plans the motion of its servos. Of
-[firmware] and [stream], pins that do not exist or are in use are errors, and so are a rate that the chip
-cannot receive at its clock and what no engine does.
+In: the path (or the text) of a job file. Out: the frozen `Job`; `plan` plans the motion of its servos. In
+[firmware] and [stream], errors are pins that do not exist or are in use, a rate that the chip cannot receive
+at its clock, and combinations that no engine supports.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ AUTO = "auto"
 def firmware_of(
     document: Document, table: JobTable, servos: Sequence[Servo], frame: Frame, clock: Clock
 ) -> tuple[Firmware, Stream | None]:
-    """Return the program that a job wants, and its serial line if it has one. Raises InputError."""
+    """Return the program that a job requests, and its serial line if it has one. Raises InputError."""
     stream = _stream(document, table, servos, clock)
     wanted = table.firmware
     buttons = _buttons(document, wanted, servos)
@@ -89,7 +89,7 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
         taken |= {button.pin: name for name, button in buttons.items()}
         if pin in taken:
             raise document.error(
-                "pin-in-use", where, f"{pin} is in use: {taken[pin]}", "a button needs its own pin"
+                "pin-in-use", where, f"{pin} is in use: {taken[pin]}", "a button needs a pin of its own"
             )
         turning = next((servo.name for servo in servos if servo.model.continuous), None)
         if name == "stop" and table.stop_pulses == "hold" and turning is not None:
@@ -118,7 +118,7 @@ def _commands(
         raise document.error(
             "engine-unsupported",
             key,
-            f"{what} takes no commands for a walk",
+            f"{what} does not read commands for a walk",
             "remove [stream]" if table.stream is not None else 'write engine = "player"',
         )
     if buttons.any:
@@ -126,7 +126,7 @@ def _commands(
             "engine-unsupported",
             key,
             "a walk on command has no start_pin and no stop_pin",
-            "remove them: a code starts and stops it",
+            "remove them: codes start and stop the walk",
         )
     if asked.pin not in PINS:
         raise document.error(
@@ -172,7 +172,7 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
             raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
         if pin in taken:
             raise document.error(
-                "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "the line needs its own pins"
+                "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "the line needs pins of its own"
             )
         taken[pin] = name
     _check_transmit_pin(document, given.transmit_pin, servos)
@@ -191,12 +191,12 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
 def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Servo]) -> None:
     """Raise InputError for a pin that cannot drive a line high, or whose port has servos.
 
-    A pulse's edge is a write to the whole of its port.
+    Every edge of a pulse is a write to its whole port.
     """
     key = ("stream", "transmit_pin")
     if pin == OPEN_DRAIN_PIN:
         raise document.error(
-            "open-drain", key, f"{OPEN_DRAIN_PIN} is an open drain: it cannot drive a line high"
+            "open-drain", key, f"{OPEN_DRAIN_PIN} is an open drain and cannot drive a line high"
         )
     neighbours = [servo.name for servo in servos if pin is not None and servo.pin[1] == pin[1]]
     if neighbours:
@@ -204,15 +204,17 @@ def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Se
             "pin-in-use",
             key,
             f"{pin} is on the port of {neighbours[0]}",
-            "the answers need a port without servos",
+            "the transmit pin needs a port without servos",
         )
 
 
 MIN_CLOCK_HZ = 32_000
-"""Watch crystals have 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
+"""The slowest usual crystals, those of watches, have 32768 Hz (DS35007, table of crystal capacitors, mode
+LP).
+"""
 
 MIN_PERIOD_US = 1000.0
-"""The length of a servo's pulse."""
+"""The maximum length of a servo's pulse."""
 
 
 def load(path: str | Path) -> Job:
@@ -221,7 +223,7 @@ def load(path: str | Path) -> Job:
 
 
 def loads(text: str, file: str) -> Job:
-    """Return the job in a text; `file` is its name in errors. Raises InputError."""
+    """Return the job in a text; `file` is the name used in errors. Raises InputError."""
     return _job(toml_file.parse(text, file))
 
 
@@ -274,7 +276,9 @@ def _job(document: Document) -> Job:
 def _sensors(
     document: Document, table: JobTable, robot: Robot | None, servos: Sequence[Servo]
 ) -> tuple[SensorTable, ...]:
-    """Return the sensors. Raises InputError for a pin that is taken and for what a sensor cannot sense."""
+    """Return the sensors. Raises InputError for a pin in use and for a quantity that a sensor cannot
+    sense.
+    """
     legs = [limb.name for limb in robot.limbs] if robot else []
     joints = [name for limb in robot.limbs for name in limb.joints] if robot else []
     taken = {servo.pin: servo.name for servo in servos}
@@ -286,7 +290,7 @@ def _sensors(
             )
         if row.pin in taken:
             raise document.error(
-                "pin-in-use", (*key, "pin"), f"{row.pin} is taken by {taken[row.pin]}", "use another pin"
+                "pin-in-use", (*key, "pin"), f"{row.pin} is in use: {taken[row.pin]}", "use another pin"
             )
         taken[row.pin] = f"sensor[{index + 1}]"
         names = {"foot": legs, "end-stop": joints, "stall": []}[row.kind]
@@ -295,7 +299,9 @@ def _sensors(
             raise document.error(
                 "unknown-name",
                 (*key, "of"),
-                f"the robot has no {what} '{row.of}'" if row.of else f"which {what} does it watch?",
+                f"the robot has no {what} '{row.of}'"
+                if row.of
+                else f"it does not state which {what} it watches",
                 did_you_mean(row.of or "", names),
             )
         if row.kind == "end-stop" and (row.at_deg is None) == (row.at_mm is None):
@@ -310,7 +316,7 @@ def _sensors(
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:
-    """Return the one section that moves the servos; None if there is none and none is needed."""
+    """Return the section that moves the servos; None if there is none and none is needed."""
     given = [part for part in SECTIONS if getattr(table, part) is not None]
     if not given and not needed:
         return None
@@ -318,7 +324,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
         raise document.error(
             "job-sections",
             (given[1],) if given else (),
-            "a job has one of " + ", ".join(f"[{part}]" for part in SECTIONS),
+            "a job has exactly one of " + ", ".join(f"[{part}]" for part in SECTIONS),
             None if given else "add [motion] poses = [ … ]",
         )
     part = given[0]
@@ -334,14 +340,14 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
 
 
 def _name(document: Document) -> str:
-    """Return the job's name, which is used for a folder in `build/` and in comments of the C."""
+    """Return the job's name, which names a folder in `build/` and appears in comments of the C."""
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(
             "unwritable-file",
-            f"the file's name makes the job's name {name!r}, which cannot be a folder",
+            f"the file name makes the job's name {name!r}, which cannot be a folder",
             Location(document.file),
-            "name the file after the job, as arm.toml",
+            "name the file after the job, such as arm.toml",
         )
     return name
 
@@ -363,7 +369,7 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
             "wrong-clock",
             ("chip", "clock_hz"),
             f"{table.chip.clock_hz} Hz is slower than any crystal: at least {MIN_CLOCK_HZ} Hz",
-            "4 MHz are 4_000_000",
+            "4 MHz is 4_000_000",
         )
     return chip, Clock(table.chip.clock_hz)
 
@@ -373,8 +379,8 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         raise document.error(
             "out-of-range",
             ("frame", "period_us"),
-            f"{table.frame.period_us:g} µs is no longer than a pulse",
-            "20 ms are 20_000 µs",
+            f"{table.frame.period_us:g} µs is not longer than a pulse",
+            "20 ms is 20_000 µs",
         )
     return Frame(
         clock.round_us(exact(table.frame.period_us)),

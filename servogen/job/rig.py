@@ -1,8 +1,8 @@
-"""[[servo]], [leg] and [robot] of a job -> `Servo` values, the joints that they turn, and the end of the
-leg or arm.
+"""[[servo]], [leg] and [robot] of a job -> `Servo` values, the joints that they turn, and the end of the leg
+or arm.
 
-In: the validated tables. Out: one servo for each table, and `Rig`. Raises InputError for two servos on a
-pin, an open drain, limits beyond travel, joints that do not exist.
+In: the validated tables. Out: one servo for each table, and `Rig`. Raises InputError for two servos on one
+pin, an open drain, limits beyond the travel, and joints that do not exist.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
                 "pin-in-use",
                 ("servo", index, "pin"),
                 f"two servos are on pin {row.pin}: {by_pin[row.pin]} and {row.name}",
-                "each servo has a pin of its own",
+                "each servo needs a pin of its own",
             )
         if row.pin == OPEN_DRAIN_PIN and not row.open_drain:
             raise document.error(
                 "open-drain",
                 ("servo", index, "pin"),
                 f"{OPEN_DRAIN_PIN} is an open drain: without a pull-up resistor it never goes high",
-                "add a pull-up to VDD and write open_drain = true, or take another pin",
+                "add a pull-up to VDD and write open_drain = true, or use another pin",
             )
         if row.pin != OPEN_DRAIN_PIN and row.open_drain:
             raise document.error(
@@ -75,14 +75,14 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
 
     beside = Path(document.file).parent / row.model
     name = str(beside) if row.model.endswith(FILE_ENDING) else row.model
-    servo_model(name, place=place("model"))  # an unknown model is wrong whatever its supply is
+    servo_model(name, place=place("model"))  # an unknown model is an error whatever its supply is
     model = servo_model(name, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
     for name in ("joint", "min_deg", "max_deg"):
         if model.continuous and getattr(row, name) is not None:
             raise document.error(
                 "wrong-servo-kind",
                 ("servo", index, name),
-                f"{row.name} turns continuously: it has no angle that {name} could mean",
+                f"{row.name} turns continuously: {name} needs a servo with angles",
             )
     return servo(
         row.name,
@@ -102,14 +102,14 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
 
 
 def _points(document: Document, index: int, row: ServoTable, model: ServoModel) -> Calibration | None:
-    """Return the servo's own points, from the job or a file beside it; None if it has the model's."""
+    """Return the servo's own points, from the job or a file beside it; None if it uses the model's."""
     if row.calibration is None:
         place = document.place("servo", index, "points")
         return points_of(row.points, place, model.continuous) if row.points else None
     key = ("servo", index, "calibration")
     if row.points:
         raise document.error(
-            "conflicting-keys", key, f"{row.name} has points of its own already", "give one of the two"
+            "conflicting-keys", key, f"{row.name} already has points of its own", "remove one of the two"
         )
     file = Path(document.file).parent / row.calibration
     return read_calibration(file, row.name, model.name, model.continuous, document.place(*key))
@@ -118,8 +118,8 @@ def _points(document: Document, index: int, row: ServoTable, model: ServoModel) 
 def bindings_of(
     document: Document, rows: tuple[ServoTable, ...], sliding: dict[str, bool]
 ) -> tuple[Binding, ...]:
-    """Return the joints that servos turn, in the order of the servos; `sliding` has the robot's joints by
-    name.
+    """Return the joints that the servos turn, in the order of the servos; `sliding` states for each of the
+    robot's joints whether it slides.
     """
     bindings: list[Binding] = []
     for index, row in enumerate(rows):
@@ -130,7 +130,7 @@ def bindings_of(
             raise document.error(
                 "missing-robot",
                 key,
-                "there is no robot to whose joints it could belong",
+                "the job has no robot to which the joint could belong",
                 "add [robot] name = …",
             )
         if row.joint not in sliding:
@@ -149,7 +149,7 @@ def bindings_of(
             )
         ratio = row.ratio if row.deg_per_mm is None else math.radians(row.deg_per_mm) * 1000
         if not ratio:
-            raise document.error("out-of-range", key, "a ratio of 0 moves nothing")
+            raise document.error("out-of-range", key, "a joint with a ratio of 0 cannot move")
         bindings.append(Binding(row.joint, row.name, math.radians(row.zero_deg), ratio))
     return tuple(bindings)
 
@@ -159,7 +159,7 @@ SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """What the servos move. `tip` is None if it cannot be positioned: no robot, or joints without servos."""
+    """What the servos move; `tip` is None if it cannot be positioned: no robot, or joints without servos."""
 
     robot: Robot | None
     bindings: tuple[Binding, ...]
@@ -171,7 +171,7 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(
-                "conflicting-keys", ("robot",), "[leg] is a robot of its own", "remove one of the two"
+                "conflicting-keys", ("robot",), "[leg] is itself a robot", "remove one of the two"
             )
         bindings_of(document, table.servo, {})
         tip = _leg(document, table.leg, servos)
@@ -218,9 +218,11 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegT
                 "unknown-servo", ("leg", key), f"there is no servo '{name}'", did_you_mean(name, by_name)
             )
     if table.alpha == table.beta:
-        raise document.error("joint-binding", ("leg", "beta"), f"'{table.beta}' is both joints' servo")
+        raise document.error("joint-binding", ("leg", "beta"), f"'{table.beta}' is the servo of both joints")
     if table.ab_mm + table.cd_mm <= 0:
-        raise document.error("bad-length", ("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
+        raise document.error(
+            "bad-length", ("leg", "cd_mm"), "ab_mm and cd_mm are both 0: the leg would have no length"
+        )
     lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)
     return LegTip(
         leg=Leg(*(length / 1000 for length in lengths)),

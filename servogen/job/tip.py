@@ -1,7 +1,7 @@
-"""The end of a robot in a job: points of its foot or tool as servo angles, and back.
+"""The end of a robot in a job: from points of its foot or tool to servo angles, and back.
 
 In: points in metres. Out: the angles of the servos that move it. `LegTip` is the two-joint leg on two servos,
-`ArmTip` any arm whose joints all have one.
+`ArmTip` any arm of which each joint has a servo.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from servogen.robot.servo import Servo
 
 
 class Tip(Protocol):
-    """The end of a job's robot; `servos` are those that move it, the columns of all angles."""
+    """The end of a job's robot; `servos` move it, and are the columns of all arrays of angles."""
 
     @property
     def key(self) -> str:
-        """Return the key that gives its position in a pose."""
+        """Return the key of a pose that states its position."""
 
     @property
     def limb(self) -> Limb:
-        """Return the leg or arm by its Denavit–Hartenberg rows."""
+        """Return the leg or arm with its Denavit–Hartenberg rows."""
 
     @property
     def bindings(self) -> tuple[Binding, ...]: ...
@@ -51,9 +51,9 @@ class Tip(Protocol):
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
-        """Return all servo angles (n, solutions, k) for points (n, 3), NaN for none.
+        """Return all servo angles (n, solutions, k) for points (n, 3), NaN where there is no solution.
 
-        The points are at shares (n,) of the way between the two orientations of `turn`. `near` are the
+        The orientations are those at shares (n,) of the rotation between the two of `turn`. `near` are the
         expected servo angles (n, k), which decide between whole turns of a joint.
         """
 
@@ -65,9 +65,9 @@ class Tip(Protocol):
 class LegTip:
     """A leg; `bindings` are those of α and β.
 
-    `tolerance` is how far, in metres, a foot may be from the surface that two joints reach: rounding in the
-    job, and what the leg's spring gives. `beta_sign` 1 or -1 is the only sign of β that may be chosen; 0:
-    either.
+    `tolerance` is the maximum distance, in metres, of a foot from the surface that two joints can reach: it
+    allows for rounding in the job and for the leg's spring. `beta_sign` is the required sign of β, 1 or -1;
+    0: either sign.
     """
 
     leg: Leg
@@ -124,7 +124,7 @@ NEAR_SURFACE_M = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class ArmTip:
-    """An arm; `bindings` and `servos` in the order of its joints."""
+    """An arm; `bindings` and `servos` are in the order of its joints."""
 
     arm: Arm
     bindings: tuple[Binding, ...]
@@ -197,7 +197,7 @@ def _within(angles: Floats, servos: Sequence[Servo]) -> Floats:
 def _sorted(
     angles: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location
 ) -> Floats:
-    """Return the solutions (s, k) that the servos allow, by the angle of the servo that moves farthest."""
+    """Return the solutions (s, k) that the servos allow, sorted by the largest move of any servo."""
     allowed = _within(angles, servos)
     allowed = allowed[~np.isnan(allowed).any(axis=1)]
     if not len(allowed):
@@ -209,7 +209,7 @@ def _sorted(
         )
         raise InputError(
             "servo-limit",
-            f"the position {in_mm(point.tolist())} needs angles outside of the servos' travel: {shown}",
+            f"the position {in_mm(point.tolist())} needs angles outside the servos' travel: {shown}",
             place,
             "move it, or change the servos' angles at which the joints are 0 to how they are mounted",
         )

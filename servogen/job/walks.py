@@ -35,9 +35,9 @@ def walk_of(
     limits: tuple[Limits, ...],
     others: Sequence[Segment] = (),
 ) -> Planned:
-    """Return the walk; `limits` are the joints', one for each binding. Raises InputError.
+    """Return the walk; `limits` has one entry per binding. Raises InputError.
 
-    `others` are segments of other walks for which the legs stand as for this one.
+    `others` are segments of other walks that share the stance of this one.
     """
     document = job.document
     if not table.route:
@@ -65,7 +65,7 @@ def walk_of(
 
 
 MAX_COMMANDED_CYCLES = 12
-"""By then a walk is steady."""
+"""The number of cycles after which a walk is certainly steady."""
 
 
 def walk_on_command(
@@ -141,7 +141,7 @@ def walk_on_command(
 
 @dataclass(frozen=True, slots=True)
 class _Walker:
-    """A job's robot with its gait and posture; `frames` of a cycle, None: as few as the limits allow."""
+    """A job's robot with its gait and posture; `frames` per cycle, None: as few as the limits allow."""
 
     job: Job
     table: WalkTable
@@ -171,9 +171,9 @@ class _Walker:
             raise error.at(self.job.document.place("walk")) from error
 
     def even_walk(self, segment: Segment, others: Sequence[Segment]) -> Walk:
-        """Return the walk without an end whose swings have even numbers of frames.
+        """Return the endless walk whose swings have even numbers of frames.
 
-        The middle of each is at a frame then, also if the walk is played backward.
+        The middle of every swing is then at a frame, even if the walk is played backward.
         """
         found = self.walk([segment], others, self.frames)
         grain = 2 * self.gait.grain
@@ -182,7 +182,7 @@ class _Walker:
 
 
 def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:
-    """Return the robot that walks. Raises InputError."""
+    """Return the walking robot with its gait and posture. Raises InputError."""
     document, robot = job.document, job.robot
     if not isinstance(robot, WalkingRobot):
         raise document.error(
@@ -209,12 +209,12 @@ def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: Walk
     try:
         if table.lifts is not None:
             if table.duty is None:
-                raise InputError("missing-key", "your own gait needs a duty factor, too", hint="add duty = …")
+                raise InputError("missing-key", "a custom gait also needs a duty factor", hint="add duty = …")
             return custom("own", table.duty, table.lifts, robot)
         if table.duty is not None:
             raise InputError(
                 "missing-key",
-                "your own gait needs the phase of each leg, too",
+                "a custom gait also needs the phase of each leg",
                 hint="add lifts = { L1 = 0.0, … }",
             )
         named = gait(table.gait, whole)
@@ -242,7 +242,7 @@ def _posture(table: WalkTable) -> Posture:
 
 
 def _least(limits: tuple[Limits, ...]) -> Limits:
-    """Return the limits that every servo of a walk keeps: all joints make the same moves in turn."""
+    """Return the strictest limits of all servos of a walk, because all joints make the same moves in turn."""
     return Limits(
         min((limit.speed for limit in limits), default=math.inf),
         min((limit.acceleration for limit in limits), default=math.inf),
@@ -256,7 +256,7 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
             "joint-binding",
             ("walk",),
             f"no servo turns the joint '{missing[0]}'",
-            f'give one joint = "{missing[0]}"',
+            f'add joint = "{missing[0]}" to a servo',
         )
     try:
         return bound(trajectory, bindings)
@@ -265,7 +265,7 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
 
 
 def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
-    """Return a walk that does not repeat with its end: it stands, or is released."""
+    """Return a walk that does not repeat with its end: the robot stands, or its servos are released."""
     if table.repeat:
         return trajectory
     last = trajectory.angles[-1:] * (np.nan if table.end == "release" else 1.0)
@@ -291,22 +291,22 @@ def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
         Diagnostic(
             "note",
             "spring",
-            f"the legs' springs give up to {1000 * planned.largest_correction_m:z.2f} mm",
+            f"the legs' springs yield up to {1000 * planned.largest_correction_m:z.2f} mm",
             place,
         ),
         Diagnostic("note", "slip", planned.slip.text(), place),
         Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(planned.minimum_margin_m):
-        text = f"the centre of mass is always {1000 * planned.minimum_margin_m:z.1f} mm inside of the feet"
+        text = f"the centre of mass is always {1000 * planned.minimum_margin_m:z.1f} mm inside the feet"
         if planned.minimum_margin_m < 0:
-            text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside of its feet at worst"
+            text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside its feet at worst"
         notes.append(Diagnostic("note", "stability", text, place))
     return notes
 
 
 def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
-    """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
+    """Yield the centre of rotation of each turn, and the feet that joint limits keep off the line from it."""
     texts = [*planned.centre_texts(), *((foot.segment, foot.text()) for foot in planned.held_back)]
     for index, text in sorted(texts):
         place = document.place("walk", "route", index)
@@ -332,7 +332,7 @@ def _overloads(
 
 
 def _upright(document: Document, planned: Walk) -> Iterator[Diagnostic]:
-    """Return a warning where the robot stands at its legs' full height."""
+    """Yield a warning if the robot stands at the full height of its legs."""
     text = planned.full_height()
     if text is not None:
         yield Diagnostic("warning", "full-height", text, document.place("walk", "body_height_mm"))

@@ -175,7 +175,7 @@ def test_a_gait_that_falls_over_is_refused_with_why(run: Run) -> None:
     done = run("gait", "hexapod", *UNSTABLE)
     assert done.code == 2
     assert "falls over in frame" in done.err
-    assert "mm outside of the feet R1, R2, R3" in done.err
+    assert "mm outside the feet R1, R2, R3" in done.err
     assert "--allow-falling" in done.err
 
 

@@ -125,11 +125,11 @@ def test_an_old_file_is_kept(run: Run, job: Path) -> None:
         ),
         (
             (*RANGE, "--from-us", 900, "--angles-deg", "0"),
-            "takes pulses of 1000 to 2000 µs, not 900 to 2000",
+            "accepts 1000 to 2000 µs, not 900 to 2000",
         ),
         (
             (*RANGE, "--to-us", 2100, "--angles-deg", "0"),
-            "takes pulses of 1000 to 2000 µs, not 1000 to 2100",
+            "accepts 1000 to 2000 µs, not 1000 to 2100",
         ),
         (
             (*RANGE, "--from-us", 1490, "--to-us", 1510, "--angles-deg", "0"),

@@ -225,9 +225,9 @@ def test_lines_come_when_they_are_whole_and_the_end_is_quit() -> None:
 
 @pytest.mark.parametrize("line", ["wait", "wait soon", "wait -1", "wait nan", "wait inf"])
 def test_a_wait_that_is_none_is_refused(line: str) -> None:
-    with pytest.raises(InputError, match="does not say how long"):
+    with pytest.raises(InputError, match="does not state how long"):
         wait_seconds(line)
-    with pytest.raises(InputError, match="does not say how long"):
+    with pytest.raises(InputError, match="does not state how long"):
         script(line).since(0.0)
 
 

@@ -49,7 +49,7 @@ def test_a_hundredth_of_a_microsecond_beyond_a_limit_is_refused(
     channel: Channel, below: float, above: float
 ) -> None:
     low, high = channel.servo.widths_us
-    with pytest.raises(InputError, match="takes pulses of"):
+    with pytest.raises(InputError, match="accepts 1000 to"):
         positions(channel, low - below, high + above, 5)
 
 

@@ -62,7 +62,7 @@ def test_notes_say_the_routines_and_the_closing_error() -> None:
     assert (
         notes[4][1]
         .removesuffix(" [closing]")
-        .endswith("with pulses of whole cycles a round ends 2.34 mm and 0.000° from its beginning")
+        .endswith("with pulses of whole cycles, a round ends 2.34 mm and 0.000° from its start")
     )
 
 
@@ -100,7 +100,11 @@ def test_a_drive_may_end_stopped_or_released() -> None:
     ("old", "new", "message"),
     [
         ('"wheel2", "wheel3"]', '"wheel2", "wheel4"]', "drive.wheels[3]: there is no servo 'wheel4'"),
-        ('"wheel2", "wheel3"]', '"wheel2", "wheel2"]', "drive.wheels[3]: 'wheel2' is two wheels' servo"),
+        (
+            '"wheel2", "wheel3"]',
+            '"wheel2", "wheel2"]',
+            "drive.wheels[3]: 'wheel2' is the servo of two wheels",
+        ),
         ('model = "continuous" #', 'model = "futaba-s3001" #', "'wheel1' is not a continuous-rotation servo"),
         ('name = "omni"', 'name = "rv-m1"', "drive: a drive needs a robot on wheels"),
         ("[[0, 0], [300, 0], [300, 300], [0, 300]]", "[[0, 0], [0, 0]]", "the contour has no length"),
@@ -112,7 +116,7 @@ def test_a_drive_may_end_stopped_or_released() -> None:
         (
             'model = "continuous" #',
             'model = "continuous"\nmin_deg = 0 #',
-            "wheel1 turns continuously: it has no angle",
+            "wheel1 turns continuously",
         ),
     ],
 )

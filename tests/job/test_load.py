@@ -207,7 +207,11 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             f"arm_deg = {10**400}",
             "is too large [out-of-range]\n  whole numbers are those of 64 bits",
         ),
-        (", hand_deg = 0", "", "17:5: error: motion.poses[1]: the first pose does not say where hand is"),
+        (
+            ", hand_deg = 0",
+            "",
+            "17:5: error: motion.poses[1]: the first pose does not state the angle of hand",
+        ),
         ("hold_s = 5", "hold_s = -5", "18:21: error: motion.poses[2].hold_s: -5 is out of range: at least 0"),
         ("hold_s = 5", "hold = 5", "18:21: error: motion.poses[2].hold: 'hold' has no unit: write hold_s"),
         ("hold_s = 5", "hold_ms = 5", "'hold_ms' is not given in ms: write hold_s"),
@@ -239,11 +243,11 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             "22:1: error: frame.period: 'period' has no unit: write period_us",
         ),
         ("period_us = 20_000", "period_ms = 20", "'period_ms' is not given in ms: write period_us"),
-        ("period_us = 20_000", "period_us = 1e-9", "1e-09 µs is no longer than a pulse"),
+        ("period_us = 20_000", "period_us = 1e-9", "1e-09 µs is not longer than a pulse"),
         (
             "period_us = 20_000",
             "period_us = 20",
-            "period_us: 20 µs is no longer than a pulse [out-of-range]\n  20 ms are 20_000",
+            "period_us: 20 µs is not longer than a pulse [out-of-range]\n  20 ms is 20_000",
         ),
         (
             "[frame]\nperiod_us = 20_000",
@@ -264,7 +268,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             'alpha = "amr"',
             "29:1: error: leg.alpha: there is no servo 'amr' [unknown-servo]\n  did you mean 'arm'?",
         ),
-        ('alpha = "arm"', 'alpha = "hand"', "'hand' is both joints' servo"),
+        ('alpha = "arm"', 'alpha = "hand"', "'hand' is the servo of both joints"),
         ("bc_mm = 40", "bc_mm = 0", "26:1: error: leg.bc_mm: 0 is out of range: at least 0.001"),
         ("bc_mm = 40", "bc = 40", "26:1: error: leg.bc: 'bc' has no unit: write bc_mm"),
     ],
@@ -301,12 +305,12 @@ def test_an_unreachable_foot_position_says_why_and_what_is_nearest() -> None:
 
 def test_a_foot_position_beyond_the_servos_travel_is_refused() -> None:
     error = error_of(foot(-25, -60, -100))
-    assert "needs angles outside of the servos' travel" in error
+    assert "needs angles outside the servos' travel" in error
 
 
 def test_a_pose_takes_the_foot_or_its_servos_not_both() -> None:
     text = changed(("arm_deg = 30, hand_deg = 0", "foot_mm = [25, 60, -100], arm_deg = 90"))
-    assert "arm's angle follows from foot_mm already" in error_of(text)
+    assert "arm already follows from foot_mm already" in error_of(text)
 
 
 def test_of_two_solutions_the_one_nearest_to_the_pose_before_is_taken() -> None:

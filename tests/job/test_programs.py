@@ -81,7 +81,7 @@ def test_inputs_come_from_the_job(tmp_path: Path) -> None:
 
 def test_outputs_are_said_not_to_be_in_the_firmware(tmp_path: Path) -> None:
     notes = {note.code: str(note) for note in made(tmp_path, "10 OD 1\n20 TI 5\n30 OB -0").notes}
-    assert "the program writes its output port 2 times: firmware makes pulses only" in notes["output-port"]
+    assert "the program writes its output port 2 times: firmware only makes pulses" in notes["output-port"]
 
 
 def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
             'servo = "hnd"',
             "program.hand.servo: there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'",
         ),
-        ('servo = "hand"', 'servo = "roll"', "program.hand.servo: 'roll' turns a joint of the arm already"),
+        ('servo = "hand"', 'servo = "roll"', "program.hand.servo: 'roll' already turns a joint of the arm"),
         ("closed_deg = 110", "closed_deg = 210", "program.hand.closed_deg: hand cannot go to 210°"),
         ('joint = "q5"\nzero_deg = 0', "", "program: no servo turns the joint 'q5'"),
         (

@@ -126,8 +126,8 @@ def test_via_points_are_passed() -> None:
             "deg_per_mm = 1",
             "servo[1].joint: the joint 'q1' turns [wrong-unit]\n  give the servo's ratio",
         ),
-        ("ratio = 0.75", "ratio = 0", "a ratio of 0 moves nothing"),
-        ("ratio = 0.75", "ratio = 3", "needs angles outside of the servos' travel"),
+        ("ratio = 0.75", "ratio = 0", "a joint with a ratio of 0 cannot move"),
+        ("ratio = 0.75", "ratio = 3", "needs angles outside the servos' travel"),
         (
             "tip_mm = [500",
             "tip_mm = [900",
@@ -136,11 +136,11 @@ def test_via_points_are_passed() -> None:
         (
             "tip_mm = [500, 200, 450], orientation_deg = [0]",
             "foot_mm = [500, 200, 450]",
-            "this robot's positions are called tip_mm",
+            "the positions of this robot are given by tip_mm",
         ),
         ("tip_mm = [500, 200, 450]", "shoulder_deg = 90", "an orientation needs a position"),
         ("orientation_deg = [0]", "orientation_deg = [0, 0]", "motion.poses[1].tip_mm: scara takes roll"),
-        ("orientation_deg = [0]", "wrist_deg = 9", "wrist's angle follows from tip_mm already"),
+        ("orientation_deg = [0]", "wrist_deg = 9", "wrist already follows from tip_mm already"),
         ('path = "line", hold_s = 0.5', 'path = "arc"', "motion.poses[2].path: an arc needs a point"),
         ('path = "line", hold_s', "through_mm = [1, 2, 3], hold_s", "only an arc goes through a point"),
         (
@@ -148,7 +148,7 @@ def test_via_points_are_passed() -> None:
             'path = "arc", through_mm = [500, 200, 400], hold_s',
             "through_mm: the three",
         ),
-        ('path = "line", hold_s', "via = true, hold_s", "poses[2].hold_s: a pose that is passed has no hold"),
+        ('path = "line", hold_s', "via = true, hold_s", "poses[2].hold_s: a via pose has no hold"),
         ('law = "quintic"', 'law = "quintik"', 'motion.law: "quintik" is not allowed here'),
         (
             "[motion]",
@@ -225,7 +225,7 @@ def test_one_leg_walks_on_two_servos() -> None:
     ("old", "new", "says"),
     [
         ('"tripod"', '"tripot"', "walk.gait: unknown gait 'tripot' [unknown-name]\n  did you mean 'tripod'?"),
-        ('"tripod"', '"tripod"\nduty = 0.5', "your own gait needs the phase of each leg, too"),
+        ('"tripod"', '"tripod"\nduty = 0.5', "a custom gait also needs the phase of each leg"),
         ('"tripod"', '"tripod"\nlifts = { L1 = 0 }', "walk.lifts"),
         ("forward_mm = 40", "forward = 40", "'forward' has no unit: write forward_mm"),
         ("forward_mm = 40", "forward_mm = 400", "walk: L1_alpha would have to turn"),
@@ -245,7 +245,7 @@ def test_one_leg_walks_on_two_servos() -> None:
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),
         ("lift_mm = 20", 'lift_mm = 20\nleg = "L9"', "walk.leg: hexapod has no leg 'L9'"),
         ('joint = "L1_alpha"\n', "", "servo[1]: L1-turn turns no joint of the robot"),
-        ('name = "hexapod"', 'name = "omni"', "no robot to whose joints it could belong"),
+        ('name = "hexapod"', 'name = "omni"', "no robot to which the joint could belong"),
         (
             "[walk]",
             "[motion]\nposes = [{ L1-turn_deg = 90, hold_s = 1 }]\n[walk]",

@@ -213,7 +213,7 @@ def test_plan_shows_centre_slip_and_correction_and_warns_of_the_full_height(tmp_
         planned = plan_job(load(file))
         notes[height] = [note.message for note in planned.notes], [each.code for each in planned.warnings]
     assert "segment 2: the body turns about (0.0, 0.0) mm in its own frame" in notes[130][0]
-    assert "the legs' springs give up to 1.05 mm" in notes[130][0]
+    assert "the legs' springs yield up to 1.05 mm" in notes[130][0]
     assert any("slip up to" in note for note in notes[130][0])
     assert "full-height" not in notes[130][1]
     assert "full-height" in notes[140][1]

@@ -157,7 +157,7 @@ def test_a_file_that_is_missing_or_one_fact_too_many_is_refused(tmp_path: Path) 
         plan_job(load(job))
     points = "points = [{ angle_deg = 0, width_us = 1000 }, { angle_deg = 90, width_us = 1500 }]"
     job.write_text(JOB.format(facts='calibration = "gone.toml"\n' + points))
-    with pytest.raises(InputError, match="has points of its own already"):
+    with pytest.raises(InputError, match="already has points of its own"):
         plan_job(load(job))
 
 

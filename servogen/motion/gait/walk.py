@@ -286,7 +286,7 @@ def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
     if walk.minimum_margin_m < 0 and not allow_falling:
         frame = int(np.argmin(walk.margins))
         feet = ", ".join(leg for leg, down in zip(walk.legs, walk.ground[frame], strict=True) if down)
-        outside = f"its centre of mass is {-1000 * walk.minimum_margin_m:z.1f} mm outside of the feet {feet}"
+        outside = f"its centre of mass is {-1000 * walk.minimum_margin_m:z.1f} mm outside the feet {feet}"
         raise InputError(
             "falls-over",
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",

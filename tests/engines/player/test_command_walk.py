@@ -137,7 +137,7 @@ def test_a_schedule_with_wrong_commands_is_refused(old: str, new: str, message: 
         (COMMANDS, f"{COMMANDS}\nroute = [{{ forward_mm = 40 }}]", "a walk on command has no route"),
         (COMMANDS, "", "a walk needs a route"),
         ('engine = "player"', 'engine = "player"\nstop_pin = "RA4"', "has no start_pin and no stop_pin"),
-        ('engine = "player"', 'engine = "sequence"', "the sequence engine takes no commands"),
+        ('engine = "player"', 'engine = "sequence"', "the sequence engine does not read commands"),
     ],
 )
 def test_a_job_with_wrong_commands_is_refused(old: str, new: str, message: str) -> None:
