@@ -424,7 +424,7 @@ class Session:
         job = self.subject.job
         if job is None or job.firmware.commands is None:
             raise InputError("not-allowed", "only a job with [walk] commands takes ways")
-        way, ways = str(message["way"]), (*(each.name for each in job.ways), STOP)
+        way, ways = str(message["way"]), (*(each.name for each in job.directions), STOP)
         if way not in ways:
             raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
         code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
@@ -584,6 +584,6 @@ def _walk(subject: Subject) -> Message | None:
         return None
     return {
         "pin": subject.job.firmware.commands.pin,
-        "ways": [each.name for each in subject.job.ways],
+        "ways": [each.name for each in subject.job.directions],
         "stop": STOP,
     }

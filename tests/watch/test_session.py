@@ -409,7 +409,7 @@ def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     error = of.schedule.plan_error.width_us
 
     def goes(way: str, at: int) -> bool:
-        cycle = of.ways[way][slice(*of.cycle[way])]
+        cycle = of.directions[way][slice(*of.cycle[way])]
         return bool(np.abs(walked[at : at + len(cycle)] - cycle).max() < error)
 
     start = next(at for at in range(100) if goes("right", at))
