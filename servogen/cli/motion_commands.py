@@ -139,7 +139,7 @@ def gait(
     from servogen.motion.gait.steps import Segment
     from servogen.motion.gait.walk import walk
     from servogen.motion.limits import Limits
-    from servogen.motion.loads import loads_of, too_heavy
+    from servogen.motion.loads import check_loads, loads_of
     from servogen.report.gait_facts import facts_of, walk_to_json
     from servogen.robot.servo_models import servo_model
     from servogen.units import Clock, Cycles
@@ -181,7 +181,7 @@ def gait(
     _write_walk(walker, rhythm, made, facts, picture, csv, animate)
     upright = made.full_height()
     warnings = [
-        *too_heavy(loads, walker.lifting_joint, model),
+        *check_loads(loads, walker.lifting_joint, model),
         *([Diagnostic("warning", "full-height", upright)] if upright else []),
     ]
     if json:

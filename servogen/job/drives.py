@@ -174,9 +174,9 @@ def _ending(
     wheels: Sequence[Servo],
     clock: Clock,
 ) -> Diagnostic:
-    """Return a note of how far one round ends from where it should when every pulse is whole cycles.
+    """Return a note about how far a round with pulses of whole cycles ends from where it should.
 
-    A contour should end where it began; routines end where they lead to.
+    A contour should end where it began, routines where they lead.
     """
     columns = zip(wheels, planned.trajectory.angles.T, strict=True)
     speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
@@ -185,7 +185,7 @@ def _ending(
     end = positions(base, speeds, period_s)[-1]
     x, y, turn = (end if table.corners_mm is not None else end - asked).tolist()
     missed = f"{1000 * math.hypot(x, y):z.2f} mm and {math.degrees(turn):z.3f}° from "
-    text = f"with pulses of whole cycles a round ends {missed}its beginning"
+    text = f"with pulses of whole cycles, a round ends {missed}its start"
     if table.corners_mm is None:
         to_x, to_y, heading = asked.tolist()
         text = (

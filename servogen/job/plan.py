@@ -24,8 +24,8 @@ from servogen.motion import JointTrajectory, Motion, Planned, trajectory
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits
+from servogen.motion.loads import check_torque
 from servogen.motion.trajectory import MAX_FRAMES, Floats
-from servogen.pulse.lint import check_torque
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
@@ -170,7 +170,7 @@ def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
     for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
         torque = np.full(len(angles), np.nan)
         torque[pulsed] = np.abs(torques[:, index] / binding.ratio)
-        yield from check_torque(servo, binding.joint, torque)
+        yield from check_torque(servo.model, binding.joint, torque, servo=servo.name, place=servo.place)
 
 
 def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,8 +22,7 @@ from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits
-from servogen.motion.loads import loads_of
-from servogen.pulse.lint import SAME_DIGITS, check_torque
+from servogen.motion.loads import check_torque, loads_of
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
@@ -325,10 +325,15 @@ def _overloads(
     for index, leg in enumerate(loads.legs):
         binding = by_joint[f"{leg}_{robot.lifting_joint}"]
         torque = loads.torques[:, index] / abs(binding.ratio)
-        warnings = check_torque(by_name[binding.servo], binding.joint, torque)
-        for warning in warnings:
-            frame = int(np.nanargmax(np.round(torque, SAME_DIGITS)))
-            yield replace(warning, message=f"{warning.message}; {loads.detail(index, frame)}")
+        servo = by_name[binding.servo]
+        yield from check_torque(
+            servo.model,
+            binding.joint,
+            torque,
+            servo=servo.name,
+            place=servo.place,
+            detail=partial(loads.detail, index),
+        )
 
 
 def _upright(document: Document, planned: Walk) -> Iterator[Diagnostic]:

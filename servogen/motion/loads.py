@@ -1,16 +1,18 @@
-"""The static loads of a walking robot's legs, frame by frame.
+"""The static loads of a walking robot's legs, frame by frame, and the warning about loads that are too heavy.
 
-In: a `WalkingRobot` with a mass and its `Walk`. Out: the force at each foot, and the torque at the joint of
-each leg that lifts it.
+In: a `WalkingRobot` with a mass and its `Walk`. Out: the force at each foot, and the torque at each leg's
+lifting joint; for any joint's torques and its servo model, a warning if they exceed the model's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, Location
 from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.statics import GRAVITY, foot_forces
 from servogen.motion.gait.walk import Walk
@@ -21,7 +23,7 @@ SAME_DIGITS = 9
 """Digits of N·m to which torques are compared, so that every machine names the same frame."""
 
 MIN_LEGS = 3
-"""A robot with fewer legs is held by something else."""
+"""A robot with fewer legs is assumed to be held by something else."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,11 +37,11 @@ class Loads:
     forces: Floats
     torques: Floats
     equal_torques: Floats
-    """The torques if the feet on the ground carried equal shares of the weight."""
+    """The torques that would result if all feet on the ground carried equal shares of the weight."""
 
     @property
     def worst(self) -> tuple[int, int] | None:
-        """Return the leg and the frame of the greatest torque; None if the robot never stands."""
+        """Return the leg and the frame of the maximum torque; None if the robot never stands."""
         if np.isnan(self.torques).all():
             return None
         at = int(np.nanargmax(np.round(self.torques, SAME_DIGITS)))
@@ -47,10 +49,10 @@ class Loads:
         return leg, frame
 
     def detail(self, leg: int, frame: int) -> str:
-        """Return in words what a leg carries in a frame."""
+        """Return the load of a leg in a frame in words."""
         return (
             f"its foot carries {self.forces[frame, leg]:z.1f} of {self.weight_n:z.1f} N "
-            f"({self.equal_torques[frame, leg]:z.2f} N·m if all standing feet carried alike)"
+            f"({self.equal_torques[frame, leg]:z.2f} N·m if all standing feet shared it equally)"
         )
 
 
@@ -72,16 +74,42 @@ def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
     )
 
 
-def too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[Diagnostic]:
-    """Return a warning where standing asks the servo for more than its torque."""
-    if loads is None or loads.worst is None or model.torque_nm is None:
-        return []
-    leg, frame = loads.worst
-    asked = float(loads.torques[frame, leg])
-    if asked <= model.torque_nm:
-        return []
+def check_loads(loads: Loads | None, joint: str, model: ServoModel) -> tuple[Diagnostic, ...]:
+    """Return a warning if a leg's lifting joint, `joint`, needs more torque than `model` has, for the worst
+    leg and frame.
+    """
+    if loads is None or loads.worst is None:
+        return ()
+    leg, _ = loads.worst
+    torque = loads.torques[:, leg]
+    return check_torque(model, f"{loads.legs[leg]}_{joint}", torque, detail=partial(loads.detail, leg))
+
+
+def check_torque(
+    model: ServoModel,
+    joint: str,
+    torque_nm: Floats,
+    *,
+    servo: str | None = None,
+    place: Location | None = None,
+    detail: Callable[[int], str] | None = None,
+) -> tuple[Diagnostic, ...]:
+    """Return a warning if the static torque (frames,) of a joint exceeds the servo's, for the worst frame.
+
+    NaN: no torque is needed. A model without a stated torque is not checked. `servo` is its name in the job;
+    `detail` returns what to add about a frame.
+    """
+    rated = model.torque_nm
+    if rated is None or np.isnan(torque_nm).all():
+        return ()
+    frame = int(np.nanargmax(np.round(torque_nm, SAME_DIGITS)))
+    needed = float(torque_nm[frame])
+    if needed <= rated * (1 + 1e-9):
+        return ()
     text = (
-        f"holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
-        f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
+        f"{'' if servo is None else f'{servo}: '}holding {joint} in place needs {needed:z.2f} N·m in frame "
+        f"{frame}, a {model.title} is rated {rated:g} N·m"
     )
-    return [Diagnostic("warning", "too-heavy", text)]
+    if detail is not None:
+        text += f"; {detail(frame)}"
+    return (Diagnostic("warning", "too-heavy", text, place),)

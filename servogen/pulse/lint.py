@@ -8,7 +8,6 @@ In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values; 
     angle-range    a pulse commands an angle outside the servo's travel
     too-fast       the angle changes from frame to frame faster than the servo turns
     frames-few     a position is left before the servo can have reached it
-    too-heavy      holding a pose against gravity needs more torque than the servo has
 """
 
 from __future__ import annotations
@@ -33,9 +32,6 @@ CALIBRATION_SPREAD = 0.1
 
 ANY_SERVO_US = (1000.0, 2000.0)
 """The widths that every position servo takes, for the check of an unknown servo."""
-
-SAME_DIGITS = 9
-"""Digits of N·m to which torques are compared, so that every machine names the same frame."""
 
 WIDTH_TOLERANCE_US = 2.0
 """How far a width may be outside a servo's range without a warning: rounding, or a statement's cycles."""
@@ -161,29 +157,6 @@ def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float)
     around = np.concatenate((angles, angles[loop_start:]))
     runs = list(_constant(around[~np.isnan(around)]))
     return tuple(_follow(servo, runs, reach, period_s))
-
-
-def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Diagnostic, ...]:
-    """Return a warning if the static torque (frames,) of a joint exceeds its servo's, for the worst frame.
-
-    NaN: no torque is needed. A model without a stated torque is not checked.
-    """
-    rated = servo.model.torque_nm
-    if rated is None or np.isnan(torque_nm).all():
-        return ()
-    frame = int(np.nanargmax(np.round(torque_nm, SAME_DIGITS)))
-    asked = float(torque_nm[frame])
-    if asked <= rated * (1 + 1e-9):
-        return ()
-    return (
-        Diagnostic(
-            "warning",
-            "too-heavy",
-            f"{servo.name}: holding {joint} still asks for {asked:z.2f} N·m in frame {frame} of the motion, "
-            f"the servo is rated {rated:g} N·m",
-            servo.place,
-        ),
-    )
 
 
 def check_measured(

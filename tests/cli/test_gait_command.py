@@ -315,7 +315,7 @@ def test_a_walk_that_is_too_heavy_for_its_servo_is_said(run: Run, tmp_path: Path
     command = ("gait", robot, "--body-height-mm", 120, "--cycle-s", 1)
     done = run(*command)
     assert "0.49 N·m" in done.err
-    assert "(0.33 N·m if all standing feet carried alike)" in done.err
+    assert "(0.33 N·m if all standing feet shared it equally)" in done.err
     torque = json.loads(run(*command, "--json").out)["torque"]
     assert torque["largest_nm"] == pytest.approx(2.24 * 9.80665 / 2 * 0.0447214, rel=1e-3)
     assert torque["leg"][1] == "2"

@@ -41,9 +41,9 @@ def test_a_hexapod_of_2240_g_is_too_heavy_at_120_mm(tmp_path: Path) -> None:
     middle = [text for text in found if "L2_beta" in text or "R2_beta" in text]
     assert len(middle) == 2
     for text in middle:
-        assert "asks for 0.49 N·m in frame " in text
+        assert "needs 0.49 N·m in frame " in text
         assert "rated 0.25 N·m" in text
-        assert "carries 11.0 of 22.0 N (0.33 N·m if all standing feet carried alike)" in text
+        assert "carries 11.0 of 22.0 N (0.33 N·m if all standing feet shared it equally)" in text
 
 
 def test_the_middle_legs_are_the_first_to_be_asked_too_much(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_an_arm_is_asked_for_most_when_it_is_stretched_out(tmp_path: Path) -> No
     """Horizontal, at the end: 9.80665 (0.1 · 0.1 + 0.2 m) N·m; 34 N·cm hold m = 123 g."""
     assert heavy(arm(tmp_path, 120)) == []
     (found,) = heavy(arm(tmp_path, 200))
-    assert found.startswith("one: holding shoulder still asks for 0.49 N·m in frame ")
+    assert found.startswith("one: holding shoulder in place needs 0.49 N·m in frame ")
     assert "rated 0.34 N·m" in found
 
 
@@ -143,7 +143,7 @@ def test_a_gear_gives_the_servo_its_part_of_the_torque(tmp_path: Path) -> None:
     """A servo that turns half as far as its joint gives twice the joint's torque; that it turns 90° then
     leads the joint to 180°, past the horizontal."""
     (found,) = heavy(arm(tmp_path, 120, 0.5))
-    assert "asks for 0.67 N·m" in found  # 2 · 9.80665 (0.01 + 0.024)
+    assert "needs 0.67 N·m" in found  # 2 · 9.80665 (0.01 + 0.024)
 
 
 @pytest.mark.parametrize(

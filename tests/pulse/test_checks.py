@@ -1,7 +1,6 @@
 """The checks warn of what a servo cannot do, planned or measured."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from servogen.errors import Diagnostic
 from servogen.pulse import check_calibration, check_measured, check_motion, check_period, check_periods
 from servogen.pulse import check_widths as check
-from servogen.pulse.lint import check_torque
 from servogen.robot.servo import calibration, servo
 from servogen.robot.servo_models import FactTable, servo_model
 from servogen.units import Clock
@@ -117,21 +115,3 @@ def test_a_calibration_far_from_the_data_sheet_warns() -> None:
     far = calibration(((0.0, 500.0), (math.pi, 2500.0)))
     assert check_calibration(servo("a", "RB0", model, points=near)) == ()
     assert codes(check_calibration(servo("a", "RB0", model, points=far))) == ["width-range"]
-
-
-def test_a_torque_beyond_the_rated_one_is_said_with_its_worst_frame() -> None:
-    """A Futaba S3001 gives 34 N·cm."""
-    (found,) = check_torque(S3001, "shoulder", np.array([0.1, np.nan, 0.36, 0.35]))
-    assert found.code == "too-heavy"
-    assert "holding shoulder still asks for 0.36 N·m in frame 2 of the motion" in found.message
-    assert "rated 0.34 N·m" in found.message
-
-
-@pytest.mark.parametrize("torque", [[0.34, 0.1], [np.nan, np.nan], [0.0]])
-def test_a_torque_that_the_servo_gives_is_no_warning(torque: list[float]) -> None:
-    assert check_torque(S3001, "shoulder", np.array(torque)) == ()
-
-
-def test_a_model_without_a_stated_torque_is_not_judged() -> None:
-    model = replace(servo_model("futaba-s3001"), torque_nm=None)
-    assert check_torque(servo("x", "RB0", model), "shoulder", np.array([9.0])) == ()
