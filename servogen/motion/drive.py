@@ -42,7 +42,7 @@ def drive(
     """Return the drive along the stretches in turn, at up to `speed` (m/s), each in whole frames.
 
     A stretch speeds up and slows down for `ramp_s` each; then the wheels stop for `pause_s`. Its speed is
-    lowered to make its frames whole, so that its length is exact. Without `repeat` the wheels stop at the
+    reduced so that it takes whole frames and its length is exact. Without `repeat` the wheels stop at the
     end.
     Raises InputError for a speed that is not positive and for a drive that is too long.
     """
@@ -73,7 +73,7 @@ def drive(
 
 
 def _shape(frames: float, ramp: int) -> Floats:
-    """Return each frame's speed as a share of the greatest; the shares add up to at least `frames`."""
+    """Return the speed in each frame as a share of the maximum; the shares add up to at least `frames`."""
     count = max(1, math.ceil(frames - 1e-9))
     while True:
         middle = np.arange(count) + 0.5

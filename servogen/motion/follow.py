@@ -1,4 +1,4 @@
-"""A path in space as joint angles, on one branch of the inverse kinematics from its start to its end.
+"""A path in space as joint angles, on one branch of the inverse kinematics from start to end.
 
 In: a path, the inverse kinematics along it, the joint angles at its start. Out: a `Branch`, the course of the
 joints along the path, or `LeavesReach` and `ChangesBranch` if there is none; and `Followed`: joint angles at
@@ -9,8 +9,8 @@ chosen shares of the path with a stated chord error.
            │  ┄┄┄┄┄┄┄┄╲___    have to jump to another branch, and the path is refused
            └───────────────▶ share of the path
 
-         path  ___________    the chord: where the joints are half way between two samples, seen through
-              ╱   chord   ╲   the forward kinematics
+         path  ___________    the chord: the forward kinematics of the joints half-way between two
+              ╱   chord   ╲   samples
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ INSIDE = np.array([0.25, 0.5, 0.75])
 """The shares between two samples at which the chord error is computed."""
 
 STEP = 0.1
-"""The greatest step of a joint (radians, metres) between two samples of a traced branch."""
+"""The maximum step of a joint (radians, metres) between two samples of a traced branch."""
 
 SMALL = 0.005
-"""A step of less than this (radians, metres) is not a jump."""
+"""A step smaller than this (radians, metres) is not a jump."""
 
 FASTER = 3.0
 """The ratio to the previous slope above which a step that is not small is divided."""
 
 APART = 4.0
-"""The number of steps by which the next solution must be away for a step to be surely on the same branch."""
+"""A step is surely on the same branch if the next solution is at least this many steps away."""
 
 SAME = 1e-6
-"""Solutions closer together than this (radians, metres) are the same."""
+"""Solutions closer together than this (radians, metres) are equal."""
 
 MIN_SHARE = 1e-10
 """The smallest step, as a share of the path."""
@@ -71,14 +71,14 @@ class LeavesReach(InputError):
         self, share: float, point: tuple[float, float, float], place: Location | None, hint: str | None = None
     ) -> None:
         super().__init__(
-            "leaves-reach", f"the path leaves what can be reached at {in_mm(point)}", place, hint
+            "leaves-reach", f"the path leaves the reachable space at {in_mm(point)}", place, hint
         )
         self.share = share
         self.point = point
 
 
 class ChangesBranch(InputError):
-    """The joints would have to jump from one solution to another at `share` of the path, `point` (metres)."""
+    """The joints would have to jump between two solutions at `share` of the path, at `point` (metres)."""
 
     def __init__(
         self,
@@ -105,8 +105,8 @@ class ChangesBranch(InputError):
 class Followed:
     """Joint angles (n, joints) at the `shares` (n,) of the path.
 
-    `chord_error_m`: the worst distance from the path between them. `missed_m`: the worst distance at them,
-    which is more than rounding where a tolerance allows it.
+    `chord_error_m` is the maximum distance from the path between the samples, `missed_m` that at the samples,
+    which exceeds rounding only where a tolerance allows it.
     """
 
     shares: Floats
@@ -171,16 +171,16 @@ def trace(
     place: Location | None = None,
     hint: str | None = None,
 ) -> Branch:
-    """Return the branch on which the joints go along `path` from the joint angles `start`.
+    """Return the branch on which the joints follow `path` from the joint angles `start`.
 
-    Raises LeavesReach or ChangesBranch (`hint` says what goes instead), or InputError when that takes more
-    than 16384 samples.
+    Raises LeavesReach or ChangesBranch (`hint` suggests an alternative), or InputError if more than 16384
+    samples are needed.
     """
     return _Tracer(path, inverse, shown, place, hint).run(np.asarray(start, float))
 
 
 class _Tracer:
-    """The branch so far, and the shares still to come, the next one last."""
+    """The branch so far, and the remaining shares, the next one last."""
 
     def __init__(
         self, path: Path, inverse: Inverse, shown: Shown, place: Location | None, hint: str | None
@@ -206,7 +206,7 @@ class _Tracer:
         )
 
     def _go(self, block: Floats) -> bool:
-        """Add the block's shares that are surely on the branch; return whether there was at least one."""
+        """Add the shares of a block that are surely on the branch; return whether there was at least one."""
         count = len(self.shares)
         for candidates in self._solved(block, self.angles[-1]):
             chosen, away = _nearest(candidates[None], self.angles[-1][None])
@@ -217,7 +217,7 @@ class _Tracer:
         return len(self.shares) > count
 
     def _allowed(self) -> float:
-        """Return how far the joints may move to the next share: as steeply as before, times a factor."""
+        """Return how far the joints may move up to the next share: a multiple of the previous slope."""
         if len(self.shares) == 1:
             return SMALL
         longer = (self.ahead[-1] - self.shares[-1]) / (self.shares[-1] - self.shares[-2])
@@ -231,7 +231,9 @@ class _Tracer:
         self.angles.append(angles)
 
     def _divide(self) -> None:
-        """Put shares before the next one, or pass a singular point if there is no room for another share."""
+        """Insert shares before the next one, or pass a singular point if there is no room for another
+        share.
+        """
         here, there = self.shares[-1], self.ahead[-1]
         if there - here > MIN_SHARE:
             self.ahead += np.linspace(there, here, SPLIT + 1)[1:-1].tolist()
@@ -239,7 +241,9 @@ class _Tracer:
             self._pass(there)
 
     def _pass(self, there: float) -> None:
-        """Continue beside a point where the inverse does not know a joint. Raises ChangesBranch at a jump."""
+        """Continue past a point where the inverse leaves a joint undetermined. Raises ChangesBranch at a
+        jump.
+        """
         here = self.angles[-1]
         if there == 1.0:
             self._take(here)
@@ -266,14 +270,14 @@ class _Tracer:
             raise InputError(
                 "path-too-fast",
                 f"the path cannot be followed beyond {in_mm(_point(self.path, share))}, {100 * share:.3g} % "
-                f"of it: the joints' way there is too steep for {MAX_SAMPLES} samples",
+                f"of it: the joints move too steeply there for {MAX_SAMPLES} samples",
                 self.place,
             )
         return self.inverse(shares, np.tile(here, (len(shares), 1)))
 
 
 def chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
-    """Return the worst distance (n - 1,) from the path inside each interval of samples (n, joints)."""
+    """Return the maximum distance (n - 1,) from the path within each interval of samples (n, joints)."""
     if len(angles) < 2:
         return np.zeros(0)
     between = angles[:-1, None, :] + INSIDE[:, None] * (angles[1:, None, :] - angles[:-1, None, :])
@@ -282,9 +286,7 @@ def chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
 
 
 def _nearest(solutions: Floats, expected: Floats) -> tuple[Floats, Floats]:
-    """Return the solutions (n, joints) nearest to `expected`, and their distances (n,), inf if
-    there is none.
-    """
+    """Return the solutions (n, joints) nearest to `expected`, and their distances (n,), inf without any."""
     away = np.abs(solutions - expected[:, None, :]).max(axis=2)
     away = np.where(np.isnan(away), np.inf, away)
     best = np.argmin(away, axis=1)[:, None]
@@ -293,7 +295,7 @@ def _nearest(solutions: Floats, expected: Floats) -> tuple[Floats, Floats]:
 
 
 def _sure(candidates: Floats, chosen: Floats, step: float) -> bool:
-    """Return whether no other solution is so near that a step might have gone to it instead."""
+    """Return whether every other solution is so far away that a step cannot have gone to it instead."""
     apart = np.abs(candidates - chosen).max(axis=1)
     others = apart[apart > SAME]
     return step <= SAME or not others.size or APART * step <= float(others.min())

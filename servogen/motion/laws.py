@@ -1,13 +1,13 @@
-"""Laws of motion along a path: the share of the way as a function of the share of the time.
+"""Laws of motion along a path: the share of the path as a function of the share of the time.
 
-In: the name of a law and, for two of them, the shape of its ramps. Out: `Law`, share s(u) of the way for the
-share u of the time, both 0 to 1, with its derivatives and their peaks.
+In: the name of a law and, for two of them, the shape of its ramps. Out: `Law`, the share s(u) of the path at
+the share u of the time, both from 0 to 1, with its derivatives and their peaks.
 
     linear    speed ▔▔▔▔▔▔▔      s = u: the speed jumps at the ends
     cubic     speed ╱‾╲          s = 3u² - 2u³: the acceleration jumps at the ends
     quintic   speed _╱‾╲_        s = 10u³ - 15u⁴ + 6u⁵: nothing jumps but the jerk
     trapezoid speed ╱▔▔▔╲        constant acceleration for the share `ramp` of the time at each end
-    s-curve   speed _╱▔▔╲_       the same, its acceleration rising and falling for the share `bend` of a ramp
+    s-curve   speed _╱▔▔╲_       the same; acceleration rises and falls for the share `bend` of a ramp
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RAMP = 0.25
 """The share of the time that a ramp takes when no acceleration is stated."""
 
 BEND = 0.5
-"""The share of a ramp in which its acceleration rises, and again falls, when no jerk is stated."""
+"""The share of a ramp in which its acceleration rises, and in which it falls, when no jerk is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Law:
     coefficients: tuple[tuple[float, ...], ...]
 
     def share(self, u: ArrayLike) -> Floats:
-        """Return the share of the way at the share `u` of the time; at rest before 0 and after 1."""
+        """Return the share of the path at the share `u` of the time; at rest before 0 and after 1."""
         return self._value(np.clip(np.asarray(u, float), 0.0, 1.0), 0)
 
     def derivative(self, u: ArrayLike, order: int) -> Floats:
@@ -49,9 +49,7 @@ class Law:
         return np.where(inside, self._value(np.clip(u, 0.0, 1.0), order), 0.0)
 
     def peak(self, order: int) -> float:
-        """Return the greatest absolute value of the derivative of that order (1 speed, 2 acceleration, 3
-        jerk).
-        """
+        """Return the maximum absolute derivative of an order (1 speed, 2 acceleration, 3 jerk)."""
         worst = 0.0
         for (start, end), row in zip(pairwise((*self.times, 1.0)), self.coefficients, strict=True):
             wanted = np.polynomial.Polynomial(row).deriv(order)
@@ -80,7 +78,7 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
         return Law(name, (0.0,), ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0),))
     if not (0 < ramp <= 0.5 and 0 < bend <= 0.5):
         raise InputError(
-            "out-of-range", f"a ramp of {ramp:g} and a bend of {bend:g}: both are more than 0 and at most 0.5"
+            "out-of-range", f"ramp and bend are more than 0 and at most 0.5, not {ramp:g} and {bend:g}"
         )
     if name == "trapezoid":
         return _integrated(name, ((ramp, (1.0,)), (1 - 2 * ramp, (0.0,)), (ramp, (-1.0,))))
@@ -94,8 +92,8 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
 
 
 def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:
-    """Return the law whose acceleration has the shape of `pieces` (length, polynomial), scaled
-    to end at 1.
+    """Return the law whose acceleration has the shape of `pieces` (length, polynomial), scaled to end at
+    1.
     """
     times: list[float] = []
     rows: list[np.polynomial.Polynomial] = []

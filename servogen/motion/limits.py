@@ -1,8 +1,8 @@
-"""Limits of the joints, and the shortest time in which a law keeps them.
+"""Limits of joints, and the shortest time in which a law stays within them.
 
 In: the travel of each joint and its limits. Out: a law and a duration for all joints together. The joints are
-synchronised: all follow the same law in the same time, so that they begin and end together on a straight way
-through joint space.
+synchronised: all follow the same law in the same time, so that they start and stop together on a straight
+line through joint space.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Timing:
 def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Timing:
     """Return the law `name` in the shortest time in which no joint exceeds its limits over its `travel`.
 
-    For a path parameter from 0 to 1 the limits are each joint's divided by its travel, and the smallest
-    counts. Raises InputError if a joint moves and nothing limits it.
+    For a path parameter from 0 to 1 the limits are those of each joint divided by its travel, and the
+    smallest applies. Raises InputError if a joint moves that nothing limits.
     """
     used = [(abs(way), limit) for way, limit in zip(travel, limits, strict=True) if abs(way) > STILL]
     if not used:
@@ -54,24 +54,26 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
         raise InputError(
             "no-speed",
             "the speed of this move is not known",
-            hint="give it a time, or a servo with a stated speed, or an acceleration limit",
+            hint="state its time, or use a servo with a stated speed, or an acceleration limit",
         )
     shaped = _shaped(name, speed, acceleration, jerk)
     return Timing(shaped, _shortest(shaped, speed, acceleration, jerk))
 
 
 def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> float:
-    """Return the seconds in which the peaks of `shaped`, over a way of 1, do not exceed the limits."""
+    """Return the shortest time in seconds in which the peaks of `shaped`, over a path of 1, keep the
+    limits.
+    """
     return max(
         shaped.peak(1) / speed,
-        # The linear law's speed jumps at its ends: no acceleration limit holds there, and none is applied.
+        # The speed of the linear law jumps at its ends, so no acceleration limit could hold; none is applied.
         math.sqrt(shaped.peak(2) / acceleration),
         math.pow(shaped.peak(3) / jerk, 1 / 3),
     )
 
 
 def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
-    """Return the law with the ramps that make it the fastest over a way of 1."""
+    """Return the law with the ramps that make it fastest over a path of 1."""
     if name not in ("trapezoid", "s-curve") or math.isinf(acceleration):
         return law(name)
     if name == "trapezoid":
@@ -85,7 +87,7 @@ def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
 
 
 def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
-    """Return the seconds of a ramp and of the whole way of 1; two ramps take a way of speed² /
+    """Return the duration in seconds of a ramp and of the whole path of 1; two ramps cover speed² /
     acceleration.
     """
     if speed * speed >= acceleration:
@@ -96,10 +98,10 @@ def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
 
 
 def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """Return the seconds in which the acceleration rises, those of a ramp and of the whole way of 1.
+    """Return the durations in seconds of the rise of the acceleration, of a ramp and of the whole path of 1.
 
-    A ramp up to `speed` takes v/a + a/j if the acceleration is reached (v j ≥ a²), else 2 √(v/j); the way of
-    two ramps is v times that. If it exceeds 1, the speed is not reached, and the ramps fill the way.
+    A ramp up to `speed` takes v/a + a/j if the acceleration is reached (v j ≥ a²), else 2 √(v/j); two ramps
+    cover v times that. If this exceeds 1, the speed is not reached, and the ramps fill the path.
     """
     reached = speed * jerk >= acceleration**2
     rise = acceleration / jerk if reached else math.sqrt(speed / jerk)
@@ -116,8 +118,8 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
 
 
 def stretch(angles: Floats, step_s: float, limits: Sequence[Limits]) -> float:
-    """Return the factor by which samples `step_s` apart must be slowed down to keep the limits; up to 1: they
-    do.
+    """Return the factor by which samples `step_s` apart must be slowed down to keep the limits, up to 1 if
+    they do already.
 
     A duration k times as long divides speeds by k, accelerations by k² and jerks by k³.
     """

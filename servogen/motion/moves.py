@@ -1,10 +1,10 @@
 """One move as frames: between two poses, along a path, through via points on a spline.
 
-In: start and end, a law, a number of frames or the joints' limits. Out: the angles of each frame of the
-move, the start exclusive and the end inclusive.
+In: start and end, a law, a number of frames or the joints' limits. Out: the angles in each frame of the move,
+excluding the start and including the end.
 
-A spline over all joints at once passes its points with continuous speed and acceleration; it is at rest at
-both ends, or closed, so that a loop never stops.
+A spline over all joints passes its points with continuous speed and acceleration; it is at rest at both ends,
+or closed, so that a loop never stops.
 
     joint   ●╌╌╲     ╱╌●        speeds m at the points solve, for each inner point i with h the intervals,
             rest ╲●╱   rest     m[i-1]/h[i-1] + 2 m[i] (1/h[i-1] + 1/h[i]) + m[i+1]/h[i]
@@ -29,7 +29,7 @@ from servogen.motion.trajectory import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline:
-    """`points` (n, joints) passed at `times` (n,) with `speeds` (n, joints)."""
+    """A spline through `points` (n, joints) at `times` (n,) with `speeds` (n, joints)."""
 
     times: Floats
     points: Floats
@@ -54,9 +54,7 @@ class Spline:
         return np.asarray(6 * d + 0 * t)
 
     def peaks(self) -> tuple[Floats, Floats]:
-        """Return the greatest speed and acceleration of each joint, which lie at the points or where a speed
-        turns.
-        """
+        """Return the maximum speed and acceleration of each joint, at the points or extrema of the speed."""
         _, b, c, d = self._coefficients()
         h = np.diff(self.times)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -80,7 +78,7 @@ class Spline:
 
 
 def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
-    """Return the spline through `points` at rising `times`; if closed, the last point is the first again."""
+    """Return the spline through `points` at rising `times`; if closed, the last point repeats the first."""
     points, times = np.asarray(points, float), np.asarray(times, float)
     if len(points) < 2 or len(times) != len(points) or not (np.diff(times) > 0).all():
         raise InputError("pose-keys", "a spline needs two points or more, and a later time for each")
@@ -92,7 +90,7 @@ def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
         matrix[i, i - 1 : i + 2] = 1 / h[i - 1], 2 / h[i - 1] + 2 / h[i], 1 / h[i]
         right[i] = 3 * (pull[i - 1] + pull[i])
     if closed:
-        # The first point's equation takes in the last interval; the last point's speed is the first's.
+        # The first point's equation includes the last interval; the last point's speed is the first's.
         matrix[0, [0, 1]] = 2 / h[-1] + 2 / h[0], 1 / h[0]
         matrix[0, n - 2] += 1 / h[-1]
         right[0] = 3 * (pull[-1] + pull[0])
@@ -103,7 +101,7 @@ def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
 
 
 def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = False) -> Spline:
-    """Return the spline through `points` as fast as the limits allow, the intervals in proportion to their
+    """Return the fastest spline through `points` within the limits, with intervals proportional to their
     travel.
 
     Raises InputError if nothing limits a joint that moves, and for two equal points in a row.
@@ -129,7 +127,7 @@ EXACT = 1e-9
 
 
 def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
-    """Return a straight move through joint space in so many frames: all joints begin and end together."""
+    """Return a straight move through joint space in `frames` frames: all joints start and stop together."""
     share = law(name).share(_shares(frames))[:, None]
     return np.where(share == 1, end, start + share * (end - start))
 
@@ -137,7 +135,7 @@ def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
 def fastest_straight(
     start: Floats, end: Floats, name: str, limits: Sequence[Limits], frame_s: float
 ) -> Floats:
-    """Return the same as `straight` in as few frames as the limits allow."""
+    """Return a move as `straight` does, in as few frames as the limits allow."""
     timing = fastest(name, (end - start).tolist(), limits)
     frames = math.ceil(timing.duration / frame_s - EXACT)
     share = timing.law.share(_shares(frames))[:, None]
@@ -145,16 +143,16 @@ def fastest_straight(
 
 
 def along(follow: FollowPath, name: str, frames: int) -> Followed:
-    """Return a move along a path in so many frames; the first sample is its start."""
+    """Return a move along a path in `frames` frames; the first sample is its start."""
     return follow(law(name).share(np.concatenate(([0.0], _shares(frames)))))
 
 
 MAX_PATH_FRAMES = 1 << 15
-"""The most frames of a path without a time: 11 minutes at 50 frames per second."""
+"""The maximum number of frames of a path without a time: 11 minutes at 50 frames per second."""
 
 
 def fastest_along(follow: FollowPath, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
-    """Return the same as `along` in as few frames as the limits allow, None for more than
+    """Return a move as `along` does, in as few frames as the limits allow; None for more than
     `MAX_PATH_FRAMES`.
     """
     frames = 1
@@ -168,20 +166,18 @@ def fastest_along(follow: FollowPath, name: str, limits: Sequence[Limits], frame
 
 
 def through(points: Floats, frames: Sequence[int], closed: bool) -> Floats:
-    """Return a move through `points` (n, joints) without stopping, with n - 1 counts of frames
-    between them.
-    """
+    """Return a move through `points` (n, joints) without stopping, with n - 1 numbers of frames between."""
     times = np.concatenate(([0], np.cumsum(frames))).astype(float)
     return spline(points, times, closed).at(np.arange(1, times[-1] + 1))
 
 
 def fastest_through(points: Floats, limits: Sequence[Limits], frame_s: float, closed: bool) -> Floats:
-    """Return the same as `through` in as few frames as the limits allow."""
+    """Return a move as `through` does, in as few frames as the limits allow."""
     curve = fastest_spline(points, limits, closed)
     frames = max(1, math.ceil(curve.duration / frame_s - EXACT))
     return curve.at(np.arange(1, frames + 1) * (curve.duration / frames))
 
 
 def _shares(frames: int) -> Floats:
-    """Return the shares of the time at the frames of a move, from after its start to its end."""
+    """Return the share of the time at each frame of a move, excluding the start and including the end."""
     return np.arange(1, frames + 1) / max(1, frames)

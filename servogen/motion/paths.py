@@ -1,7 +1,7 @@
 """Paths of a point in space: the straight line and the arc.
 
-In: points in metres. Out: a path whose `point` takes the share of the way, 0 to 1, and whose `distance` is
-that of other points from it.
+In: points in metres. Out: a path: `point` returns the point at a share from 0 to 1, `distance` how far other
+points are from the path.
 
                                    through
     start ●───────────● end      ╭────●────╮        the arc goes from start through the second
@@ -20,7 +20,7 @@ from servogen.errors import InputError, Location
 from servogen.motion.trajectory import Floats
 
 STRAIGHT_M = 1e-9
-"""Three points within this distance of a line have no circle."""
+"""Three points within this distance of a line (metres) do not define a circle."""
 
 
 class Path(Protocol):
@@ -39,7 +39,7 @@ class Path(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """From `start` to `end`."""
+    """A straight line from `start` to `end`."""
 
     start: tuple[float, float, float]
     end: tuple[float, float, float]
@@ -85,16 +85,14 @@ class Arc:
         away = points - np.array(self.centre)
         x, y = away @ np.array(self.first), away @ np.array(self.second)
         turn = np.mod(np.arctan2(y, x), 2 * np.pi)
-        # Outside of the arc the nearer end is nearest: the middle of the gap divides the two.
+        # Outside the arc the nearer end is nearest; the middle of the gap separates the two cases.
         beyond = turn > (self.angle + 2 * np.pi) / 2
         share = np.where(beyond, 0.0, np.minimum(turn / self.angle, 1.0))
         return np.asarray(np.linalg.norm(points - self.point(share), axis=-1))
 
 
 def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | None = None) -> Arc:
-    """Return the arc from `start` through `through` to `end`. Raises InputError for three points
-    on a line.
-    """
+    """Return the arc from `start` through `through` to `end`. Raises InputError for collinear points."""
     a, b, c = (np.asarray(point, float) for point in (start, through, end))
     u, v = b - a, c - a
     normal = np.cross(u, v)
@@ -105,9 +103,9 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | 
             "pose-keys",
             "the three points of the arc are on one line",
             place,
-            "a line needs no point to go through",
+            "use a line, without a point to go through",
         )
-    # The circumcentre: in the plane, as far from a as from b and from c.
+    # The circumcentre lies in the plane, equally far from a, b and c.
     centre = a + (float(v @ v) * np.cross(normal, u) + float(u @ u) * np.cross(v, normal)) / (2 * area2)
     radius = float(np.linalg.norm(a - centre))
     first = (a - centre) / radius

@@ -1,7 +1,7 @@
 """Poses with holds, pauses and moves between them -> `JointTrajectory`, one sample per frame.
 
 In: `Motion`, times in seconds as exact fractions. Out: the angles of every frame and the frame at which the
-repeat begins, warnings of what was rounded, notes.
+loop begins, warnings about rounding, notes.
 
     angle                           move     hold      pause   (move of the next pose …)
       │        ╱‾‾‾‾‾‾‾‾            frames in which the servos travel, then stand,
@@ -25,25 +25,25 @@ from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.units import Clock, Cycles
 
 OFF_THE_PATH_M = 1e-3
-"""A warning is given if a point is farther from its path between two frames than at them by more
-than this.
-"""
+"""A warning is given if the distance from a path between two frames exceeds that at the frames by more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Joint angles (radians); the seconds of the move to them, the hold there and the pause after it."""
+    """Joint angles in radians; the durations, in seconds, of the move to them, the hold and the pause
+    after.
+    """
 
     angles: tuple[float, ...]
     move_s: Fraction | None = Fraction(0)
-    """0: at once. None: as fast as the limits allow."""
+    """0: immediately. None: as fast as the limits allow."""
     hold_s: Fraction = Fraction(0)
     pause_s: Fraction = Fraction(0)
     release: bool = False
-    """Whether there are no pulses in the pause; otherwise they hold the position."""
+    """Whether there are no pulses in the pause; otherwise pulses hold the position."""
     law: str = "linear"
     via: bool = False
-    """Whether it is passed without stopping or holding."""
+    """Whether the pose is passed without stopping or holding."""
     path: moves.FollowPath | None = None
     """The path of the move; None: straight through joint space."""
     place: Location | None = None
@@ -51,9 +51,9 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Poses in order, without an end if `repeat`; otherwise the last pose is held, or released.
+    """Poses in order, repeated endlessly if `repeat`; otherwise the last pose is held, or released.
 
-    `limits` are the joints', for moves without a time.
+    `limits` are those of the joints, for moves without a time.
     """
 
     joints: tuple[str, ...]
@@ -75,15 +75,17 @@ class Planned:
 def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
     """Return the motion sampled at frames of `period` cycles. Raises InputError.
 
-    The position of the servos before the first pose is not known, so its move is made only if it comes from
-    the last pose: with `repeat` the loop begins after that move and ends with it.
+    The positions of the servos before the first pose are not known, so the first pose's move is made only
+    from the last pose: with `repeat` the loop begins after that move and ends with it.
     """
     sampler = _Sampler(motion, clock.seconds(period))
     sampler.run()
     angles = np.concatenate(sampler.blocks)
     first = motion.poses[0]
     if np.isnan(angles).all():
-        raise InputError("no-pulses", "the motion has no pulse", first.place, "give a pose hold_s or move_s")
+        raise InputError(
+            "no-pulses", "the motion has no pulse", first.place, "add hold_s or move_s to a pose"
+        )
     before_loop = 0
     if not motion.repeat:
         before_loop = len(angles)
@@ -96,7 +98,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
 
 
 def _still(angles: Floats, frames: int) -> Floats:
-    """Return one position for so many frames."""
+    """Return one position for a number of frames."""
     return np.tile(angles, (frames, 1))
 
 
@@ -134,8 +136,8 @@ class _Sampler:
                 Diagnostic(
                     "warning",
                     "move-unused",
-                    "the first pose's move is not made: the motion does not repeat, and where the servos are "
-                    "before it is not known",
+                    "the first pose's move is not made: the motion does not repeat, and the positions of the "
+                    "servos before it are not known",
                     poses[0].place,
                 )
             )
@@ -148,9 +150,9 @@ class _Sampler:
             if pose.via:
                 raise InputError(
                     "pose-keys",
-                    "a motion cannot begin or end with a pose that it only passes",
+                    "a motion cannot begin or end with a via pose",
                     pose.place,
-                    "remove via = true, or give it to all poses of a motion that repeats",
+                    "remove via = true, or add it to all poses of a motion that repeats",
                 )
 
     def _stand(self, pose: Pose) -> None:
@@ -162,9 +164,7 @@ class _Sampler:
         if pause:
             self._add(_still(target * np.nan if pose.release else target, pause), pose)
         if not hold and not pause and pose.move_s == 0:
-            raise InputError(
-                "pose-keys", "a pose takes no time", pose.place, "give it hold_s, move_s or pause_s"
-            )
+            raise InputError("pose-keys", "a pose takes no time", pose.place, "add hold_s, move_s or pause_s")
 
     def _go(self, chain: Sequence[Pose]) -> None:
         """Add the move from the first pose of the chain to its last, through those between."""
@@ -199,7 +199,7 @@ class _Sampler:
                 f"the path to pose {number} cannot be followed within the joints' limits: "
                 f"not even in {moves.MAX_PATH_FRAMES} frames, {moves.MAX_PATH_FRAMES * frame_s:g} s",
                 pose.place,
-                "give it a time: move_s = … is kept, and what is then too fast is a warning",
+                "state its time: move_s = … is kept, and moves that are then too fast give a warning",
             )
         self._add(move.angles[1:], pose)
         followed = f"the path to pose {number} is followed within {1000 * move.chord_error_m:z.3f} mm"
@@ -216,9 +216,9 @@ class _Sampler:
             if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.path is not None:
                 raise InputError(
                     "pose-keys",
-                    "poses that are passed take a time each, or none of them does",
+                    "either all via poses have a time, or none has",
                     pose.place,
-                    "give move_s to all of them, and no path, or remove it from all",
+                    "add move_s, and no path, to all of them, or remove it from all",
                 )
         if timed[0] is None:
             limits, frame_s = self.motion.limits, float(self.period_s)
@@ -263,9 +263,7 @@ class _Sampler:
 
 
 def _slower(pose: Pose, path: moves.FollowPath, frames: int, frame_s: float) -> str:
-    """Return how long a move must take to stay near its path, as text, empty if the longer times
-    do not help.
-    """
+    """Return a hint with a longer time for which a move stays near its path; empty if none helps."""
     for longer in (2 * frames, 4 * frames, 8 * frames, 16 * frames):
         if longer <= moves.MAX_PATH_FRAMES:
             move = moves.along(path, pose.law, longer)

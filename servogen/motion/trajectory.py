@@ -1,6 +1,4 @@
-"""`JointTrajectory`: joint angles frame by frame, the result of every kind of motion; joints
-bound to servos.
-"""
+"""`JointTrajectory`: joint angles frame by frame, the result of every kind of motion; binding to servos."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from servogen.units import Clock, Cycles
 Floats = npt.NDArray[np.float64]
 
 MAX_FRAMES = 500_000
-"""The longest motion, nearly three hours at 50 Hz: all its frames are held in memory."""
+"""The maximum length of a motion, nearly three hours at 50 Hz: all frames are held in memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,8 +33,8 @@ class JointTrajectory:
 
 
 def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTrajectory:
-    """Return the angles of the bindings' servos, in their order. Raises InputError for a joint that does not
-    move.
+    """Return the trajectory of the bindings' servos, in their order. Raises InputError if a joint is
+    missing.
     """
     columns = []
     for binding in bindings:

@@ -221,7 +221,7 @@ def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
         (("--lift-mm", 0), "does not take the foot off the ground"),
         (("--body-height-mm", 300), "cannot stand"),
         (("--cycle-s", 0.04), "too short"),
-        (("--cycles", 0), "it needs more than 0"),
+        (("--cycles", 0), "needs more than 0 cycles"),
         (("--leg", "L4"), "no leg 'L4'"),
         (("--servo", "tiny"), "unknown servo"),
         (("--stride-mm", "nan"), "--stride-mm"),

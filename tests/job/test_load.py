@@ -373,7 +373,7 @@ def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
         ("arm_deg = 30, hand_deg = 0", "foot_mm = [25, 60, -100]"),
         ("arm_deg = 90, hold_s = 5", 'foot_mm = [-25, 60, -100], path = "line", move_s = 0.4'),
     )
-    assert "the path leaves what can be reached at" in error_of(text)
+    assert "the path leaves the reachable space at" in error_of(text)
     job = plan_job(loads(text + "tolerance_mm = 5.01\n", "job.toml"))
     (note,) = job.notes
     assert note.code == "off-the-path"

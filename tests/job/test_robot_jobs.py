@@ -168,7 +168,7 @@ def test_a_line_out_of_reach_between_its_ends_is_refused() -> None:
         ("tip_mm = [500, 200, 450], orient", "tip_mm = [200, -450, 450], orient"),
         ("tip_mm = [500, 200, 300], path", "tip_mm = [200, 450, 450], path"),
     )
-    assert "the path leaves what can be reached at" in error_of(text)
+    assert "the path leaves the reachable space at" in error_of(text)
 
 
 def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
@@ -230,7 +230,7 @@ def test_one_leg_walks_on_two_servos() -> None:
         ("forward_mm = 40", "forward = 40", "'forward' has no unit: write forward_mm"),
         ("forward_mm = 40", "forward_mm = 400", "walk: L1_alpha would have to turn"),
         ("forward_mm = 40", "cycles = 0", "0 is out of range: more than 0"),
-        ("lift_mm = 20", "lift_mm = 20\nspring_mm = 0.1", "the springs would have to give 0.50 mm"),
+        ("lift_mm = 20", "lift_mm = 20\nspring_mm = 0.1", "the springs would have to yield 0.50 mm"),
         ("lift_mm = 20", "lift_mm = 20\ncycle_s = 0.06", "a cycle of 3 frames is too short"),
         (
             "lift_mm = 20",

@@ -67,8 +67,8 @@ def test_a_gait_can_be_given_by_duty_factor_and_phases() -> None:
         (0.5, [0, 0, 0, 0, 0, 1.0], "the phase of R3 is 1"),
         (0.5, {"L1": 0}, "the phase of the leg L2 is missing"),
         (0.5, {"L7": 0}, "has no leg 'L7'"),
-        (1.0, [0.0] * 6, "a duty factor of 1"),
-        (0.0, [0.0] * 6, "a duty factor of 0"),
+        (1.0, [0.0] * 6, "the duty factor is between 0 and 1, at least 1/24 away from both, not 1"),
+        (0.0, [0.0] * 6, "the duty factor is between 0 and 1, at least 1/24 away from both, not 0"),
     ],
 )
 def test_a_gait_that_is_none_is_refused(duty: float, lifts: list[float], says: str) -> None:

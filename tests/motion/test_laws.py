@@ -71,7 +71,7 @@ def test_the_peaks_are_those_found_by_hand(name: str, peaks: tuple[float, ...]) 
 
 @pytest.mark.parametrize("shape", [(0.0, 0.5), (0.6, 0.5), (0.3, 0.0), (0.3, 0.7), (math.nan, 0.5)])
 def test_a_shape_that_is_none_is_refused(shape: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="both are more than 0 and at most"):
+    with pytest.raises(InputError, match="ramp and bend are more than 0 and at most"):
         law("s-curve", *shape)
 
 

@@ -101,12 +101,12 @@ def test_a_loop_of_via_points_never_stops() -> None:
 
 @pytest.mark.parametrize("repeat", [True, False])
 def test_a_motion_cannot_begin_with_a_pose_that_it_only_passes(repeat: bool) -> None:
-    with pytest.raises(InputError, match="begin or end with a pose that it only passes"):
+    with pytest.raises(InputError, match="begin or end with a via pose"):
         planned(Pose((0.0, 0.0), via=True), Pose((1.0, 1.0), hold_s=HOLD), repeat=repeat)
 
 
 def test_passed_poses_all_have_a_time_or_none_has() -> None:
-    with pytest.raises(InputError, match="take a time each, or none"):
+    with pytest.raises(InputError, match="all via poses have a time, or none"):
         planned(
             Pose((0.0, 0.0), hold_s=HOLD),
             Pose((1.0, 0.0), move_s=Fraction(1), via=True),

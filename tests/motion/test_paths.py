@@ -197,7 +197,7 @@ def test_the_stated_chord_error_is_the_worst_there_is() -> None:
 def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
     beyond = Line((0.5, 0.0, 0.0), (1.5, 0.0, 0.0))
     start = solved(beyond.point([0.0]))[0, 0]
-    with pytest.raises(LeavesReach, match=r"leaves what can be reached at \(1000\.000, 0\.000, 0\.000\) mm"):
+    with pytest.raises(LeavesReach, match=r"leaves the reachable space at \(1000\.000, 0\.000, 0\.000\) mm"):
         trace(beyond, inverse_of(beyond), start, degrees_of)
 
 
@@ -208,7 +208,7 @@ def test_joints_that_go_to_and_fro_without_end_are_given_up_after_so_many_sample
         counted.append(len(shares))
         return np.stack([shares, 5 * np.sin(1e5 * shares)], axis=1)[:, None]
 
-    with pytest.raises(InputError, match="too steep for 16384 samples"):
+    with pytest.raises(InputError, match="too steeply there for 16384 samples"):
         trace(Line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), inverse, (0.0, 0.0), degrees_of)
     assert sum(counted) <= 16384 + 64
 

@@ -249,12 +249,12 @@ def test_mounts_turn_and_mirror_legs() -> None:
     [
         ((), {}, "at least one segment"),
         ((FOREVER, FOREVER), {}, "only the last segment"),
-        ((Segment(0.04, cycles=0),), {}, "a segment has 0 cycles"),
+        ((Segment(0.04, cycles=0),), {}, "a segment needs more than 0 cycles"),
         ((Segment(0.4),), {}, "L1_alpha would have to turn from"),
         (
             (Segment(turn=0.3),),
             {"spring_m": 0.0005},
-            "the springs would have to give 0.8. mm: they give 0.5 mm",
+            "the springs would have to yield 0.8. mm, but yield 0.5 mm",
         ),
         ((FOREVER,), {"frames": None}, "the speed of the cycle is not known"),
         ((FOREVER,), {"frames": 6}, "a cycle of 6 frames is too short for the gait 'tripod'"),

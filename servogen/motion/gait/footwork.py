@@ -1,14 +1,14 @@
 """The legs of a walking robot: footholds -> joint angles at each frame of one segment.
 
-In: the robot, its gait and posture, the segments of its way. Out: `Frames`: angles, feet, which are on the
-ground, and the corrections that their springs must give.
+In: the robot, its gait and posture, the segments of its route. Out: `Frames`: angles, feet, which of them are
+on the ground, and the corrections that their springs must yield.
 
     side view of a foot          it is lifted by a bump that is flat at both ends, while
          ___                     the joints go from where the foot left the ground to where it lands,
      ___╱   ╲___  ground         by one law that begins and ends with the speed of the stance
 
-    the body is at rest while its feet step, once each, to where the walk has them when it begins; the feet
-    that are in the air then have risen in place. After the walk they come down in place, and step again
+    the body is at rest while its feet step, once each, to their places at the beginning of the walk; feet
+    that are in the air at that moment rise in place. After the walk they come down in place and step again
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from servogen.motion.gait.steps import SAME_M, Segment, Steps, cruise_of, steps
 from servogen.motion.trajectory import Floats
 
 SAME_RAD = 1e-9
-"""Angles nearer than this are equal: a foot does not step for what rounding adds."""
+"""Angles closer than this (radians) are equal, so that rounding does not make a foot step."""
 
 RISE_SAMPLES = 2001
-"""Of a foot's rise to the top of its lift, for the way that it moves sideways meanwhile."""
+"""The number of samples of a foot's rise, from which its sideways movement meanwhile is computed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,14 +73,14 @@ def joined(parts: Sequence[Frames]) -> Frames:
 
 @dataclass(frozen=True, slots=True)
 class HeldBack:
-    """A foot that joint limits keep from its best foothold: the segment (from 0), the leg, the angle."""
+    """A foot that joint limits keep from its best foothold: segment (from 0), leg, angle (radians)."""
 
     segment: int
     leg: str
     angle: float
 
     def text(self) -> str:
-        """Return the fact as a sentence."""
+        """Return the fact in words."""
         return (
             f"the limits of the joints of {self.leg} keep its foot {math.degrees(self.angle):.1f}° "
             "off the line from the centre of rotation"
@@ -89,18 +89,18 @@ class HeldBack:
 
 @dataclass(frozen=True, slots=True)
 class Footwork:
-    """The legs' work in a gait: `stance` is fixed for the whole walk."""
+    """Computes the legs' motion in a gait; `stance` is fixed for the whole walk."""
 
     legs: tuple[str, ...]
     stance: Stance
     gait: Gait
 
     def motion(self, segment: Segment) -> BodyMotion:
-        """Return what the body does in a cycle of a segment."""
+        """Return the body's motion in a cycle of a segment."""
         return body_motion(segment, self.gait)
 
     def held_back(self, segments: Sequence[Segment]) -> Iterator[HeldBack]:
-        """Return which feet the limits of their joints keep from their best footholds."""
+        """Yield the feet that the limits of their joints keep from their best footholds."""
         for number, segment in enumerate(segments):
             for index, name in enumerate(self.legs):
                 angle = self.stance.held_back(index, self.motion(segment))
@@ -108,7 +108,7 @@ class Footwork:
                     yield HeldBack(number, name, angle)
 
     def liftoff_slide_m(self, height: float) -> float:
-        """Return how far a foot moves sideways until it has risen by `height`, or by a lower lift."""
+        """Return how far, in metres, a foot moves sideways until it has risen by `height`, or to its lift."""
         share = np.linspace(0.0, 1.0, RISE_SAMPLES)
         here = self._footing(Segment())[0]
         stands = np.repeat(self.stance.angles(0, np.array([here])), RISE_SAMPLES, axis=0)
@@ -118,10 +118,10 @@ class Footwork:
         return float(np.interp(height, risen, ways))
 
     def frames_of_route(self, segments: Sequence[Segment], count: int) -> list[Frames]:
-        """Return the frames of all segments, from rest and, unless the last has no end, back to rest.
+        """Return the frames of all segments, from rest and, unless the last one is endless, back to rest.
 
-        The feet step on the spot from where they stand to where the next segment has them. The last part of
-        a walk without an end is one cycle and what comes before it.
+        Between segments the feet step on the spot to where the next segment has them. The last part of an
+        endless walk is one cycle and its lead-in.
         """
         rest = self._at_rest()
         parts, here = [], rest
@@ -152,8 +152,8 @@ class Footwork:
     def _on_the_spot(self, here: Frames, there: Frames, count: int) -> tuple[Frames, ...]:
         """Return the frames in which feet step once from one footing to another while the body is at rest.
 
-        A foot that its joints and its spring would put where it is already does not step. No frames: none
-        steps. The last frame, in which all stand, is that of what follows.
+        A foot that is already where its joints and its spring would put it does not step; the result is empty
+        if no foot steps. The last frame, in which all feet stand, belongs to the next part.
         """
         old, new = here.angles[0], there.angles[0]
         stepping = np.abs(new - old).max(axis=1) > SAME_RAD
@@ -177,14 +177,14 @@ class Footwork:
         return (Frames(angles, feet, ground, np.where(ground[:, :, None], corrections, 0.0)),)
 
     def frames(self, segment: Segment, count: int) -> Frames:
-        """Return one segment at `count` frames per cycle, from the frame in which all feet stand before it.
+        """Return one segment at `count` frames per cycle, from the last frame in which all feet stand.
 
-        It ends when all feet stand after its stop, or after one cycle if it has no end. Raises InputError for
-        a segment of no cycles.
+        It ends when all feet stand after its stop, or after one cycle if it is endless. Raises InputError for
+        a segment of zero cycles.
         """
         cycles = segment.cycles
         if cycles is not None and cycles <= 0:
-            raise InputError("out-of-range", f"a segment has {cycles:g} cycles: it needs more than 0")
+            raise InputError("out-of-range", f"a segment needs more than 0 cycles, not {cycles:g}")
         cruise = cruise_of(self.gait, cycles)
         legs = [
             steps(self.gait, name, segment, cruise, neutral)
@@ -221,7 +221,7 @@ class Footwork:
         return angles, feet, ground, np.where((ground & ~in_place)[:, None], correction, 0.0)
 
     def _swing(self, index: int, leg: Steps, number: int, time: Floats) -> Floats:
-        """Return the angles (n, k) of one swing, which turns only while the body moves."""
+        """Return the angles (n, k) of one swing, whose turn progresses only while the body moves."""
         start, end = float(leg.lifts[number]), float(leg.lands[number])
         first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
         turned = (np.clip(time, 0.0, leg.cruise.stop) - start) / (end - start)
@@ -240,15 +240,15 @@ def footwork(robot: WalkingRobot, gait: Gait, posture: Posture, segments: Sequen
 
 
 def body_motion(segment: Segment, gait: Gait) -> BodyMotion:
-    """Return what the body does in a cycle of a segment."""
+    """Return the body's motion in a cycle of a segment."""
     return BodyMotion(complex(segment.forward, segment.left), segment.turn, float(gait.duty))
 
 
 def swing_share(u: Floats, rate: float) -> Floats:
-    """Return the share of a swing's way at shares `u` of its time.
+    """Return the share of a swing's path at shares `u` of its time.
 
-    A quintic that begins and ends with the stance's speed, `rate` ways backward in a swing's time, and
-    without acceleration; on the spot the rate is 0. Its second half mirrors its first.
+    The law is a quintic that begins and ends without acceleration at the speed of the stance: `rate` path
+    lengths backward per duration of the swing, 0 on the spot. Its second half mirrors the first.
     """
     a3, a4, a5 = 10 + 10 * rate, -15 - 15 * rate, 6 + 6 * rate
     return np.asarray(u * (-rate + u**2 * (a3 + u * (a4 + u * a5))))

@@ -1,4 +1,4 @@
-"""Gaits: which leg is in the air at which share of the cycle.
+"""Gaits: which legs are in the air at which share of the cycle.
 
 In: a name, or a duty factor and a phase table. Out: `Gait`. Each leg is on the ground (stance) for the
 share `duty` of the cycle and in the air (swing) for the rest; `lifts` is when each leg leaves the ground.
@@ -25,15 +25,15 @@ from servogen.kinematics.protocol import WalkingRobot, mounts_of
 SIXTH = Fraction(1, 6)
 
 MIN_SHARE = Fraction(1, 24)
-"""The shortest stance and swing as a share of the cycle: a shorter one is a mistake."""
+"""The shortest stance and swing as a share of the cycle; a shorter one must be a mistake."""
 
 THREE_DIGITS = Fraction(1, 1000)
-"""The distance of a number from the simple fraction that it stands for."""
+"""The maximum distance of a number from the simple fraction that it stands for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gait:
-    """`lifts`: for each leg, by name, the share of the cycle (0 to 1) at which it leaves the ground."""
+    """A gait; `lifts` is the share of the cycle (0 to 1) at which each leg, by name, leaves the ground."""
 
     name: str
     duty: Fraction
@@ -41,7 +41,7 @@ class Gait:
 
     @property
     def swing(self) -> Fraction:
-        """Return the share of the cycle that a leg is in the air."""
+        """Return the share of the cycle during which a leg is in the air."""
         return 1 - self.duty
 
     @property
@@ -53,8 +53,9 @@ class Gait:
     def on_frames(self, count: int) -> Gait:
         """Return the gait whose legs all lift and land on one of the `count` frames of a cycle.
 
-        Lifts go to the nearest frame and swings are shortened to whole frames, so that a leg that has landed
-        before another lifts still has: for whole k, ⌊x + k + ½⌋ = ⌊x + ½⌋ + k, and the floor is monotonic.
+        Lifts move to the nearest frame and swings are shortened to whole frames, so that a leg that lands
+        before another one lifts still does: for whole k, ⌊x + k + ½⌋ = ⌊x + ½⌋ + k, and the floor is
+        monotonic.
         """
         swing = Fraction(math.floor(self.swing * count), count)
         half = Fraction(1, 2)
@@ -62,7 +63,9 @@ class Gait:
         return Gait(self.name, 1 - swing, lifts)
 
     def changes_from(self, asked: Gait, count: int) -> tuple[PhaseChange, ...]:
-        """Return what differs from `asked` by more than half of one of the `count` frames of a cycle."""
+        """Return the phases that differ from those of `asked` by more than half of a frame, of `count` a
+        cycle.
+        """
         shares = [("duty", asked.duty, self.duty)]
         pairs = zip(asked.lifts, self.lifts, strict=True)
         shares += [(leg, before, after) for (leg, before), (_, after) in pairs]
@@ -81,12 +84,12 @@ class PhaseChange:
 
     @property
     def frames(self) -> Fraction:
-        """Return the size of the change in frames, the shorter way round the cycle."""
+        """Return the size of the change in frames, in the shorter direction round the cycle."""
         away = abs(self.used - self.asked) % 1
         return min(away, 1 - away) * self.count
 
     def text(self) -> str:
-        """Return the change as a sentence's part."""
+        """Return the change as part of a sentence."""
         name = "the duty factor" if self.what == "duty" else f"the lift of {self.what}"
         return (
             f"{name} is {float(self.used):.4g} of the cycle, not {float(self.asked):.4g}: "
@@ -105,7 +108,7 @@ NAMES = tuple(_TABLE)
 
 
 def gait(name: str, robot: WalkingRobot) -> Gait:
-    """Return the gait of that name for a robot with three legs on each side. Raises InputError."""
+    """Return the named gait for a robot with three legs on each side. Raises InputError."""
     if name not in _TABLE:
         raise InputError("unknown-name", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
     duty, *sixths = _TABLE[name]
@@ -132,7 +135,7 @@ def custom(
     lifts: Mapping[str, Fraction | float] | Sequence[float],
     robot: WalkingRobot,
 ) -> Gait:
-    """Return a gait by its duty factor and when each leg lifts, by name or in order. Raises InputError."""
+    """Return the gait with a duty factor and the lift of each leg, by name or in order. Raises InputError."""
     legs = [mount.name for mount in mounts_of(robot)]
     if not isinstance(lifts, Mapping):
         if len(lifts) != len(legs):
@@ -155,13 +158,13 @@ def custom(
     if not MIN_SHARE <= _simple(duty) <= 1 - MIN_SHARE:
         raise InputError(
             "out-of-range",
-            f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more",
+            f"the duty factor is between 0 and 1, at least 1/24 away from both, not {float(duty):g}",
         )
     return Gait(name, _simple(duty), tuple((leg, _simple(lifts[leg]) % 1) for leg in legs))
 
 
 def _simple(share: Fraction | float) -> Fraction:
-    """Return a share as people mean it: 0.667 is two thirds, since it is that to three digits."""
+    """Return the fraction that a share stands for: 0.667 is two thirds, to three digits."""
     exact = Fraction(share).limit_denominator(10**6)
     simple = exact.limit_denominator(24)
     return simple if abs(simple - exact) < THREE_DIGITS else exact

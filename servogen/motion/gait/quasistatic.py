@@ -1,15 +1,15 @@
-"""The second oracle: how a walking robot goes if its legs are rigid and nothing has inertia.
+"""A second oracle beside the physics: the path of a walking robot with rigid legs and without inertia.
 
 In: the feet in the body's frame, frame by frame, which of them are down, the centre of mass. Out: the body's
-pose after each frame. It shares no equation with the physics.
+pose after each frame. The method shares no equation with the physics.
 
-From frame to frame the joints move foot i in the body's frame by s_i. The body answers with the twist
-(dx, dy, dθ) that costs friction the least work: of the sum over the feet on the ground of
+From frame to frame the joints move foot i in the body's frame by s_i. The body responds with the twist
+(dx, dy, dθ) that minimises the work of friction, the sum over the feet on the ground of
 
     normal force N_i  ·  | s_i + (dx, dy) + dθ (-y_i, x_i) |            the foot's slip over the ground
 
-the minimum, found by iteratively reweighted least squares. Friction's coefficient cancels out. Normal forces
-are those of equally stiff legs in balance (`kinematics.statics.foot_forces`).
+found by iteratively reweighted least squares. The coefficient of friction cancels out. The normal forces are
+those of equally stiff legs in balance (`kinematics.statics.foot_forces`).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from servogen.kinematics.statics import foot_forces
 Floats = npt.NDArray[np.float64]
 
 CONTACT_M = 0.001
-"""Feet within this of the lowest are on the ground: legs give by so much."""
+"""Feet within this distance of the lowest one are on the ground, because legs yield by this much."""
 
 ROUNDS = 60
 REGULAR, TINY = 1e-12, 1e-9
-"""Keep the equations solvable where one foot or none is down: the body then does not move by itself."""
+"""Keeps the equations solvable if at most one foot is down: the body then does not move by itself."""
 
 SMALL_M = 1e-9
-"""Slips below this weigh as this: a foot that does not slip would weigh infinitely."""
+"""The minimum slip in weights: a foot that does not slip would have an infinite weight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +45,9 @@ class BodyPath:
 def rigid_body_path(
     feet: Floats, centre: tuple[float, float], ground: npt.NDArray[np.bool_] | None = None
 ) -> BodyPath:
-    """Return the way of a body whose feet are at `feet` (frames, legs, 3) in its frame.
+    """Return the path of a body whose feet are at `feet` (frames, legs, 3) in its frame.
 
-    `ground` (frames, legs) says which are down; None: those within `CONTACT_M` of the lowest.
+    `ground` (frames, legs) tells which feet are down; None: those within `CONTACT_M` of the lowest.
     """
     if ground is None:
         ground = feet[..., 2] <= feet[..., 2].min(axis=1, keepdims=True) + CONTACT_M
@@ -68,7 +68,7 @@ def _slips(twist: Floats, feet: Floats, moved: Floats) -> Floats:
 
 
 def _minimum_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
-    """Return the twists (n, 3) of the least weighted slip."""
+    """Return the twists (n, 3) with the minimum weighted slip."""
     ones, zeros = np.ones(feet.shape[:2]), np.zeros(feet.shape[:2])
     rows = np.stack(
         [np.stack([ones, zeros, -feet[..., 1]], -1), np.stack([zeros, ones, feet[..., 0]], -1)], axis=2

@@ -1,7 +1,7 @@
-"""A walking robot: gait, way and posture -> joint angles at each frame, with the facts about them.
+"""A walking robot: gait, route and posture -> joint angles at each frame, with facts about them.
 
-In: a `WalkingRobot`, a gait, the segments of the way, the posture. Out: `Walk`: the
-trajectory; at each frame the feet, the corrections that the legs' springs must give, the stability margin.
+In: a `WalkingRobot`, a gait, the segments of the route, the posture. Out: `Walk`: the trajectory and, for
+each frame, the feet, the corrections that the legs' springs must yield, and the stability margin.
 """
 
 from __future__ import annotations
@@ -25,43 +25,45 @@ from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
 
 SAME_RAD = 1e-7
-"""Angles of two rounds of a loop that differ by less than this are equal: far less than a pulse can show."""
+"""The tolerance (radians) between angles of two rounds of a loop, far below the resolution of a pulse."""
 
 
 MIN_SWING = 4
-"""The fewest frames of a swing; with fewer the foot would hardly leave the ground."""
+"""The minimum number of frames of a swing; with fewer, the foot would hardly leave the ground."""
 
 
 MAX_GRAIN = 24
-"""The largest grain, in frames, to a multiple of which a cycle is lengthened."""
+"""The largest grain, in frames, for which cycles are lengthened to a multiple of it."""
 
 
 MAX_FRAMES_PER_CYCLE = 3000
-"""The longest cycle, a minute at 20 ms; a slower one is a mistake."""
+"""The longest cycle, in frames: a minute at 20 ms; a slower one must be a mistake."""
 
 
 FIRST_M = 0.001
-"""A foot that has risen as much has left the ground."""
+"""The height (metres) at which a foot has certainly left the ground."""
 
 
 MAX_LIFTOFF_SLIDE = 3.0
-"""How many times the height that it has risen a foot may have moved sideways by then."""
+"""The maximum sideways movement of a foot up to that moment, in multiples of its height."""
 
 
 SAME_DIGITS = 9
-"""Of metres: ways nearer than a nanometre are equal, so that the first of them is named on every machine."""
+"""Digits of metres to which distances are compared, so that every machine names the same frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """How far a foot is dragged in a stance without a spring; the leg and the last frame of the stance."""
+    """The distance by which a foot without a spring is dragged in a stance; its leg, the stance's last
+    frame.
+    """
 
     metres: float
     leg: str
     frame: int
 
     def text(self) -> str:
-        """Return the slip as a sentence."""
+        """Return the slip in words."""
         if self.metres < SAME_M:
             return "no foot would slip without its spring"
         return (
@@ -72,11 +74,11 @@ class Slip:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walk:
-    """`trajectory` has the joints `<leg>_alpha` and `<leg>_beta`, leg by leg; the arrays have a row a frame.
+    """`trajectory` has the joints `<leg>_alpha` and `<leg>_beta`, leg by leg; arrays have one row per frame.
 
     `feet` (frames, legs, 3): in the body's frame, by forward kinematics; `ground` (frames, legs): standing.
-    `corrections` (frames, legs, 3): what the springs give, from the foot to where it should stand; metres.
-    `margins` (frames,): from the centre of mass to the nearest edge of the support polygon; metres.
+    `corrections` (frames, legs, 3): how the springs yield, from the foot to where it should stand, metres.
+    `margins` (frames,): from the centre of mass to the nearest edge of the support polygon, metres.
     """
 
     trajectory: JointTrajectory
@@ -87,13 +89,13 @@ class Walk:
     margins: Floats
     frames_per_cycle: int
     centres: tuple[complex | None, ...]
-    """For each segment the centre of rotation in the body's frame, x + iy; None: the body does not turn."""
+    """The centre of rotation of each segment in the body's frame, x + iy; None if the body does not turn."""
     held_back: tuple[HeldBack, ...]
-    """The feet that the limits of joints keep off the line from the centre of rotation."""
+    """The feet that joint limits keep off the line from the centre of rotation."""
     liftoff_slide_m: float
-    """How far a foot moves sideways until it has risen by `FIRST_M`."""
+    """The distance that a foot moves sideways until it has risen by `FIRST_M`."""
     changes: tuple[PhaseChange, ...] = ()
-    """Where the frames moved the gait's phases by more than half a frame."""
+    """Phases of the gait that rounding to frames has moved by more than half a frame."""
 
     @property
     def leg_angles(self) -> Floats:
@@ -102,17 +104,19 @@ class Walk:
 
     @property
     def largest_correction_m(self) -> float:
-        """Return the largest correction that a leg's spring gives."""
+        """Return the largest correction by a leg's spring, in metres."""
         return float(np.linalg.norm(self.corrections, axis=2).max(initial=0.0))
 
     @property
     def minimum_margin_m(self) -> float:
-        """Return the smallest stability margin of all frames."""
+        """Return the minimum stability margin of all frames, in metres."""
         return float(self.margins.min(initial=math.inf))
 
     @property
     def slip(self) -> Slip:
-        """Return the longest way that a foot would be dragged in one stance if its spring did not give."""
+        """Return the longest distance that a foot would be dragged in one stance if its spring did not
+        yield.
+        """
         frames = len(self.ground)
         rows = np.concatenate((np.arange(frames), np.arange(self.trajectory.loop_start, frames)))
         standing = self.ground[rows[1:]] & self.ground[rows[:-1]]
@@ -127,7 +131,7 @@ class Walk:
         return worst
 
     def full_height(self) -> str | None:
-        """Return a warning where the legs stand so upright that a foot is dragged before it lifts."""
+        """Return a warning if the legs stand so upright that a foot is dragged before it lifts, else None."""
         if self.liftoff_slide_m <= MAX_LIFTOFF_SLIDE * FIRST_M:
             return None
         return (
@@ -136,7 +140,7 @@ class Walk:
         )
 
     def centre_texts(self) -> tuple[tuple[int, str], ...]:
-        """Return for each segment that turns its number, from 0, and where its centre of rotation is."""
+        """Return the number (from 0) of each segment that turns, and its centre of rotation in words."""
         return tuple(
             (
                 index,
@@ -148,7 +152,7 @@ class Walk:
 
     @property
     def lift_m(self) -> float:
-        """Return the greatest height of a foot above the ground."""
+        """Return the maximum height of a foot above the ground, in metres."""
         return float(self.feet[:, :, 2].max() - self.feet[:, :, 2].min())
 
 
@@ -166,14 +170,13 @@ def walk(
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
 ) -> Walk:
-    """Return the walk along `segments`, each from standstill to standstill; only the last may have no end.
+    """Return the walk along `segments`, each from standstill to standstill; only the last may be endless.
 
     A cycle takes at least `frames_per_cycle` frames; None: as few as `limits` (of a servo) allow. It is a
-    multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. A walk
-    without an end loops over one cycle, others over the whole way. `spring_m` is the greatest correction that
-    a leg's spring can give.
-    `others` are segments of other walks that the same robot may continue with: its legs stand so that they
-    suit those too.
+    multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. An endless
+    walk loops over one cycle, others over the whole route. `spring_m` is the maximum correction of a leg's
+    spring. `others` are segments of other walks with which the same robot may continue: its stance suits
+    these too.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
     is too large and, unless `allow_falling`, for a robot that would fall over.
@@ -181,11 +184,11 @@ def walk(
     if not segments:
         raise InputError("no-pulses", "a walk needs at least one segment")
     if any(segment.cycles is None for segment in segments[:-1]):
-        raise InputError("endless-motion", "only the last segment of a walk can be without an end")
+        raise InputError("endless-motion", "only the last segment of a walk can be endless")
     limits = limits or Limits()
     if frames_per_cycle is None and math.isinf(limits.speed):
         raise InputError(
-            "no-speed", "the speed of the cycle is not known", hint="give its time, or a speed limit"
+            "no-speed", "the speed of the cycle is not known", hint="state its time, or a speed limit"
         )
     plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
@@ -220,7 +223,7 @@ def walk(
         if count > MAX_FRAMES_PER_CYCLE:
             raise InputError(
                 "cycle-time",
-                "the limits of the servos ask for a cycle of more than a minute",
+                "the limits of the servos require a cycle of more than a minute",
                 hint="shorten the stride, or raise the limits",
             )
     trajectory = JointTrajectory(
@@ -246,12 +249,12 @@ def walk(
 
 
 def _whole(gait: Gait, frames: int) -> int:
-    """Return at least `frames`, and a multiple of the gait's grain where that is small."""
+    """Return a number of at least `frames`, a multiple of the gait's grain if that is small."""
     return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
 
 
 def _margins(robot: WalkingRobot, frames: Frames) -> Floats:
-    """Return the stability margin of each frame, inf for one or two legs, which something else holds."""
+    """Return the stability margin of each frame, inf for one or two legs, which something else supports."""
     if len(robot.limbs) < 3:
         return np.full(len(frames.angles), math.inf)
     centre = np.array(robot.centre_of_mass[:2])
@@ -280,7 +283,8 @@ def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
     if spring_m is not None and worst > spring_m:
         raise InputError(
             "servo-limit",
-            f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
+            f"the springs would have to yield {1000 * worst:.2f} mm, "
+            f"but yield {1000 * spring_m:g} mm at most",
             hint="shorten the stride or the turn: two joints follow a straight line only roughly",
         )
     if walk.minimum_margin_m < 0 and not allow_falling:
@@ -290,6 +294,6 @@ def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
         raise InputError(
             "falls-over",
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",
-            hint="take a gait with more feet on the ground or a shorter stride, or allow falling "
+            hint="use a gait with more feet on the ground or a shorter stride, or allow falling "
             "(allow_falling = true in a job, --allow-falling)",
         )
