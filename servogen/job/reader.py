@@ -324,7 +324,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
         raise document.error(
             "job-sections",
             (given[1],) if given else (),
-            "a job has exactly one of " + ", ".join(f"[{part}]" for part in SECTIONS),
+            "a job has one of " + ", ".join(f"[{part}]" for part in SECTIONS),
             None if given else "add [motion] poses = [ … ]",
         )
     part = given[0]

@@ -310,7 +310,7 @@ def test_a_foot_position_beyond_the_servos_travel_is_refused() -> None:
 
 def test_a_pose_takes_the_foot_or_its_servos_not_both() -> None:
     text = changed(("arm_deg = 30, hand_deg = 0", "foot_mm = [25, 60, -100], arm_deg = 90"))
-    assert "arm already follows from foot_mm already" in error_of(text)
+    assert "arm already follows from foot_mm" in error_of(text)
 
 
 def test_of_two_solutions_the_one_nearest_to_the_pose_before_is_taken() -> None:

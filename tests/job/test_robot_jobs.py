@@ -140,7 +140,7 @@ def test_via_points_are_passed() -> None:
         ),
         ("tip_mm = [500, 200, 450]", "shoulder_deg = 90", "an orientation needs a position"),
         ("orientation_deg = [0]", "orientation_deg = [0, 0]", "motion.poses[1].tip_mm: scara takes roll"),
-        ("orientation_deg = [0]", "wrist_deg = 9", "wrist already follows from tip_mm already"),
+        ("orientation_deg = [0]", "wrist_deg = 9", "wrist already follows from tip_mm"),
         ('path = "line", hold_s = 0.5', 'path = "arc"', "motion.poses[2].path: an arc needs a point"),
         ('path = "line", hold_s', "through_mm = [1, 2, 3], hold_s", "only an arc goes through a point"),
         (
@@ -153,7 +153,7 @@ def test_via_points_are_passed() -> None:
         (
             "[motion]",
             "[leg]\nab_mm=1\nbc_mm=1\ncd_mm=1\ndf_mm=1\nalpha='x'\nbeta='y'\n[motion]",
-            "[leg] is a robot",
+            "[leg] is itself a robot",
         ),
     ],
 )
@@ -263,5 +263,5 @@ def test_a_job_without_a_motion_is_refused() -> None:
 
 
 def test_a_walk_needs_a_walking_robot() -> None:
-    text = SCARA.split("[motion]")[0] + "[walk]\nway = [{ forward_mm = 4 }]\n"
+    text = SCARA.split("[motion]")[0] + "[walk]\nroute = [{ forward_mm = 4 }]\n"
     assert "a walk needs a walking robot" in error_of(text)
