@@ -1,4 +1,4 @@
-"""The packages put together: from a job to proven HEX files."""
+"""Composition of the packages: from a job to proven HEX files."""
 
 from servogen.build.build import Build, Program, build, report, write
 from servogen.build.engines import Planned, nearest_pulses, planned

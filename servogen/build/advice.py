@@ -1,7 +1,8 @@
-"""Advice for a job whose motion does not fit: changes that would make it fit, each tried.
+"""Advice for a job whose motion does not fit: changes that have been tried and make it fit.
 
-In: a planned job and the error that refused it. Out: the same error, its hint listing the changes with which
-the job can be built (planned, and compiled for its dialect), and what each part of a walk takes by itself.
+In: a planned job and the error that refused it. Out: the same error; its hint lists the changes with which
+the job can be built (planned, and compiled for its dialect), and the size of each segment of a walk by
+itself.
 """
 
 from __future__ import annotations
@@ -19,13 +20,15 @@ from servogen.job.schema import MotionTable, WalkTable
 from servogen.units import counted
 
 CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
-"""Of errors for which changes are tried."""
+"""The codes of errors for which changes are tried."""
 
 PERIODS_US = (20_480, 21_000, 22_000, 23_000, 25_000, 30_000)
-"""Longer periods that most servos accept, the shortest that fits first."""
+"""Longer periods that most servos accept, the shortest first."""
 
 MAX_POSES = 500
-"""Poses of a motion for which changes are tried: half as many still take four words of 1024 each."""
+"""The maximum number of poses for which changes are tried: half as many still take four of 1024 words
+each.
+"""
 
 SLOWER = (1.25, 1.5, 2.0)
 LOWER = (0.75, 0.5)
@@ -33,7 +36,7 @@ LOWER = (0.75, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A key of the job with another value, and how that is written."""
+    """A key of the job with another value, and the notation of the change."""
 
     table: str
     key: str
@@ -43,7 +46,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """What a job that can be built takes."""
+    """The resources of a job that can be built."""
 
     words: int
     data: int
@@ -54,7 +57,7 @@ class Fit:
 
 
 def advised(job: PlannedJob, error: InputError) -> InputError:
-    """Return the error with what would fit as its hint, if anything that was tried does."""
+    """Return the error with a hint that lists what would fit, if anything that was tried does."""
     if error.code not in CODES:
         return error
     tried = [_first_fit(job, group) for group in _groups(job, error)]
@@ -71,7 +74,7 @@ def advised(job: PlannedJob, error: InputError) -> InputError:
 
 
 def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:
-    """Yield changes of one kind each, the smallest first."""
+    """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
     if isinstance(section, MotionTable) and len(section.poses) > MAX_POSES:
         return
@@ -116,7 +119,7 @@ def _first_fit(job: PlannedJob, group: list[Change]) -> tuple[Change, Fit] | Non
 
 
 def _fit(job: PlannedJob, change: Change) -> Fit | None:
-    """Return what the changed job takes; None if it cannot be built."""
+    """Return the resources of the changed job; None if it cannot be built."""
     try:
         made = planned(plan_job(changed(job, change.table, change.key, change.value)))
         return _taken(made)

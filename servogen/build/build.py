@@ -1,6 +1,6 @@
 """From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and write the files.
 
-In: a planned job. Out: `Build`: the values of every step, and a folder of files, which do not depend on the
+In: a planned job. Out: `Build`, the results of every step, and a folder of files that do not depend on the
 date, the host or the path.
 """
 
@@ -33,8 +33,8 @@ from servogen.units import Cycles
 from servogen.verify import Verdict
 
 EXPECTED_WARNING = "delay-rounded"
-"""A warning that is omitted: the C states cycles as times, and that the compiler rounds them back is intended
-and proven with every edge.
+"""A warning that is omitted: the C states cycles as times, which the compiler is meant to round back; every
+edge proves that it does.
 """
 
 Progress = Callable[[str], None]
@@ -48,7 +48,9 @@ class Program:
     firmware: Firmware
     verdict: Verdict
     overrun: Cycles | None = None
-    """The end of the first frame in which the C was too late, from reset; None: never, or not recorded."""
+    """The end, from reset, of the first frame in which the C was late; None if it never was, or is not
+    recorded.
+    """
 
     @property
     def proven(self) -> bool:
@@ -82,7 +84,7 @@ class Build:
     plan: PulsePlan
     programs: tuple[Program, ...]
     left_out: tuple[Diagnostic, ...] = ()
-    """The dialects whose program does not fit the chip, though the job's own does."""
+    """The dialects whose program does not fit the chip, although that of the job's own dialect does."""
 
     @property
     def proven(self) -> bool:
@@ -90,7 +92,7 @@ class Build:
 
     @property
     def frames(self) -> int:
-        """Return the number of frames that were checked."""
+        """Return the number of checked frames."""
         schedule = self.plan.schedule
         return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
 
@@ -123,9 +125,9 @@ class Build:
 
 
 def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
-    """Plan, compile, simulate and verify.
+    """Plan, compile, simulate and verify a job; return the result.
 
-    Raises InputError, its hint listing what would fit, if the job cannot be built.
+    Raises InputError, with a hint that lists what would fit, if the job cannot be built.
     """
     try:
         return _built(job, progress)
@@ -195,11 +197,11 @@ FILES = frozenset(
         *(f"main.{dialect}.{suffix}" for dialect in DIALECTS for suffix in ("c", "hex")),
     )
 )
-"""All files that a build may write; those that it does not write are removed with the previous build."""
+"""All files that a build may write; a build removes those of a previous build that it does not write."""
 
 
 def write(done: Build, folder: Path) -> None:
-    """Write the files of a build, which replace those of an earlier one all at once."""
+    """Write the files of a build, replacing those of an earlier build in one step."""
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
     texts = {"schedule.json": done.plan.schedule.json_text()}
@@ -223,7 +225,7 @@ def write(done: Build, folder: Path) -> None:
 
 
 def checked_edges(done: Build) -> EdgeTrace:
-    """Return the edges of the job's own program from reset to the end of the time that was checked."""
+    """Return the edges of the job's own program from reset to the end of the checked time."""
     schedule, own = done.plan.schedule, done.programs[0]
     end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
     return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)

@@ -1,7 +1,7 @@
-"""Captures the chip's pins with a logic analyser, for as long as the schedule needs, stitched if necessary.
+"""Captures the chip's pins with a logic analyser for as long as the schedule requires, stitched if necessary.
 
-In: the analyser's port, the schedule to be captured, if any, and the settings. Out: a capture file, and the
-facts about it.
+In: the analyser's port, the schedule to be captured, if any, and the settings. Out: a capture file and facts
+about it.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ RATE = 1_000_000
 SECONDS = 1.0
 SLACK = 1.25
 PATIENCE_S = 5.0
-"""How long to wait beyond the time that the capture itself takes."""
+"""The time to wait in addition to the duration of the capture itself."""
 MAX_DRIFT = Fraction(1, 1000)
-"""A capture is long enough for a chip whose crystal is slower by no more than this."""
+"""The maximum slowness of a chip's crystal for which a capture is still long enough."""
 SUMP_DRIVER = "ols"
 """sigrok's only driver that can count equal samples."""
 
@@ -76,7 +76,7 @@ class CaptureRequest:
 
 @dataclass(frozen=True, slots=True)
 class Captured:
-    """A complete capture that was written."""
+    """A complete capture, written to a file."""
 
     path: Path
     analyser: Analyser
@@ -85,12 +85,12 @@ class Captured:
 
     @property
     def captures(self) -> int:
-        """Return how many captures it is stitched from."""
+        """Return the number of captures that were stitched."""
         return len(self.seen.records)
 
     @property
     def seconds(self) -> float:
-        """Return the time that was captured, without the gaps between captures."""
+        """Return the captured time, without the gaps between captures."""
         return sum(record.end for record in self.seen.records) / float(self.plan.rate)
 
     def to_json(self) -> dict[str, object]:
@@ -135,8 +135,8 @@ def capture(
 ) -> Captured:
     """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture.
 
-    Raises InputError for a request that shows nothing, ToolError if the analyser fails; what it sent until
-    then is kept beside `output`.
+    Raises InputError for a request that would show nothing, ToolError if the analyser fails; the data that it
+    sent until then are kept beside `output`.
     """
     wanted = wanted_of(schedule, seconds)
     if schedule is not None:
@@ -210,7 +210,7 @@ def _looks(
     whole_loop: bool,
     progress: Progress,
 ) -> Stitched:
-    """Return one capture or, if it is shorter than what is wanted, as many as that needs."""
+    """Return one capture or, if it is too short, as many as are needed."""
     if schedule is None or planned.frames >= frames:
         seen = _look(line, planned, channel, "capture", progress)
         return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
@@ -264,5 +264,5 @@ def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:
 
 
 def _exact(seconds: float) -> Fraction:
-    """Return the decimal number that was typed, without the error of its binary form."""
+    """Return the decimal number that was typed, without the error of its binary representation."""
     return Fraction(str(seconds))

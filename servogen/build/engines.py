@@ -22,7 +22,7 @@ from servogen.report.tracks import errors_of, tracks_of, worst_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A job as its engine plays it, with its lead-in; the schedule; what makes a dialect's firmware."""
+    """A job as its engine plays it, with its lead-in; the schedule; the function that makes the firmware."""
 
     job: PlannedJob
     engine: str
@@ -30,7 +30,7 @@ class Planned:
     make: Callable[[str], Firmware]
     data_bytes: int = 0
     tour: tuple[JointTrajectory, PulseSchedule] | None = None
-    """All frames that the program can play, where the plan has only some of them."""
+    """All frames that the program can play, if the plan has only some of them."""
 
     def to_json(self) -> dict[str, object]:
         """Return the plan without notes and warnings."""
@@ -50,7 +50,7 @@ class Planned:
 def planned(job: PlannedJob) -> Planned:
     """Return the job as its engine plays it.
 
-    Raises InputError, ResourceError where no engine can hold the motion.
+    Raises InputError; ResourceError if no engine can hold the motion.
     """
     found = _planned(job)
     schedule = replace(found.plan.schedule, device=job.device.name)
@@ -64,9 +64,9 @@ def planned(job: PlannedJob) -> Planned:
 
 
 def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
-    """Return the job and its pulses without building it: each as near to its angle as whole cycles are.
+    """Return the job and its pulses without building it, rounded to the nearest whole cycles.
 
-    If these fit no frame, return both as the job's engine makes them. Raises InputError.
+    If these pulses do not fit a frame, return both as the job's engine makes them. Raises InputError.
     """
     try:
         return job, nearest(job.trajectory, job.servos, job.frame)
@@ -76,7 +76,7 @@ def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
 
 
 def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
-    """Return the plan, its error also measured at the foot, tool or base that `job`'s servos move."""
+    """Return the plan with its error also at the foot, tool or base that the job's servos move."""
     error = plan.schedule.plan_error
     ends = errors_of(tracks_of(job, plan.schedule))
     if error is None or not ends:
@@ -110,7 +110,7 @@ def _planned(job: PlannedJob) -> Planned:
 
 
 def _suitable(job: PlannedJob) -> Sequence[str]:
-    """Return the engine that the job names, or those that read the serial line and the buttons it has."""
+    """Return the engine that the job names, or all engines that read its serial line and its buttons."""
     if job.firmware.engine != "auto":
         return (job.firmware.engine,)
     firmware = job.firmware

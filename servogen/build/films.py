@@ -19,7 +19,7 @@ from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 
 PERIOD_US = 20_000
 SHOWN_US = 100_000
-"""Of the waves, at first."""
+"""The range of the waves that is shown at first."""
 
 
 def film_name(page: str) -> str:

@@ -1,6 +1,6 @@
 """Checks an image before it is programmed: the chip, the proof of its pulses, the image itself.
 
-In: an image, the schedule it was built for, the device that is asked for. Out: a `Check`.
+In: an image, the schedule it was built for, the requested device. Out: a `Check`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 
 SCHEDULE = "schedule.json"
-"""The name under which a build writes the schedule beside its images."""
+"""The file name of the schedule that a build writes beside its images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Check:
         """Return the warnings. Raises InputError if there are objections, unless `force`."""
         if self.against and not force:
             raise InputError.of(
-                replace(objection, hint="--force programs it all the same") for objection in self.against
+                replace(objection, hint="--force programs it anyway") for objection in self.against
             )
         return (*(replace(objection, severity="warning") for objection in self.against), *self.remarks)
 
@@ -46,8 +46,7 @@ def schedule_beside(file: Path) -> Path | None:
 def check(
     file: Path, image: Image, asked: str | None, path: Path | None, schedule: PulseSchedule | None
 ) -> Check:
-    """Return the check of `image`, which `file` contains and which was built for `schedule`, read from
-    `path`.
+    """Return the check of `image`, read from `file` and built for `schedule`, which was read from `path`.
 
     Raises InputError if neither the schedule nor `asked` names the device.
     """
@@ -70,7 +69,7 @@ def _device(
     if name is None:
         raise InputError(
             "missing-option",
-            "nothing says which chip it is for",
+            "the chip is not known",
             Location(str(file)),
             "add --device PIC16F84 or --device PIC16F84A; a schedule.json that servogen built names it",
         )
@@ -81,9 +80,9 @@ def _device(
 
 
 def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
-    """Return the objection that the image's pulses are not proven to be the schedule's, if they are not."""
+    """Return the objection that the image's pulses are not proven to be the schedule's; empty if they are."""
     if schedule is None:
-        text = "there is no schedule.json beside it to compare its pulses with (--against)"
+        text = "there is no schedule.json beside it with which to compare its pulses (--against)"
         return (Diagnostic("error", "not-proven", text),)
     verdict = prove_image(schedule, image)
     if verdict.proven:

@@ -1,7 +1,7 @@
-"""Grades programs against a lab's task: each is compiled, run on the simulator and judged; many at a time.
+"""Grades programs against a lab's task: compiles, runs and judges each program, many at a time.
 
 In: submissions and a lab. Out: a `Graded` for each, in their order; an error in one does not stop the others.
-The programs are not trusted: each is compiled and run in processes of its own, see `isolation`.
+The programs are not trusted: each is compiled and run in separate processes, see `isolation`.
 
     here        this process ──fork──▶ one process for each program
     a cluster   Dask worker ──▶ a fresh process for a batch ──fork──▶ one process for each program
@@ -41,7 +41,7 @@ RUNNING = Limits(seconds=120.0)
 """The limits for running and judging one program, which usually takes a second."""
 
 PATIENCE = 4
-"""The elapsed time allowed, in multiples of the processor time: a grade must not depend on the machine's
+"""The allowed elapsed time in multiples of the processor time: grades must not depend on the machine's
 load.
 """
 
@@ -52,10 +52,10 @@ BATCH = 8
 """The number of programs that a worker of a cluster grades in one process."""
 
 CONNECT_S = 10
-"""The time to connect to a cluster's scheduler, and until it has a worker."""
+"""The time allowed for connecting to a cluster's scheduler, and for its first worker to appear."""
 
 WITHOUT_WORKERS_S = 60.0
-"""The time after which a cluster without a worker is given up."""
+"""The time after which a cluster that has lost its workers is given up."""
 
 POLL_S = 1.0
 
@@ -168,7 +168,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
 
 
 def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
-    """Return the film of a program that failed: its servos' pins around the moment that is wrong."""
+    """Return the film of a failed program: its servos' pins around the wrong moment."""
     named = dict(grade.pins)
     pins = [PINS.index(named.get(servo.servo.name, servo.pins[0])) for servo in lab.servos]
     at = (
@@ -222,7 +222,7 @@ def _compile(read: Read, submission: Submission) -> Compiled:
 
 
 def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:
-    """Return the grade of a program that failed with `error` while `what` was done."""
+    """Return the grade of a program that failed with `error` during `what`."""
     if isinstance(error, InputError):
         return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
     if isinstance(error, LimitExceeded):
@@ -324,7 +324,7 @@ def _on_cluster(
 
 def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Task) -> list[Graded]:
     if not future.done():
-        error: BaseException | None = ToolError("grading-failed", "the cluster has no worker any more")
+        error: BaseException | None = ToolError("grading-failed", "the cluster no longer has a worker")
     else:
         try:
             error = future.exception()
@@ -345,7 +345,7 @@ def _client(scheduler: str) -> Iterator[Any]:
         raise ToolError(
             "tool-missing",
             "grading on a cluster needs Dask",
-            hint="pip install 'servogen[dask]', or leave out --scheduler",
+            hint="pip install 'servogen[dask]', or omit --scheduler",
         ) from error
     try:
         client = distributed.Client(scheduler, timeout=CONNECT_S)

@@ -1,8 +1,7 @@
-"""Compares what an image does, or what was recorded or captured, with a schedule.
+"""Compares the edges of an image, a recording or a capture with a schedule.
 
-In: a `PulseSchedule` and an `Image`, a trace from elsewhere, or a `Capture`. Out: the `Verdict` over a
-stated span; or, where the machine's complete state repeats, over a span after which nothing new can happen
-(`prove_forever`):
+In: a `PulseSchedule` and an `Image`, a recorded trace, or a `Capture`. Out: the `Verdict` over a stated span
+or, if the machine's complete state repeats, over a span after which nothing new can happen (`prove_forever`):
 
     machine   ├ its lead-in ┤├──── its loop ────┤├──── its loop ────┤ …
     schedule  ├ lead-in ┤├─ loop ─┤├─ loop ─┤├─ loop ─┤├─ loop ─┤ …
@@ -41,10 +40,10 @@ from servogen.verify import (
 from servogen.verify.verdict import unseen_motion_reason
 
 LOOPS_CHECKED = 3
-"""The number of loops that are checked: the whole motion and two repeats of it."""
+"""The number of loops that are checked: the whole motion and two repetitions."""
 
 START_FRAMES = 50
-"""The frames that an image may take from reset to its first pulse before it counts as silent."""
+"""The maximum number of frames from reset to the first pulse; later, an image counts as silent."""
 
 
 def checked_cycles(schedule: PulseSchedule) -> Cycles:
@@ -63,9 +62,7 @@ def running(
     span: Cycles,
     options: Options = Options(),  # noqa: B008 - frozen
 ) -> EdgeTrace:
-    """Return the edges of `image` while it runs on the simulator, for `span` cycles and the time to the first
-    pulse.
-    """
+    """Return the edges of `image` on the simulator, for `span` cycles plus the time to the first pulse."""
     limit = Cycles(span + START_FRAMES * schedule.period)
     return EdgeTrace(schedule.clock, machine_of(schedule, image, options).stream(limit), limit)
 
@@ -76,9 +73,8 @@ def prove_file(
     """Return the verdict on a recorded trace, which is checked to its end.
 
     It must contain the whole motion. If its format does not store the end of the recording (not `tells_end`:
-    CSV, JSONL), it must also contain the whole of the last frame of which it has an edge; such a recording
-    ends at the schedule's next edge. If the caller asks for a shorter `span`, the rest is not compared, and
-    the verdict says so.
+    CSV, JSONL), it must also contain every edge of its last frame; such a recording ends at the schedule's
+    next edge. If the caller requests a shorter `span`, the rest is not compared, and the verdict says so.
     """
     stored = trace.stored()
     if span is not None:
@@ -100,7 +96,7 @@ def prove_file(
 
 def _rest(schedule: PulseSchedule, cycles: int) -> str:
     seconds = float(schedule.clock.seconds(cycles))
-    return f"the recording goes on for {seconds:g} s, which were not compared"
+    return f"the recording continues for {seconds:g} s, which were not compared"
 
 
 def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
@@ -115,7 +111,7 @@ def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
 def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
     """Return the verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`).
 
-    Less than the whole motion is not proven, even if no more was asked for.
+    Less than the whole motion is never proven, even if no more was requested.
     """
     verdict = verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)
     if verdict.agrees and verdict.span.compared < motion_cycles(schedule):
@@ -133,7 +129,7 @@ def prove_image(
 ) -> Verdict:
     """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
 
-    It is not proven if the edges are the schedule's but depend on values that no chip guarantees.
+    Edges that equal the schedule's but depend on values that no chip guarantees are not proven.
     """
     span = checked_cycles(schedule) if span is None else span
     machine = machine_of(schedule, image, options, tracked=True)
@@ -181,7 +177,7 @@ def prove_capture(
     sampling(trace, capture.sample).check(longest_us, Location(capture.file))
     verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
     if capture.missing is not None:
-        return verdict.but(f"the capture is not whole: {capture.missing}")
+        return verdict.but(f"the capture is incomplete: {capture.missing}")
     return verdict
 
 
@@ -189,7 +185,7 @@ def prove_capture(
 class Forever:
     """A proof for all time: `verdict` covers `lead_in` and `loop` frames.
 
-    If `reason` is not empty there is no such proof, and `verdict` covers the time that was searched.
+    If `reason` is not empty, there is no such proof, and `verdict` covers the searched time.
     """
 
     verdict: Verdict
@@ -202,7 +198,7 @@ class Forever:
         return self.verdict.proven and not self.reason
 
     def text(self) -> str:
-        """Return one line that says what is proven, or why not."""
+        """Return a line that states what is proven, or why nothing is."""
         if self.proven:
             return (
                 f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
@@ -232,8 +228,8 @@ def prove_forever(
     listing: Listing | None = None,
     options: Options = Options(),  # noqa: B008 - frozen
 ) -> Forever:
-    """Find a repeat of the machine's state within `limit` cycles from reset, and return the verdict on all of
-    it.
+    """Find a repetition of the machine's state within `limit` cycles from reset; return the verdict on all
+    cycles up to it.
     """
     first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
     found = find_repeat(

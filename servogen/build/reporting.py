@@ -1,7 +1,7 @@
-"""From a job to its HTML page: builds it, records its edges, compares a capture with its plan.
+"""From a job to its HTML page: builds the job, records its edges, compares a capture with its plan.
 
-In: a planned job, perhaps a capture. Out: the page and its verdicts. A job whose motion fits no engine has a
-page too, of its plan.
+In: a planned job, optionally a capture. Out: the page and its verdicts. If no engine can hold the motion, the
+page shows only the plan.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from servogen.verify.capture.check import split
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page, whether every program's edges are proven and, if no program was built, why not."""
+    """A page, whether all programs' edges are proven and, if no program was built, the reason."""
 
     html: str
     programs_proven: bool
@@ -63,7 +63,7 @@ def page_of(
 ) -> Page:
     """Build the job and return its page; `rate` is a capture's samples per second. Raises InputError.
 
-    With `twin` the page shows what the robot does in the physics; raises ToolError where MuJoCo is missing.
+    With `twin` the page shows what the robot does in the physics; raises ToolError if MuJoCo is missing.
     """
     try:
         done = build(job, progress)
@@ -119,7 +119,9 @@ def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
 
 
 def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) -> CaptureFacts:
-    """Return what is shown of a capture: of several in one file the longest, because its time is known."""
+    """Return the facts shown about a capture; of several in one file the longest, because its time is
+    known.
+    """
     found = read_capture(path)
     if rate is not None:
         found = sampled_at(found, rate)
@@ -134,7 +136,7 @@ def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) 
 
 
 def _verdict(schedule: PulseSchedule, capture: Capture, path: Path) -> CaptureVerdict:
-    """Return the verdict on a capture; edges in cycles of a chip are also compared cycle by cycle."""
+    """Return the verdict on a capture; edges in cycles of a chip are additionally compared cycle by cycle."""
     verdict = prove_capture(schedule, capture)
     if is_capture(path):
         return verdict

@@ -1,10 +1,10 @@
-"""Tunes a sequence's C for another compiler: measures what that compiler adds, and corrects the delays.
+"""Tunes the C of a sequence for another compiler: measures what that compiler adds, and corrects the delays.
 
 In: a job, the other compiler's HEX, the C that it was compiled from. Out: `Tuned`: the verdict on the HEX,
-the cycles of each path through the program, and, unless the HEX is exact, the C to compile next.
+the cycles of each path through the program and, unless the HEX is exact, the C to compile next.
 
 The delays in the C are known from servogen's own compiler: on each path they are the cycles of its HEX of the
-same C, less those of its statements. The rest of the cycles of the other HEX is the other compiler's.
+same C minus those of its statements. The remaining cycles of the other HEX are those of the other compiler.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from servogen.verify import Verdict
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """The cycles of the other compiler's statements on a path through the program, and of servogen's."""
+    """The cycles of statements on a path through the program: the other compiler's, and servogen's."""
 
     path: str
     theirs: int
@@ -82,7 +82,7 @@ def tune_to(
     if found.engine != "sequence":
         raise InputError(
             "engine-unsupported",
-            f"{job.name}: its pulses come from the {found.engine}, exact whoever compiles it",
+            f"{job.name}: its pulses come from the {found.engine}, which is exact with any compiler",
             hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
         )
     schedule, firmware = found.plan.schedule, found.make(dialect)
@@ -128,14 +128,14 @@ def _overheads(
                 f"is not {files[1]} compiled: {ways[path]} it takes {taken} cycles up to cycle {at}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
-                f"a compiler adds 0 to {MARGIN} cycles; say with --c which C the HEX was made of",
+                f"a compiler adds 0 to {MARGIN} cycles; name the C of the HEX with --c",
             )
         if costs.setdefault(path, cost) != cost:
             raise InputError(
                 "foreign-program",
                 f"{ways[path]} its statements take {cost} cycles up to cycle {at}, before that {costs[path]}",
                 Location(files[0]),
-                "a delay makes up for what is always the same: let the compiler optimise, or use the player",
+                "a delay can only compensate for a constant: let the compiler optimise, or use the player",
             )
     return Overheads(costs)
 
@@ -182,7 +182,7 @@ def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: 
 
 
 def _ways(program: Program) -> Mapping[Path, str]:
-    """Return each path in words that follow a subject."""
+    """Return a description of each path, to follow a subject."""
     ways = {START: "from reset to the first edge"}
     for step in (*program.lead_in, *program.loop):
         if isinstance(step, Hold):

@@ -1,7 +1,7 @@
-"""The pulses in a file, whatever it holds: those of a program on the simulator, or recorded edges.
+"""The pulses of a file: those of a program on the simulator, or recorded edges.
 
-In: a file, perhaps the schedule that it is compared with, the simulator's options. Out: an `EdgeTrace`;
-and, of what is measured in it, the warnings that planned pulses would get from the servos' models.
+In: a file, optionally the schedule that it is compared with, the simulator's options. Out: an `EdgeTrace`;
+for measured pulses, the warnings that planned pulses would get from the servos' models.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from servogen.units import Cycles
 from servogen.verify import Measurement, PinMeasurement
 
 MEASURED_SECONDS = 20.0
-"""How long a program runs by default: two rounds of the printed lab programs."""
+"""The default time that a program runs: two rounds of the printed lab programs."""
 
 Read = Callable[[Path, str], Program]
-"""Reads a program for a device; `read_program` unless the caller shows its remarks."""
+"""Reads a program for a device; `read_program` unless the caller shows the remarks about the file."""
 
 
 def is_program(file: Path) -> bool:
-    """Return whether a file is run, as a program, a job or the folder of a build, or else holds edges.
+    """Return whether a file can be run (a program, a job or the folder of a build) rather than holds edges.
 
     Raises InputError for another suffix.
     """
@@ -45,7 +45,7 @@ def is_program(file: Path) -> bool:
     if suffix not in known:
         raise InputError(
             "unknown-suffix",
-            f"'{file.suffix}' is not the ending of a program, of a job or of edges",
+            f"'{file.suffix}' is not the suffix of a program, a job or edges",
             Location(str(file)),
             ", ".join((*PROGRAM_SUFFIXES, *known)),
         )
@@ -53,7 +53,7 @@ def is_program(file: Path) -> bool:
 
 
 def device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str:
-    """Return the name of the chip that a schedule was built for, or else the one that is asked for.
+    """Return the name of the chip that a schedule was built for, or else the requested one.
 
     Raises InputError if they differ.
     """
@@ -104,8 +104,8 @@ def scheduled_edges(
 def unscheduled_edges(
     file: Path, seconds: float | None, clock_hz: int | None, options: Options, read: Read = read_program
 ) -> EdgeTrace:
-    """Return the edges of a program or a file about which nothing is known, by default for
-    `MEASURED_SECONDS` or to the file's end.
+    """Return the edges of a program or a file without a schedule, by default for `MEASURED_SECONDS` or up to
+    the file's end.
     """
     if is_program(file):
         program = read(file, options.device)
@@ -156,8 +156,8 @@ def _of_pin(
 
 
 def _periods(pin: PinMeasurement) -> list[int]:
-    """Return the period of each kind of frame, without the changes from one kind to the next.
+    """Return the period of each kind of frame, without the transitions from one kind to the next.
 
-    A pin with one or two pulses has no kind of frame; then all its periods are returned.
+    If a pin has only one or two pulses, which do not make a kind of frame, return all its periods.
     """
     return [kind.period for kind in pin.kinds] or list(pin.periods)

@@ -1,4 +1,4 @@
-"""From a job to its twin: the program, compiled or from a file, in its robot.
+"""From a job to its twin: the program, compiled or from a file, in a simulated robot.
 
 In: a planned job, settings. Out: `Verdict`.
 """

@@ -107,7 +107,7 @@ class Manipulator:
     def approach(self, pose: Pose) -> Floats:
         """Return the unit vector along the tool."""
         if not self.arm.orientation:
-            raise InputError("wrong-robot-kind", f"{self.arm.name} has no direction of its tool of its own")
+            raise InputError("wrong-robot-kind", f"{self.arm.name} cannot orient its tool independently")
         return np.asarray(self._rotation(pose)[:, 2])
 
     def _rotation(self, pose: Pose) -> Floats:
@@ -144,8 +144,8 @@ def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Man
         if speed is None:
             raise InputError(
                 "no-speed",
-                f"nothing says how fast {arm.name}'s joint {joint.name} may move",
-                hint="give its speed_deg_s in the robot's file, or bind it to a servo with a known speed",
+                f"the maximum speed of {arm.name}'s joint {joint.name} is not known",
+                hint="state its speed_deg_s in the robot's file, or bind it to a servo with a known speed",
             )
         known.append(speed)
     if (arm.tool.x, arm.tool.y, arm.tool.rx, arm.tool.ry) != (0.0, 0.0, 0.0, 0.0):
@@ -156,7 +156,7 @@ def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Man
 
 
 STILL = 1e-9
-"""A shorter way (radians, metres) is not a move: inverse kinematics reproduces joints no better than this."""
+"""A shorter distance (radians, metres) is not a move: inverse kinematics is no more accurate than this."""
 
 
 @cache
@@ -193,13 +193,13 @@ SPEEDS = 10
 
 FIRST_SPEED = 4
 FIRST_GRIP_TENTHS = 3
-"""Before the first SP and GP (the manufacturer's)."""
+"""The values before the first SP and GP (the manufacturer's)."""
 
 OFF_THE_LINE_MM = 1.0
-"""A tool further than this from the line of an MS is worth a warning."""
+"""A tool farther than this from the line of an MS causes a warning."""
 
 MAX_POINTS = 99
-"""The most intermediate points that MS takes."""
+"""The maximum number of intermediate points of MS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,7 +313,7 @@ class Mover:
         self.manipulator = self.manipulator.with_tool_mm(length)
 
     def kept(self) -> tuple[object, ...]:
-        """Return everything that determines how it will move, for comparison."""
+        """Return everything that determines how the arm will move, for comparison."""
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
@@ -338,8 +338,8 @@ class Mover:
         return samples
 
     def _branch(self, pose: Pose, what: str) -> Branch:
-        """Return the branch on which the arm moves straight to `pose`, with pitch and roll the short way
-        round.
+        """Return the branch on which the arm moves straight to `pose`; pitch and roll take the shorter
+        turn.
         """
         start = np.array(self.pose.values)
         way = np.array(pose.values) - start
@@ -378,7 +378,7 @@ class Mover:
             self.manipulator.solve(pose, self.q)
         except Unreachable as error:
             return error.reason
-        return "the arm is at the end of its reach"
+        return "the arm is at the limit of its reach"
 
     def _check_line(self, samples: Floats, branch: Branch, what: str, intermediate: int) -> None:
         """Warn where the tool leaves the line between its points, because only the joints move linearly
@@ -388,7 +388,7 @@ class Mover:
         worst = 1000 * float(branch.path.distance(tools).max(initial=0.0))
         if worst <= OFF_THE_LINE_MM:
             return
-        text = f"on its way to {what} the tool is up to {worst:z.1f} mm off the straight line"
+        text = f"on the move to {what} the tool is up to {worst:z.1f} mm off the straight line"
         enough = self._enough(branch, intermediate)
         self.warnings.append(
             Diagnostic(
@@ -396,7 +396,7 @@ class Mover:
                 "off-the-line",
                 f"{text}: {enough} intermediate points keep it within {OFF_THE_LINE_MM:g} mm"
                 if enough
-                else f"{text}: {MAX_POINTS} intermediate points, the most there are, do not keep it within "
+                else f"{text}: {MAX_POINTS} intermediate points, the maximum, do not keep it within "
                 f"{OFF_THE_LINE_MM:g} mm",
             )
         )

@@ -59,7 +59,7 @@ class Controller:
     @property
     def flow(self) -> Flow:
         if self._flow is None:
-            raise InputError("no-program", "no program runs")
+            raise InputError("no-program", "no program is running")
         return self._flow
 
     def take(self, statement: Statement) -> None:
@@ -132,7 +132,7 @@ JUMPS: Mapping[str, int] = {"GT": 0, "GS": 0, "EQ": 1, "NE": 1, "LG": 1, "SM": 1
 
 
 _OPENS: Mapping[str, int] = {"RC": 1, "NX": -1}
-"""How many loops are open after a command more than before it."""
+"""The change in the number of open loops by a command."""
 
 
 @dataclass(slots=True)
@@ -373,7 +373,7 @@ def _mj(controller: Controller, statement: Statement) -> None:
         raise InputError(
             "wrong-count",
             f"MJ turns five joints, {controller.mover.manipulator.arm.name} has {len(joints)}",
-            hint="waist, shoulder, elbow, pitch, roll: 0 for what is not there",
+            hint="waist, shoulder, elbow, pitch, roll: 0 for joints that the arm does not have",
         )
     factors = [math.radians(1) if joint.turning else 0.001 for joint in joints]
     by = [value * factor for value, factor in zip(given, factors, strict=False)]
@@ -423,7 +423,7 @@ def _pc(controller: Controller, statement: Statement) -> None:
             )
         first, last = POSITIONS
     if last < first:
-        raise InputError("program-argument", f"PC {first}, {last}: the second number is the higher one")
+        raise InputError("program-argument", f"PC {first}, {last}: the second number must be the higher one")
     controller.memory.clear(first, last)
 
 
@@ -550,7 +550,7 @@ def _gp(controller: Controller, statement: Statement) -> None:
         Diagnostic(
             "warning",
             "grip-force",
-            "a servo's hand has no grip force: of GP only the time counts",
+            "a servo's hand has no grip force: only the time of GP is used",
             statement.place,
         )
     )
@@ -566,7 +566,7 @@ def _in(controller: Controller, _: Statement) -> None:
         raise InputError(
             "program-argument",
             "IN waits for a strobe that never comes",
-            hint="each input of the stimulus is one: seconds=value",
+            hint="every input of the stimulus is a strobe: seconds=value",
         )
     frame, controller.memory.comparison = strobe
     controller.mover.stand(max(0, frame - controller.mover.frame))

@@ -128,8 +128,8 @@ def run(
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """The state before the program, the frame at which it began, and the RN that started it (None: the end of
-    the file).
+    """The state before the program, the frame at which it began, and the RN that started it, None at the end
+    of the file.
     """
 
     kept: tuple[object, ...]
@@ -174,12 +174,12 @@ def _repeated(
             "not-repeatable",
             "there is no program to repeat",
             place,
-            "give the lines numbers, or repeat = false",
+            "number the lines, or write repeat = false",
         )
     if inputs:
         raise InputError(
             "not-repeatable",
-            "a program with inputs is not repeated: they come once",
+            "a program with inputs cannot be repeated: they occur only once",
             place,
             "write repeat = false",
         )
@@ -189,7 +189,7 @@ def _repeated(
     ):
         raise start.statement.error(
             "not-repeatable",
-            "a program that is repeated is run by one RN, the last line",
+            "a program that is repeated must be run by a single RN, on the last line",
             "or write repeat = false",
         )
     after, second = controller.kept(), controller.mover.frame
@@ -203,7 +203,7 @@ def _repeated(
     if controller.kept() != after:
         raise InputError(
             "not-repeatable",
-            "the program cannot be repeated: its second pass ends otherwise than its first",
+            "the program cannot be repeated: its second pass ends differently from its first",
             place,
             "set speeds and counters at its beginning, end where it began, or write repeat = false",
         )

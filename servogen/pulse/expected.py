@@ -1,4 +1,4 @@
-"""The edges of a schedule, without an end, in chunks of arrays.
+"""The edges of a schedule, endless, in chunks of arrays.
 
 In: a `PulseSchedule`. Out: `edges.Expected`, whose chunks are computed as they are read: a day of edges needs
 no more memory than a second.
@@ -16,7 +16,7 @@ from servogen.pulse.schedule import PulseSchedule, Run
 from servogen.units import Cycles
 
 CHUNK_EDGES = 1 << 16
-"""The approximate number of edges in a chunk."""
+"""The approximate number of edges per chunk."""
 
 
 def expected(schedule: PulseSchedule) -> Expected:
@@ -109,5 +109,5 @@ def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> 
 
 
 def _moved(chunk: ExpectedChunk, frames: int, period: Cycles) -> ExpectedChunk:
-    """Return a chunk that begins so many frames later."""
+    """Return a chunk moved by `frames` frames."""
     return chunk._replace(cycle=chunk.cycle + frames * period, frame=chunk.frame + frames)

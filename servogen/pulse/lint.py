@@ -1,13 +1,13 @@
 """Warnings about planned motions and measured pulses.
 
-In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values; with these codes.
+In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values with these codes:
 
     period-range   the period is outside 18 to 20 ms
     period-varies  measured frames differ in length
-    width-range    a pulse is shorter or longer than the servo takes
+    width-range    a pulse is shorter or longer than the servo accepts
     angle-range    a pulse commands an angle outside the servo's travel
     too-fast       the angle changes from frame to frame faster than the servo turns
-    frames-few     a position is left before the servo can have reached it
+    frames-few     a position is left before the servo can reach it
 """
 
 from __future__ import annotations
@@ -25,16 +25,18 @@ from servogen.robot.servo import Servo
 from servogen.units import Rounded
 
 PERIOD_US = (18_000, 20_000)
-"""The recommended period (specification of the labs' servos); others work in practice."""
+"""The recommended period (specification of the labs' servos); other periods work in practice."""
 
 CALIBRATION_SPREAD = 0.1
 """The share of a model's range of widths by which one of its servos may differ at each end."""
 
 ANY_SERVO_US = (1000.0, 2000.0)
-"""The widths that every position servo takes, for the check of an unknown servo."""
+"""The widths that every position servo accepts, for the check of an unknown servo."""
 
 WIDTH_TOLERANCE_US = 2.0
-"""How far a width may be outside a servo's range without a warning: rounding, or a statement's cycles."""
+"""The distance by which a width may leave a servo's range without a warning: rounding, or cycles of a
+statement.
+"""
 
 
 def check_period(period: Rounded, place: Location | None = None) -> tuple[Diagnostic, ...]:
@@ -56,7 +58,7 @@ def check_period(period: Rounded, place: Location | None = None) -> tuple[Diagno
 def check_periods(
     periods_us: Sequence[float], name: str = "", place: Location | None = None
 ) -> tuple[Diagnostic, ...]:
-    """Return the warnings about the times from rise to rise, planned or measured, of one channel (`name`)."""
+    """Return the warnings about the planned or measured times from rise to rise of a channel named `name`."""
     if not len(periods_us):
         return ()
     who = f"{name}: " if name else ""
@@ -77,7 +79,7 @@ def check_periods(
                 Diagnostic(
                     "warning",
                     "period-range",
-                    f"{who}a period of {_us(period)} is outside of 18 to 20 ms",
+                    f"{who}a period of {_us(period)} is outside 18 to 20 ms",
                     place,
                 )
             )
@@ -87,7 +89,7 @@ def check_periods(
 def check_widths(
     servo: Servo, widths_us: Sequence[float], tolerance_us: float = WIDTH_TOLERANCE_US
 ) -> tuple[Diagnostic, ...]:
-    """Return the warnings about the distinct widths of one channel that its servo does not take."""
+    """Return the warnings about the distinct widths of a channel that its servo does not accept."""
     low, high = servo.widths_us
     warnings = []
     for width in sorted(set(widths_us)):
@@ -97,7 +99,7 @@ def check_widths(
             Diagnostic(
                 "warning",
                 "width-range",
-                f"{servo.name}: a pulse of {_us(width)} is outside of the servo's {_us(low)} to {_us(high)}",
+                f"{servo.name}: a pulse of {_us(width)} is outside the servo's {_us(low)} to {_us(high)}",
                 servo.place,
             )
         )
@@ -108,7 +110,7 @@ def check_widths(
                 "warning",
                 "angle-range",
                 f"{servo.name}: {_us(width)} would be {angle:z.0f}{servo.model.unit}, "
-                f"outside of its {'speeds' if servo.model.continuous else 'travel'} of {ends}",
+                f"outside its {'speeds' if servo.model.continuous else 'travel'} of {ends}",
                 servo.place,
             )
         )
@@ -116,7 +118,7 @@ def check_widths(
 
 
 def check_calibration(servo: Servo) -> tuple[Diagnostic, ...]:
-    """Return the warnings about a servo's own calibration and trim that go beyond its model's data sheet."""
+    """Return the warnings about a servo whose own calibration and trim exceed its model's data sheet."""
     low, high = servo.model.calibration.widths_us
     spare = CALIBRATION_SPREAD * (high - low)
     shortest, longest = servo.widths_us
@@ -137,15 +139,14 @@ def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Diagnostic, ..
     """Return the warnings about the distinct widths of a channel whose servo is not known."""
     low, high = ANY_SERVO_US
     return tuple(
-        Diagnostic("warning", "width-range", f"{name}: a pulse of {_us(width)} is outside of 1 to 2 ms")
+        Diagnostic("warning", "width-range", f"{name}: a pulse of {_us(width)} is outside 1 to 2 ms")
         for width in sorted(set(widths_us))
         if not low - WIDTH_TOLERANCE_US <= width <= high + WIDTH_TOLERANCE_US
     )
 
 
 def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Diagnostic, ...]:
-    """Return the warnings about a channel's angles, one per frame (NaN: no pulse), that the servo cannot
-    follow.
+    """Return the warnings about angles, one per frame (NaN: no pulse), that the servo cannot follow.
 
     The angles from `loop_start` on repeat. Each kind of warning is given once, for its worst frame. A model
     without a stated speed is not checked.
@@ -153,7 +154,7 @@ def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float)
     if servo.model.speed is None:
         return ()
     reach = servo.model.speed * period_s
-    # Twice around, so that a position that the loop's end does not reach is missed at its beginning too.
+    # Two rounds, so that a position not reached at the end of the loop is also missed at its beginning.
     around = np.concatenate((angles, angles[loop_start:]))
     runs = list(_constant(around[~np.isnan(around)]))
     return tuple(_follow(servo, runs, reach, period_s))
@@ -188,9 +189,9 @@ def _constant(angles: Floats) -> Iterator[tuple[float, int]]:
 def _follow(
     servo: Servo, runs: Sequence[tuple[float, int]], reach: float, period_s: float
 ) -> Iterator[Diagnostic]:
-    """Yield the warnings about angles that a servo cannot follow which turns by up to `reach` per frame.
+    """Yield the warnings about angles that a servo turning by at most `reach` per frame cannot follow.
 
-    A position that lasts several frames is a step: the servo must reach it before it leaves it. One that
+    A position that lasts several frames is a step: the servo must reach it before leaving it. A position that
     lasts a single frame is part of a ramp, which must not be steeper than `reach`.
     """
     at = runs[0][0] if runs else 0.0
@@ -212,7 +213,7 @@ def _follow(
         yield Diagnostic(
             "warning",
             "too-fast",
-            f"{servo.name} is asked for {asked:z.0f}°/s: it turns at {limit:z.0f}°/s at most",
+            f"{servo.name} would have to turn at {asked:z.0f}°/s: its maximum is {limit:z.0f}°/s",
             servo.place,
         )
     if short:
@@ -220,7 +221,7 @@ def _follow(
             "warning",
             "frames-few",
             f"{servo.name} has to leave a position {short} frame{'s' if short > 1 else ''} before it can "
-            f"have reached it: the travel takes {needed} frames at {limit:z.0f}°/s",
+            f"reach it: the travel takes {needed} frames at {limit:z.0f}°/s",
             servo.place,
         )
 

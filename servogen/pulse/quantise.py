@@ -1,9 +1,8 @@
-"""Angles -> whole cycles: the only place that rounds a pulse, and knows how far the result is from the
-plan.
+"""Angles -> whole cycles: the only place that rounds pulses and computes how far they are from the plan.
 
-In: a servo and its angles. Out: the cycles of each frame, and for every distinct width a row with the
-requested and the achieved width; the largest differences as a `PlanError`, to which `build` adds the
-distance at a foot or tool.
+In: a servo and its angles. Out: the cycles in each frame; for every distinct width a row with the requested
+and the achieved width; the largest differences as a `PlanError`, to which `build` adds the distance at a foot
+or tool.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ class Quantised:
     achieved_us: Fraction
     frames: int
     which: str = ""
-    """The meaning of a row that is only an example of the widths, such as "longest"; else empty."""
+    """The label of a row that is only an example of the widths, such as "longest"; else empty."""
     held: bool = True
-    """Whether two successive frames have it; otherwise it is only passed on a ramp."""
+    """Whether two successive frames have this width; otherwise it is only passed on a ramp."""
 
     @property
     def error_us(self) -> Fraction:
@@ -64,7 +63,7 @@ class Quantised:
 def quantise(
     servo: Servo, angles: Floats, clock: Clock
 ) -> tuple[npt.NDArray[np.int64], tuple[Quantised, ...]]:
-    """Return the cycles of `angles` (NaN gives NO_PULSE), and one row for each distinct width, shortest
+    """Return the cycles of `angles` (NaN gives NO_PULSE), and one row for each distinct width, the shortest
     first.
 
     Raises InputError for an angle outside the servo's limits and for a width below one cycle.
@@ -101,7 +100,7 @@ def quantise(
 
 
 def channel_error(servo: Servo, angles: Floats, planned_us: Floats, achieved_us: Floats) -> PlanError:
-    """Return the error of one servo; the arrays have one entry for each frame, or for each distinct width."""
+    """Return the error of one servo from arrays with one entry per frame, or per distinct width."""
     if not len(angles):
         return PlanError(0.0)
     distinct, back = np.unique(achieved_us, return_inverse=True)
@@ -114,7 +113,7 @@ def channel_error(servo: Servo, angles: Floats, planned_us: Floats, achieved_us:
 
 
 def error_of_rows(servo: Servo, rows: Sequence[Quantised]) -> PlanError:
-    """Return the error of one servo, of which `rows` has every distinct width."""
+    """Return the error of one servo from `rows` with all its distinct widths."""
     return channel_error(
         servo,
         np.array([row.angle for row in rows]),
@@ -124,7 +123,7 @@ def error_of_rows(servo: Servo, rows: Sequence[Quantised]) -> PlanError:
 
 
 def largest(errors: Iterable[PlanError]) -> PlanError:
-    """Return the largest of each kind, rounded for files."""
+    """Return the largest error of each kind, rounded for files."""
     all_errors = list(errors)
     return PlanError(
         round(max((error.width_us for error in all_errors), default=0.0), DECIMALS),

@@ -27,10 +27,10 @@ VERSION = 1
 OPTIONAL: Mapping[str, Any] = MappingProxyType(
     {"inputs": [], "buttons": None, "commands": None, "plan_error": None, "device": None}
 )
-"""Keys that a schedule may omit, and their values then."""
+"""Keys that a schedule may omit, with their default values."""
 
 MAX_DISTANCE = 1e9
-"""The greatest plan error in any unit; a greater number is a mistake."""
+"""The maximum plan error in any unit; a larger number must be a mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """High for `width` cycles from cycle `rise` of its frame."""
+    """A pulse: high for `width` cycles from cycle `rise` of its frame."""
 
     rise: Cycles
     width: Cycles
@@ -60,7 +60,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """The level, 0 or 1, at which the board holds a pin that the program reads."""
+    """A pin that the program reads, and the level, 0 or 1, at which the board holds it."""
 
     pin: str
     level: int
@@ -70,21 +70,21 @@ class Input:
 class ButtonRule:
     """How the buttons change the motion: see "Start and emergency stop" in docs/firmware.md.
 
-    `start` and `stop` have the level while pressed. The schedule itself is for start pressed and stop
-    released from power-up on: with a start button its first frame stands `pressed_frames` - 1 times more at
-    its beginning.
+    The levels of `start` and `stop` are those while pressed. The schedule itself assumes that start is
+    pressed and stop is released from power-up on: with a start button its first frame is repeated
+    `pressed_frames` - 1 times at the beginning.
     """
 
     start: Input | None
     stop: Input | None
     off: bool
-    """Stop takes the pulses away; else it holds them."""
+    """Whether stop switches the pulses off; otherwise it holds them."""
     pressed_frames: int
-    """A button counts when it was seen pressed in so many consecutive frames."""
+    """The number of consecutive frames in which a button must be seen pressed to count."""
 
     @property
     def waiting(self) -> int:
-        """Return how many times more the first frame stands at the beginning of the schedule."""
+        """Return how many times the first frame is repeated at the beginning of the schedule."""
         return self.pressed_frames - 1 if self.start else 0
 
     def to_json(self) -> dict[str, object]:
@@ -98,9 +98,9 @@ class ButtonRule:
 
 @dataclass(frozen=True, slots=True)
 class DirectionRuns:
-    """The frames of a commanded direction: `start` once, `cycle` again and again, `stop` once.
+    """The frames of a commanded direction: `start` once, `cycle` repeatedly, `stop` once.
 
-    `code` are the levels that command it, from the one after the start on.
+    `code` is the levels that command it, without the start.
     """
 
     name: str
@@ -122,15 +122,15 @@ class DirectionRuns:
 class CommandRule:
     """How a line commands the motion: see "Walk on command" in docs/firmware.md.
 
-    `line` has the level at rest. The schedule itself is for a line at rest from power-up on: its loop is the
-    frame of the stance.
+    The level of `line` is that at rest. The schedule itself assumes a line at rest from power-up on: its loop
+    is the frame of the stance.
     """
 
     line: Input
     rest_frames: int
-    """A code begins after the line has been at rest for so many frames."""
+    """The number of frames for which the line must be at rest before a code."""
     stop_frames: int
-    """So many frames at the other level are the command to stop."""
+    """The number of frames at the other level that command a stop."""
     directions: tuple[DirectionRuns, ...]
 
     def to_json_text(self) -> str:
@@ -145,9 +145,9 @@ class CommandRule:
 
 @dataclass(frozen=True, slots=True)
 class PulseSchedule:
-    """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly, all one period apart.
+    """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly.
 
-    `inputs` are held from power-up on; a button that is pressed at another time gives another schedule.
+    `inputs` are held from power-up on; a button pressed at another time results in another schedule.
     """
 
     clock: Clock
@@ -157,13 +157,13 @@ class PulseSchedule:
     loop: tuple[Run, ...]
     inputs: tuple[Input, ...] = ()
     plan_error: PlanError | None = None
-    """The distance of its pulses from the planned motion; None if no plan is known."""
+    """The distance of the pulses from the planned motion; None if no plan is known."""
     device: str | None = None
-    """The chip that it was built for; None if it is not known."""
+    """The chip that the schedule was built for; None if it is not known."""
     buttons: ButtonRule | None = None
-    """What its buttons do if pressed otherwise than `inputs` says; None if it is not known."""
+    """The effect of buttons that are not pressed as `inputs` states; None if it is not known."""
     commands: CommandRule | None = None
-    """What a line does that is not at rest as `inputs` says; None: there is no such line."""
+    """The effect of a line that is not at rest as `inputs` states; None if there is no such line."""
 
     @property
     def lead_in_frames(self) -> int:
@@ -196,7 +196,7 @@ class PulseSchedule:
         )
 
     def _inputs_text(self) -> str:
-        """Return the line of the inputs, empty if the program reads no pin."""
+        """Return the JSON line of the inputs, empty if the program reads no pin."""
         each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
         return f'  "inputs": {json.dumps(each)},\n' if each else ""
 
@@ -230,7 +230,7 @@ def _runs_text(runs: Iterable[Run]) -> str:
 
 
 MAX_NUMBER = 10**9
-"""The greatest number in a schedule: hertz, frames, cycles of a frame."""
+"""The maximum of any number in a schedule: hertz, frames, cycles of a frame."""
 
 
 def _shown(value: object) -> str:
@@ -293,7 +293,9 @@ class _Reader:
             )
         if not runs[1]:
             raise self._error(
-                "json-value", "loop", "is empty: what follows the motion is a frame, if only without pulses"
+                "json-value",
+                "loop",
+                "is empty: the motion must be followed by a frame, at least one without pulses",
             )
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
         held = tuple(
@@ -352,7 +354,7 @@ class _Reader:
     def _direction(self, data: Any, key: str, channels: int, period: int) -> DirectionRuns:
         name, code, *parts = self._table(data, key, ("name", "code", "start", "cycle", "stop"))
         if not self._text(code, f"{key}.code") or code.strip("01"):
-            raise self._error("json-value", f"{key}.code", f"is not levels, 0 and 1: {_shown(code)}")
+            raise self._error("json-value", f"{key}.code", f"is not a text of levels 0 and 1: {_shown(code)}")
         runs = []
         for part, value in zip(("start", "cycle", "stop"), parts, strict=True):
             where = f"{key}.{part}"
@@ -361,7 +363,7 @@ class _Reader:
                 tuple(self._run(entry, f"{where}[{index}]", channels, period) for index, entry in entries)
             )
             if not runs[-1]:
-                raise self._error("json-value", where, "is empty: it has a frame at least")
+                raise self._error("json-value", where, "is empty: at least one frame is needed")
             if sum(run.frames for run in runs[-1]) > MAX_FRAMES:
                 raise self._error("json-value", where, "has too many frames", f"at most {MAX_FRAMES}")
         return DirectionRuns(self._text(name, f"{key}.name"), code, *runs)
@@ -371,7 +373,7 @@ class _Reader:
         width, angle, speed, end, away = self._table(data, "plan_error", keys)
         if (end is None) != (away is None):
             raise self._error(
-                "json-value", "plan_error", "has one of 'end' and 'end_mm': give both, or null for both"
+                "json-value", "plan_error", "has only one of 'end' and 'end_mm': state both, or null for both"
             )
         return PlanError(
             width_us=self._distance(width, "plan_error.width_us"),

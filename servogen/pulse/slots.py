@@ -1,7 +1,7 @@
-"""Slots: each channel's pulse begins at a fixed cycle of the frame.
+"""Slots: the pulse of each channel begins at a fixed cycle of the frame.
 
 In: the servos in order and the frame. Out: the cycle at which each pulse rises. A slot is as long as the
-servo's longest pulse and a gap, whatever the motion is, so that it is always one period from rise to rise.
+servo's longest pulse plus a gap, whatever the motion, so that rises are always exactly one period apart.
 
     |<- slot 0 ->|<- slot 1 ->|      rest of the frame      |
     |‾‾‾‾|_______|‾‾‾‾‾‾|_____|_____________________________|
@@ -21,12 +21,12 @@ GAP_US = Fraction(250)
 """The default gap between the longest pulse of a slot and the next slot."""
 
 MIN_GAP = Cycles(64)
-"""The cycles that a program needs from one edge to the next if the wait between them is a loop."""
+"""The minimum number of cycles between two edges if the program waits in a loop between them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The frame: its period, the gap between slots, and the length of every slot where a job states it."""
+    """The frame: its period, the gap between slots, and the length of every slot if the job states it."""
 
     period: Rounded
     gap_us: Fraction = GAP_US
@@ -34,13 +34,13 @@ class Frame:
     per_slot: int = 1
     """The number of servos whose pulses begin together in a slot."""
     max_together: int | None = None
-    """The greatest number of pulses that may start together; None: any number."""
+    """The maximum number of pulses that may start together; None: any number."""
     place: Location | None = None
 
 
 def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
-    """Return the cycle of the frame in which each servo's pulse begins. Raises InputError if
-    they do not fit.
+    """Return the cycle of the frame in which each servo's pulse begins. Raises InputError if they do not
+    fit.
     """
     if frame.max_together is not None and frame.per_slot > frame.max_together:
         raise InputError(
@@ -64,7 +64,7 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
                     "frame-too-short",
                     f"a slot of {float(frame.slot_us):g} µs is too short for {longest.name}",
                     frame.place,
-                    f"its longest pulse and the least gap take {float(clock.us(width + MIN_GAP)):g} µs",
+                    f"its longest pulse and the minimum gap take {float(clock.us(width + MIN_GAP)):g} µs",
                 )
         at += slot
     if at > frame.period.cycles:
@@ -73,9 +73,7 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
 
 
 def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycles) -> InputError:
-    """Return the error for too many pulses, or for a clock so slow that the cycles between them
-    do not fit.
-    """
+    """Return the error for too many pulses, or for a clock too slow for the cycles between them."""
     message = (
         f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
         f"{float(clock.us(taken)):.10g} µs, the frame has {float(frame.period.requested_us):.10g} µs"
@@ -89,5 +87,5 @@ def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycl
         f"{message}; at {clock.hz} Hz the {MIN_GAP} cycles from one edge to the next take "
         f"{float(between):.10g} µs",
         frame.place,
-        "take a faster clock",
+        "use a faster clock",
     )

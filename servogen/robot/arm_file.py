@@ -1,4 +1,4 @@
-"""The TOML file of an arm -> `Arm`; and what the files of all kinds of robots have in common.
+"""The TOML file of an arm -> `Arm`, and the keys that the files of all kinds of robots share.
 
 In: a document and its validated table. Out: an `Arm`; InputError with the line and key for keys that do not
 belong together. The files of other kinds of robots are read by their modules in `kinematics`.
@@ -19,12 +19,12 @@ from servogen.robot.model import Arm, DHRow, Frame, Joint, Length, Robot
 from servogen.toml.file import Document, Table
 
 MAX_GRAMS = 1e7
-"""Ten tonnes; a greater mass is a typing error."""
+"""Ten tonnes; a larger mass must be a typing error."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 MAX_MM = 100_000.0
-"""A greater length is a typing error."""
+"""A larger length must be a typing error."""
 
 
 Millimetres = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
@@ -41,7 +41,7 @@ LengthText = Annotated[
 
 
 LengthsMm = dict[str, Annotated[float, Field(ge=0, le=MAX_MM)]]
-"""Lengths by name; a direction is the row's: a_mm = "-l2"."""
+"""Lengths by name; their sign is given in the row: a_mm = "-l2"."""
 
 
 class JointTable(Table):
@@ -127,7 +127,10 @@ def _like(document: Document, table: ArmTable, find: Find) -> Arm:
     for key in ("row", "convention", "closed_form", "orientation"):
         if key in document.data:
             raise document.error(
-                "conflicting-keys", (key,), f"'{key}' is taken from '{model.name}' (like)", "leave one out"
+                "conflicting-keys",
+                (key,),
+                f"'{key}' is already taken from '{model.name}' (like)",
+                "remove one of the two",
             )
     arm = with_lengths(document, table.lengths_mm, model)
     changed = {joint.name: joint for joint in arm.joints}
@@ -221,12 +224,10 @@ def _frame(table: FrameTable | None) -> Frame:
 
 
 def check_unique(document: Document, array: str, names: list[str]) -> None:
-    """Raise InputError at the first of an array's names that was given before."""
+    """Raise InputError at the first name of an array that is already in use."""
     for index, name in enumerate(names):
         if name in names[:index]:
-            raise document.error(
-                "duplicate-name", (array, index, "name"), f"the name '{name}' is taken twice"
-            )
+            raise document.error("duplicate-name", (array, index, "name"), f"the name '{name}' is used twice")
 
 
 # kind of joint -> unit of its keys, factor to the internal unit, default limits
@@ -251,7 +252,7 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
             raise document.error(
                 "wrong-unit",
                 ("joint", index, wrong),
-                f"the joint '{table.name}' is {kind}: give it in {unit}",
+                f"the joint '{table.name}' is {kind}: use {unit}",
             )
 
     def given(key: str, default: float | None) -> float | None:

@@ -1,5 +1,5 @@
-"""The readings of a calibration as text: a list of angles, or a CSV file of widths and angles; the line
-fitted to them; the file that a job reads.
+"""The readings of a calibration, as a list of angles or a CSV file of widths and angles; the line fitted to
+them; the calibration file that a job reads.
 
 In: text. Out: `Reading`s, `Fit`, the calibration file; InputError with its location.
 """
@@ -42,7 +42,7 @@ def angle_of(text: str, what: str = "") -> float:
 
 
 def angles_of(text: str) -> list[float]:
-    """Return the angles of `0,45,90` in radians. Raises InputError."""
+    """Return the angles in a list such as `0,45,90`, in radians. Raises InputError."""
     return [angle_of(part, f"reading {index + 1}: ") for index, part in enumerate(text.split(","))]
 
 
@@ -90,13 +90,13 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
 
 
 MIN_WIDTHS = 3
-"""The smallest number of widths: any two readings lie on a line."""
+"""The minimum number of widths: any two readings lie on a line."""
 
 TOLERANCE_RAD = math.radians(5)
 """The default distance allowed between a reading and the line."""
 
 OUTLIER = 4.0
-"""A reading this many times farther from the line of the others than they are is a reading error."""
+"""A reading is an outlier if it is this many times farther from the line of the others than they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +139,8 @@ class Fit:
     def ends(
         self, limits: tuple[float, float] = (-math.inf, math.inf)
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return (angle, width) of the line's ends: at the shortest and longest width measured, cut at
-        `limits` (radians).
+        """Return (angle, width) at both ends of the line: at the shortest and longest measured width, or
+        where `limits` (radians) cut it.
 
         Raises InputError if nothing of the line remains.
         """
@@ -148,7 +148,7 @@ class Fit:
         first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))
         low, high = max(first, limits[0]), min(last, limits[1])
         if low >= high:
-            raise InputError("bad-readings", "all that was read lies outside of the servo's travel")
+            raise InputError("bad-readings", "all readings lie outside the servo's travel")
         return (low, self.width_us(low)), (high, self.width_us(high))
 
 
@@ -183,8 +183,8 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
     if len(widths) < MIN_WIDTHS:
         raise InputError(
             "bad-readings",
-            f"{len(widths)} widths were read: a line needs {MIN_WIDTHS} or more to show its error",
-            hint="take more points",
+            f"{len(widths)} widths were read: at least {MIN_WIDTHS} are needed to show the error of the line",
+            hint="read more points",
         )
     angles = [reading.angle for reading in readings]
     if max(angles) == min(angles):
@@ -304,8 +304,8 @@ def read_calibration(path: Path, servo: str, model: str, continuous: bool, place
             raise document.error(
                 "bad-calibration",
                 (key,),
-                f"this calibrates the {key} '{given}', the job's is '{mine}'",
-                "calibrate it anew",
+                f"this calibrates the {key} '{given}', but the job has '{mine}'",
+                "calibrate it again",
             )
     return points_of(table.points, document.place("points"), continuous)
 

@@ -1,7 +1,8 @@
-"""Robots as frozen data: what every kind of robot has (`Robot`), and `Arm` with its Denavit–Hartenberg rows.
+"""Robots as frozen data: what all kinds of robots share (`Robot`), and `Arm` with its Denavit–Hartenberg
+rows.
 
-Lengths are metres and angles radians. Nothing is calculated here: `servogen.kinematics` does that, and it
-holds the other kinds of robots, one module each.
+Lengths are in metres and angles in radians. Nothing is calculated here: that is the task of
+`servogen.kinematics`, which also contains the other kinds of robots, one module each.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ class Joint:
     home: float
     speed: float | None = None
     mass: float = 0.0
-    """The mass of the link that it moves, kg; 0: not stated."""
+    """The mass of the link that the joint moves, in kg; 0 if not stated."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """The centre of that mass, metres, in the frame after the joint's DH row."""
+    """The centre of that mass, in metres, in the frame after the joint's DH row."""
 
     @property
     def turning(self) -> bool:
@@ -130,7 +131,7 @@ class Arm:
     dimensions: Dimensions = "user"
     source: str = ""
     payload: float = 0.0
-    """The mass that the tool carries, kg; 0: not stated."""
+    """The mass that the tool carries, in kg; 0 if not stated."""
 
     @property
     def length(self) -> dict[str, float]:
@@ -183,10 +184,10 @@ class Limb:
 
 
 class Robot(Protocol):
-    """What every robot has, whatever its kind.
+    """What all robots share, whatever their kind.
 
-    `kind` names its kind in a robot file and in `kinematics.registry`. What a robot of some kinds can do
-    besides, walk or drive, is in `kinematics.protocol`.
+    `kind` names the kind in a robot file and in `kinematics.registry`. What robots of some kinds can do in
+    addition, walking or driving, is in `kinematics.protocol`.
     """
 
     kind: ClassVar[str]

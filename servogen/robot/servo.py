@@ -4,9 +4,9 @@ In: a model's facts and the properties of one servo (pin, calibration, trim, mou
 Out: `Servo`, which turns angles (radians) into widths (microseconds) and back. For a continuous-rotation
 servo the width is the speed: every angle here is then a speed (radians per second, 0 is stop).
 
-    width                                 reverse: the servo sits mirrored, so the angle
-    max ┤            ╱   calibration:     counts from the other end of its travel;
-        │       ╱        straight lines   trim: moves every width by the same time
+    width                                 reverse: the servo is mounted mirrored, so angles
+    max ┤            ╱   calibration:     count from the other end of its travel;
+        │       ╱        straight lines   trim: shifts every width by the same time
     min ┤  ╱             between points
         └──┴────┴────┴── angle
            0   90°  180°
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from servogen.errors import InputError, Location
 
 TOLERANCE_RAD = 1e-9
-"""An angle this far outside a limit is on it: degrees in files are not exact in radians."""
+"""Angles up to this far outside a limit are accepted, because degrees in files are not exact in radians."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,26 +96,26 @@ def calibration(points: tuple[tuple[float, float], ...], place: Location | None 
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """What a servo's file states of its motor and electronics, for the physics; None: nothing is stated.
+    """Facts about a servo's motor and electronics for the physics; None if the file does not state them.
 
-    `assumed` are the keys of the file whose values are not the maker's.
+    `assumed` are the keys of the file whose values do not come from the manufacturer.
     """
 
     stall_a: float | None = None
-    """The current at standstill with the full voltage, without that of the electronics."""
+    """The current at standstill with the full voltage, without the electronics."""
     no_load_a: float | None = None
-    """The motor's current at full speed without load: what its dry friction needs."""
+    """The motor's current at full speed without load, which overcomes its dry friction."""
     efficiency: float | None = None
-    """The efficiency of the gear; it gives the stall current where that is not stated."""
+    """The efficiency of the gear, from which the stall current follows if it is not stated."""
     dead_band_us: float | None = None
     full_drive_us: float | None = None
-    """The error beyond the dead band at which the motor gets the full voltage."""
+    """The error beyond the dead band at which the motor receives the full voltage."""
     lost_s: float | None = None
     """The time without a pulse after which the electronics stop driving the motor."""
     start_s: float | None = None
     """The mechanical time constant of the motor without load."""
     backlash: float | None = None
-    """Of the gear, radians at the shaft."""
+    """The backlash of the gear, in radians at the shaft."""
     assumed: tuple[str, ...] = ()
 
 
@@ -130,7 +130,7 @@ class ServoModel:
     which has none.
     """
     calibration: Calibration
-    """The data sheet's; a servo may have its own."""
+    """The calibration of the data sheet; a servo may have its own."""
     speed: float | None
     """Radians per second without load."""
     acceleration: float | None
@@ -153,7 +153,7 @@ class ServoModel:
         return "°/s" if self.continuous else "°"
 
     def mirrored(self, angle: float) -> float:
-        """Return the angle of a servo that is mounted the other way round."""
+        """Return the angle of a servo that is mounted in reverse."""
         low, high = self.travel
         return -angle if self.continuous else low + high - angle
 
@@ -194,7 +194,7 @@ class Servo:
         return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD
 
     def allows_each(self, angles: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return `allows` for each of many angles; NaN is not allowed."""
+        """Return for every angle whether it is allowed; NaN is not."""
         low, high = self.limits
         return np.asarray((angles >= low - TOLERANCE_RAD) & (angles <= high + TOLERANCE_RAD))
 
@@ -214,8 +214,8 @@ class Servo:
         return self._width_us(angle)
 
     def angle(self, width_us: float) -> float:
-        """Return the shaft angle in radians that a width commands, even beyond the limits (for measured
-        pulses).
+        """Return the shaft angle in radians commanded by a width, even beyond the limits (for
+        measurements).
         """
         return self.mounted(self.calibration.angle(width_us - self.trim_us))
 
@@ -257,7 +257,7 @@ def servo(
         asked, other = (model.shown(end) for end in chosen)
         raise InputError(
             "servo-range",
-            f"{name}'s least angle of {asked} is not below its greatest of {other}",
+            f"{name}'s minimum angle of {asked} is not below its maximum of {other}",
             limits_place or place,
         )
     if (
@@ -268,9 +268,9 @@ def servo(
         asked, known = (" to ".join(model.shown(end) for end in pair) for pair in (chosen, widest))
         raise InputError(
             "servo-range",
-            f"{name} cannot have limits of {asked}: travel and calibration hold {known}",
+            f"{name} cannot have limits of {asked}: travel and calibration allow {known}",
             limits_place or place,
-            "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
+            "calibrate it at angles farther apart, or set min_deg and max_deg within these",
         )
     result = Servo(
         name=name,

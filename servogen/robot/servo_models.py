@@ -21,10 +21,10 @@ from servogen.toml import file as toml_file
 from servogen.toml.file import Document, Table
 
 FILE_ENDING = ".toml"
-"""The ending of a model's name that is a file."""
+"""The suffix of a model's name that is the path of a file."""
 
 MIN_US, MAX_US = 100.0, 10_000.0
-"""Other widths are typing errors: milliseconds, or a zero too many."""
+"""Other widths must be typing errors: milliseconds, or an extra zero."""
 
 
 class PointTable(Table):
@@ -64,7 +64,7 @@ class SupplyTable(Table):
 
 
 class MotorTable(Table):
-    """[motor]: what only the physics of `servogen twin` needs."""
+    """[motor]: facts that only the physics of `servogen twin` needs."""
 
     stall_ma: float | None = Field(default=None, gt=0)
     no_load_ma: float | None = Field(default=None, ge=0)
@@ -136,7 +136,7 @@ def _voltage(table: ModelTable, supply_v: float | None) -> float | None:
 
 
 def _motor(document: Document, table: ModelTable) -> Motor:
-    """Return the motor's facts. Raises InputError for an assumption about a key that is not there."""
+    """Return the motor's facts. Raises InputError for an assumption about a missing key."""
     motor = table.motor or MotorTable()
     keys = [*MotorTable.model_fields, *FactTable.model_fields]
     for index, key in enumerate(motor.assumed):
@@ -182,7 +182,7 @@ def points_of(
 def _travel(
     travel_deg: tuple[float, float] | None, table: ModelTable, curve: Calibration, place: Location | None
 ) -> tuple[float, float]:
-    """Return the radians between the stops, by default those of the end points; infinite for a continuous
+    """Return the stops' angles in radians, by default those of the end points; infinite for a continuous
     servo.
     """
     if table.kind == "continuous":
@@ -202,7 +202,7 @@ def _travel(
 def _at(
     table: ModelTable, supply_v: float | None, place: Location | None
 ) -> tuple[float | None, float | None]:
-    """Return speed and torque, interpolated linearly between two specified voltages."""
+    """Return speed and torque, linearly interpolated between two specified voltages."""
     rows = sorted(table.supply, key=lambda row: row.supply_v)
     if not rows:
         return None, None
@@ -235,13 +235,13 @@ def _metres(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _model(name: str, place: Location | None) -> tuple[Document, ModelTable]:
-    """Return the model's file, checked."""
+    """Return the model's validated file."""
     if name.endswith(FILE_ENDING):
         if not Path(name).is_file():
             raise InputError("unknown-servo-model", f"there is no servo file '{name}'", place)
         return toml_file.load(name, ModelTable)
     if name not in names():
-        own = '; a servo of your own is a file: model = "my-servo.toml"'
+        own = '; or describe the servo in a file: model = "my-servo.toml"'
         raise InputError(
             "unknown-servo-model", f"unknown servo model '{name}'", place, did_you_mean(name, names()) + own
         )

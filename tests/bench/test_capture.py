@@ -128,7 +128,7 @@ def test_a_capture_that_ends_early_is_kept_and_never_taken_for_whole(
     done = run("verify", partial, "--against", SCHEDULE)
     assert done.code == 1
     assert "NOT proven" in done.out
-    assert "the capture is not whole: the analyser" in done.out
+    assert "the capture is incomplete: the analyser" in done.out
 
 
 def test_a_port_that_is_not_there_is_named(run: Run, tmp_path: Path) -> None:

@@ -392,7 +392,7 @@ def test_a_chip_that_nothing_names_is_asked_for_even_by_force(
     tool = stand_in(tmp_path, "pk2cmd", "", 0)
     done = run("flash", program, "--programmer", tool, "--dry-run", "--force")
     assert done.code == 2
-    assert "nothing says which chip it is for" in done.err
+    assert "the chip is not known" in done.err
     assert "--device PIC16F84 " in done.err
 
 

@@ -144,7 +144,7 @@ def test_a_way_whose_statements_take_longer_than_it_may_is_named() -> None:
 
 
 def test_a_players_hex_is_not_tuned_but_verified(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="exact whoever compiles it") as refused:
+    with pytest.raises(InputError, match="exact with any compiler") as refused:
         tune_to(player(tmp_path, 1).job, Image({}), "theirs.hex", "xc8")
     assert "servogen verify theirs.hex --against schedule.json" in (refused.value.hint or "")
 

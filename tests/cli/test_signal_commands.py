@@ -180,8 +180,8 @@ def test_measuring_the_printed_programs(run: Run) -> None:
     assert 1000 <= widths[0] < 1010 and 2000 <= widths[1] < 2010
     second = run("measure", labs / "PICIOR.c", "--servo", "mpx-tiny-s")
     assert "frames differ by 150 µs" in second.out
-    assert "outside of the servo's 1250 µs to 1750 µs" in second.err
-    assert "outside of 18 to 20 ms" in second.err
+    assert "outside the servo's 1250 µs to 1750 µs" in second.err
+    assert "outside 18 to 20 ms" in second.err
 
 
 def test_the_printed_programs_are_small(run: Run, tmp_path: Path) -> None:

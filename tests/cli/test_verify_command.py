@@ -337,7 +337,7 @@ def test_a_shorter_time_that_is_asked_for_is_not_the_whole(run: Run, tmp_path: P
     ran = run("verify", file, "--against", SCHEDULE, "--seconds", 12)
     assert ran.code == 1
     assert ran.out.startswith(f"{AGREES}: 3 of 3 different frames; ")
-    assert "the recording goes on for 27.9817 s, which were not compared" in ran.out
+    assert "the recording continues for 27.9817 s, which were not compared" in ran.out
     assert run("verify", file, "--against", SCHEDULE, "--seconds", 12, "--partial").code == 0
     program = LAB8 / "main.hex"
     ran = run("verify", program, "--against", SCHEDULE, "--seconds", 1)

@@ -244,4 +244,4 @@ def test_a_cluster_that_loses_its_workers_is_given_up(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as found:
         (graded,) = grade_submissions(submissions(tmp_path, ["spin.c"]), task(), found.scheduler_address)
-    assert "the cluster has no worker any more" in graded.defect
+    assert "the cluster no longer has a worker" in graded.defect

@@ -259,7 +259,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         (
             '"mpx-tiny-s"',
             '"mpx-tiny-s"\nmin_deg = 90\nmax_deg = 9',
-            "14:1: error: servo[2].min_deg: hand's least angle",
+            "14:1: error: servo[2].min_deg: hand's minimum angle",
         ),
         ("[chip]", "[chipp]", "unknown key 'chipp' [unknown-key]\n  did you mean 'chip'?"),
         ("period_us = 20_000", "period_us = inf", "inf is not a finite number"),

@@ -213,9 +213,7 @@ def test_the_robot_stands_safely_in_every_gait(name: str) -> None:
 def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
     robot = hexapod()
     bad = custom("hop", 0.5, [0.0, 0.0, 0.0, 0.5, 0.5, 0.5], robot)
-    with pytest.raises(
-        InputError, match=r"the robot falls over in frame 1: .* outside of the feet R1, R2, R3"
-    ):
+    with pytest.raises(InputError, match=r"the robot falls over in frame 1: .* outside the feet R1, R2, R3"):
         walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
     made = walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48, allow_falling=True)
     assert made.minimum_margin_m < -0.05

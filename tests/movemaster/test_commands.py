@@ -145,9 +145,7 @@ def test_where_no_number_of_points_is_enough_none_is_advised(
 ) -> None:
     monkeypatch.setattr(movemaster_arm, "OFF_THE_LINE_MM", 1e-3)
     (warning,) = ran(P_FAR + "10 MO 1\n20 MS 2, 99").warnings
-    assert warning.message.endswith(
-        "99 intermediate points, the most there are, do not keep it within 0.001 mm"
-    )
+    assert warning.message.endswith("99 intermediate points, the maximum, do not keep it within 0.001 mm")
 
 
 def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -> None:
@@ -268,7 +266,7 @@ def test_pl_copies_px_exchanges_sf_adds_pc_clears(ran: Ran) -> None:
 
 def test_pc_with_numbers_that_make_no_sense_is_refused(refused: Refused) -> None:
     assert "PC 0 clears all positions" in refused("PC 0, 5")
-    assert "the second number is the higher one" in refused("PC 5, 2")
+    assert "the second number must be the higher one" in refused("PC 5, 2")
 
 
 def test_nw_deletes_the_program_and_the_positions(ran: Ran) -> None:

@@ -136,14 +136,14 @@ def test_steps_across_the_loop_s_end_are_as_slow_as_all_others(ran: Ran) -> None
 
 
 def test_a_program_that_counts_on_and_on_is_not_repeated(refused: Refused) -> None:
-    assert "its second pass ends otherwise than its first" in refused("10 IC 1\n20 TI 1", repeat=True)
+    assert "its second pass ends differently from its first" in refused("10 IC 1\n20 TI 1", repeat=True)
 
 
 def test_only_a_program_run_once_and_last_is_repeated(refused: Refused) -> None:
-    assert "is run by one RN, the last line" in refused("10 TI 1\nRN 10\nTI 1", repeat=True)
-    assert "is run by one RN, the last line" in refused("10 TI 1\nRN 10\nRN 10", repeat=True)
+    assert "must be run by a single RN" in refused("10 TI 1\nRN 10\nTI 1", repeat=True)
+    assert "must be run by a single RN" in refused("10 TI 1\nRN 10\nRN 10", repeat=True)
     assert "there is no program to repeat" in refused("TI 1", repeat=True)
-    assert "a program with inputs is not repeated" in refused(
+    assert "a program with inputs cannot be repeated" in refused(
         "10 TI 1", repeat=True, inputs=(input_of("1=1"),)
     )
 
@@ -181,7 +181,7 @@ def _point(robot: object, q: tuple[float, ...]) -> np.ndarray:
 
 
 def test_an_arm_without_speeds_is_refused() -> None:
-    with pytest.raises(InputError, match="nothing says how fast rv-m1's joint q1 may move"):
+    with pytest.raises(InputError, match="the maximum speed of rv-m1's joint q1 may move"):
         manipulator(arm("rv-m1"), (None,) * 5)
 
 

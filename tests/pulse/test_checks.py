@@ -46,7 +46,7 @@ def test_the_150_microseconds_of_lab_9_are_named() -> None:
 def test_the_500_microsecond_pulse_of_lab_9_is_named_with_both_its_faults() -> None:
     found = check(TINY_S, [500.0, 1500.0])
     assert codes(found) == ["width-range", "angle-range"]
-    assert "500 µs is outside of the servo's 1250 µs to 1750 µs" in found[0].message
+    assert "500 µs is outside the servo's 1250 µs to 1750 µs" in found[0].message
     assert "-270°" in found[1].message
 
 

@@ -73,7 +73,7 @@ def test_checks_speak_of_speeds() -> None:
 
     texts = [str(each) for each in check_widths(wheel(), [1800.0])]
     assert (
-        texts[1] == "servogen: warning: wheel: 1800 µs would be 450°/s, outside of its speeds of -300°/s to "
+        texts[1] == "servogen: warning: wheel: 1800 µs would be 450°/s, outside its speeds of -300°/s to "
         "300°/s [angle-range]"
     )
     assert check_motion(wheel(), np.array([0.0, 5.0, -5.0]), 0, 0.02) == ()

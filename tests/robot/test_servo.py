@@ -126,7 +126,7 @@ def test_an_angle_beyond_the_limits_is_refused_and_one_on_them_is_not() -> None:
 
 
 def test_limits_without_room_are_refused() -> None:
-    with pytest.raises(InputError, match="least angle of 90° is not below its greatest of 90°"):
+    with pytest.raises(InputError, match="minimum angle of 90° is not below its maximum of 90°"):
         arm(limits=(math.pi / 2, math.pi / 2))
 
 
