@@ -181,7 +181,7 @@ def _point(robot: object, q: tuple[float, ...]) -> np.ndarray:
 
 
 def test_an_arm_without_speeds_is_refused() -> None:
-    with pytest.raises(InputError, match="the maximum speed of rv-m1's joint q1 may move"):
+    with pytest.raises(InputError, match="the maximum speed of rv-m1's joint q1 is not known"):
         manipulator(arm("rv-m1"), (None,) * 5)
 
 
