@@ -32,7 +32,9 @@ def board_of(
     schedule: PulseSchedule,
     options: Options = Options(),  # noqa: B008 - frozen
 ) -> Options:
-    """Return `options` with a schedule's chip, and the pull-up that a servo on RA4, an open drain, needs."""
+    """Return `options` with the chip of a schedule, and the pull-up that a servo on RA4 (open drain)
+    needs.
+    """
     if schedule.device is not None:
         options = replace(options, device=schedule.device)
     if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):

@@ -37,7 +37,7 @@ def render_template(template: str, **values: object) -> str:
 
 
 def _template_place(error: TemplateError) -> Location:
-    """Return the template and line of an error: its own, or the last template line that was running."""
+    """Return the template and line of an error: its own, or the last template line that was executed."""
     if isinstance(error, TemplateSyntaxError):
         return Location(error.name, error.lineno)
     lines = [
@@ -51,14 +51,14 @@ def _template_place(error: TemplateError) -> Location:
 
 @dataclass(frozen=True, slots=True)
 class AsmLine:
-    """A line of assembly; either may be empty."""
+    """A line of assembly and its comment; either may be empty."""
 
     code: str
     comment: str
 
 
 def assembly(text: str) -> Iterator[AsmLine]:
-    """Yield the lines of assembly, whose comments each dialect writes in its own form."""
+    """Yield the lines of assembly; every dialect writes the comments in its own form."""
     for line in text.splitlines():
         code, _, comment = line.partition(";")
         yield AsmLine(code, comment.strip())
@@ -113,5 +113,5 @@ def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
 
 
 def decimal(value: Fraction) -> str:
-    """Return a number as text: whole, or with the decimals it needs, up to three."""
+    """Return a number as text: whole, or with as many decimals as needed, up to three."""
     return f"{float(value):.3f}".rstrip("0").rstrip(".")

@@ -14,7 +14,7 @@ TOO_LARGE = "program-too-large"
 
 
 class ResourceError(InputError):
-    """A motion that its engine cannot fit on the chip: planned, but not built."""
+    """A motion that can be planned but that its engine cannot fit on the chip."""
 
 
 def compiled_to_fit(
@@ -24,7 +24,7 @@ def compiled_to_fit(
     try:
         return compile_sources([Source(text, file)], options)
     except CompileError as error:
-        if error.code != TOO_LARGE:  # a fault of the templates
+        if error.code != TOO_LARGE:  # a defect of the templates
             raise
         raise ResourceError(
             "does-not-fit", f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
@@ -42,7 +42,7 @@ class Firmware:
     timing_budgets: tuple[TimingBudget, ...] = ()
     """The budgets of the C between the pulses."""
     overrun: int | None = None
-    """The address of the byte whose bit 0 is set once the C takes too long; None: the engine has none."""
+    """The address of the byte whose bit 0 is set once the C takes too long; None if the engine has none."""
     warnings: tuple[Diagnostic, ...] = ()
     overheads: Overheads = field(default_factory=Overheads)
     """The cycles that the sequence engine subtracted from its delays."""
@@ -50,20 +50,18 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True)
 class TimingBudget:
-    """The time that the C has between two moments, named by `between`; `worst` is None if no
-    bound is known.
-    """
+    """The time available to the C between two moments, named by `between`; `worst` is None if unbounded."""
 
     between: str
     worst: Cycles | None
     room: Cycles
-    """The most cycles that the C of any compiler may take without an effect on the edges."""
+    """The maximum number of cycles that the C of any compiler may take without affecting the edges."""
     seen: Cycles | None = None
-    """The most cycles with which an end that comes too late is recorded; None if it always is."""
+    """The maximum number of cycles for which a late end is recorded; None if it always is."""
 
     @property
     def left(self) -> int | None:
-        """Return the cycles to spare; below 0 if the C may come too late."""
+        """Return the cycles to spare, negative if the C may be late; None if there is no bound."""
         return None if self.worst is None else self.room - self.worst
 
     def to_json(self) -> dict[str, object]:

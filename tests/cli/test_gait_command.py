@@ -216,7 +216,7 @@ def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
         (("--duty", 1.5, "--lifts", "0,0,0,0,0,0"), "between 0 and 1"),
         (("--beta-sign", 2), "1 or -1"),
         (("--clearance-mm", 90), "80.0 mm are free under the robot"),
-        (("--spring-mm", 0.1), "they give 0.1 mm at most"),
+        (("--spring-mm", 0.1), "but yield 0.1 mm at most"),
         (("--stride-mm", 4000), "limits"),
         (("--lift-mm", 0), "does not take the foot off the ground"),
         (("--body-height-mm", 300), "cannot stand"),

@@ -192,7 +192,7 @@ def test_a_dry_run_shows_the_bytes_and_needs_no_port(run: Run) -> None:
         (RANGE, 2, "no serial port is given"),
         (("--dry-run",), 2, "the widths of positions 0 and 254"),
         (("--dry-run", *RANGE, "--pose", "8"), 2, "the job has no pose '8'"),
-        (("--dry-run", *RANGE, "--pose", "1", "--keys"), 2, "take one of the two"),
+        (("--dry-run", *RANGE, "--pose", "1", "--keys"), 2, "use one of the two"),
         (("--dry-run", *RANGE, "--stop", "off"), 2, "cannot switch pulses off"),
         (("--dry-run", *RANGE, "--stop", "nowhere"), 2, "the job has no pose 'nowhere'"),
     ],

@@ -95,5 +95,5 @@ def test_keys_that_mean_nothing_are_ignored_and_commands_that_mean_nothing_are_r
 
 
 def test_a_pose_and_keys_exclude_each_other() -> None:
-    with pytest.raises(InputError, match="take one of the two"):
+    with pytest.raises(InputError, match="use one of the two"):
         course_of(job("lab8-exercise"), Request(pose="1", steer=True))

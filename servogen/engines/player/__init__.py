@@ -1,4 +1,4 @@
-"""The player: two servos a slot, poses and a script in tables, laws between the poses on the chip."""
+"""The player: two servos per slot, poses and a script in tables, laws between the poses on the chip."""
 
 from servogen.engines.player.layout import Layout, Slot
 from servogen.engines.player.playing import Playing, playing

@@ -1,10 +1,10 @@
-"""The arithmetic of the chip, in whole numbers: between two poses by a weight, and the weight by a law.
+"""The arithmetic of the chip, in integers: between two poses by a weight, and the weight by a law.
 
 In: bytes of two poses, a time in 256ths of a step, a law's table. Out: widths in cycles, bit for bit.
 
     value:   key · 256 ± |next - key| · weight, for a swing twice the product; 16 bits
     width:   base + value · step / 256, whole cycles, rounded down
-    weight:  the law's table has 17 entries; between two of them the same arithmetic goes straight
+    weight:  the law's table has 17 entries, between which the same arithmetic interpolates linearly
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ Whole = npt.NDArray[np.int64]
 FRACTION = 8
 
 INTERVALS = 16
-"""Of a law's table."""
+"""The number of entries of a law's table."""
 
 ENTRIES = INTERVALS + 1
 
 
 def blended(key: npt.ArrayLike, other: npt.ArrayLike, weight: npt.ArrayLike, *, twice: bool = False) -> Whole:
-    """Return 256 times the value at `weight`/256 of the way from `key` to `other`, `weight`/128 if `twice`.
+    """Return 256 times the value `weight`/256 of the distance from `key` to `other`, `weight`/128 if `twice`.
 
-    A result outside of 16 bits is one that the chip cannot hold; the caller checks that.
+    The caller checks that the result fits the 16 bits that the chip can hold.
     """
     first, second = np.asarray(key, dtype=np.int64), np.asarray(other, dtype=np.int64)
     product = (second - first) * np.asarray(weight, dtype=np.int64)
@@ -33,12 +33,12 @@ def blended(key: npt.ArrayLike, other: npt.ArrayLike, weight: npt.ArrayLike, *, 
 
 
 def weights(table: npt.ArrayLike, time: npt.ArrayLike) -> Whole:
-    """Return the weights of the times, bytes, by a law's table."""
+    """Return the weights at times, given as bytes, from a law's table."""
     entries, times = np.asarray(table, dtype=np.int64), np.asarray(time, dtype=np.int64)
     at = times >> 4
     return blended(entries[at], entries[at + 1], times << 4 & 0xFF) >> FRACTION
 
 
 def excursion(value: npt.ArrayLike, shifts: npt.ArrayLike) -> Whole:
-    """Return the cycles from the channels' bases, for poses in steps of 2**shift cycles."""
+    """Return the cycles relative to the channels' bases, for poses in steps of 2**shift cycles."""
     return np.asarray(value, dtype=np.int64) << np.asarray(shifts, dtype=np.int64) >> FRACTION

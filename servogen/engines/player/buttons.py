@@ -1,11 +1,11 @@
-"""A start button and an emergency stop, as the player hears them: once a frame, after its last slot.
+"""A start button and an emergency stop, which the player reads once per frame, after the last slot.
 
-In: which pins, and at which level each is pressed. Out: what a schedule and a trajectory are when the start
-button is pressed as the chip powers up; whoever presses later waits longer in the first frame's pulses.
+In: the pins and their levels while pressed. Out: the schedule and the trajectory if the start button is
+pressed at power-up; if it is pressed later, the first frame's pulses are repeated for longer.
 
     power-up                     start                       stop
     ├ the first frame, again and again ┤├ the motion …             ├ no pulses, or the same again and again
-      a button counts when it was seen pressed in three frames in a row
+      a button counts once it has been seen pressed in three consecutive frames
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from servogen.motion.trajectory import JointTrajectory
 from servogen.pulse.schedule import ButtonRule, Input, PulseSchedule, Run
 
 PRESSED_FRAMES = 3
-"""A contact's bouncing is over after some ms; three frames are 60 ms."""
+"""The number of frames in which a button must be seen pressed: 60 ms, while contacts bounce for some ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """An input pin and its level while pressed: 0 for a button to ground, which needs a pull-up resistor."""
+    """A button's pin and its level while pressed: 0 for a button to ground, which needs a pull-up
+    resistor.
+    """
 
     pin: str
     level: int
@@ -40,7 +42,7 @@ class Button:
 
 @dataclass(frozen=True, slots=True)
 class Buttons:
-    """A start button and an emergency stop, which switches the pulses off if `off`, else holds them."""
+    """A start button and an emergency stop, which switches the pulses off if `off` and else holds them."""
 
     start: Button | None = None
     stop: Button | None = None
@@ -53,14 +55,14 @@ class Buttons:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Return the levels at which the motion runs from power-up on."""
+        """Return the levels for which the motion runs from power-up on."""
         start = [Input(self.start.pin, self.start.level)] if self.start else []
         stop = [Input(self.stop.pin, 1 - self.stop.level)] if self.stop else []
         return (*start, *stop)
 
     @property
     def rule(self) -> ButtonRule | None:
-        """Return what the schedule publishes of the buttons."""
+        """Return the rule about the buttons for the schedule; None without buttons."""
         start, stop = (
             Input(button.pin, button.level) if button else None for button in (self.start, self.stop)
         )
@@ -68,7 +70,7 @@ class Buttons:
 
     @property
     def waiting(self) -> int:
-        """Return how often the first frame is repeated before the motion if start is pressed at power-up."""
+        """Return how often the first frame is repeated if start is pressed at power-up."""
         return PRESSED_FRAMES - 1 if self.start else 0
 
     def text(self) -> Iterator[str]:
@@ -84,7 +86,7 @@ class Buttons:
 
 
 def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
-    """Return the schedule with its first frame repeated `frames` times more."""
+    """Return the schedule with `frames` additional repetitions of its first frame."""
     first = (*schedule.lead_in, *schedule.loop)[0]
     if not frames:
         return schedule
@@ -95,7 +97,7 @@ def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
 
 
 def waited_motion(trajectory: JointTrajectory, frames: int) -> JointTrajectory:
-    """Return the trajectory with its first frame repeated `frames` times more."""
+    """Return the trajectory with `frames` additional repetitions of its first frame."""
     return replace(
         trajectory,
         angles=np.vstack((np.tile(trajectory.angles[0], (frames, 1)), trajectory.angles)),

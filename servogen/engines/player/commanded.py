@@ -90,7 +90,7 @@ def commanded(
 ) -> tuple[Playing, PulseSchedule]:
     """Return how the player plays a walk on command, and a schedule of all frames that it can play.
 
-    `lead_in` ends with one frame of the stance, `soft` are the frames at which parts of it end. The playing's
+    `lead_in` ends with one frame of the stance; `soft` are the frames at which parts of it end. The playing's
     trajectory is that of the second schedule: the lead-in, the stance, and one direction after the other.
     Raises InputError.
     """
@@ -142,12 +142,12 @@ def _encoded(
     soft: Sequence[int],
     max_bytes: int,
 ) -> tuple[Encoded, Chain]:
-    """Return the first encoding that the tables hold, or the smallest. Raises InputError."""
+    """Return the first encoding that fits the tables, or the smallest one. Raises InputError."""
     pairs = leg_channels(servos, bindings)
     read = directions[::2]
     """The directions that are read forward."""
     angles = [lead_in.angles, read[0].angles, *(direction.angles[1:] for direction in read[1:])]
-    # The last frame stands twice: events need a frame after them.
+    # The last frame occurs twice, because events need a frame after them.
     chained = replace(lead_in, angles=np.vstack((*angles, angles[-1][-1:])))
     rows = ideal_widths(chained, servos, lead_in.clock)
     cuts, at = [], len(lead_in.angles)
@@ -162,7 +162,7 @@ def _encoded(
         raise InputError(
             "engine-unsupported",
             "the player walks on command only where feet lift and land together: a leg of this gait lifts or "
-            "lands while another one is on its way",
+            "lands during the swing of another one",
             hint='gait = "tripod"',
         )
     if soft and max(soft[0], soft[-1] - soft[0]) > LONGEST:
@@ -190,7 +190,7 @@ def _with_rows(
     stance: int,
     soft: Sequence[int],
 ) -> tuple[Encoded, Chain]:
-    """Return the encoding with the rows of `keyed`. Raises ResourceError where no table holds it."""
+    """Return the encoding with the rows of `keyed`. Raises ResourceError if it does not fit the tables."""
     steps = list(keyed.steps)
     entry = {event // 2: number for number, event in enumerate(keyed.events)}
     # A pose that the chip reaches from two sides is stored once.
@@ -248,9 +248,9 @@ def _with_rows(
 
 
 def _read(steps: Sequence[Step], first: int, last: int) -> list[Step]:
-    """Return the steps from one pose of the chain to another, backward where that is before it.
+    """Return the steps from one pose of the chain to another, backward if that one comes first.
 
-    How the step between two poses goes is said by the later pose; steps on the spot end where the part does.
+    The later of two poses determines the step between them; steps on the spot end where the part ends.
     """
     poses = list(range(first, last + 1) if first <= last else range(first, last - 1, -1))
     found = [replace(steps[first], spot=False)]

@@ -1,11 +1,11 @@
-"""Codes that command a walk, as the player hears them: one level of the line per frame, after its last slot.
+"""Codes that command a walk; the player reads one level of the line per frame, after the last slot.
 
 In: the names of directions. Out: their codes, and the table with which the chip follows the line.
 
     line   ▔▔▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▔▔▔▔      high at rest; each level lasts one frame
                 s  0  1  0  1  0  rest      a start, the five levels of a direction, three frames of rest
 
-Other levels change nothing. Low for `STOP_FRAMES` frames is the command to stop, whatever came before: a line
+Other levels change nothing. `STOP_FRAMES` low frames are the command to stop, whatever came before: a line
 that is broken or held low ends the walk.
 """
 
@@ -18,10 +18,10 @@ from types import MappingProxyType
 from servogen.motion.gait.commands import STRAIGHT, TURN
 
 REST_FRAMES = 3
-"""A start counts after the line has been high for so many frames; in a code it never is for more than two."""
+"""The number of high frames before a start; within a code, at most two frames in a row are high."""
 
 STOP_FRAMES = 5
-"""In a code the line is low for at most three frames, and for four if one of its levels is wrong."""
+"""The number of low frames that command a stop; a code has at most three, or four with one wrong level."""
 
 CODES: Mapping[str, str] = MappingProxyType(
     dict(zip((*STRAIGHT, *TURN), ("01010", "00110", "11000", "11011"), strict=True))
@@ -35,17 +35,17 @@ CODE_LEVELS = 5
 IDLE_LEVEL = 1
 
 STOP_BYTE = 0x00
-"""At 8N1: nine low frames."""
+"""The byte that sends a stop at 8N1: nine low frames."""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandLine:
-    """The input for codes."""
+    """The input pin for codes."""
 
     pin: str
 
     def text(self) -> tuple[str, str]:
-        """Return the wiring of the pin, for the person who wires it, and how it is read."""
+        """Return the wiring of the pin and the command to stop, as text for the header of the C."""
         return (
             f"{self.pin}: commands, one level per frame, high at rest: 10 kOhm pull-up to VDD.",
             f"Low for {STOP_FRAMES} frames: stop.",
@@ -53,7 +53,9 @@ class CommandLine:
 
 
 ENTRY = 2
-"""Bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to it."""
+"""The bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to
+it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,9 @@ COMMAND_SHIFT = 5
 
 
 def hearing_table(names: Sequence[str]) -> bytes:
-    """Return for each state, and the line low or high, what follows; direction n of `names` is n + 1.
+    """Return the table with the next state of every state, for a low and a high line.
+
+    Direction n of `names` is command n + 1.
 
     The first state is that of power-up.
     """
@@ -108,9 +112,9 @@ IDLE = "idle"
 
 
 def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int | None]:
-    """Return the state after another level, and the number of a direction that is commanded by it, 0 to stop.
+    """Return the state after another level, and the direction that it commands: a number, 0 to stop, or None.
 
-    A state is `IDLE`, "s" and the levels since a start, or else the latest equal levels.
+    A state is `IDLE`, "s" followed by the levels since a start, or else the latest equal levels.
     """
     if state == IDLE:
         return (IDLE if level == "1" else "s"), None

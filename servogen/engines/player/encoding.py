@@ -1,4 +1,4 @@
-"""What the two encodings of a motion share: how widths become bytes, rows of poses, and the result.
+"""What the two encodings of a motion share: the scaling of widths to bytes, rows of poses, and the result.
 
 In: widths in cycles. Out: `Scale`, `Rows`, and `Encoded`, the motion as the chip holds it.
 """
@@ -16,15 +16,15 @@ from servogen.engines.player.script import MAX_BYTES, Script
 from servogen.motion.trajectory import Floats
 
 LAST_STEP = 5
-"""Steps of 32 cycles at most."""
+"""The maximum shift: steps of 32 cycles."""
 
 SPARE = 2
-"""Steps that are left free at both ends of a byte."""
+"""The steps left free at both ends of a byte's range."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How widths become bytes: each channel's own base, and its steps of 2**shift cycles."""
+    """The scaling of widths to bytes: a base for every channel, and its steps of 2**shift cycles."""
 
     bases: Whole
     shifts: Whole
@@ -34,7 +34,9 @@ class Scale:
         return np.asarray((widths - self.bases) / (1 << self.shifts))
 
     def widths(self, value: Whole) -> Whole:
-        """Return the cycles of values of the chip, 256ths of a step. Raises ResourceError beyond 16 bits."""
+        """Return the cycles for values of the chip, in 256ths of a step. Raises ResourceError beyond 16
+        bits.
+        """
         if value.size and not (value.min() >= 0 and value.max() < 1 << 16):
             raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
         return np.asarray(self.bases + excursion(value, self.shifts))
@@ -47,7 +49,7 @@ class Scale:
 
 
 def shift_of(pulsed: Floats) -> int:
-    """Return the smallest shift with which all `pulsed` rows (frames, channels) are bytes."""
+    """Return the smallest shift for which all `pulsed` rows (frames, channels) fit bytes."""
     span = (pulsed.max(axis=0) - pulsed.min(axis=0)).max(initial=0.0)
     for shift in range(LAST_STEP + 1):
         if span <= (255 - 2 * SPARE) << shift:
@@ -56,7 +58,7 @@ def shift_of(pulsed: Floats) -> int:
 
 
 def scale_of(pulsed: Floats, shifts: Whole | None = None) -> Scale:
-    """Return the scale of `pulsed` rows (frames, channels), with the smallest steps if none are given."""
+    """Return the scale of `pulsed` rows (frames, channels), with the smallest steps unless given."""
     low = pulsed.min(axis=0)
     if shifts is None:
         shifts = np.full(pulsed.shape[1], shift_of(pulsed))
@@ -65,15 +67,15 @@ def scale_of(pulsed: Floats, shifts: Whole | None = None) -> Scale:
 
 @dataclass(slots=True)
 class Rows:
-    """Rows of bytes; poses that are near to each other are one row, in the middle of them."""
+    """Rows of bytes; poses that are close to each other share a row in the middle between them."""
 
     near: float
-    """Steps from the middle at most, before it is rounded."""
+    """The maximum distance from the middle, in steps, before it is rounded."""
     lows: list[Floats] = field(default_factory=list)
     highs: list[Floats] = field(default_factory=list)
 
     def number(self, exact: Floats) -> int:
-        """Return the number of the row for these values, which is a new one if none is near."""
+        """Return the number of the row for these values, adding a new row if none is close."""
         if self.lows:
             lows, highs = np.minimum(self.lows, exact), np.maximum(self.highs, exact)
             away = (highs - lows).max(axis=1) / 2
@@ -94,21 +96,23 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Legs:
-    """The channels of the legs' turning and lifting servos, and where in the rows the lifts' poses are."""
+    """The channels of the legs' turning and lifting servos, and the places of the lifts' poses in the
+    rows.
+    """
 
     turns: tuple[int, ...]
     lifts: tuple[int, ...]
     stand: int
     lifted: int
     neutral: int | None = None
-    """The lifts' pose at power-up, where they do not stand there."""
+    """The lifts' pose at power-up if it differs from the stance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Encoded:
-    """A motion as the chip holds it, and the widths that come of it.
+    """A motion as the chip holds it, and the resulting widths.
 
-    `frames` are those of the planned motion, one for each row of `widths`; the first `lead` are played once.
+    `frames` are those of the planned motion, one per row of `widths`; the first `lead` are played once.
     """
 
     scale: Scale
@@ -123,12 +127,12 @@ class Encoded:
 
     @property
     def size(self) -> int:
-        """Return the bytes of its tables."""
+        """Return the size of the tables in bytes."""
         return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings)
 
 
 def row_table(rows: Sequence[Sequence[int]]) -> bytes:
-    """Return rows as one table. Raises ResourceError where they are more than it holds."""
+    """Return rows as one table. Raises ResourceError if they do not fit it."""
     data = bytes(value for row in rows for value in row)
     if len(data) > MAX_BYTES:
         raise ResourceError(

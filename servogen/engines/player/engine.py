@@ -1,7 +1,7 @@
-"""The player of a job: planned, compiled, and the C between its pulses counted.
+"""The player of a job: planned and compiled, with the worst-case time of the C between its pulses.
 
-In: a job and a dialect. Out: the firmware, with the most cycles that its C takes from one slot's end to the
-moment when the kernel looks at the timer for the next, counted from the program's words over all paths.
+In: a job and a dialect. Out: the firmware, and the maximum number of cycles that its C takes from the end of
+one slot until the kernel reads the timer for the next, over all paths of the program's words.
 """
 
 from __future__ import annotations
@@ -26,11 +26,13 @@ from servogen.pic.wcet import Program
 from servogen.pulse import PulseSchedule
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
-"""Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
+"""Labels of the assembly: the kernel's reading of the timer, its end; the code that only runs between
+frames.
+"""
 
 TITLE = "the player"
 HINT = "fewer parts: let more of the motion repeat"
-"""What helps where the chip is too small."""
+"""The hint if the chip is too small."""
 
 
 def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
@@ -65,13 +67,13 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
-    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
+    """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
     text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
     return firmware(text, job, played.layout, dialect)
 
 
 def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
-    """What the compiler makes of a player's C, and how long that takes at most. Raises ResourceError."""
+    """Return a player's compiled C with its timing budgets. Raises ResourceError if the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
     made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
@@ -80,7 +82,7 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
 
 
 def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
-    """The time that the C takes between two slots and between two frames, beside what it has."""
+    """Return the time that the C takes between two slots and between two frames, and the time it has."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
     maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
@@ -93,11 +95,13 @@ def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]
 
 
 def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
-    """Yield a warning for C that may take too long: the simulated motion may be exact, another may not."""
+    """Yield a warning for C that may take too long, even if the simulated motion is exact."""
     for budget in budgets:
         if budget.left is None:
             yield Diagnostic(
-                "warning", "player-room", f"the C between {budget.between}: its longest time is not known"
+                "warning",
+                "player-room",
+                f"the worst-case time of the C between {budget.between} is not known",
             )
         elif budget.left < 0:
             yield Diagnostic(
@@ -109,12 +113,12 @@ def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
 
 
 class PlayerEngine:
-    """Plays poses from flash and goes from one to the next by laws on the chip."""
+    """Plays poses from flash, moving between them by laws computed on the chip."""
 
     title = TITLE
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
+        """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         motion, played, whole = play(job)
         make = cache(lambda dialect: compiled(job, played, dialect))
         tour = None if played.chain is None else (played.trajectory, whole)

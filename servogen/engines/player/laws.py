@@ -1,6 +1,6 @@
-"""Laws from pose to pose as tables of the chip.
+"""Laws between poses as tables of the chip.
 
-In: a law as a function of a step's time, 0 to 1. Out: its 17 bytes, those whose straight pieces are nearest.
+In: a law as a function of a step's time, 0 to 1. Out: its 17 bytes, with the best piecewise linear fit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from servogen.motion.laws import law
 from servogen.motion.trajectory import Floats
 
 Shape = Callable[[Floats], Floats]
-"""Shares of a step's time -> shares of its way."""
+"""Shares of a step's time -> shares of its path."""
 
 
 def _trapezoid(u: Floats) -> Floats:
@@ -30,7 +30,7 @@ def _quintic(u: Floats) -> Floats:
 
 @cache
 def _fine(name: str) -> tuple[Floats, Floats]:
-    """Return a law at many times: looked up, it is fast enough for a search."""
+    """Return a law at many times, because looking it up is fast enough for a search."""
     u = np.arange(FINEST + 1) / FINEST
     return u, law(name).share(u)
 
@@ -51,26 +51,26 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
         "decelerate": _decelerate,
     }
 )
-"""The laws that a step between two poses may have, beside the straight one."""
+"""The laws that a step between two poses may have, besides the straight one."""
 
 FINEST = 4096
-"""Samples of a law between which straight lines are exact to 1e-6."""
+"""The number of samples of a law between which linear interpolation is exact to 1e-6."""
 
 FINE = 32
-"""Samples of an interval to which a table is fitted."""
+"""The number of samples per interval to which a table is fitted."""
 
 SWING = 128
-"""The weight of a whole way in a swing's table: in a swing feet first go back, by up to a quarter of it."""
+"""The weight of a whole path in a swing's table, because feet first move back by up to a quarter of it."""
 
 
 @cache
 def table_of(name: str) -> bytes:
-    """Return the table of one of `SHAPES`: 256ths of the way from the first pose."""
+    """Return the table of one of `SHAPES`, in 256ths of the path from the first pose."""
     return _fitted(lambda u: 256 * SHAPES[name](u))
 
 
 def swing_table(rate: float) -> bytes:
-    """Return the law of turning in the first half of a swing, from its middle, in 128ths of the way back.
+    """Return the law of turning in the first half of a swing, from its middle, in 128ths of the path back.
 
     `rate` is the stance's speed, see `swing_share`.
     """
@@ -79,22 +79,22 @@ def swing_table(rate: float) -> bytes:
 
 @cache
 def spot_table() -> bytes:
-    """Return the law of turning in the first half of a swing on the spot, in 256ths of the whole way."""
+    """Return the law of turning in the first half of a swing on the spot, in 256ths of the whole path."""
     return _fitted(lambda u: 256 * swing_share(u / 2, 0.0))
 
 
 @cache
 def lift_table() -> bytes:
-    """Return the law of lifting in the first half of a swing: 255ths of the lift."""
+    """Return the law of lifting in the first half of a swing, in 255ths of the lift."""
     return _fitted(lambda u: 255 * bump(u / 2))
 
 
 def _fitted(shape: Shape) -> bytes:
-    """Return the bytes between which straight pieces are nearest to `shape`, the first exactly."""
+    """Return the bytes whose linear interpolation is closest to `shape`; the first byte is exact."""
     u = np.arange(INTERVALS * FINE + 1) / (INTERVALS * FINE)
     hats = np.maximum(0.0, 1 - np.abs(u[:, None] * INTERVALS - np.arange(ENTRIES)))
     first = shape(np.zeros(1)).item()
-    # The chip rounds down: half of the last place is added to all but the first.
+    # The chip rounds down, so half of a unit is added to all bytes but the first.
     wanted = shape(u) + 0.5 - hats[:, 0] * (first + 0.5)
     rest = np.linalg.lstsq(hats[:, 1:], wanted, rcond=None)[0]
     return bytes(np.clip(np.floor(np.concatenate(([first], rest)) + 0.5), 0, 255).astype(int).tolist())

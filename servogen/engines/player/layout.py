@@ -1,16 +1,16 @@
-"""Slots of the player: two servos of one port share a slot and begin together, or shortly after each other.
+"""Slots of the player: two servos of a port share a slot; their pulses start together or in quick succession.
 
-In: the servos, the pulses that their motion uses, and the frame. Out: `Layout`: the slots in order, and how
-many ticks of TMR0 apart they begin.
+In: the servos, the pulses that their motion uses, and the frame. Out: `Layout`: the slots in order, and the
+number of ticks of TMR0 between their beginnings.
 
     |<----- slot ----->|<----- slot ----->|<-- the rest: the C's time -->|
     |‾‾‾‾‾‾‾|__________|‾‾‾‾‾‾‾‾‾‾|_______|______________________________|
     |‾‾‾‾‾‾‾‾‾‾‾|______|‾‾‾‾‾‾|___________|______________________________|
 
 The timer runs freely through its prescaler and is never written (DS35007 section 5.1): a tick is 32 cycles,
-or more where pulses are long. A slot begins when the timer has gone on by the slot's ticks. The timer has 8
-bits, so no slot is longer than 255 ticks: a long rest is cut by slots without pulses, and the C for the next
-frame runs in the last part of it.
+or more if pulses are long. A slot begins when the timer has advanced by the slot's ticks. The timer has 8
+bits, so slots are at most 255 ticks long: a long rest is divided by slots without pulses, and the C for the
+next frame runs in its last part.
 """
 
 from __future__ import annotations
@@ -31,42 +31,43 @@ TICKS = (Cycles(32), Cycles(64), Cycles(128), Cycles(256))
 MAX_TICKS = 255
 
 STAGGER = Cycles(32)
-"""By how much the second servo of a slot rises later, where no two may start together."""
+"""The cycles by which the second servo of a slot rises later if no two may start together."""
 
 TAIL = Cycles(19)
-"""The kernel's cycles after the later fall."""
+"""The kernel's cycles after the later falling edge."""
 
 SLOT_C, FRAME_C, LEGS_C, CHANNEL_C, DOUBLING_C = Cycles(200), Cycles(250), Cycles(400), Cycles(240), Cycles(4)
-"""What the C gets at least: between two slots (with the kernel's own preparation); between two frames in
-addition, there for the laws of legs, for each channel, and for each doubling of a channel's step. What it
-takes is counted once it is compiled."""
+"""The minimum cycles reserved for the C: between two slots (including the kernel's own preparation); in
+addition between two frames, there for the laws of legs, for each channel, and for each doubling of a
+channel's step. What the C really takes is counted once it is compiled."""
 
 BUTTONS_C = Cycles(40)
-"""What looking at the buttons takes, where a pin is left for one."""
+"""The cycles for reading the buttons, reserved if a pin is free for one."""
 
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
-"""How many times that the C gets between slots and between frames, as far as there is room: other compilers'
-code is longer."""
+"""The multiples of these cycles that are reserved if there is room, because other compilers' code is
+longer.
+"""
 
 WATCHDOG_US = Fraction(6900)
-"""A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
+"""The time within which a watchdog that was left on must be cleared (DS35007 section 9, parameter 31)."""
 
 MAX_TRIM = Cycles(127)
-"""What the trim in the EEPROM can add to a pulse."""
+"""The maximum trim in the EEPROM, in cycles of a pulse."""
 
 MARGIN_US = Fraction(20)
-"""What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
-a stance or a pose that is changed by so little keeps every slot where it is."""
+"""The margin of a slot beyond the motion's longest pulse and its trim, within the servo's limits: a stance or
+a pose can change by this much without moving any slot."""
 
 MIN_WIDTH = Cycles(192)
-"""The kernel's way from the rise to the first fall, a stagger, and the shortest trim."""
+"""The shortest pulse: the kernel's path from the rise to the first fall, a stagger, and the minimum trim."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """`channels`: one or two, by index, none where a slot only waits; `ticks` from the slot before.
+    """A slot: `channels` has one or two indices, none if it only waits; `ticks` count from the previous slot.
 
-    `longest`: its longest pulse with trim and stagger.
+    `longest` is its longest pulse with trim and stagger.
     """
 
     port: str
@@ -77,7 +78,7 @@ class Slot:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The slots of a frame; the first begins `slots[0].ticks` after the last one of the frame before."""
+    """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame."""
 
     slots: tuple[Slot, ...]
     tick: Cycles
@@ -88,7 +89,7 @@ class Layout:
         return Cycles(self.tick * sum(slot.ticks for slot in self.slots))
 
     def rise(self, channel: int) -> Cycles:
-        """The cycle of the frame in which that channel's pulse begins."""
+        """Return the cycle of the frame in which a channel's pulse begins."""
         at = 0
         for number, slot in enumerate(self.slots):
             at += self.tick * slot.ticks if number else 0
@@ -98,12 +99,12 @@ class Layout:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """The channels slot by slot."""
+        """Return the channels, slot by slot."""
         return tuple(channel for slot in self.slots for channel in slot.channels)
 
     @property
     def between_slots(self) -> Cycles:
-        """The least time from the kernel's end in a slot to the last moment for the next slot's beginning."""
+        """Return the minimum cycles from the kernel's end in a slot to the latest begin of the next slot."""
         pairs = zip(self.slots, self.slots[1:], strict=False)
         return Cycles(
             min((_room(one, other, self.tick) for one, other in pairs), default=self.between_frames)
@@ -111,17 +112,19 @@ class Layout:
 
     @property
     def between_frames(self) -> Cycles:
-        """The same from a frame's last slot to the next frame's first one."""
+        """Return the minimum cycles from a frame's last slot to the latest begin of the next frame's
+        first.
+        """
         return _room(self.slots[-1], self.slots[0], self.tick)
 
 
 def to_rise(tick: Cycles) -> Cycles:
-    """The kernel's cycles from a slot's beginning to the rise of its pins, staggered ones' cycle more."""
+    """Return the kernel's cycles from a slot's beginning to the rise of its pins, without the stagger."""
     return Cycles(3 * tick + 7)
 
 
 def _room(slot: Slot, following: Slot, tick: Cycles) -> Cycles:
-    # The kernel must have looked at the timer by the cycle before the next slot's beginning.
+    # The kernel must have read the timer by the cycle before the next slot's beginning.
     return Cycles(following.ticks * tick - 1 - to_rise(tick) - slot.longest - TAIL)
 
 
@@ -147,10 +150,10 @@ def layout(
     *,
     legs: bool = False,
 ) -> Layout:
-    """Return the slots of `servos`, two of a port at a time: by order of pins if that fits, else by length.
+    """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length.
 
-    `used` are the pulses of the motion, one entry for each servo; `doublings` is how often, in all channels,
-    the C doubles a value. Raises InputError.
+    `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
+    channels, that the C doubles a value. Raises InputError.
     """
     motion_c = FRAME_C + len(servos) * CHANNEL_C + doublings * DOUBLING_C
     motion_c += LEGS_C if legs else 0
@@ -194,11 +197,11 @@ Pairs = Sequence[tuple[str, tuple[int, ...]]]
 def _slots(
     pairs: Pairs, longest: tuple[Cycles, ...], motion_c: int, frame: Frame, clock: Clock
 ) -> tuple[tuple[Slot, ...], Cycles] | None:
-    """Return the slots and the tick with which the pairs fit a frame; None where they do not."""
+    """Return the slots and the tick with which the pairs fit a frame; None if they do not."""
     fed = clock.round_us(WATCHDOG_US).cycles
     for tick, maximum, ease in product(TICKS, (fed, None), EASES):
         size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
-        # What other compilers' code might need must not keep the watchdog waiting.
+        # The reserve for other compilers' code must not delay clearing the watchdog.
         ticks = size.ticks(maximum, exceed=ease == EASES[-1])
         if ticks is not None:
             waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
@@ -210,12 +213,12 @@ def _slots(
 
 
 def _by_pins(servos: Sequence[Servo]) -> Pairs:
-    """Return the slots of servos whose pins follow one another."""
+    """Return the slots of servos in the order of their pins."""
     return _paired(servos, sorted(range(len(servos)), key=lambda index: servos[index].pin))
 
 
 def _by_length(servos: Sequence[Servo], rooms: Sequence[Cycles]) -> Pairs:
-    """Return the slots of servos whose pulses are alike: all slots together are as short as can be."""
+    """Return the slots of servos with similar pulses, so that all slots together are as short as possible."""
     return _paired(servos, sorted(range(len(servos)), key=lambda index: (rooms[index], servos[index].pin)))
 
 
@@ -229,13 +232,13 @@ def _paired(servos: Sequence[Servo], order: Sequence[int]) -> Pairs:
 
 
 def _slot(longest: int, c: int, tick: int) -> int:
-    """The cycles from a slot's beginning to the next one's, if the C takes `c` between them."""
+    """Return the cycles from a slot's beginning to that of the next one if the C takes `c` between them."""
     return to_rise(Cycles(tick)) + longest + TAIL + c + 1
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """What a frame's ticks are made of, in cycles: each slot's longest pulse, the time that the C gets."""
+    """The components of a frame's ticks, in cycles: the longest pulse of each slot, and the time of the C."""
 
     longest: tuple[int, ...]
     slot_c: int
@@ -244,22 +247,22 @@ class _Frame:
     period: int
 
     def whole(self, pulse: int, c: int) -> int:
-        """The ticks of a slot with that pulse and that C after it."""
+        """Return the ticks of a slot with a pulse of `pulse` cycles and `c` cycles of C after it."""
         return -(-_slot(pulse, c, self.tick) // self.tick)
 
     @property
     def minimum(self) -> int:
-        """The ticks of the shortest frame."""
+        """Return the ticks of the shortest frame."""
         *others, last = self.longest
         return sum(self.whole(other, self.slot_c) for other in others) + self.whole(
             last, self.slot_c + self.frame_c
         )
 
     def ticks(self, fed: int | None, *, exceed: bool) -> list[int] | None:
-        """Return the ticks before each slot and each waiting slot; None where they do not fit.
+        """Return the ticks before each slot and each waiting slot; None if they do not fit.
 
-        `fed`: the cycles within which the kernel must clear the watchdog; None for no such limit. With
-        `exceed`, the time reserved for the C may be longer than that.
+        `fed` is the number of cycles within which the kernel must clear the watchdog; None if there is no
+        such limit. With `exceed`, the time reserved for the C may exceed it.
         """
         slots = [self.whole(width, self.slot_c) for width in self.longest]
         rest = round(self.period / self.tick) - sum(slots[:-1])
@@ -270,14 +273,14 @@ class _Frame:
             late = not exceed and any(part > self._limit(0, fed) for part in minimum)
             if not late and sum(minimum) <= rest <= sum(maximum) and max(*slots, *maximum) <= MAX_TICKS:
                 parts = _filled(minimum, maximum, rest)
-                # Ticks are counted from the slot before: the first slot's are the last of the rest.
+                # Ticks are counted from the previous slot, so those of the first slot come last in the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
             waits = [self.whole(0, self.slot_c)] * (len(minimum) - 1)
             minimum = [slots[-1], *waits, self.whole(0, self.slot_c + self.frame_c)]
         return None
 
     def _maximum(self, minimum: int, pulse: int, fed: int | None) -> int:
-        """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
+        """Return the maximum ticks of a part: nothing clears the watchdog in it and in the pulse after it."""
         return max(minimum, self._limit(pulse, fed))
 
     def _limit(self, pulse: int, fed: int | None) -> int:
@@ -286,7 +289,7 @@ class _Frame:
 
 
 def _filled(minimum: list[int], maximum: list[int], whole: int) -> list[int]:
-    """Parts that make up `whole`, the later ones as long as they may be."""
+    """Return parts that add up to `whole`, the later ones as long as possible."""
     parts, spare = list(minimum), whole - sum(minimum)
     for number in reversed(range(len(parts))):
         more = min(spare, maximum[number] - parts[number])

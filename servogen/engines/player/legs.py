@@ -1,7 +1,7 @@
 """A walk as poses at the events of its gait: where feet lift, are highest, or land.
 
-In: the widths of a walk, and which servos turn and lift each leg. Out: `Encoded`; None where the motion is
-not a walk of this kind: a leg that lifts or lands while another one is between two of its own events.
+In: the widths of a walk, and the servos that turn and lift each leg. Out: `Encoded`; None if the motion is
+not a walk of this kind, because a leg lifts or lands while another one is between two of its own events.
 
     event       lift        middle        land       a pose: a byte for each leg's turn, a bit for "lifted"
     turn         ●╌╌╌╲_______●_______╱╌╌╌●           by the swing's law from the middle to both ends,
@@ -30,16 +30,16 @@ from servogen.motion.trajectory import Floats
 
 MAX_LEGS = 6
 STANDS = 1e-3
-"""Cycles: a lift that is nearer to its stance is not lifted."""
+"""A lift closer than this (cycles) to its stance is not lifted."""
 
 RISES = 0.25
-"""Steps by which a lift must move from the neutral pose to its stance to be worth a row of its own."""
+"""The minimum distance, in steps, of a lift's neutral pose from its stance to be worth a row of its own."""
 
 LONGEST = 256
-"""Frames of a step."""
+"""The maximum number of frames of a step."""
 
 RESTS = 1e-6
-"""Cycles: servos that turn less in a frame are at rest."""
+"""Servos that turn less than this (cycles) in a frame are at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Swing:
 
     @property
     def middle(self) -> int:
-        """In half frames."""
+        """Return the middle of the swing in half frames."""
         return self.lift + self.land
 
 
@@ -75,11 +75,11 @@ class WalkEvents:
     spots: tuple[_Spot, ...]
 
     def spot(self, begin: int, end: int) -> _Spot | None:
-        """Return the steps on the spot that the frames between two events belong to."""
+        """Return the steps on the spot to which the frames between two events belong; None if to none."""
         return next((spot for spot in self.spots if spot.begin <= begin and end <= spot.end), None)
 
     def pose(self, event: int) -> Floats:
-        """Return all widths at an event; between two frames, their mean."""
+        """Return all widths at an event; between two frames, the mean of both."""
         return np.asarray((self.rows[event // 2] + self.rows[(event + 1) // 2]) / 2)
 
     def lifted(self, event: int) -> int:
@@ -89,15 +89,15 @@ class WalkEvents:
 def legs_encoded(
     rows: Floats, loop_start: int, soft: Sequence[int], pairs: Sequence[tuple[int, int]], near: float
 ) -> Encoded | None:
-    """Return the walk `rows` (frames, channels) encoded by its events, None where that cannot be.
+    """Return the walk `rows` (frames, channels) encoded by its events; None if that is impossible.
 
-    `soft` are the frames at which the soft start's parts end, `pairs` the channels that turn and lift each
-    leg, and poses within `near` steps of a row share it.
+    `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
+    each leg; poses within `near` steps of a row share it.
     """
     if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
     released = bool(np.isnan(rows[loop_start:]).all())
-    if released and loop_start:  # at its end the robot stands, and then has no pulses
+    if released and loop_start:  # the robot stands at the end and then has no pulses
         rows = rows.copy()
         rows[loop_start:] = rows[loop_start - 1]
     if np.isnan(rows).any():
@@ -125,8 +125,8 @@ def walk_events(
 ) -> WalkEvents | None:
     """Return the events of the walk `rows` (frames, channels); the frames `ends` are events too.
 
-    `soft` are the frames at which the soft start's parts end, `pairs` the channels that turn and lift each
-    leg. None: a leg lifts or lands while another one is between two of its own events.
+    `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
+    each leg. The result is None if a leg lifts or lands while another is between two of its own events.
     """
     turns, lifts = zip(*pairs, strict=True)
     first = soft[-1] if soft else 0
@@ -161,7 +161,7 @@ def walk_events(
 
 
 def _spots(rows: Floats, turns: Sequence[int], swings: Sequence[Swing]) -> Iterator[_Spot]:
-    """Yield the swings during which no leg on the ground turns, as many as one row can end."""
+    """Yield the groups of swings during which no leg on the ground turns, as large as one row can end."""
     moves = np.abs(np.diff(rows[:, list(turns)], axis=0)) > RESTS
     for each in swings:
         moves[each.lift : each.land, each.leg] = False
@@ -179,7 +179,7 @@ def _spots(rows: Floats, turns: Sequence[int], swings: Sequence[Swing]) -> Itera
 
 
 def _spot(group: Sequence[Swing], swings: Sequence[Swing]) -> Iterator[_Spot]:
-    """Yield the steps on the spot of a group; none where another swing reaches into them."""
+    """Yield the steps on the spot of a group, unless another swing overlaps them."""
     if not group:
         return
     first, last = group[0].lift, max(swing.land for swing in group)
@@ -189,9 +189,10 @@ def _spot(group: Sequence[Swing], swings: Sequence[Swing]) -> Iterator[_Spot]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyedWalk:
-    """A walk as rows of poses and steps between them: one step to each of `events`, the first to begin at.
+    """A walk as rows of poses and steps between them: one step to each of `events`, the first being the
+    start.
 
-    The first `fixed` rows are those of the lifts; rows and steps are numbered alike.
+    The first `fixed` rows are those of the lifts; rows and steps have the same numbers.
     """
 
     scale: Scale
@@ -206,7 +207,7 @@ class KeyedWalk:
 def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     """Return the walk up to the event `end`; poses within `near` steps of a row share it.
 
-    A step on the spot has the row in which all of them end.
+    Steps on the spot have the row in which all of them end.
     """
     turns, lifts = list(walk.turns), list(walk.lifts)
     tops = _tops(walk)
@@ -235,7 +236,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
 
 
 def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
-    """Return the walk up to the event `end`, of which what follows `begin` is the loop."""
+    """Return the walk up to the event `end`; its loop begins at the event `begin`."""
     keyed = keyed_walk(walk, end, near)
     first = keyed.events.index(begin) + 1
     steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
@@ -246,7 +247,7 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
     frames = np.arange(end // 2)
     turns = list(walk.turns)
     away = (keyed.scale.widths(values) - walk.rows[frames])[:, turns]
-    # Largest distances above and below the plan become alike, to within a cycle at each end.
+    # Make the largest distances above and below the plan equal, to within a cycle at each end.
     middle = np.trunc((away.max(axis=0) + away.min(axis=0)) / 2).astype(np.int64)
     scale = keyed.scale.moved(turns, -middle)
     silent = np.zeros(len(frames), dtype=bool)
@@ -256,9 +257,9 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
 
 
 def _scale(walk: WalkEvents, tops: Floats) -> Scale:
-    """Return the scale of all rows, in which the lifts' steps are those of the turns or larger.
+    """Return the scale of all rows, in which the steps of the lifts are at least those of the turns.
 
-    Where the lifts stand is a whole number of their steps from their bases.
+    The lifts' stances are whole numbers of steps from their bases.
     """
     turns, lifts = list(walk.turns), list(walk.lifts)
     pulsed = np.vstack((walk.rows, _at(walk.rows[walk.soft], lifts, tops)))
@@ -278,7 +279,7 @@ def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:
 
 
 def _tops(walk: WalkEvents) -> Floats:
-    """Return the lifts' widths at which the lift's table, which ends at 255, has them highest."""
+    """Return the widths for which the lifts are highest at the end of the lift's table, which is 255."""
     tops = walk.rows[walk.soft, list(walk.lifts)].copy()
     for swing in walk.swings:
         column = walk.lifts[swing.leg]
@@ -290,7 +291,7 @@ def _tops(walk: WalkEvents) -> Floats:
 
 
 def _rate(walk: WalkEvents) -> float:
-    """Return the rate of the walking swings' law that is nearest to all of them, in least squares."""
+    """Return the rate of the law of walking swings that fits all of them best, by least squares."""
     above = below = 0.0
     for swing in walk.swings:
         if walk.spot(2 * swing.lift, 2 * swing.land):
@@ -299,7 +300,7 @@ def _rate(walk: WalkEvents) -> float:
         column = walk.rows[swing.lift : swing.land + 1, turn]
         u = np.arange(len(column)) / (len(column) - 1)
         middle = walk.pose(swing.middle)[turn]
-        # Of a swing that the body's start or stop cuts one half has no way.
+        # If the body starts or stops during a swing, one half of the swing has no length.
         way = np.where(u < 0.5, middle - column[0], column[-1] - middle)
         plain, other = (2 * swing_share(u, rate) - 1 for rate in (0.0, 1.0))
         effect = way * (other - plain)
@@ -316,9 +317,9 @@ def _timing(one: int, other: int) -> Timing:
 
 
 def played_steps(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs, soft: bool = True) -> Whole:
-    """Return 256 times the values of all channels, frame by frame: what the chip does in these steps.
+    """Return 256 times the values of all channels, frame by frame, as the chip computes them in these steps.
 
-    The first step only says where the second begins. `soft`: the first two lead to the stance.
+    The first step only states where the second begins. With `soft`, the first two lead to the stance.
     """
     columns = len(legs.turns)
     table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, columns).astype(np.int64)

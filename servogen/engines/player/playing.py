@@ -1,7 +1,7 @@
-"""`JointTrajectory` -> what the player plays: poses, a script, and the schedule that comes of them.
+"""`JointTrajectory` -> what the player plays: poses, a script, and the resulting schedule.
 
-In: a trajectory whose joints are the servos, which of them are legs', and the frame. Out: `Playing`. Its
-schedule is what the chip does, cycle for cycle; how far that is from the trajectory is in its plan.
+In: a trajectory whose joints are the servos, the servos that belong to legs, and the frame. Out: `Playing`.
+Its schedule is what the chip does, cycle by cycle; its plan states the distance from the trajectory.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 FAR = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
-"""Shares of the error's limit that a step's law may be from the motion, the nearest that fits first."""
+"""Shares of the error limit by which a step's law may deviate from the motion, the smallest first."""
 
 NEAR = (0.3, 0.5, 0.7, 0.9, 1.1, 1.4, 1.7, 2.2)
-"""Steps by which poses may differ from the row that they share, the least that fits first."""
+"""Steps by which poses may differ from the row that they share, the smallest first."""
 
 DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES = 328, 50, 60
-"""Bytes of tables that the chip holds beside the program; what buttons, and commands for a walk, leave less
-of them.
+"""The size of tables, in bytes, that fits beside the program; what buttons, and commands for a walk, subtract
+from it.
 
-A motion with more bytes is encoded more coarsely; what the chip holds is known once the program is compiled.
+Larger motions are encoded more coarsely; whether they fit the chip is known once the program is compiled.
 """
 
 
@@ -60,7 +60,9 @@ class Playing:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Return the channels in the order of the C: slot by slot, or for each leg its turn and its lift."""
+        """Return the channels in the order of the C: slot by slot, or turn and lift of one leg after the
+        other.
+        """
         legs = self.encoded.legs
         if legs is None:
             return self.layout.order
@@ -79,9 +81,9 @@ def playing(
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
-    `bindings` say which servos are legs'; `soft` are the frames at which the soft start's parts end. The
-    distance from the plan is as small as tables of `max_bytes` allow, and may be more than `max_error_us`:
-    the caller sees it. Raises InputError.
+    `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
+    end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
+    which the caller checks. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -90,7 +92,7 @@ def playing(
     encoded = _encoded(
         rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, max_bytes
     )
-    # A walk's loop begins at an event of its gait, which may be some frames later than the trajectory's.
+    # A walk's loop begins at an event of its gait, possibly some frames later than the trajectory's.
     loop = len(rows) - trajectory.loop_start
     order = np.arange(len(encoded.frames))
     order = np.where(order < len(rows), order, order - loop)
@@ -118,7 +120,7 @@ def playing(
 
 
 def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
-    """Return the channels that turn and lift each leg, in order of the legs."""
+    """Return the channels that turn and lift each leg, in the order of the legs."""
     names = [servo.name for servo in servos]
     joints = {binding.joint: names.index(binding.servo) for binding in bindings}
     legs = [joint.removesuffix("_alpha") for joint in joints if joint.endswith("_alpha")]
@@ -134,7 +136,7 @@ def _encoded(
     clock: Clock,
     max_bytes: int,
 ) -> Encoded:
-    """Return the first encoding that the tables hold; of those the walk's by its legs, where it is one."""
+    """Return the first encoding that fits the tables, trying that of a walk by its legs first."""
     limit = max_error_us / float(clock.cycle_us)
     encoders: list[Callable[[float, float], Encoded | None]] = []
     if pairs:
@@ -164,7 +166,7 @@ def _encoded(
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
-    """Widths in cycles as planned, (frames, servos); NaN without a pulse."""
+    """Return the planned widths in cycles, (frames, servos); NaN without a pulse."""
     angles = trajectory.angles
     silent = np.isnan(angles)
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
@@ -185,7 +187,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
 def plan_error_of(
     trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
-    """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
+    """Return the largest distance between the widths `made` and `ideal`, in cycles per frame and servo."""
     cycle_us = float(clock.cycle_us)
     errors = []
     for index, servo in enumerate(servos):
@@ -196,7 +198,7 @@ def plan_error_of(
 
 
 def runs_of(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
-    """Equal frames in a row as one run."""
+    """Yield runs of equal consecutive frames."""
     if not len(widths):
         return
     table = np.where(heard[:, None], widths, 0)

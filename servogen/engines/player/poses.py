@@ -1,10 +1,10 @@
-"""Any motion as poses, between which all servos move by one law at a time.
+"""Any motion as poses, between which all servos move by the same law.
 
-In: widths frame by frame. Out: `Encoded`: as few bytes as stay within a distance of the widths.
+In: widths frame by frame. Out: `Encoded`, with the fewest bytes that stay within a distance of the widths.
 
-    frames   ────●───────────●────●●──────────●      the cheapest way over all frames at which steps could
+    frames   ────●───────────●────●●──────────●      the cheapest path over all frames at which steps could
     law          trapezoid     straight  (jump)      begin: its cost is bytes, and a law must
-                                                     stay near to every servo's width
+                                                     stay close to every servo's width
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from servogen.engines.player.script import MAX_BYTES, SILENT, STAY, STRAIGHT, St
 from servogen.motion.trajectory import Floats
 
 LONGEST = 256
-"""Frames of a step."""
+"""The maximum number of frames of a step."""
 
 LAW_SETS = (
     (),
@@ -35,15 +35,15 @@ LAW_SETS = (
 )
 
 NODES = 600
-"""Frames beyond which steps begin and end only where the motion changes, and at every few frames."""
+"""For longer motions, steps begin and end only where the motion changes, and at every few frames."""
 
 CORNER = 0.1
-"""Cycles: a third difference above this is a change of the motion."""
+"""A third difference above this (cycles) is a change of the motion."""
 
 PROBES = (0.25, 0.5, 0.75)
 STEP_BYTES = 2
 ENOUGH = 96
-"""Bytes below which no other laws are tried."""
+"""The size in bytes below which no other laws are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,10 @@ class _Piece:
 
 
 def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: float, near: float) -> Encoded:
-    """Return `rows` (frames, channels; NaN without pulses) within `far` cycles, as far as the laws go.
+    """Return `rows` (frames, channels; NaN without pulses), with laws that deviate by up to `far` cycles.
 
-    A step begins at each of `marks`. Poses that are within `near` steps of a row share it. Raises
-    ResourceError where no table holds them.
+    A step begins at each of `marks`. Poses within `near` steps of a row share it. Raises ResourceError if
+    they do not fit the tables.
     """
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
@@ -91,21 +91,21 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
 
 
 def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
-    """Return lower bounds of the different poses and of the different moves between them, without a search.
+    """Return lower bounds of the numbers of different poses and of different moves, without a search.
 
-    Poses that are within `2 * near` cycles of each other may share a row. Counting stops where no table
-    holds more.
+    Poses within `2 * near` cycles of each other may share a row. Counting stops once no table could hold
+    more.
     """
     begins = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
     held, lengths = rows[begins], np.diff(np.append(begins, len(rows)))
     change = np.diff(held, axis=0)
     before, after = change[:-1], change[1:]
-    # A law neither turns back nor rests between two jumps: a step must end in such a run of frames.
+    # A law neither reverses nor rests between two jumps: a step must end in such a run of frames.
     turns = ((before > 2 * far) & (after < -2 * far)) | ((before < -2 * far) & (after > 2 * far))
     jumps = np.abs(change).max(axis=1, initial=0) > 4 * far
     needed = turns.any(axis=1) | (jumps[:-1] & jumps[1:] & (lengths[1:-1] > 1))
     poses = held[1:-1]
-    # A move that is made again may be in the script once, but its first time is a byte of its own.
+    # A repeated move may be in the script only once, but its first occurrence takes a byte.
     both = needed[:-1] & needed[1:]
     apart = 2 * (far + near)
     return (
@@ -115,7 +115,7 @@ def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
 
 
 def _far_apart(points: Floats, apart: float) -> int:
-    """Return how many of the points lie more than `apart` from one another: some, up to a full table's."""
+    """Return a number of points that lie more than `apart` from one another, up to that of a full table."""
     kept = points[:1]
     for point in points[1:]:
         if len(kept) > MAX_BYTES:
@@ -128,7 +128,7 @@ def _far_apart(points: Floats, apart: float) -> int:
 def _pieces(
     rows: Floats, marks: Sequence[int], loop_start: int, laws: Sequence[str], far: float
 ) -> Iterator[_Piece]:
-    """Return the pieces of all frames but the last, which is the frame after them."""
+    """Return the pieces of all frames except the last, which is the frame after them."""
     silent = np.asarray(np.isnan(rows).any(axis=1))
     frames = len(rows) - 1
     edges = (np.flatnonzero(silent[1:] != silent[:-1]) + 1).tolist()
@@ -143,7 +143,7 @@ def _pieces(
 
 
 def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) -> Iterator[_Piece]:
-    """Return the cheapest pieces; a node is a frame, reached with its own pose, or from a jump not to it."""
+    """Return the cheapest pieces; a node is a frame and whether its own pose is reached there."""
     frames = len(rows) - 1
     nodes = _nodes(rows, far)
     cost = {(0, True): 0.0}
@@ -159,7 +159,7 @@ def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) 
                 if cost[state] + price < cost.get(target, np.inf):
                     cost[target] = cost[state] + price
                     came[target] = state, law
-    # What follows goes on from its own first pose: a last jump there is a straight step of one frame.
+    # The next part starts from its own first pose, so a jump at the end is a straight step of one frame.
     goal = frames, True
     found = []
     while goal[0]:
@@ -173,12 +173,12 @@ def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) 
 def _ways(
     rows: Floats, first: int, ends: Whole, laws: Sequence[str], far: float, *, joined: bool
 ) -> Iterator[tuple[int, bool, str, float]]:
-    """Return the steps from a frame: their end, whether its pose is reached, the law, the bytes."""
+    """Return the possible steps from a frame: their end, whether its pose is reached, the law, the bytes."""
     still = np.abs(rows[first : ends[-1] + 1] - rows[first]).max(axis=1) <= far
     held = int(np.argmin(still)) if not still.all() else len(still)
     columns = rows.shape[1]
     for end in ends[ends - first <= held].tolist():
-        # Whether the pose is that of the frame after it too decides if a step can go on from there.
+        # A step can continue from there only if the next frame has the same pose.
         same = end - first < held
         yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
     if not joined:
@@ -190,7 +190,7 @@ def _ways(
 
 
 def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Whole:
-    """Return those `ends` to which the law leads within `far` of every row."""
+    """Return those of `ends` that the law reaches within `far` of every row."""
     start, way = rows[first], rows[ends] - rows[first]
     kept = np.ones(len(ends), dtype=bool)
     for probe in PROBES:
@@ -215,7 +215,7 @@ def _share(law: str, u: Floats) -> Floats:
 
 
 def _nodes(rows: Floats, far: float) -> Whole:
-    """Return the frames at which steps may begin and end: there is a way over them all."""
+    """Return the frames at which steps may begin and end, such that a path over all frames exists."""
     frames = len(rows) - 1
     if frames <= NODES:
         return np.arange(frames + 1)
@@ -242,7 +242,7 @@ def _encoded(
 
     def number(frame: int) -> int:
         pose = rows[frame]
-        if np.isnan(pose).any():  # silence up to the end, or again
+        if np.isnan(pose).any():  # no pulses up to the end, or once more
             following = np.flatnonzero(~np.isnan(rows[frame:]).any(axis=1))
             pose = rows[frame + following[0]] if len(following) else rows[~np.isnan(rows).any(axis=1)][0]
         return kept.number(scale.exact(pose))
@@ -271,7 +271,9 @@ def _encoded(
 
 
 def _played(steps: Sequence[Step], rows: Sequence[Sequence[int]], laws: bytes) -> tuple[Whole, np.ndarray]:
-    """Return 256 times the values frame by frame, and which frames have no pulses: what the chip does."""
+    """Return 256 times the values, frame by frame, as the chip computes them, and the frames without
+    pulses.
+    """
     table = np.array(rows, dtype=np.int64)
     found, silent = [], []
     for before, step in pairwise(steps):

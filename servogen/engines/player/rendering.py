@@ -23,11 +23,11 @@ PRESCALER = 0x84
 """OPTION_REG: TMR0 counts cycles, 1:32; one more for each doubling; no pull-ups (DS35007 section 2.3.2)."""
 
 WAY = 32
-"""The kernel's cycles from the rise to the first fall beside its counted loops."""
+"""The kernel's cycles from the rise to the first fall, without its counted loops."""
 
 
 OVERRUN = "overrun"
-"""The variable whose bit 0 says that the C between two slots once took too long."""
+"""The variable whose bit 0 is set once the C between two slots has taken too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class _LineText:
 
 @dataclass(frozen=True, slots=True)
 class _Pad:
-    """A counted loop of 3 cycles a turn, and what is left."""
+    """A counted loop of 3 cycles per turn, and instructions for the remaining cycles."""
 
     turns: int
     rest: tuple[str, ...]
@@ -133,7 +133,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
 
 
 def _chain(chain: Chain | None) -> dict[str, object]:
-    """Return what the template says of a walk on command."""
+    """Return the template's values for a walk on command."""
     if chain is None:
         return {"chain": False}
     pin = chain.line.pin
@@ -151,7 +151,7 @@ def _chain(chain: Chain | None) -> dict[str, object]:
 
 @dataclass(slots=True)
 class _Constants:
-    """Small tables in one, each with its name, its place and what it is."""
+    """Small tables combined into one, each with a name, a place and a description."""
 
     data: list[int | str] = field(default_factory=list)
     places: list[tuple[str, int, str]] = field(default_factory=list)
@@ -198,7 +198,7 @@ def _constants(played: Playing) -> _Constants:
 
 
 def _repeats(data: bytes) -> bool:
-    """Return whether a script plays something again."""
+    """Return whether a script repeats steps."""
     place = 0
     while place < len(data):
         if data[place] == AGAIN:
@@ -208,7 +208,7 @@ def _repeats(data: bytes) -> bool:
 
 
 def _rows(played: Playing) -> Iterator[int]:
-    """Return the table of poses, whose columns are in order of the slots, or of the legs."""
+    """Yield the table of poses, with columns in the order of the slots, or of the legs."""
     encoded = played.encoded
     if encoded.legs is not None:
         yield from encoded.rows
@@ -220,9 +220,10 @@ def _rows(played: Playing) -> Iterator[int]:
 
 
 def kernel(tick: Cycles, stagger: Cycles) -> str:
-    """The kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger` later.
+    """Return the kernel's assembly; TMR0 counts every `tick` cycles, a slot's second servo rises `stagger`
+    later.
 
-    The timer's next three increments are read at the cycles `reads` after the beginning.
+    The timer's next three increments are read at the cycles `reads` after the beginning of the slot.
     """
     reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
     pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))

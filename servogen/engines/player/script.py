@@ -1,12 +1,12 @@
-"""The script of a motion: steps from pose to pose as bytes, what repeats of them once, and their timings.
+"""The script of a motion: steps from pose to pose as bytes, with repetitions stored once, and their timings.
 
-In: `Step`s, each with the row of the pose that it ends at, and how it gets there. Out: `Script`.
+In: `Step`s, each with the row of the pose at which it ends, and how to get there. Out: `Script`.
 
-    how                 a step to the pose in the row after the last one: its timing, the legs that it lifts
+    how                 a step to the pose in the next row: its timing, the legs that it lifts
     AT, row, how        a step to another row
     SPOT, row, how      the first step on the spot: once all have stepped, the legs stand as in that row;
                         steps without a row follow it, and after them one with a row
-    AGAIN, back, times  so many bytes back, until what is there was played so often
+    AGAIN, back, times  go back by a number of bytes, until that part has been played `times` times
 """
 
 from __future__ import annotations
@@ -18,28 +18,29 @@ from dataclasses import dataclass, replace
 from servogen.engines.firmware import ResourceError
 
 AGAIN, SPOT, AT = 0xFF, 0xFD, 0xFC
-"""Bytes that are no step's; the chip takes bit 0 of `SPOT` and `AT` for whether a step is on the spot."""
+"""Bytes that do not encode steps; bit 0 of `SPOT` and `AT` tells the chip whether a step is on the spot."""
 
 MAX_TIMES = 255
 MAX_BODY = 80
-"""Steps that are played again, of three bytes each at most."""
+"""The maximum number of steps of a repeated part, of up to three bytes each."""
 
 AGAIN_BYTES = 5
-"""What playing again costs: three bytes, and two of the body's first step."""
+"""The cost of a repetition in bytes: three, and two for the first step of the repeated part."""
 
 MAX_BYTES = 256
-"""A table is read with an index of one byte."""
+"""The maximum size of a table, which is read with an index of one byte."""
 
 STRAIGHT, STAY, SILENT = 0xFF, 0xFE, 0xFC
-"""Laws that need no table: evenly, at the end's pose from the first frame on, without pulses."""
+"""Laws without a table: linear, in the final pose from the first frame on, without pulses."""
 
 HALF = 0x80
-"""The fraction of a step's time at its beginning: times are rounded to the nearest."""
+"""The initial fraction of a step's time, so that times are rounded to the nearest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How a step takes its time: `frames` (256 at most), 65536ths of the step a frame, 256ths at its first.
+    """The timing of a step: `frames` (at most 256), 65536ths of the step per frame, 256ths at the first
+    frame.
 
     `law` is where the law's table begins, or `STRAIGHT`, `STAY` or `SILENT`.
     """
@@ -61,9 +62,10 @@ def timing(frames: int, law: int = STRAIGHT) -> Timing:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step to the pose `row` (a number of the table of rows) by a timing; `lifted`: a bit for each leg.
+    """A step to the pose `row` (an index of the table of rows) with a timing; `lifted` has a bit for each
+    leg.
 
-    `spot`: one of the steps on the spot that end in `row`.
+    `spot` tells whether it is one of the steps on the spot that end in `row`.
     """
 
     row: int
@@ -74,9 +76,9 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """The steps as bytes; after the last one those from byte `loop` on follow, for all time.
+    """The steps as bytes; those from byte `loop` on repeat endlessly.
 
-    `third` is the place of the byte after the third pose, the last of a walk's soft start.
+    `third` is the place of the byte after the third pose, the last one of a walk's soft start.
     """
 
     data: bytes
@@ -87,7 +89,9 @@ class Script:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A row's number and the byte that says how to get there; `goes_on`: on the spot, after another step."""
+    """A row's number and the byte that states how to get there; `goes_on`: on the spot, after another
+    step.
+    """
 
     row: int
     how: int
@@ -96,13 +100,13 @@ class Entry:
 
 
 LEGS_TIMINGS = 3
-"""The last of the timings of a walk, whose steps hold a bit for each of six legs and two for the timing."""
+"""The highest timing of a walk, whose steps have a bit for each of six legs and two bits for the timing."""
 
 
 def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bool) -> Script:
-    """Return the script of steps that are played once, and of those that are repeated for all time.
+    """Return the script of steps that are played once, followed by steps that repeat endlessly.
 
-    Raises ResourceError where its bytes are more than a table holds.
+    Raises ResourceError if it does not fit a table.
     """
     timings = tuple(dict.fromkeys(step.timing for step in (*lead, *loop)))
     maximum = LEGS_TIMINGS + 1 if legs else AT
@@ -130,7 +134,7 @@ def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bo
 
 
 ALL_LEGS = 0x3F
-"""No step lifts all six legs: a byte that says so is `AGAIN` or `AT`."""
+"""No step lifts all six legs, so such a byte is `AGAIN` or `AT`."""
 
 
 def _entries(steps: Sequence[Step], hows: Sequence[int]) -> list[Entry]:
@@ -142,7 +146,7 @@ def _entries(steps: Sequence[Step], hows: Sequence[int]) -> list[Entry]:
 
 
 def _bytes(entries: Sequence[Entry], columns: int) -> bytes:
-    """Return the entries as bytes; what follows itself again and again is there once, with how often."""
+    """Return the entries as bytes; consecutive repetitions are stored once, with their number."""
     made = bytearray()
     last: int | None = None
     for body, times in folded(entries):
@@ -166,7 +170,7 @@ def _follows(one: Entry, other: Entry) -> bool:
 
 
 def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
-    """Return the numbers of all rows in an order in which as many steps as possible go to the next row."""
+    """Return all row numbers in an order in which as many steps as possible lead to the next row."""
     hows = list(dict.fromkeys((step.timing, step.lifted) for step in (*lead, *loop)))
     wanted: Counter[tuple[int, int]] = Counter()
     for steps in (lead, loop):
@@ -199,7 +203,7 @@ def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
 def ordered(
     lead: Sequence[Step], loop: Sequence[Step], rows: Sequence[tuple[int, ...]], first: int = 0
 ) -> tuple[list[Step], list[Step], list[tuple[int, ...]]]:
-    """Return steps and rows in the order of `chained`; `first` rows come before them in the table."""
+    """Return steps and rows in the order of `chained`; `first` rows precede them in the table."""
     order = chained(lead, loop, len(rows))
     place = {row: first + index for index, row in enumerate(order)}
     renamed = [[replace(step, row=place[step.row]) for step in steps] for steps in (lead, loop)]
@@ -207,7 +211,7 @@ def ordered(
 
 
 def folded(entries: Sequence[Entry]) -> list[tuple[list[Entry], int]]:
-    """Return the entries as bodies, each with how often it is played, so that few bytes are left."""
+    """Return the entries as bodies with their numbers of repetitions, so that few bytes remain."""
     best = (0, 0, 0, 0)
     for length in range(1, min(len(entries) // 2, MAX_BODY) + 1):
         start = 0

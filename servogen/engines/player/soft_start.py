@@ -1,4 +1,4 @@
-"""The first pulses after power-up: the neutral pose, and from there to where the motion begins.
+"""The first pulses after power-up: the neutral pose, and from there to the beginning of the motion.
 
 In: a trajectory of the servos. Out: the same with a lead-in before it.
 """
@@ -16,8 +16,8 @@ SAME_RAD = 1e-3
 
 
 def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int) -> JointTrajectory:
-    """Return the trajectory after `frames` frames in the neutral pose and, if it begins elsewhere, as many to
-    it.
+    """Return the trajectory with `frames` frames in the neutral pose before it and, if it begins elsewhere,
+    as many frames of movement.
     """
     angles = trajectory.angles
     pulsed = angles[~np.isnan(angles).any(axis=1)]

@@ -1,8 +1,8 @@
-"""What the player's kernel guarantees with any compiler, from the kernel's words in a program.
+"""What the player's kernel guarantees with any compiler, derived from the kernel's words in a program.
 
 In: the listing of a program, whatever compiled the C around the kernel, and its frame layout. Out: the
-`Allowance` of the C between two slots: up to how many cycles the edges do not depend on it at all, and up to
-how many an end that comes too late sets the bit `overrun`. docs/firmware.md states the theorem.
+`Allowance` of the C between two slots: the number of cycles up to which the edges do not depend on it at all,
+and the number up to which a late end sets the bit `overrun`. docs/firmware.md states the theorem.
 
 The words of the kernel are executed one by one, with every byte that they read given, for each of the five
 phases in which the loop that waits for the timer can meet its tick.
@@ -22,28 +22,30 @@ from servogen.units import Cycles
 KERNEL = "pulses"
 """The function of the C that holds the kernel."""
 CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
-"""Labels: the look at the timer that notices C that ended late, the wait for the timer, the kernel's end."""
+"""Labels: the reading of the timer that detects C that ended late, the wait for the timer, the kernel's
+end.
+"""
 TMR0, PORT = 1, 6
 POLL_CYCLES = 5
-"""The cycles of the loop that waits for the timer: as many phases has the lock to take out."""
+"""The cycles of the loop that waits for the timer: the lock has to remove as many phases."""
 APART = 34
-"""Differences of two widths up to here: beyond, 8 cycles more are one turn of a loop more."""
+"""The maximum difference of two widths to run; beyond it, 8 more cycles are one more turn of a loop."""
 MAX_STEPS = 20_000
 
 
 @dataclass(frozen=True, slots=True)
 class Allowance:
-    """Of the C from the kernel's end in one slot to its look at the timer for the next."""
+    """The cycles of the C from the kernel's end in one slot to its reading of the timer for the next."""
 
     same_edges: Cycles
-    """The most cycles with which every edge is in the same cycle, whatever the C did."""
+    """The maximum number for which every edge is in the same cycle, whatever the C did."""
     late_is_seen: Cycles
-    """The most cycles with which the edges are the same or `overrun` is set."""
+    """The maximum number for which the edges are the same or `overrun` is set."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Pulses:
-    """One run of the kernel: cycles are counted from the timer's tick with which the slot begins."""
+    """One run of the kernel; cycles are counted from the timer's tick at which the slot begins."""
 
     writes: tuple[tuple[int, int], ...]
     """(cycle, value) of each write to the port that changes it."""
@@ -51,7 +53,7 @@ class _Pulses:
 
 
 class KernelChanged(Exception):
-    """Raised if the words are not those of a kernel that takes out the phase: its edges are not fixed."""
+    """The words are not those of a kernel that removes the phase, so its edges are not fixed."""
 
 
 def allowances(listing: Listing, layout: Layout) -> tuple[Allowance, Allowance]:
@@ -92,13 +94,13 @@ class _Kernel:
         self._stagger = layout.stagger
 
     def spent_beside_the_pulse(self) -> int:
-        """Return the most cycles from the slot's beginning to the kernel's end without the longest pulse.
+        """Return the maximum cycles from the slot's beginning to the kernel's end, without the longest pulse.
 
         Raises KernelChanged if an edge depends on when the C had finished.
         """
         maximum = 0
         for apart in range(APART):
-            # The shorter pulse's remainder of 8, and the phase, take every value.
+            # The remainder modulo 8 of the shorter pulse, and the phase, take every value.
             shorter = MIN_WIDTH + apart % 8
             arrivals = range(POLL_CYCLES) if apart < 8 else [apart % POLL_CYCLES]
             for one, other in ((shorter, shorter + apart), (shorter + apart, shorter)):
@@ -107,13 +109,13 @@ class _Kernel:
                     raise KernelChanged(f"widths {one} and {other}: the edges depend on the time of the C")
                 (pulses,) = found
                 self._compare(pulses, one, other)
-                # The layout's longest pulse has the stagger in it.
+                # The layout's longest pulse includes the stagger.
                 maximum = max(maximum, pulses.done - max(one, other + self._stagger))
         return maximum
 
     def late_ticks_seen(self, ahead: int) -> int:
-        """Return the first number of ticks since the slot before, from `ahead` on, whose lateness the kernel
-        does not notice. Raises KernelChanged if it takes an earlier end for a late one.
+        """Return the first number of ticks since the previous slot, from `ahead` on, whose lateness the
+        kernel does not detect. Raises KernelChanged if it takes an earlier end for a late one.
         """
         for ticks in range(256):
             late = self._is_late(ticks, ahead)
@@ -124,7 +126,9 @@ class _Kernel:
         return 256
 
     def _is_late(self, ticks: int, ahead: int) -> bool:
-        """Return whether the kernel sets `overrun` if it looks that many ticks after the slot before."""
+        """Return whether the kernel sets `overrun` if it reads the timer `ticks` ticks after the last
+        slot.
+        """
         target = 200
         overrun = self._ram["overrun"]
         known: Known = {
@@ -148,7 +152,7 @@ class _Kernel:
         return bool(known[overrun] & 1)
 
     def _compare(self, pulses: _Pulses, one: int, other: int) -> None:
-        """Compare the pulses with the widths that were asked for."""
+        """Compare the pulses with the requested widths. Raises KernelChanged if they differ."""
         for pin, width in ((1, one), (2, other)):
             rise = next((cycle for cycle, value in pulses.writes if value & pin), None)
             falls = [cycle for cycle, value in pulses.writes if not value & pin]
@@ -157,7 +161,7 @@ class _Kernel:
                 raise KernelChanged(f"a pulse of {width} cycles lasts {lasts}")
 
     def _run(self, one: int, other: int, arrival: int) -> _Pulses:
-        """Run the kernel for two widths; it looks at the timer `arrival` cycles before the last moment."""
+        """Run the kernel for two widths; it reads the timer `arrival` cycles before the latest moment."""
         tick = self._tick
         target, ahead = 200, 100
         known: Known = dict.fromkeys((W, CARRY, ZERO, FSR, *range(0x0C, 0x50)), 0)
@@ -168,7 +172,7 @@ class _Kernel:
         }.items():  # fmt: skip
             known[self._ram[name]] = value
         begin = 1 << 16
-        """The cycle, from the kernel's first instruction on, of the tick that it waits for."""
+        """The cycle, counted from the kernel's first instruction, of the tick that it waits for."""
         at, now, level = self._start, 0, 0
         writes: list[tuple[int, int]] = []
         for _ in range(MAX_STEPS):
