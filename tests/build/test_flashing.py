@@ -38,7 +38,7 @@ def test_a_proven_image_may_be_programmed(image: Image, schedule: PulseSchedule)
 
 
 def test_without_a_schedule_nothing_is_proven_and_the_chip_must_be_named(image: Image) -> None:
-    with pytest.raises(InputError, match="nothing says which chip"):
+    with pytest.raises(InputError, match="the chip is not known"):
         check(HEX, image, None, None, None)
     found = check(HEX, image, "16f84a", None, None)
     assert (found.device.name, codes(found)) == ("PIC16F84A", ["not-proven"])

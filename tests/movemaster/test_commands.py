@@ -127,7 +127,7 @@ def test_ms_with_few_points_warns_and_says_how_many_are_enough(ran: Ran) -> None
     assert warning.code == "off-the-line"
     assert str(warning.location) == "a.rvm:4:4: program line 20"
     found = re.fullmatch(
-        r"on its way to position 2 the tool is up to ([\d.]+) mm off the straight line: "
+        r"on the move to position 2 the tool is up to ([\d.]+) mm off the straight line: "
         r"(\d+) intermediate points keep it within 1 mm",
         warning.message,
     )

@@ -112,8 +112,8 @@ def test_a_schedule_without_a_plan_says_so() -> None:
         ("width_us", float("nan"), "plan_error.width_us: is not a number from 0"),
         ("angle_deg", "6.8", "plan_error.angle_deg: is not a number from 0"),
         ("end", 5, "plan_error.end: is not a text"),
-        ("end", "foot", "has one of 'end' and 'end_mm'"),
-        ("end_mm", 1.0, "has one of 'end' and 'end_mm'"),
+        ("end", "foot", "has only one of 'end' and 'end_mm'"),
+        ("end_mm", 1.0, "has only one of 'end' and 'end_mm'"),
         ("width", 1.0, "plan_error.width: unknown key"),
     ],
 )
