@@ -55,7 +55,7 @@ def silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 @dataclass(frozen=True, slots=True)
-class CaptureRequest:
+class CaptureSettings:
     """The settings of a capture."""
 
     rate: int = RATE
@@ -130,7 +130,7 @@ def capture(
     port: str,
     schedule: PulseSchedule | None = None,
     seconds: float | None = None,
-    looking: CaptureRequest = CaptureRequest(),
+    looking: CaptureSettings = CaptureSettings(),
     progress: Progress = silent,
 ) -> Captured:
     """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture.
@@ -172,7 +172,7 @@ def capture_by_sigrok(
     driver: str,
     schedule: PulseSchedule | None = None,
     seconds: float | None = None,
-    looking: CaptureRequest = CaptureRequest(),
+    looking: CaptureSettings = CaptureSettings(),
 ) -> SigrokCaptured:
     """Capture the pins through sigrok-cli, for `seconds` or the schedule's whole loop.
 

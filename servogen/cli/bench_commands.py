@@ -262,11 +262,11 @@ def capture(
     json: Json = False,
 ) -> None:
     """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    from servogen.build.capture import CaptureRequest, capture_by_sigrok
+    from servogen.build.capture import CaptureSettings, capture_by_sigrok
     from servogen.build.capture import capture as captured
 
     schedule = None if against is None else read_schedule(against)
-    looking = CaptureRequest(rate, rle, memory, trigger, wire or (), stitch)
+    looking = CaptureSettings(rate, rle, memory, trigger, wire or (), stitch)
     if sigrok is not None:
         with status("capturing with sigrok-cli"):
             seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)

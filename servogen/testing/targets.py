@@ -14,7 +14,7 @@ from typing import Protocol
 
 from servogen.bench.programmers.flash import flash, objections
 from servogen.bench.programmers.table import Order, find
-from servogen.build.capture import CaptureRequest, capture
+from servogen.build.capture import CaptureSettings, capture
 from servogen.build.proof import (
     START_FRAMES,
     checked_cycles,
@@ -251,7 +251,7 @@ class Bench:
         Without a schedule nothing says which pin moves, and the capture begins at once.
         """
         seconds = request.seconds if request.schedule else float(request.clock.seconds(request.cycles))
-        looking = CaptureRequest() if request.schedule else CaptureRequest(triggered=False)
+        looking = CaptureSettings() if request.schedule else CaptureSettings(triggered=False)
         self.captures += 1
         output = self.folder / f"capture-{self.captures}.vcd"
         path = capture(output, self.port, request.schedule, seconds, looking).path

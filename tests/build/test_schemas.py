@@ -177,7 +177,7 @@ def test_docstrings_of_fields_are_descriptions() -> None:
     joint = definitions["ServoTable"]["properties"]["joint"]
     assert (
         joint["description"]
-        == "The joint of [robot] that it turns, which is at 0 when the servo is at `zero_deg`."
+        == "The joint of [robot] that the servo turns; the joint is at 0 when the servo is at `zero_deg`."
     )
     assert "enum" in definitions["ServoTable"]["properties"]["model"]["anyOf"][0]
     assert not [each for each in definitions.values() if "description" not in each]
