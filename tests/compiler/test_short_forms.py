@@ -119,3 +119,54 @@ def test_a_quotient_and_a_remainder_of_the_same_values_are_one_division(
     text = f"{head}\nvoid main(void) {{ {body} while (1); }}"
     assert mnemonics(text).count("CALL") == calls
     assert (value(text, "q"), value(text, "r")) == (quotient, remainder)
+
+
+@pytest.mark.parametrize(
+    ("choice", "expected"),
+    [
+        # MOVF n,W; SUBWF m,W; BTFSC/BTFSS C; BSF/BCF; BTFSS/BTFSC C; BCF/BSF; RETURN
+        ("if (m < n) RB1 = 1; else RB1 = 0;", 7),
+        # MOVF m,W; MOVLW 0; BTFSS Z; MOVLW 64; MOVWF n; RETURN
+        ("n = m ? 64 : 0;", 6),
+        # COMF PORTB,W; ANDLW 0xF0; BTFSC Z; INCF n,F; RETURN
+        ("if ((PORTB & 0xF0) == 0xF0) n++;", 5),
+        # INCF m,W; BTFSC Z; INCF n,F; RETURN
+        ("if (m == 255) n++;", 4),
+        ("if (m >= 255) n++;", 4),
+        # MOVF wide,W; XORLW 7; IORWF wide+1,W; BTFSC Z; INCF n,F; RETURN
+        ("if (wide == 7) n++;", 6),
+        # MOVF m,W; SUBWF n,W; BTFSS C; CLRF n; CLRF m; RETURN
+        ("if (n < m) n = 0; m = 0;", 6),
+    ],
+)
+def test_a_choice_without_jumps(choice: str, expected: int) -> None:
+    text = "#include <xc.h>\nunsigned char m, n; unsigned int wide;\n"
+    found = mnemonics(f"{text}void f(void) {{ {choice} }}\nvoid main(void) {{ f(); }}", "f")
+    assert "GOTO" not in found
+    assert len(found) <= expected
+
+
+@pytest.mark.parametrize("m", [0, 1, 127, 128, 254, 255])
+@pytest.mark.parametrize("n", [0, 127, 128, 255])
+def test_choices_without_jumps_are_right(m: int, n: int) -> None:
+    conditions = {
+        "m < n": m < n,
+        "m >= 255": m >= 255,
+        "m < 255": m < 255,
+        "m == 255": m == 255,
+        "(m & 0x81) == 0x81": m & 0x81 == 0x81,
+        "(m & 0x81) != 0x81": m & 0x81 != 0x81,
+        "wide == 0x8000u": m == 128 and n == 0,
+        "wide != 0x00FFu": (m, n) != (0, 255),
+    }
+    tests = "".join(
+        f"if ({test}) seen |= {1 << at}; else other |= {1 << at};\n" for at, test in enumerate(conditions)
+    )
+    text = (
+        "#include <xc.h>\nunsigned char seen, other, chosen; volatile unsigned char m, n;\n"
+        f"void main(void) {{ unsigned int wide; m = {m}; n = {n}; wide = m << 8 | n;\n{tests}"
+        "chosen = m ? 64 : 0; while (1); }"
+    )
+    expected = sum(1 << at for at, true in enumerate(conditions.values()) if true)
+    assert (value(text, "seen"), value(text, "other")) == (expected, expected ^ 0xFF)
+    assert value(text, "chosen") == (64 if m else 0)

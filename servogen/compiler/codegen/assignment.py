@@ -9,7 +9,16 @@ from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import Binary, Cast, Deref, Expr, Num, Ref, Unary, Update
 from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import bitwise, shift_left
-from servogen.compiler.codegen.effects import calls_something, in_flash, is_condition, stripped, touches
+from servogen.compiler.codegen.effects import (
+    calls_something,
+    in_flash,
+    is_condition,
+    leaves_alone,
+    stripped,
+    touches,
+    update_operand,
+    updated,
+)
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.indirect import bit_source, field_byte, point_fsr
 from servogen.compiler.codegen.operands import is_direct, kept, operand_ready, operands_of, ref_locs
@@ -115,24 +124,12 @@ def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
     kind = target.type
     if expr.op == "^" and isinstance(expr.value, Num) and _toggled(gen, target, expr.value.value):
         return
-    whole = updated(gen, expr, target)
+    whole = updated(expr, target)
     plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
     behind = plain and kind.size == 1 and not (isinstance(target, Ref) and is_direct(gen, target))
-    if behind and _update_indirect(gen, expr.op, target, _operand(expr)):
+    if behind and _update_indirect(gen, expr.op, target, update_operand(expr)):
         return
     assign(gen, target, whole)
-
-
-def updated(gen: FunctionGenerator, expr: Update, old: Ref | Deref) -> Expr:
-    """Return the value that `op=` stores, computed from the previous value of the object."""
-    kind, right = old.type, _operand(expr)
-    left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
-    boolean = isinstance(kind, IntType) and kind.is_bool
-    same = isinstance(right, Num) and not boolean and _leaves_alone(expr.op, right.value, kind.size)
-    whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
-    if isinstance(kind, IntType) and kind.plain() != expr.work:
-        return Cast(whole, kind.plain(), expr.place)
-    return whole
 
 
 def _toggled(gen: FunctionGenerator, target: Ref | Deref, value: int) -> bool:
@@ -256,36 +253,11 @@ def _set_by_jumps(gen: FunctionGenerator, byte: Loc, bit: int, value: Expr) -> N
     gen.label(end)
 
 
-def _operand(expr: Update) -> Expr:
-    """Return the right operand of `op=` in the type of the computation; a shift count keeps its own type."""
-    right = expr.value
-    if expr.op in ("<<", ">>") or right.type.plain() == expr.work:
-        return right
-    if isinstance(right, Num):
-        return Num(right.value, expr.work, expr.place)
-    return Cast(right, expr.work, expr.place)
-
-
-def _leaves_alone(op: str, value: int, size: int) -> bool:
-    """Return whether `op= value` leaves every value of `size` bytes unchanged."""
-    mask = (1 << 8 * size) - 1
-    match op:
-        case "+" | "-" | "|" | "^":
-            return value & mask == 0
-        case "&":
-            return value & mask == mask
-        case "<<" | ">>":
-            return value == 0
-        case "*" | "/":
-            return value == 1
-    return False
-
-
 def _is_identity(expr: Binary, size: int) -> bool:
     """Return whether the low `size` bytes of a value are those of its variable operand."""
     if isinstance(expr.right, Num):
-        return _leaves_alone(expr.op, expr.right.value, size)
-    return isinstance(expr.left, Num) and expr.op in "+&|^" and _leaves_alone(expr.op, expr.left.value, size)
+        return leaves_alone(expr.op, expr.right.value, size)
+    return isinstance(expr.left, Num) and expr.op in "+&|^" and leaves_alone(expr.op, expr.left.value, size)
 
 
 def _negated(value: Expr) -> Expr | None:

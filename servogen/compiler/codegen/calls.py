@@ -7,20 +7,18 @@ result bytes.
 
 from __future__ import annotations
 
-from servogen.compiler.ast.constant_folding import has_effect, interval
+from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import Binary, Call, Expr, Num
 from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import add, bitwise, imms, shift_left, shift_right
-from servogen.compiler.codegen.effects import calls_something, width_of
+from servogen.compiler.codegen.effects import calls_something
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Division, FunctionGenerator
 from servogen.compiler.codegen.operands import apart, kept, operands_of, pair, widen
 from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.codegen.routines import halvings, is_byte, is_power_of_two, quotient
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
-
-MAX_SHIFT_WORDS = 24
-"""Of the shifts of a signed division by a power of 2; more would be longer than calling the division."""
 
 
 def call(gen: FunctionGenerator, expr: Call) -> Function:
@@ -79,13 +77,15 @@ def _bool_to_w(gen: FunctionGenerator, argument: Expr) -> None:
 
 
 def library_call(gen: FunctionGenerator, function: Function, operands: list[list[Operand]]) -> list[Loc]:
-    """Call a library routine with evaluated operands, and return its result bytes."""
+    """Call a library routine with evaluated operands, of which it takes the low bytes; return its result
+    bytes.
+    """
     w_operand: Operand | None = None
     for parameter, values in zip(function.parameters, operands, strict=True):
         if parameter is function.w_parameter:
             w_operand = values[0]
             continue
-        for number, each in enumerate(values):
+        for number, each in enumerate(values[: parameter.size]):
             gen.move(Byte(parameter, number), each)
     if w_operand is not None:
         gen.load(w_operand)
@@ -102,11 +102,10 @@ def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         left, right = right, left
     if isinstance(right, Num) and _multiply_constant(gen, left, right.value, target):
         return
-    (a, b), (c, d) = interval(left), interval(right)
-    small = min(a, c) >= 0 and max(b, d) <= 0xFF
-    width = 1 if (small and size <= 2) or size == 1 else size
-    function = gen.library("mul", (width, size))
-    one, two = pair(gen, left, right, width)
+    if is_byte(left) and not is_byte(right):
+        left, right = right, left
+    function = gen.library("mul", gen.context.routines.multiply(left, right, size))
+    one, two = pair(gen, left, right, max(each.size for each in function.parameters))
     result = library_call(gen, function, [one, two])
     gen.move_all(target, list(result[:size]))
 
@@ -139,11 +138,9 @@ def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: l
 
 
 def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
-    (a, b), (c, d) = interval(expr.left), interval(expr.right)
-    full = width_of(*interval(expr))[0] if min(a, c) < 0 else 1
-    size, signed = width_of(min(a, c), max(b, d))
-    size = min(max(size, full), expr.type.size)
-    if isinstance(expr.right, Num) and not signed and expr.right.value.bit_count() == 1:
+    form = quotient(expr)
+    size, signed = form.size, form.signed
+    if isinstance(expr.right, Num) and not signed and is_power_of_two(expr.right):
         shift = expr.right.value.bit_length() - 1
         work = target if len(target) >= size else gen.temp(size)
         part = work[:size]
@@ -163,11 +160,12 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         else:
             gen.move_all(target, list(work[: len(target)]))
         return
-    if expr.op == "/" and signed and _halvings(expr.right, size):
+    if signed and halvings(expr, size):
         _divide_by_halving(gen, expr, target, size)
         return
-    function = gen.library("sdivide" if signed else "divide", (size,))
-    holder = gen.library("divide", (size,)) if signed else function
+    routines = gen.context.routines
+    holder = gen.library("divide", routines.divide(form))
+    function = gen.library("sdivide", routines.divide_signed(form)) if signed else holder
     result_symbol = next(
         each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
     )
@@ -175,7 +173,7 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     if not _divided_already(gen, function, one, two):
         library_call(gen, function, [one, two])
         gen.division = Division(gen.function.blocks[-1].instructions[-1], one, two)
-    have = min(len(target), size)
+    have = min(len(target), result_symbol.size)
     gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
     if len(target) > have:
         widen(gen, target, have, signed=signed)
@@ -193,17 +191,9 @@ def _divided_already(
     )
 
 
-def _halvings(divisor: Expr, size: int) -> int:
-    """Return by how many bits a signed division by a constant shifts, where that is short; otherwise 0."""
-    if not isinstance(divisor, Num) or divisor.value <= 0 or divisor.value.bit_count() != 1:
-        return 0
-    shift = divisor.value.bit_length() - 1
-    return shift if shift < 8 * size - 1 and shift % 8 * (size + 1) <= MAX_SHIFT_WORDS else 0
-
-
 def _divide_by_halving(gen: FunctionGenerator, expr: Binary, target: list[Loc], size: int) -> None:
     """Divide by 2ᵏ: a shift rounds down, so that 2ᵏ - 1 is added to a negative dividend first."""
-    shift = _halvings(expr.right, size)
+    shift = halvings(expr, size)
     part: list[Loc] = gen.temp(size)
     gen.move_all(part, operands_of(gen, expr.left, size))
     end = gen.new_label()

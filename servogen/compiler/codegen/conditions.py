@@ -103,6 +103,10 @@ def _against_constant(
         elif is_direct(gen, stripped(left)):
             operand = operands_of(gen, left, 1)[0]
             assert not isinstance(operand, Imm)
+            if bound == 0xFF:
+                gen.emit("INCF", operand, 0)
+                gen.goto_if(Z, at_least, label)
+                return
             gen.emit("MOVLW", k=bound)
             gen.emit("SUBWF", operand, 0)
         else:
@@ -129,6 +133,9 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
                 gen.goto(label)
             return
         if size == 1 and value:
+            if _all_set(gen, left, value):
+                gen.goto_if(Z, equal, label)
+                return
             to_w(gen, left)
             gen.emit("XORLW", k=value)
             gen.goto_if(Z, equal, label)
@@ -141,6 +148,10 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
         gen.goto_if(Z, equal, label)
         return
     a, b = pair(gen, left, right, size)
+    if sum(each != Imm(0) for each in b) == 1 and not any(isinstance(each, Imm) for each in a):
+        _equal_in_one_byte(gen, a, b)
+        gen.goto_if(Z, equal, label)
+        return
     other = gen.new_label()
     for number, (one, two) in enumerate(zip(a, b, strict=True)):
         differ(gen, one, two)
@@ -150,6 +161,33 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
             gen.goto_if(Z, False, other if equal else label)
     if equal:
         gen.label(other)
+
+
+def _all_set(gen: FunctionGenerator, expr: Expr, mask: int) -> bool:
+    """Set Z if `x & mask` has all bits of the mask; return whether the expression had that form."""
+    masked = stripped(expr)
+    if not isinstance(masked, Binary) or masked.op != "&":
+        return False
+    left, right = masked.left, masked.right
+    if isinstance(left, Num):
+        left, right = right, left
+    if not isinstance(right, Num) or right.value != mask or not is_direct(gen, stripped(left)):
+        return False
+    operand = operands_of(gen, left, 1)[0]
+    if isinstance(operand, Imm):
+        return False
+    gen.emit("COMF", operand, 0)
+    gen.emit("ANDLW", k=mask)
+    return True
+
+
+def _equal_in_one_byte(gen: FunctionGenerator, variable: list[Operand], value: list[Operand]) -> None:
+    """Set Z if `variable` equals `value`, of which all bytes but one are the constant 0."""
+    pairs = sorted(zip(variable, value, strict=True), key=lambda one: one[1] == Imm(0))
+    differ(gen, *pairs[0])
+    for each, _ in pairs[1:]:
+        assert not isinstance(each, Imm)
+        gen.emit("IORWF", each, 0)
 
 
 def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:

@@ -140,3 +140,40 @@ def is_condition(expr: Expr) -> bool:
     if isinstance(expr, (Ref, Deref)) and expr.width == 1 and isinstance(expr.type, IntType):
         return not expr.type.signed
     return isinstance(expr, Binary) and expr.op in COMPARISONS
+
+
+def updated(expr: Update, old: Ref | Deref) -> Expr:
+    """Return the value that `op=` stores, computed from the previous value of the object."""
+    kind, right = old.type, update_operand(expr)
+    left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
+    boolean = isinstance(kind, IntType) and kind.is_bool
+    same = isinstance(right, Num) and not boolean and leaves_alone(expr.op, right.value, kind.size)
+    whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
+    if isinstance(kind, IntType) and kind.plain() != expr.work:
+        return Cast(whole, kind.plain(), expr.place)
+    return whole
+
+
+def update_operand(expr: Update) -> Expr:
+    """Return the right operand of `op=` in the type of the computation; a shift count keeps its own type."""
+    right = expr.value
+    if expr.op in ("<<", ">>") or right.type.plain() == expr.work:
+        return right
+    if isinstance(right, Num):
+        return Num(right.value, expr.work, expr.place)
+    return Cast(right, expr.work, expr.place)
+
+
+def leaves_alone(op: str, value: int, size: int) -> bool:
+    """Return whether `op= value` leaves every value of `size` bytes unchanged."""
+    mask = (1 << 8 * size) - 1
+    match op:
+        case "+" | "-" | "|" | "^":
+            return value & mask == 0
+        case "&":
+            return value & mask == mask
+        case "<<" | ">>":
+            return value == 0
+        case "*" | "/":
+            return value == 1
+    return False

@@ -30,8 +30,8 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import IntType, StructType, VoidType
 from servogen.compiler.codegen.arithmetic import add, complement, imms, negate
-from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update, updated
-from servogen.compiler.codegen.effects import is_condition, touches, width_of
+from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update
+from servogen.compiler.codegen.effects import is_condition, touches, updated, width_of
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.indirect import cut_to_field, indirect_load, into_field, settled
 from servogen.compiler.codegen.operands import (
@@ -264,7 +264,7 @@ def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> Non
 def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, target: list[Loc]) -> None:
     """Update a volatile object with one read and one store; the value is computed in temporaries."""
     old = hold_value(gen, source, source) if expr.post else source
-    new = hold_value(gen, updated(gen, expr, old), source)
+    new = hold_value(gen, updated(expr, old), source)
     assign(gen, source, new)
     into(gen, old if expr.post else new, target)
 

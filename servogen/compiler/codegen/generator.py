@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import (
+    AddressByte,
     Binary,
     Builtin,
     Call,
@@ -20,10 +21,11 @@ from servogen.compiler.ast.nodes import (
     Ref,
     Symbol,
 )
+from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import DELAY, INDF, Byte, Instruction, Loc, Operand, Reg
+from servogen.compiler.ir.instruction import DELAY, FSR, INDF, Byte, Instruction, Loc, Operand, Reg
 
 Library = Callable[[str, tuple[int, ...]], Function]
 """Gives a library routine by its kind and its sizes, generating it the first time."""
@@ -65,6 +67,7 @@ class Context:
     """The parameters and result of a function, before or after its code is generated."""
     symbol_map: Callable[[Symbol], Symbol]
     library: Library
+    routines: Routines
     asm_symbols: dict[str, Symbol]
     reporter: Reporter
     isr: bool
@@ -82,20 +85,39 @@ class Division:
         """Return whether the same division at the end of these instructions of a block would add nothing.
 
         What may change an operand, or the results, ends it: another call, assembly, a write through a
-        pointer, a write to an operand.
+        pointer, a write to an operand. A write to an element of an array changes nothing else.
         """
         operands = [*self.dividend, *self.divisor]
         variables = [each.symbol for each in operands if isinstance(each, Byte)]
-        if any(isinstance(each, Reg) for each in operands) or any(each.volatile for each in variables):
+        if any(isinstance(each, Reg) for each in operands):
             return False
-        for each in reversed(instructions):
+        if any(each.volatile or each.kind == "fixed" for each in variables):
+            return False
+        element_written = False  # through FSR, further down than `each`
+        for number in range(len(instructions) - 1, -1, -1):
+            each = instructions[number]
             if each is self.call:
-                return True
+                return not element_written
             if each.fixed or each.op in ("CALL", DELAY):
                 return False
-            if each.writes_f and (each.f == INDF or each.f in operands):
+            if each.writes_f and each.f in operands:
                 return False
+            if each.writes_f and each.f == INDF:
+                element_written = True
+            elif each.writes_f and each.f == FSR and element_written:
+                array = _indexed(instructions[:number])
+                if array is None or array.kind == "fixed" or array in variables:
+                    return False
+                element_written = False
         return False
+
+
+def _indexed(before: Sequence[Instruction]) -> Symbol | None:
+    """Return the array of whose element W holds the address, if it was added just before."""
+    last = before[-1] if before else None
+    if last is None or last.op != "ADDLW" or not isinstance(last.k, AddressByte):
+        return None
+    return last.k.symbol
 
 
 class FunctionGenerator(InstructionBuilder):

@@ -17,6 +17,7 @@ from servogen.compiler.codegen.expressions import boolean, condition_to_w, into
 from servogen.compiler.codegen.float_routines import FLOAT_ROUTINES, build_float
 from servogen.compiler.codegen.generator import Context, FunctionGenerator, Lowering
 from servogen.compiler.codegen.indirect import one_byte_indirect
+from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.codegen.runtime import build
 from servogen.compiler.codegen.statements import generate
 from servogen.compiler.codegen.tables import flash_byte, from_flash, wide_load
@@ -36,6 +37,8 @@ class ProgramGenerator:
         self.reporter = reporter
         self.asm_symbols = asm_symbols
         self.functions: dict[str, Function] = {}
+        reached = dict.fromkeys((*graph.main, *graph.isr))
+        self._routines = Routines(graph.program.functions[name] for name in reached)
         self._clones: dict[Symbol, Symbol] = {}
 
     def generate(self) -> dict[str, Function]:
@@ -51,6 +54,7 @@ class ProgramGenerator:
             signature=lambda called_name: self.signature(called_name, isr=isr),
             symbol_map=lambda symbol: self._symbol(symbol, isr=isr),
             library=lambda kind, key: self._library(kind, key, isr=isr),
+            routines=self._routines,
             asm_symbols=self.asm_symbols,
             reporter=self.reporter,
             isr=isr,

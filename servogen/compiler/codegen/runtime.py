@@ -56,18 +56,19 @@ def parameter(gen: InstructionBuilder, name: str, size: int, *, in_w: bool = Fal
 
 
 def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    width, size = key
-    if width == 1 and size == 2:
+    """Emit a shift-and-add multiplication of `key[0]` bytes by `key[1]` bytes to `key[2]` bytes."""
+    width, factor, size = key
+    if (width, factor, size) == (1, 1, 2):
         _multiply_8_to_16(gen)
         return
-    a, b = parameter(gen, "a", size), parameter(gen, "b", size)
+    a, b = parameter(gen, "a", size), parameter(gen, "b", factor)
     product = variable(gen, "product", size)
     assert isinstance(product[0], Byte)
     gen.function.result = product[0].symbol
     for each in product:
         gen.emit("CLRF", each)
     loop, no_add = gen.new_label(), gen.new_label()
-    gen.function.bounds[loop] = 8 * size
+    gen.function.bounds[loop] = 8 * factor
     gen.label(loop)
     one_right(gen, b, signed=False)
     gen.goto_if(C, False, no_add)
@@ -77,8 +78,6 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.load(b[0])
     for each in b[1:]:
         gen.emit("IORWF", each, 0)
-    if size == 1:
-        gen.emit("IORLW", k=0)
     gen.goto_if(Z, False, loop)
     gen.emit("RETURN")
 
@@ -109,10 +108,13 @@ def _multiply_8_to_16(gen: InstructionBuilder) -> None:
 
 
 def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Emit an unsigned bit-by-bit division; the quotient fills the bits that the dividend vacates."""
-    (size,) = key
-    a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", size)
-    rest, count = variable(gen, "remainder", size), variable(gen, "count", 1)[0]
+    """Emit an unsigned bit-by-bit division; the quotient fills the bits that the dividend vacates.
+
+    `key` has the bytes of the dividend and of the divisor, and whether twice the remainder may be wider.
+    """
+    size, width, carry = key
+    a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", width)
+    rest, count = variable(gen, "remainder", width), variable(gen, "count", 1)[0]
     for each in rest:
         gen.emit("CLRF", each)
     gen.emit("MOVLW", k=8 * size)
@@ -120,7 +122,8 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
     loop, take_away, after = gen.new_label(), gen.new_label(), gen.new_label()
     gen.label(loop)
     one_left(gen, [*a, *rest])
-    gen.goto_if(C, True, take_away)
+    if carry:
+        gen.goto_if(C, True, take_away)
     compare_less(gen, list(rest), list(b))
     gen.goto_if(C, False, after)
     gen.label(take_away)
@@ -133,16 +136,21 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
 
 
 def divide_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Emit a signed division: the unsigned division of the absolute values, sharing its variables."""
-    inner = library("divide", key)
+    """Emit a signed division: the unsigned division of the absolute values, sharing its variables.
+
+    `key` is that of the unsigned routine, and whether the divisor may be negative.
+    """
+    *unsigned, negative_divisor = key
+    inner = library("divide", tuple(unsigned))
     dividend, divisor = inner.parameters
     remainder = next(each for each in inner.own if each.name == "remainder")
-    size = key[0]
-    a, b, rest = ([Byte(symbol, each) for each in range(size)] for symbol in (dividend, divisor, remainder))
+    a, b, rest = (
+        [Byte(symbol, each) for each in range(symbol.size)] for symbol in (dividend, divisor, remainder)
+    )
     gen.function.parameters = [dividend, divisor]
     signs = variable(gen, "signs", 1)[0]
     gen.emit("CLRF", signs)
-    for operand, mask in ((a, 3), (b, 1)):
+    for operand, mask in ((a, 3), (b, 1)) if negative_divisor else ((a, 3),):
         positive = gen.new_label()
         gen.goto_if(7, False, positive, operand[-1])
         negate(gen, list(operand), list(operand))

@@ -16,10 +16,12 @@ from servogen.compiler.ir.instruction import (
     DELAY,
     ENDS,
     IN_PLACE,
+    INDF,
     STATUS,
     TARGETED,
     Byte,
     Instruction,
+    Reg,
     Z,
 )
 from servogen.compiler.passes.jump_threading import INVERSE
@@ -41,6 +43,9 @@ def short_branches(function: Function) -> bool:
         function.rebuild()
         return True
     live = Liveness(function)
+    if any(block not in skipped and _two_constants(arms, live) for block, arms in _all_arms(function, named)):
+        function.rebuild()
+        return True
     if any(block not in skipped and _one_differs(arms, live) for block, arms in _all_arms(function, named)):
         function.rebuild()
         return True
@@ -125,6 +130,31 @@ def _one_differs(arms: _Arms, live: Liveness) -> bool:
     return True
 
 
+def _two_constants(arms: _Arms, live: Liveness) -> bool:
+    """Rewrite `MOVLW k; MOVWF f` against `CLRF f` as a choice of the constant in W, and one store.
+
+    Return whether the arms had that form.
+    """
+    *yes, leave = arms.yes.instructions
+    no, tail = arms.no.instructions, []
+    if no and no[-1].same(leave):
+        no, tail = no[:-1], no[-1:]
+    elif leave.op != "GOTO" or not arms.end.has_label(leave.target):
+        return False
+    clears, stores = (no, yes) if len(yes) == 2 else (yes, no)
+    if [each.op for each in stores] != ["MOVLW", "MOVWF"] or [each.op for each in clears] != ["CLRF"]:
+        return False
+    clear, (load, store) = clears[0], stores
+    if clear.f != store.f or isinstance(store.f, Reg) or live.after[clear] & (W_BIT | Z_BIT):
+        return False
+    zero = Instruction("MOVLW", k=0, place=clear.place)
+    first, second = (zero, load) if stores is yes else (load, zero)
+    arms.first.instructions[-1:] = [first, _turned(arms.test), second, store, *tail]
+    arms.jump.instructions, arms.yes.instructions = [], []
+    arms.no.labels, arms.no.instructions = [], []
+    return True
+
+
 def _passes(test: Instruction, ins: Instruction) -> bool:
     """Return whether an instruction does the same before a test, and the test after it.
 
@@ -158,7 +188,7 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
         and [each.op for each in jump_block.instructions] == ["GOTO"]
         and not yes_block.labels
         and len(yes_block.instructions) == 2
-        and yes_block.instructions[1].op == "GOTO"
+        and yes_block.instructions[1].op in ("GOTO", "RETURN")
         and len(other_block.labels) == 1
     )
     if not shape or test is None:
@@ -169,8 +199,8 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
         return False
     if any(each.fixed for each in (test, jump, yes, leave, other)) or other_block.labels[0].fixed:
         return False
-    to_end = len(rest) == 1 and rest[0].op == "GOTO" and rest[0].target == leave.target
-    before_end = not rest and len(blocks) > 4 and blocks[4].has_label(leave.target)
+    to_end = len(rest) == 1 and rest[0].same(leave)
+    before_end = not rest and leave.op == "GOTO" and len(blocks) > 4 and blocks[4].has_label(leave.target)
     if not (to_end or before_end):
         return False
     if yes.op == other.op == "MOVLW":
@@ -195,11 +225,18 @@ def _turned(test: Instruction) -> Instruction:
 
 def _stays(test: Instruction, ins: Instruction) -> bool:
     """Return whether a bit can be tested again after an instruction that may be skipped."""
-    if not isinstance(test.f, Byte) or test.f.symbol.volatile:
-        return False
     if ins.op in (DELAY, "CALL") or ins.ends_block:
         return False
+    if test.f == STATUS:
+        return test.b <= Z and not ins.flags and not (ins.writes_f and _may_be_status(ins))
+    if not isinstance(test.f, Byte) or test.f.symbol.volatile:
+        return False
     return not ins.writes_f or ((ins.op in BIT_WRITES or ins.op == "CLRF") and _apart(ins, test))
+
+
+def _may_be_status(ins: Instruction) -> bool:
+    """Return whether an instruction's byte may be STATUS: a pointer, or a variable at a fixed address."""
+    return ins.f in (STATUS, INDF) or (isinstance(ins.f, Byte) and ins.f.symbol.kind == "fixed")
 
 
 def _apart(one: Instruction, two: Instruction) -> bool:

@@ -70,13 +70,7 @@ def drop_jumps_to_next(function: Function) -> bool:
 
 def _is_jump(block: Block | None) -> bool:
     """Return whether a block has no labels and consists of one jump of the compiler's."""
-    return (
-        block is not None
-        and not block.labels
-        and len(block.instructions) == 1
-        and block.instructions[0].op == "GOTO"
-        and not block.instructions[0].fixed
-    )
+    return block is not None and _leaves(block) and block.instructions[0].op == "GOTO"
 
 
 def _at(function: Function, number: int) -> Block | None:
@@ -112,28 +106,33 @@ def _drop_jump(function: Function, number: int) -> bool:
 
 
 def _skip_instead(function: Function, number: int) -> bool:
-    """Rewrite `BTFSC x; GOTO a; one; a:` as `BTFSS x; one; a:`."""
+    """Rewrite `BTFSC x; GOTO a; one; a:` as `BTFSS x; one; a:`; `GOTO a` may stand in place of `a:`, and
+    RETURN in place of `GOTO a`.
+    """
     block, jump, one, after = (_at(function, number + each) for each in range(4))
     test = block.last if block is not None else None
-    if (
-        test is None
-        or test.op not in INVERSE
-        or test.fixed
-        or not _is_jump(jump)
-        or one is None
-        or after is None
-    ):
+    if test is None or test.op not in INVERSE or test.fixed or jump is None or one is None:
         return False
-    if _is_skipped(function, number):
+    if _is_skipped(function, number) or one.labels or not one.instructions or not _leaves(jump):
         return False
-    single = one.instructions[0] if len(one.instructions) == 1 and not one.labels else None
-    if single is None or single.skips or single.fixed or single.op == DELAY:
+    single, *rest = one.instructions
+    if single.skips or single.fixed or single.op == DELAY:
         return False
-    if not after.has_label(jump.instructions[0].target):  # type: ignore[union-attr]
+    leave = jump.instructions[0]
+    goes_on = not rest and leave.op == "GOTO" and after is not None and after.has_label(leave.target)
+    goes_there = len(rest) == 1 and rest[0].same(leave)
+    if not (goes_on or goes_there):
         return False
     test.op = INVERSE[test.op]
-    function.blocks.remove(jump)  # type: ignore[arg-type]
+    function.blocks.remove(jump)
     return True
+
+
+def _leaves(block: Block) -> bool:
+    """Return whether a block has no labels and consists of one jump or RETURN of the compiler's."""
+    if block.labels or len(block.instructions) != 1:
+        return False
+    return block.instructions[0].op in ("GOTO", "RETURN") and not block.instructions[0].fixed
 
 
 def invert_skips(function: Function) -> bool:
