@@ -131,7 +131,7 @@ def test_it_has_no_standard_input_and_its_output_goes_nowhere(capfd: pytest.Capt
         os.write(2, b"err")
         return os.read(0, 100)
 
-    assert run(work, SHORT) == b""
+    assert run(work, Limits()) == b""
     assert capfd.readouterr() == ("", "")
 
 
@@ -221,4 +221,4 @@ def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(isolation.sys, "platform", "win32")
     monkeypatch.setattr(isolation, "_resource", None)
     assert "win32 cannot limit the memory and the open files" in isolation.missing_limits()
-    assert run(os.getpid, SHORT) == os.getpid()
+    assert run(os.getpid, Limits()) == os.getpid()
