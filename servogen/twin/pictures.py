@@ -19,7 +19,7 @@ from servogen.report.film import Part, Scene
 from servogen.report.html import TwinFacts
 from servogen.report.pictures import new_figure, plane, save
 from servogen.report.sticks import base_outline
-from servogen.twin.run import SAMPLE_S
+from servogen.twin.run import SAMPLE_S, Record
 from servogen.twin.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def page_facts(verdict: Verdict) -> TwinFacts:
         ("voltage of the supply", record.voltage[:, None], ["voltage"], "V"),
     ]
     if record.feet.shape[1]:
-        columns.append(("height of the feet", 1000 * record.feet[..., 2], _legs(verdict), "mm"))
+        columns.append(("height of the feet", 1000 * record.feet[..., 2], _legs(verdict.record), "mm"))
     charts = [
         (name, time_chart(times, values[rows], names, unit, record.motion[0]))
         for name, values, names, unit in columns
@@ -165,7 +165,7 @@ def csv_text(verdict: Verdict) -> str:
             (f"{servo.name}_target_deg", np.degrees(record.target[:, index])),
             (f"{servo.name}_nm", record.torque[:, index]),
         ]
-    for index, limb in enumerate(_legs(verdict)):
+    for index, limb in enumerate(_legs(verdict.record)):
         columns += [
             (f"{limb}_foot_mm", 1000 * record.feet[:, index, 2]),
             (f"{limb}_force_n", record.force[:, index]),
@@ -178,7 +178,7 @@ def csv_text(verdict: Verdict) -> str:
 
 def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
     """Draw the path from above, heading and height, torques, current, voltage and the heights of the feet."""
-    record, legs = verdict.record, _legs(verdict)
+    record, legs = verdict.record, _legs(verdict.record)
     figure = new_figure(12.5, 9.0, f"{name}: {verdict.word}, {record.settings.ground.text()}")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.5))
     _path(figure.add_subplot(grid[:2, 0]), verdict)
@@ -248,7 +248,7 @@ def _path(axes: Axes, verdict: Verdict) -> None:
         if rigid is not None:
             axes.plot(*(1000 * rigid[:, :2].T), "--", color="0.5", label="rigid legs, ideal wheels")
         axes.plot(*(1000 * at.T), color="black", label="simulated")
-        for index, leg in enumerate(_legs(verdict)):
+        for index, leg in enumerate(_legs(verdict.record)):
             stands = record.force[record.first :, index] > 0.1
             feet = _seen_from(first, record.feet[record.first :, index, :2])[stands]
             axes.plot(*(1000 * feet.T), ".", ms=2, color=PALETTE[index % len(PALETTE)], label=leg)
@@ -272,10 +272,16 @@ def twin_scene(verdict: Verdict, name: str) -> Scene:
     """Return the film of a run in the world's frame."""
     record = verdict.record
     step = max(1, math.ceil(len(record.time) / MAX_PICTURES))
-    rows = slice(None, None, step)
+    parts = body_parts(record, slice(None, None, step))
+    picture_s = step * float(record.time[1] - record.time[0])
+    return Scene(f"{name}: {verdict.word}", tuple(parts), picture_s)
+
+
+def body_parts(record: Record, rows: slice) -> list[Part]:
+    """Return lines through the bodies at some samples, in the world's frame."""
     robot, places = record.rig.robot, record.places
     parts = []
-    legs = _legs(verdict)
+    legs = _legs(record)
     if legs:
         middle = np.mean([places[f"{leg}_coxa"][0] for leg in legs], axis=0)
         around = sorted(legs, key=lambda leg: math.atan2(*(places[f"{leg}_coxa"][0] - middle)[1::-1]))
@@ -292,10 +298,8 @@ def twin_scene(verdict: Verdict, name: str) -> Scene:
         chain = [place[rows] for place in places.values()]
         line = np.stack([np.zeros_like(chain[0]), *chain, record.tool[rows]], axis=1)
         parts.append(Part(list(line), "C0"))
-    picture_s = step * float(record.time[1] - record.time[0])
-    return Scene(f"{name}: {verdict.word}", tuple(parts), picture_s)
+    return parts
 
 
-def _legs(verdict: Verdict) -> list[str]:
-    robot = verdict.record.rig.robot
-    return [limb.name for limb in robot.limbs if limb.mount is not None]
+def _legs(record: Record) -> list[str]:
+    return [limb.name for limb in record.rig.robot.limbs if limb.mount is not None]

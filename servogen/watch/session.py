@@ -141,6 +141,7 @@ class Session:
             "inputs": _inputs(subject),
             "serial": _serial(subject),
             "walk": _walk(subject),
+            "bodies": subject.job is not None and subject.job.robot is not None,
             "sources": [{"name": name, "text": text} for name, text in (listing.sources if listing else ())],
             "variables": [
                 {"address": address, "name": name, "bytes": size}
@@ -230,6 +231,7 @@ class Session:
                 "breakpoints": [each.text for each in self.breakpoints],
             }
             if self.chip is not None:
+                message["inputs"] = len(self.chip.inputs)
                 message["chip"] = self._chip(self.chip)
         return message
 

@@ -4,6 +4,7 @@ import { ChipView, element } from "./chip.js";
 import { Editor } from "./editor.js";
 import { Hands } from "./hands.js";
 import { angleOf, RobotView, Servos } from "./robot.js";
+import { Twin } from "./twin.js";
 import { Timeline } from "./timeline.js";
 import { timeText, Waves } from "./waves.js";
 
@@ -14,7 +15,7 @@ const AROUND_US = 2000;   // of a difference, shown on both sides
 const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
 
 let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
-let followed = 0, asked = 0, waiting = false, handPose = null;
+let twin = null, followed = 0, asked = 0, waiting = false, handPose = null;
 window.watched = { pictures: 0, latest: null };   // for whoever measures
 
 const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
@@ -40,6 +41,8 @@ const RECEIVE = {
   waves: message => { waiting = false; waves.take(message); },
   problem: message => say(message.text, "bad"),
   explanation: message => { $("explanation").replaceChildren(...message.lines.map(text => element("p", {}, text))); $("explanation").hidden = false; },
+  twin: message => twin.take(message),
+  "twin-status": message => twin.say(message.text),
   editor: message => editor.open(message),
   checked: message => editor.checked(message),
   building: message => editor.say(message.text),
@@ -66,6 +69,8 @@ function start(message) {
     $("robot-area").hidden = false;
     robot = again && robot ? robot : new RobotView($("robot"), model.robot);
     robot.model = model.robot;
+    twin ||= new Twin({ area: $("twin"), record: $("twin-record"), show: $("twin-show"), text: $("twin-text") }, () => send({ do: "twin" }), picture);
+    twin.start(model, robot);
   }
   const rows = model.channels.map(channel => {
     const servo = model.robot?.servos.find(each => each.pin === channel.pin);
@@ -162,6 +167,7 @@ function picture() {
     painted = time;
     if (robot && servos && latest) {
       if (latest.running) servos.follow(widthsOf(latest), passed * (latest.speed ?? 10));
+      twin.at(latest);
       robot.show(servos.angles, ghost(latest.cycle), servos.pose);
     }
     if (latest?.running) picture();

@@ -1,6 +1,7 @@
 // The robot in three dimensions: the points of its legs, arm or base at given angles, painted on a canvas.
 // In: the model that servogen/report/robot_model.py writes, in metres and radians.
 
+const GRID_M = 0.05, GRID_LINES = 5;   // of the ground below recorded bodies
 const DEPTH_CUE = 0.5;   // how much fainter the farthest line is
 
 // The shaft's angle that a pulse of so many µs commands; beyond the calibration the nearest line goes on.
@@ -225,6 +226,7 @@ export class RobotView {
       brush.fillStyle = colour;
       for (const [x, y] of at) { brush.beginPath(); brush.arc(x, y, thick * 0.85, 0, 7); brush.fill(); }
     };
+    if (this.bodies) { this.paintBodies(brush, seen, line, scale, ink); return; }
     const legs = this.model.ends.map(end => cornersOf(end, this.angles));
     const feet = this.model.ends.map((end, index) => end.kind === "foot" ? legs[index][legs[index].length - 1] : null).filter(Boolean);
     if (feet.length > 2) {
@@ -249,6 +251,22 @@ export class RobotView {
       line(legs[index], legible(this.model.servos[this.model.ends[index].joints[0].servo].colour), 4, true);
       brush.globalAlpha = 1;
     });
+  }
+  // The bodies of a recorded run, the ground below them, and how hard each foot presses on it.
+  paintBodies(brush, seen, line, scale, ink) {
+    const { lines, feet, touch, origin, ground } = this.bodies;
+    const first = origin.map(value => -(value - GRID_M * Math.round(value / GRID_M)));
+    for (let number = -GRID_LINES; number <= GRID_LINES; number++) {
+      const [x, y] = first.map(value => value + number * GRID_M), end = GRID_LINES * GRID_M;
+      line([[x, first[1] - end, ground], [x, first[1] + end, ground]], ink("--rule"), 1);
+      line([[first[0] - end, y, ground], [first[0] + end, y, ground]], ink("--rule"), 1);
+    }
+    for (const foot of feet) if (foot.force > touch) {
+      const [x, y] = seen(foot.at);
+      brush.fillStyle = ink("--stance");
+      brush.beginPath(); brush.ellipse(x, y, 4 + 3 * Math.sqrt(foot.force), 2 + 1.5 * Math.sqrt(foot.force), 0, 0, 7); brush.fill();
+    }
+    for (const each of lines) line(each.points, legible(each.colour), 1.6 * each.width, true);
   }
   paintDials(brush, width, height, top, ink) {
     const count = this.loose.length, across = Math.min(count, Math.max(1, Math.floor(width / 110))), down = Math.ceil(count / across);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -306,6 +307,31 @@ def test_arrow_keys_walk_a_robot_on_command_and_escape_stops_it(watch: Open) -> 
     page.until("!watched.latest.running")
     go(page, page.run("watched.latest.cycle") + 5_000_000)
     assert page.run("watched.latest.widths") == stance
+
+
+def test_bodies_and_contacts_are_recorded_and_shown_at_the_moment_of_the_chip(watch: Open) -> None:
+    pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo")
+    page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
+    page.click("#twin-record")
+    page.until("document.getElementById('twin-text').textContent.startsWith('recorded: a run of the twin')")
+    said = []
+    for cycle in (2_000_000, 5_000_000):
+        go(page, cycle)
+        page.until("document.getElementById('twin-show').checked")
+        said.append(text(page, "#twin-text"))
+    x = [float(re.findall(r"body at (\S+) mm", each)[0]) for each in said]
+    assert x[1] > x[0] + 20, "it has walked"
+    assert all("on the ground: L" in each and "friction 0.8" in each for each in said)
+    page.click("#twin-show")
+    page.until("document.getElementById('twin-text').textContent === ''")
+
+
+def test_without_mujoco_the_page_says_what_to_install(watch: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
+    page.click("#twin-record")
+    page.until("document.getElementById('twin-text').textContent.includes('servogen[twin]')")
+    assert page.run("document.getElementById('twin-show').disabled")
 
 
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
