@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from fractions import Fraction
 from itertools import islice, product
 
@@ -28,6 +29,7 @@ from tests.compiler.float_reference import (
     relation,
     round24,
 )
+from tests.compiler.random_floats import compare, generate, host, target
 
 WIDTHS = (24, 32)
 
@@ -36,6 +38,30 @@ WIDTHS = (24, 32)
 @pytest.mark.parametrize("operation", OPERATIONS, ids=lambda each: each.name)
 def test_an_operation_gives_what_ieee_754_requires(operation: Operation, width: int) -> None:
     assert list(mistakes(operation, width, 150, seed=7)) == []
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_random_programs_leave_what_gccs_code_leaves() -> None:
+    programs = [generate(seed) for seed in range(6)]
+    outcomes = zip(programs, compare(programs), strict=True)
+    assert [(program.seed, outcome) for program, outcome in outcomes if outcome.bad] == []
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_a_program_that_differs_is_seen() -> None:
+    program = generate(0)
+    (expected,) = host([program])
+    assert target(program, expected).kind == "same"
+    assert target(program, [expected[0] ^ 1, *expected[1:]]).kind == "different"
+
+
+def test_the_random_programs_reach_every_operation() -> None:
+    texts = " ".join(generate(seed).text for seed in range(200))
+    updates = ("UPDATE(", "UPDATE_INT(", "ASSIGN_INT(", "AFTER(", "BEFORE(")
+    for shape in (*updates, "fabs(", "FROM(INT(", "@call1(", "@table", "*p"):
+        assert texts.count(shape) > 10, shape
+    for op in (*OPERATORS, *RELATIONS, "&&", "||"):
+        assert texts.count(f" {op}") > 10, op
 
 
 def test_a_wrong_result_is_seen() -> None:

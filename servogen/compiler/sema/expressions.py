@@ -215,7 +215,8 @@ def _float_update(
 
 def _held(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
     """Return a new variable, and add the assignment of a value to it to `before`."""
-    assert analyser.function is not None
+    if analyser.function is None:
+        raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
     held = Symbol(
         f"held{len(analyser.function.locals)}",
         value.type.plain(),
@@ -234,7 +235,7 @@ def _settled(analyser: Analyser, target: Ref | Deref, before: list[Expr]) -> Ref
     `before`.
     """
     place_of_object = target.pointer if isinstance(target, Deref) else target.index
-    if place_of_object is None or not has_effect(place_of_object) or analyser.function is None:
+    if place_of_object is None or not has_effect(place_of_object):
         return target
     held = _held(analyser, place_of_object, before)
     if isinstance(target, Deref):

@@ -17,6 +17,10 @@ unsigned float u;
 char sized[f];
 // error: an integer is needed here, not 'float'
 char by_number[2.0];
+// error: the initialiser must be a constant
+float before = f++;
+// error: the initialiser must be a constant
+float sum = f + 1;
 void main(void) {
   // error: an integer is needed here, not 'float'
   f = f % 2;
@@ -69,6 +73,8 @@ void main(void) {
   // error: 'printf': %d does not show 'float'
   // hint: convert it to an integer with a cast
   printf("%d", f);
+  // error: the format of 'printf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l
+  printf("%f", f);
   // error: the library has no 'sin'
   // hint: of <math.h> it has fabs, floor and ceil
   f = sin(f);
