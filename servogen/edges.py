@@ -43,6 +43,9 @@ class EdgeTrace:
     chunks: Iterable[EdgeChunk]
     end: Cycles
 
+    def __repr__(self) -> str:
+        return f"<EdgeTrace of {float(self.clock.seconds(self.end)):g} s at {self.clock.hz / 1e6:g} MHz>"
+
     def stored(self) -> EdgeTrace:
         """Return the same trace with all edges in memory."""
         return EdgeTrace(self.clock, (join(self.chunks),), self.end)

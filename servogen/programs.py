@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
+from servogen.notebooks import table_html
 from servogen.pic.device import Device, device
 from servogen.units import Clock
 
@@ -58,6 +59,15 @@ class Program:
     clock: Clock | None = None
     remarks: tuple[Diagnostic, ...] = ()
     """Warnings about a HEX file that can be read nevertheless."""
+
+    def __repr__(self) -> str:
+        clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""
+        return f"<Program of {self.image.words} words{clock}>"
+
+    def _repr_html_(self) -> str:
+        functions = self.listing.functions if self.listing else ()
+        rows = [(each.name, f"0x{each.start:03X}", each.end - each.start) for each in functions]
+        return table_html(repr(self).strip("<>"), ("function", "address", "words"), rows)
 
 
 def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:

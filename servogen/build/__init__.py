@@ -1,7 +1,15 @@
-"""Composition of the packages: from a job to proven HEX files."""
+"""Composition of the packages: from a job to proven HEX files.
+
+`servogen.build(job)` calls the package: a function of that name and the package share one attribute.
+"""
+
+import sys
+from types import ModuleType
 
 from servogen.build.build import Build, Program, build, report, write
 from servogen.build.engines import Planned, nearest_pulses, planned
+from servogen.build.notebook import File
+from servogen.build.notebook import build as build_job
 from servogen.build.proof import (
     LOOPS_CHECKED,
     checked_cycles,
@@ -12,6 +20,7 @@ from servogen.build.proof import (
     running,
 )
 from servogen.engines.firmware import ResourceError
+from servogen.job import Job
 
 __all__ = [
     "LOOPS_CHECKED",
@@ -31,3 +40,11 @@ __all__ = [
     "running",
     "write",
 ]
+
+
+class _CallablePackage(ModuleType):
+    def __call__(self, job: File | Job) -> Build:
+        return build_job(job)
+
+
+sys.modules[__name__].__class__ = _CallablePackage

@@ -19,6 +19,7 @@ from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.job import PlannedJob
+from servogen.notebooks import table_html
 from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
 from servogen.pic.image import Image, to_hex
@@ -51,6 +52,10 @@ class Program:
     """The end, from reset, of the first frame in which the C was late; None if it never was, or is not
     recorded.
     """
+
+    def __repr__(self) -> str:
+        words, verdict = self.image.words, "proven" if self.proven else "NOT proven"
+        return f"<Program in {self.firmware.dialect}: {words} words, {verdict}>"
 
     @property
     def proven(self) -> bool:
@@ -85,6 +90,25 @@ class Build:
     programs: tuple[Program, ...]
     left_out: tuple[Diagnostic, ...] = ()
     """The dialects whose program does not fit the chip, although that of the job's own dialect does."""
+
+    def __repr__(self) -> str:
+        dialects = ", ".join(program.firmware.dialect for program in self.programs)
+        verdict = "proven" if self.proven else "NOT proven"
+        return f"<Build {self.job.name}: {self.engine} in {dialects}; {verdict}, {self.frames} frames>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                program.firmware.dialect,
+                program.image.words,
+                program.firmware.compilation.ram_bytes,
+                "proven" if program.proven else "NOT proven",
+                "; ".join(program.verdict.reasons),
+            )
+            for program in self.programs
+        ]
+        title = f"{self.job.name}: {self.engine} engine, {self.frames} frames compared"
+        return table_html(title, ("dialect", "words", "RAM bytes", "pulses", "why not"), rows)
 
     @property
     def proven(self) -> bool:

@@ -61,6 +61,10 @@ class Compilation:
     ir: str
     """The intermediate form after the pass that was asked for."""
 
+    def __repr__(self) -> str:
+        size = f"{self.words} words, {self.ram_bytes} bytes of RAM"
+        return f"<Compilation: {size}, {len(self.diagnostics)} warnings>"
+
 
 def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:
     """Compile the source files of one program. Raises CompileError with all errors and warnings."""

@@ -14,6 +14,7 @@ from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory
 from servogen.motion.gait.commands import CommandedDirection
+from servogen.notebooks import table_html
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
@@ -75,6 +76,16 @@ class Job:
     sensors: tuple[SensorTable, ...]
     expect: ExpectTable
 
+    def __repr__(self) -> str:
+        servos = ", ".join(f"{servo.name} on {servo.pin}" for servo in self.servos)
+        chip = f"{self.device.name} at {self.clock.hz / 1e6:g} MHz"
+        return f"<{type(self).__name__} {self.name}: {servos}; {chip}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(servo.name, servo.pin, servo.model.title) for servo in self.servos]
+        title = f"{self.name}: {self.device.name} at {self.clock.hz / 1e6:g} MHz"
+        return table_html(title, ("servo", "pin", "model"), rows)
+
     @property
     def limbs(self) -> tuple[Limb, ...]:
         """Return the legs or the arm of the job's robot; empty without a robot and for one on wheels."""
@@ -99,7 +110,7 @@ class Job:
         return self.document.file
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PlannedJob(Job):
     """A job and the motion of its servos.
 

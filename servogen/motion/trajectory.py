@@ -31,6 +31,10 @@ class JointTrajectory:
     angles: Floats
     loop_start: int
 
+    def __repr__(self) -> str:
+        frames = f"{self.loop_start} + {len(self.angles) - self.loop_start} frames"
+        return f"<JointTrajectory {', '.join(self.joints)}; {frames}>"
+
 
 def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTrajectory:
     """Return the trajectory of the bindings' servos, in their order. Raises InputError if a joint is

@@ -51,6 +51,10 @@ class Image:
         for name in ("program", "eeprom", "ids"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
 
+    def __repr__(self) -> str:
+        config = "none" if self.config is None else f"0x{self.config:04X}"
+        return f"<Image of {self.words} words, configuration {config}>"
+
     def __reduce__(self) -> tuple[type[Image], tuple[object, ...]]:
         """Return how to reconstruct the image in another process, because its mappings cannot be pickled."""
         return Image, (dict(self.program), self.config, dict(self.eeprom), dict(self.ids))

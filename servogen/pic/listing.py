@@ -57,6 +57,9 @@ class Listing:
     labels: tuple[tuple[str, int], ...] = ()
     """(name, address) of each label of the assembly in the sources, by address."""
 
+    def __repr__(self) -> str:
+        return f"<Listing of {len(self.rows)} words, {len(self.functions)} functions>"
+
     def label(self, name: str) -> int:
         """Return the address of a label. Raises LookupError unless exactly one label has that name."""
         found = {address for label, address in self.labels if label == name}

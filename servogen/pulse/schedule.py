@@ -18,6 +18,7 @@ from typing import Any
 from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.motion.trajectory import MAX_FRAMES
+from servogen.notebooks import table_html
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
@@ -164,6 +165,22 @@ class PulseSchedule:
     """The effect of buttons that are not pressed as `inputs` states; None if it is not known."""
     commands: CommandRule | None = None
     """The effect of a line that is not at rest as `inputs` states; None if there is no such line."""
+
+    def __repr__(self) -> str:
+        channels = ", ".join(f"{each.name} on {each.pin}" for each in self.channels)
+        frames = f"{self.lead_in_frames} + {self.loop_frames} frames"
+        return f"<PulseSchedule {channels}; {frames} of {float(self.clock.us(self.period)) / 1000:g} ms>"
+
+    def _repr_html_(self) -> str:
+        frames = f"{self.lead_in_frames} frames, then {self.loop_frames} repeatedly"
+        title = f"{frames}, of {float(self.clock.us(self.period)) / 1000:g} ms"
+        rows = []
+        for number, channel in enumerate(self.channels):
+            pulses = (run.pulses[number] for run in (*self.lead_in, *self.loop))
+            widths = [float(self.clock.us(pulse.width)) for pulse in pulses if pulse]
+            shown = f"{min(widths):.10g} to {max(widths):.10g}" if widths else "none"
+            rows.append((channel.name, channel.pin, shown))
+        return table_html(title, ("channel", "pin", "pulses, µs"), rows)
 
     @property
     def lead_in_frames(self) -> int:

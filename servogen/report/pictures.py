@@ -5,8 +5,10 @@ In: a path, a figure that was drawn. Out: the file, the same for the same pictur
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from servogen.errors import InputError, Location, ToolError
 from servogen.outputs import atomic_write
@@ -45,16 +47,40 @@ def new_figure(width: float, height: float, title: str) -> Figure:
     return figure
 
 
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure that a notebook shows and that can be saved."""
+
+    figure: Figure
+
+    def save(self, path: str | Path) -> None:
+        """Write the picture: .png, .svg or .pdf. Raises InputError for another suffix."""
+        save(self.figure, Path(path))
+
+    def __repr__(self) -> str:
+        width, height = self.figure.get_size_inches()
+        return f"<Picture {self.figure.get_suptitle()!r}, {width:g} × {height:g} inches>"
+
+    def _repr_svg_(self) -> str:
+        with BytesIO() as file:
+            _write(self.figure, file, "svg")
+            return file.getvalue().decode("utf-8")
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the picture without a date or a version, so that the same picture is the same file."""
     check_suffix(path)
+    with atomic_write(path, "wb") as file:
+        _write(figure, file, path.suffix[1:].lower())
+
+
+def _write(figure: Figure, file: IO[bytes], kind: str) -> None:
     import matplotlib
 
-    kind = path.suffix[1:].lower()
     metadata: dict[str, Any] = {"png": {"Software": None}, "svg": {"Date": None}}.get(
         kind, {"CreationDate": None}
     )
-    with matplotlib.rc_context({"svg.hashsalt": "servogen"}), atomic_write(path, "wb") as file:
+    with matplotlib.rc_context({"svg.hashsalt": "servogen"}):
         figure.savefig(file, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
 
 

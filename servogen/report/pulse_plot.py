@@ -29,6 +29,7 @@ from servogen.report.pictures import check_suffix, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Floats = npt.NDArray[np.float64]
 
@@ -76,6 +77,14 @@ def pulse_plot(
     Raises InputError for an unknown ending and where there are no pulses, ToolError without matplotlib.
     """
     check_suffix(path)
+    save(pulse_figure(trace, span, title, schedule), path)
+
+
+def pulse_figure(trace: EdgeTrace, span: int, title: str, schedule: PulseSchedule | None = None) -> Figure:
+    """Return the picture of the pulses that rise within `span` cycles of the first edge of `trace`.
+
+    Raises InputError where there are no pulses, ToolError without matplotlib.
+    """
     channels = observed_pulses(trace, span, schedule)
     if not any(len(each.rise) for each in channels):
         raise InputError("no-pulses", "there are no pulses to draw", hint="measure says what the pins do")
@@ -91,7 +100,7 @@ def pulse_plot(
         _draw_frame(panel, channels, lanes, frame, max(_length(channels, each) for each in frames))
         panel.tick_params(labelbottom=panel is axes[-1])
     axes[-1].set_xlabel("time in the frame, ms")
-    save(figure, path)
+    return figure
 
 
 def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[Pulses]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from servogen.edges import EdgeTrace
+from servogen.edges import PINS, EdgeTrace, join
 from servogen.errors import Diagnostic
+from servogen.notebooks import table_html
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
 from servogen.simulator.options import Options
@@ -20,6 +21,19 @@ class Simulation:
     edges: EdgeTrace
     state: State
     warnings: tuple[Diagnostic, ...]
+
+    def __repr__(self) -> str:
+        return f"<Simulation {_seconds(self.edges)}: {len(self.warnings)} warnings, PC 0x{self.state.pc:03X}>"
+
+    def _repr_html_(self) -> str:
+        changes = join(self.edges.chunks)
+        rows = [(name, count) for pin, name in enumerate(PINS) if (count := int((changes.pin == pin).sum()))]
+        title = f"{_seconds(self.edges)} on the simulator, {len(self.warnings)} warnings"
+        return table_html(title, ("pin", "changes"), rows)
+
+
+def _seconds(edges: EdgeTrace) -> str:
+    return f"{float(edges.clock.seconds(edges.end)):g} s"
 
 
 def simulate(

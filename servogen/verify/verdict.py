@@ -204,6 +204,9 @@ class Verdict(Judgement):
     coverage: Coverage = field(default_factory=Coverage)
     """Which of the schedule's different frames were compared."""
 
+    def __repr__(self) -> str:
+        return f"<Verdict: {self.word}>"
+
     def not_all(self, reason: str) -> Verdict:
         """Return the same verdict, not proven because of something that was not seen, too."""
         unseen = (*self.unseen, reason) if self.agrees else self.unseen

@@ -1,0 +1,110 @@
+"""The four functions of `servogen` itself: load, build, simulate, plot; for notebooks and short scripts.
+
+In: files, or what another of the four returned. Out: the values of the packages below, which show themselves
+in a line, or in a notebook as a table or a picture.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from servogen.build.build import Build
+from servogen.build.build import build as build_planned
+from servogen.build.job_program import is_job, job_program
+from servogen.build.proof import motion_cycles
+from servogen.edges import EdgeTrace
+from servogen.engines.board import board_of, inputs_of
+from servogen.errors import InputError, Location
+from servogen.job import Job, PlannedJob, plan_job
+from servogen.job import load as load_job
+from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, read_program
+from servogen.pulse import PulseSchedule
+from servogen.report.pictures import Picture
+from servogen.report.pulse_plot import pulse_figure
+from servogen.simulator import Options, Simulation
+from servogen.simulator import simulate as run
+from servogen.simulator.machine import Stimulus
+from servogen.units import Cycles
+
+File = str | Path
+Runnable = File | Job | Program | Build
+
+SECONDS = 1.0
+"""How long a program runs of which no motion is known."""
+
+
+def load(path: File) -> Job | Program:
+    """Return the job in a .toml file, or the program in a HEX, C or assembly file or a build's folder.
+
+    Raises InputError.
+    """
+    path = Path(path)
+    if is_job(path):
+        return load_job(path)
+    if path.suffix.lower() not in PROGRAM_SUFFIXES and not path.is_dir():
+        raise InputError(
+            "unknown-suffix",
+            f"'{path.suffix}' is neither the ending of a job nor of a program",
+            Location(str(path)),
+            f"one of: .toml, {', '.join(PROGRAM_SUFFIXES)}",
+        )
+    return read_program(path)
+
+
+def build(job: File | Job) -> Build:
+    """Return a job's programs, compiled in every dialect and held against its schedule; nothing is written.
+
+    Raises InputError.
+    """
+    loaded = job if isinstance(job, Job) else load_job(Path(job))
+    return build_planned(loaded if isinstance(loaded, PlannedJob) else plan_job(loaded))
+
+
+def simulate(
+    program: Runnable,
+    seconds: float | None = None,
+    *,
+    clock_hz: int | None = None,
+    options: Options = Options(),  # noqa: B008 - frozen
+    stimulus: Stimulus | None = None,
+) -> Simulation:
+    """Return what a program does from power-up on: its pins' edges, the chip at the end, warnings.
+
+    A build runs for its motion once, with its inputs as its schedule holds them; any other program for a
+    second. Raises InputError.
+    """
+    if isinstance(program, Build):
+        schedule = program.plan.schedule
+        span = motion_cycles(schedule) if seconds is None else Cycles(schedule.clock.round_seconds(seconds))
+        board, inputs = board_of(schedule, options), stimulus or inputs_of(schedule)
+        return run(program.programs[0].image, schedule.clock, span, board, inputs)
+    found = _program(program)
+    clock = clock_of(found, clock_hz)
+    span = Cycles(clock.round_seconds(SECONDS if seconds is None else seconds))
+    return run(found.image, clock, span, options, stimulus)
+
+
+def _program(given: File | Job | Program) -> Program:
+    if isinstance(given, Program):
+        return given
+    loaded = given if isinstance(given, Job) else load(given)
+    return job_program(loaded) if isinstance(loaded, Job) else loaded
+
+
+def plot(what: Runnable | Simulation | EdgeTrace, seconds: float | None = None) -> Picture:
+    """Return a picture of pulses: of a simulation, of recorded edges, or of a program that is run for it.
+
+    Raises InputError where there are no pulses, ToolError without matplotlib.
+    """
+    schedule: PulseSchedule | None = None
+    if isinstance(what, EdgeTrace):
+        trace, title = what, "pulses"
+    elif isinstance(what, Simulation):
+        trace, title = what.edges, "pulses"
+    else:
+        schedule = what.plan.schedule if isinstance(what, Build) else None
+        trace = simulate(what, seconds).edges
+        title = what.job.name if isinstance(what, Build) else what.name if isinstance(what, Job) else "pulses"
+    if seconds is not None:
+        trace = trace.until(trace.clock.round_seconds(seconds))
+    return Picture(pulse_figure(trace, trace.end, f"{title}: from the first edge on", schedule))

@@ -1,0 +1,151 @@
+"""`servogen.load`, `build`, `simulate` and `plot`, and how their values show themselves in a notebook."""
+
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import servogen
+from servogen.build import Build
+from servogen.errors import InputError
+from servogen.job import Job, PlannedJob
+from servogen.notebooks import table_html
+from servogen.programs import Program
+from servogen.pulse import from_json
+from servogen.simulator import Simulation
+
+ROOT = Path(__file__).parents[2]
+JOB = ROOT / "jobs" / "lab8-exercise.toml"
+FOLDER = ROOT / "firmware" / "lab8-exercise"
+
+
+@pytest.fixture(scope="module")
+def made() -> Build:
+    return servogen.build(str(JOB))
+
+
+@pytest.fixture(scope="module")
+def ran(made: Build) -> Simulation:
+    return servogen.simulate(made)
+
+
+def test_import_loads_nothing() -> None:
+    code = "import sys, servogen; print(*(name for name in sys.modules if name[:8] in ('servogen', 'numpy')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["servogen"]
+    assert {"load", "build", "simulate", "plot"} <= set(dir(servogen))
+    with pytest.raises(AttributeError, match="has no attribute 'biuld'"):
+        servogen.biuld  # noqa: B018
+
+
+def test_build_is_a_function_and_a_package() -> None:
+    """Whether the package was imported before, as here, or is found by the name, as in a new process."""
+    from servogen import build
+    from servogen.build import write
+
+    assert build is servogen.build and callable(build) and build.write is write  # type: ignore[attr-defined]
+    code = "from servogen import build; import servogen.build.proof; assert callable(build) and build.write"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_load_takes_jobs_programs_and_builds() -> None:
+    job = servogen.load(JOB)
+    assert isinstance(job, Job) and not isinstance(job, PlannedJob)
+    for path, words in ((FOLDER, 95), (FOLDER / "main.hex", 95)):
+        program = servogen.load(str(path))
+        assert isinstance(program, Program) and program.image.words == words
+    with pytest.raises(InputError, match=r"'\.md' is neither the ending of a job nor of a program"):
+        servogen.load(ROOT / "README.md")
+
+
+def test_build_gives_what_is_committed(made: Build) -> None:
+    """From a path, a loaded job and a planned one."""
+    committed = servogen.load(FOLDER)
+    assert isinstance(committed, Program)
+    assert made.proven and made.programs[0].image == committed.image
+    job = servogen.load(JOB)
+    assert isinstance(job, Job)
+    assert servogen.build(job).programs[0].image == committed.image
+
+
+def test_simulate_runs_the_motion_of_a_build_and_a_second_of_a_program(ran: Simulation, made: Build) -> None:
+    schedule = from_json((FOLDER / "schedule.json").read_text(), "schedule.json")
+    span = ran.edges.clock.seconds(ran.edges.end)
+    assert span == 500 * schedule.clock.us(schedule.period) / 1_000_000 == 10  # 2 s + 5 s + 3 s
+    for program in (FOLDER / "main.hex", FOLDER, servogen.load(FOLDER), JOB):
+        short = servogen.simulate(program)
+        assert short.edges.clock.seconds(short.edges.end) == 1
+        rises = sum(int(((each.pin == 5) & (each.level == 1)).sum()) for each in short.edges.chunks)
+        assert rises == 49  # one in each 20 ms, the first after one of them
+    assert servogen.simulate(FOLDER, 0.5, clock_hz=8_000_000).edges.end == 1_000_000
+
+
+def test_plot_shows_a_picture_and_saves_it(ran: Simulation, made: Build, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    pictures = [servogen.plot(what) for what in (ran, ran.edges, made)] + [servogen.plot(FOLDER, 0.1)]
+    for picture in pictures:
+        assert ElementTree.fromstring(picture._repr_svg_()).tag.endswith("svg")
+        assert len(repr(picture)) < 120
+    assert "arm (RB0)" in pictures[2]._repr_svg_() or "arm" in repr(pictures[2])
+    pictures[0].save(tmp_path / "pulses.png")
+    assert (tmp_path / "pulses.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match=r"'\.gif' is not a picture"):
+        pictures[0].save(tmp_path / "pulses.gif")
+
+
+def test_every_value_shows_itself_in_a_line(ran: Simulation, made: Build) -> None:
+    program = made.programs[0]
+    values = {
+        "<Job lab8-exercise: arm on RB0; PIC16F84 at 4 MHz>": servogen.load(JOB),
+        "<PlannedJob lab8-exercise: arm on RB0; PIC16F84 at 4 MHz>": made.job,
+        "<JointTrajectory arm; 0 + 500 frames>": made.job.trajectory,
+        "<Build lab8-exercise: sequence in c2c, xc8, sdcc; proven, 1500 frames>": made,
+        "<Program in c2c: 95 words, proven>": program,
+        "<Program of 95 words at 4 MHz>": servogen.load(FOLDER),
+        "<PulseSchedule arm on RB0; 0 + 500 frames of 20 ms>": made.plan.schedule,
+        "<Verdict: proven>": program.verdict,
+        "<Image of 95 words, configuration 0x3FF1>": program.image,
+        "<EdgeTrace of 10 s at 4 MHz>": ran.edges,
+    }
+    assert {text: repr(value) for text, value in values.items()} == {text: text for text in values}
+    for value in (ran, program.firmware.compilation, program.firmware.compilation.listing):
+        assert len(repr(value)) < 80 and "\n" not in repr(value)
+
+
+class Table(HTMLParser):
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.cells: list[str] = []
+        self.open: list[str] = []
+        self.feed(html)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        assert tag in {"table", "caption", "tr", "th", "td"}
+        self.open.append(tag)
+        if tag in {"caption", "th", "td"}:
+            self.cells.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] in {"caption", "th", "td"}:
+            self.cells[-1] += data
+
+
+def test_values_are_tables_in_html(ran: Simulation, made: Build) -> None:
+    assert Table(made._repr_html_()).cells[6:10] == ["c2c", "95", "2", "proven"]
+    assert Table(made.plan.schedule._repr_html_()).cells[-3:] == [
+        "arm",
+        "RB0",
+        "1167 to 1667",
+    ]  # 30° and 120°
+    assert Table(made.job._repr_html_()).cells[-3:] == ["arm", "RB0", "Futaba S3001"]
+    assert Table(ran._repr_html_()).cells[1:4] == ["pin", "changes", "RB0"]
+    program = servogen.load(ROOT / "tests" / "labs_xc8" / "chaser.c")
+    assert isinstance(program, Program) and "main" in Table(program._repr_html_()).cells
+    assert Table(table_html("<b>&", ["a"], [["<script>"]])).cells == ["<b>&", "a", "<script>"]
