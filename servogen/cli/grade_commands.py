@@ -29,7 +29,7 @@ IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 SOURCES = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix not in HEX_SUFFIXES)
 
 
-NO_PROGRAM, SEVERAL_PROGRAMS = "no-program", "several-programs"
+NO_PROGRAM = "no-program"
 
 
 def register(app: typer.Typer) -> None:
@@ -132,7 +132,7 @@ def grade(
     if failure:
         raise failure
     if formats.wants_one and len(graded) > 1:
-        raise InputError(SEVERAL_PROGRAMS, _several(graded), hint="hand in one program, or name a folder")
+        raise InputError("several-programs", _several(graded), hint="hand in one program, or name a folder")
     if any(each.defect for each in graded):
         raise typer.Exit(3)
     raise typer.Exit(0 if all(each.grade.passed for each in graded) else 1)
