@@ -177,12 +177,6 @@ ROWS = [
     ),
     ("xc8", "int ‸g { return 1; }void main(void) {  }", "error", "'g' is not a function but has a body"),
     (
-        "xc8",
-        "int f(a) int ‸a; { return a; }void main(void) {  }",
-        "error",
-        "parameters are declared inside the parentheses",
-    ),
-    (
         "c2c",
         "void main(void) { ‸set_bit(5, 1); }",
         "error",

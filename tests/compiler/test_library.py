@@ -102,6 +102,12 @@ def test_itoa_writes_a_number_that_python_reads_back(base: int, value: int) -> N
         assert int.from_bytes(found["back"], "little", signed=True) == value
 
 
+@pytest.mark.parametrize(("base", "value"), [(10, 0), (10, 65535), (16, 0xFABC), (2, 9)])
+def test_utoa_writes_a_number_that_python_reads_back(base: int, value: int) -> None:
+    text = f"#include <stdlib.h>\nchar b[18];\nvoid main(void) {{ utoa(b, {value}, {base}); while (1); }}"
+    assert int(memory(text)["b"].split(b"\0")[0], base) == value
+
+
 def test_rand_is_the_generator_of_the_c_standard() -> None:
     text = "#include <stdlib.h>\nint a, b; void main(void) { srand(5); a = rand(); b = rand(); while (1); }"
     state, expected = 5, []

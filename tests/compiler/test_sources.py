@@ -45,6 +45,9 @@ def errors(text: str, **options: object) -> list[str]:
         ("asm\n{\n  __CONFIG H'3FF9' ; crystal\n}\n" + EMPTY, 0x3FF9),
         ("asm __config 3FF9h;\n" + EMPTY, 0x3FF9),
         ("asm __config _HS_OSC & _WDT_OFF & _PWRTE_ON\n" + EMPTY, 0x3FF2),
+        ("#pragma DATA 0x2007, 0x3FF9\n" + EMPTY, 0x3FF9),
+        ("#pragma DATA _CONFIG, _HS_OSC & _WDT_OFF & _PWRTE_ON & _CP_OFF\n" + EMPTY, 0x3FF2),
+        ("void main(void) { __CONFIG(FOSC_HS & WDTE_OFF & PWRTE_ON); }", 0x3FF2),
     ],
 )
 def test_the_configuration_word(text: str, word: int) -> None:

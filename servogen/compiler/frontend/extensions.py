@@ -326,6 +326,17 @@ def _drop(self: _Rewriter, token: PToken) -> bool:
     return True
 
 
+def _drop_with_arguments(self: _Rewriter, token: PToken) -> bool:
+    """Drop `__attribute__((…))`, which advises the optimiser, and SDCC's `__using(…)`: this chip has one bank
+    of working registers.
+    """
+    if self.text(1) != "(":
+        return False
+    self.at += 1
+    self.arguments()
+    return True
+
+
 def _asm_call(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `asm("…")`; adjacent strings are joined, as everywhere in C."""
     if self.text(1) in ("volatile", "__volatile__"):
@@ -429,6 +440,8 @@ _HANDLERS = {
     "eeprom": _eeprom,
     "__naked": _naked,
     "__critical": _critical,
+    "__attribute__": _drop_with_arguments,
+    "__using": _drop_with_arguments,
     "asm": _asm_call,
     "__asm": _asm_call,
     "__asm__": _asm_call,

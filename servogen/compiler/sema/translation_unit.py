@@ -60,8 +60,6 @@ def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
     kind = declared_type(analyser, unit.decl.type)
     if not isinstance(kind, FuncType):
         raise analyser.fail("c-syntax", f"'{unit.decl.name}' is not a function but has a body", unit)
-    if unit.param_decls:
-        raise analyser.fail("c-syntax", "parameters are declared inside the parentheses", unit.param_decls[0])
     return declare_function(analyser, unit.decl, kind, define=True)
 
 
@@ -160,7 +158,28 @@ def analyse(
 
 
 def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:
-    return parse(rewritten.tokens, type_names(), analysis.reporter, analysis.parenthesised)
+    units = parse(rewritten.tokens, type_names(), analysis.reporter, analysis.parenthesised)
+    for unit in units:
+        if isinstance(unit, c_ast.FuncDef) and unit.param_decls:
+            _declare_in_parentheses(analysis, unit)
+    return units
+
+
+def _declare_in_parentheses(analysis: Analyser, unit: Any) -> None:
+    """Move the parameters of `int add(a, b) int a, b; { … }`, as C was written before 1989, into the
+    parentheses.
+    """
+    kind = unit.decl.type
+    names = kind.args.params if isinstance(kind, c_ast.FuncDecl) and kind.args is not None else []
+    declared = {each.name: each for each in unit.param_decls}
+    for number, each in enumerate(names):
+        if isinstance(each, c_ast.ID) and each.name in declared:
+            names[number] = declared.pop(each.name)
+    for name, decl in declared.items():
+        analysis.reporter.error(
+            "c-undeclared", f"'{name}' is not a parameter of '{unit.decl.name}'", analysis.place(decl)
+        )
+    unit.param_decls = None
 
 
 def _declarations(analysis: Analyser, rewritten: Rewritten, units: list[Any]) -> None:

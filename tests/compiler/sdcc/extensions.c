@@ -15,7 +15,7 @@ unsigned char __at 0x21 w;
 __data unsigned char a, b, led, from_asm, guarded, on, off, still_on;
 __sfr __at (0x06) PB;
 __sbit __at (0x32) led_bit;
-void isr(void) __interrupt 0 { T0IF = 0; }
+void isr(void) __interrupt 0 __using(1) { T0IF = 0; }
 void set(void) __naked { __asm
   movlw 77
   movwf _from_asm
