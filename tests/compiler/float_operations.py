@@ -24,6 +24,8 @@ from tests.compiler.float_reference import (
     from_integer,
     operands,
     relation,
+    rounded,
+    square_root,
     to_integer,
 )
 
@@ -75,6 +77,23 @@ def _all_integers(given: Operands, width: int) -> Results:
     }
 
 
+def _absolute(given: Operands, width: int) -> Results:
+    return {"z": canonical(given["x"] & (1 << width - 1) - 1, width)}
+
+
+def _negated(given: Operands, width: int) -> Results:
+    return {"z": canonical(given["x"] ^ 1 << width - 1, width)}
+
+
+def _rounded(function: str) -> Operation:
+    return Operation(
+        function,
+        f"z = {function}(x);",
+        _single,
+        lambda given, width: {"z": rounded(function, given["x"], width)},
+    )
+
+
 def _from(name: str, variable: str, bits: int, *, signed: bool) -> Operation:
     def integers(width: int, seed: int) -> Iterator[Operands]:
         chance = random.Random(seed)
@@ -96,6 +115,10 @@ OPERATIONS = (
     *map(_arithmetic, OPERATORS),
     *map(_relation, RELATIONS),
     Operation("to integers", "u = x; i = x; s = x; h = x; b = x; c = x;", _single, _all_integers),
+    Operation("fabs", "z = fabs(x);", _single, _absolute),
+    Operation("negation", "z = -x;", _single, _negated),
+    Operation("sqrt", "z = sqrt(x);", _single, lambda given, width: {"z": square_root(given["x"], width)}),
+    *map(_rounded, ("floor", "ceil")),
     _from("i", "i", 32, signed=True),
     _from("u", "u", 32, signed=False),
     _from("s", "s", 24, signed=True),

@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import lru_cache
-from math import isqrt
+from math import ceil, floor, isqrt
 
 import numpy as np
 
@@ -143,6 +143,18 @@ def square_root(bits: int, width: int) -> int | None:
     root = isqrt(int(number))
     exact = root * root == number
     return round24((Fraction(root) if exact else root + Fraction(1, 2)) / Fraction(2) ** 200, 0)
+
+
+def rounded(function: str, bits: int, width: int) -> int | None:
+    """Return the bytes of the whole number below ("floor") or above ("ceil") a value."""
+    if width == 32:
+        with np.errstate(all="ignore"):
+            found = getattr(np, function)(as_float32(bits))
+        return canonical(int(np.float32(found).view(np.uint32)), 32)
+    if bits >> 15 & 0xFF == 0xFF:
+        return canonical(bits, 24)
+    number = _number24(bits)
+    return round24(Fraction(floor(number) if function == "floor" else ceil(number)), bits >> 23)
 
 
 def edges(width: int) -> list[int]:

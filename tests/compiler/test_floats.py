@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.compiler.ast.float_values import compare_float, encode, fold_float
+from servogen.compiler.ast.float_values import compare_float, encode, fold_float, fold_square_root
 from servogen.compiler.ast.types import FloatType
 from servogen.errors import InputError
 from servogen.pic.device import RAM_FIRST
@@ -28,6 +28,7 @@ from tests.compiler.float_reference import (
     operands,
     relation,
     round24,
+    square_root,
 )
 from tests.compiler.random_floats import compare, generate, host, target
 
@@ -102,6 +103,7 @@ def test_constants_are_computed_as_the_chip_computes(width: int) -> None:
             assert found == binary(op, left, right, width), (op, left, right)
         for op in RELATIONS:
             assert compare_float(op, left, right, kind) == relation(op, left, right, width)
+        assert canonical(fold_square_root(left, kind), width) == square_root(left, width)
 
 
 def test_literals_are_rounded_once() -> None:

@@ -7,12 +7,16 @@ it for binary32; the type of 3 bytes is binary32 with 15 bits of mantissa.
 from __future__ import annotations
 
 from fractions import Fraction
+from math import isqrt
 
 from servogen.compiler.ast.constant_folding import compare
 from servogen.compiler.ast.types import FLOAT_BIAS, FloatType
 
 INFINITE = 0xFF
 """The exponent of infinities and of what is not a number."""
+
+ROOT_DIGITS = 200
+"""Binary digits of a square root behind the point: so many that the smallest value has all that count."""
 
 
 def mantissa_bits(kind: FloatType) -> int:
@@ -92,6 +96,22 @@ def fold_float(op: str, left: int, right: int, kind: FloatType) -> int:
             return not_a_number(kind)
         return signs if two is None else infinity(kind) | signs
     return encode(one / two, kind, negative=bool(signs))
+
+
+def fold_square_root(bits: int, kind: FloatType) -> int:
+    """Return the square root of a value's bytes."""
+    number = decode(bits, kind)
+    if number == 0:
+        return bits
+    if is_nan(bits, kind) or bits & kind.sign_bit:
+        return not_a_number(kind)
+    if number is None:
+        return bits
+    scaled = int(number * 4**ROOT_DIGITS)
+    root = isqrt(scaled)
+    # between two neighbours: the value itself, or one on the same side of every tie
+    exact = Fraction(root) if root * root == scaled else Fraction(2 * root + 1, 2)
+    return encode(exact / 2**ROOT_DIGITS, kind)
 
 
 def compare_float(op: str, left: int, right: int, kind: FloatType) -> bool:

@@ -570,6 +570,106 @@ def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     gen.goto(packing)
 
 
+def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a square root, one bit of the root for two of the radicand. It finds two bits more than the mantissa
+    has, and packing moves them to its top.
+    """
+    (size,) = key
+    r = shared(library, size)
+    _returns_value(gen, r)
+    packing, nan = (library(kind, key).name for kind in ("float_pack", "float_nan"))
+    radicand, rest, trial = (
+        variable(gen, name, length)
+        for name, length in (("radicand", size - 1), ("rest", size), ("trial", size))
+    )
+    count = variable(gen, "count", 1)[0]
+    root = [r.guard, *r.mantissa]
+    bits = 8 * (size - 1) + 2
+    finite, normalise, ready, start, loop, smaller = (
+        gen.new_label(each) for each in ("finite", "normalise", "ready", "start", "loop", "smaller")
+    )
+    gen.load(r.exponent)
+    gen.emit("ANDLW", k=0x7F)
+    for each in r.mantissa:
+        gen.emit("IORWF", each, 0)
+    gen.skip_if(Z, False)
+    gen.emit("RETURN")  # the root of a zero is that zero
+    gen.goto_if(7, True, nan, r.exponent)
+    for each in (r.guard, r.high, r.sign):
+        gen.emit("CLRF", each)
+    gen.emit("RLF", r.top, 0)
+    gen.emit("RLF", r.exponent, 1)
+    gen.emit("COMF", r.exponent, 0)
+    gen.goto_if(Z, False, finite)
+    gen.load(r.top)
+    gen.emit("ANDLW", k=0x7F)
+    for each in r.mantissa[:-1]:
+        gen.emit("IORWF", each, 0)
+    gen.goto_if(Z, False, nan)
+    gen.goto(packing)
+    gen.label(finite)
+    gen.emit("BSF", r.top, b=7)
+    gen.emit("MOVF", r.exponent, 1)
+    gen.skip_if(Z, False)
+    gen.emit("BCF", r.top, b=7)
+    gen.skip_if(Z, False)
+    gen.emit("INCF", r.exponent, 1)
+    gen.emit("MOVLW", k=FLOAT_BIAS)
+    _add_exponent(gen, r)
+    gen.label(normalise)
+    gen.function.bounds[normalise] = 8 * size
+    gen.goto_if(7, True, ready, r.top)
+    one_left(gen, r.mantissa)
+    gen.emit("DECF", r.exponent, 1)
+    gen.goto(normalise)
+    gen.label(ready)
+    for target, source in zip(radicand, r.mantissa, strict=True):
+        gen.move(target, source)
+        gen.emit("CLRF", source)
+    for each in rest:
+        gen.emit("CLRF", each)
+    # half the exponent; its lowest bit, now in `high`, says that the radicand counts twice
+    gen.emit("RRF", r.high, 1)
+    gen.emit("RRF", r.exponent, 1)
+    gen.emit("RLF", r.high, 1)
+    # the first bit of the root is 1, and what is left of the first two bits of the radicand is 0, 1 or 2
+    gen.emit("INCF", r.guard, 1)
+    one_left(gen, radicand)
+    gen.goto_if(0, False, start, r.high)
+    gen.emit("INCF", rest[0], 1)
+    one_left(gen, radicand)
+    gen.skip_if(C, False)
+    gen.emit("INCF", rest[0], 1)
+    gen.label(start)
+    gen.emit("CLRF", r.high)
+    _put(gen, count, bits - 1)
+    gen.label(loop)
+    gen.function.bounds[loop] = bits
+    for _ in range(2):
+        one_left(gen, [*radicand, *rest])
+    gen.emit("BCF", STATUS, b=C)
+    for target, source in zip(trial, root, strict=True):
+        gen.emit("RLF", source, 0)
+        gen.store(target)
+    gen.emit("BSF", STATUS, b=C)
+    for each in trial:
+        gen.emit("RLF", each, 1)
+    compare_bytes(gen, list(rest), list(trial))
+    gen.goto_if(C, False, smaller)
+    subtract(gen, rest, list(rest), list(trial))
+    gen.label(smaller)
+    for each in root:
+        gen.emit("RLF", each, 1)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.emit("MOVLW", k=8 * size - bits)
+    gen.emit("ADDWF", r.exponent, 1)
+    _skip_unless_zero(gen, rest)
+    gen.goto(packing)
+    gen.emit("BSF", r.guard, b=0)
+    gen.goto(packing)
+
+
 FLOAT_ROUTINES: dict[str, Callable[[InstructionBuilder, tuple[int, ...], Library], None]] = {
     "float_pack": pack,
     "float_nan": not_a_number,
@@ -580,6 +680,7 @@ FLOAT_ROUTINES: dict[str, Callable[[InstructionBuilder, tuple[int, ...], Library
     "float_compare": comparison,
     "float_to_integer": to_integer,
     "float_from_integer": from_integer,
+    "float_square_root": square_root,
 }
 
 

@@ -34,7 +34,7 @@ from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, FloatType, IntT
 from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
-from servogen.compiler.sema.floats import number_of, without_sign
+from servogen.compiler.sema.floats import number_of, square_root, without_sign
 from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
@@ -408,11 +408,12 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
     return Call(function.name, converted, function.result.plain(), analyser.place(node))
 
 
-def absolute(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
-    value = convert(
-        analyser, expression(analyser, arguments[0]), analyser.float_type, "the argument of 'fabs'"
-    )
-    return without_sign(value, analyser.place(node))
+def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return what <math.h> computes without a function of its own."""
+    what = f"the argument of '{name.strip('_')}'"
+    value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, what)
+    function = without_sign if name == "__fabs" else square_root
+    return function(value, analyser.place(node))
 
 
 def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -498,7 +499,7 @@ _TABLE: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
     **dict.fromkeys(UNITS_US, (_C, 1, delay)),
     **dict.fromkeys(("__delay_us", "__delay_ms", "_delay"), (_X, 1, xc8_delay)),
     **dict.fromkeys(("printf", "sprintf"), (DIALECTS, None, formatted)),
-    "__fabs": (DIALECTS, 1, absolute),
+    **dict.fromkeys(("__fabs", "__sqrt"), (DIALECTS, 1, of_float)),
     "reset": (_C, 0, reset),
     **dict.fromkeys(("_delaywdt", "__delaywdt_us", "__delaywdt_ms"), (_X, 1, watched_delay)),
     "eeprom_read": (_BOTH, 1, eeprom_read),

@@ -15,6 +15,7 @@ from servogen.compiler.ast.float_values import (
     decode,
     encode,
     fold_float,
+    fold_square_root,
     infinity,
     is_finite,
     whole_part,
@@ -190,6 +191,14 @@ def without_sign(expr: Expr, place: Location) -> Expr:
         return Num(expr.value & kind.sign_bit - 1, kind, place)
     size = Binary("&", bits_of(expr), Num(kind.sign_bit - 1, kind.bits, place), kind.bits, place)
     return Cast(size, kind, place)
+
+
+def square_root(expr: Expr, place: Location) -> Expr:
+    kind = expr.type.plain()
+    assert isinstance(kind, FloatType)
+    if isinstance(expr, Num):
+        return Num(fold_square_root(expr.value, kind), kind, place)
+    return Builtin("float_square_root", [expr], kind, place, pure=True)
 
 
 def one(analyser: Analyser, place: Location) -> Num:

@@ -267,7 +267,7 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
                 "c-unsupported",
                 f"the library has no '{name}'",
                 node,
-                hint="of <math.h> it has fabs, floor and ceil",
+                hint="of <math.h> it has fabs, sqrt, floor and ceil",
             )
         known = [
             each

@@ -6,8 +6,10 @@
 // expect: area == 0x42F6C000
 // expect: whole == 123
 // expect: shown == 1
+// expect: root == 0x3FB504F3
+// expect: folded == 0x3FB504F3
 #include <math.h>
-float tenth = 0.1, third, from_int, from_signed, area;
+float tenth = 0.1, third, from_int, from_signed, area, root, folded;
 int all = 65535, whole;
 signed int few = -3;
 char shown;
@@ -18,6 +20,8 @@ void main(void) {
   area = 11.109375 * 11.109375 + (tenth - tenth);
   area = area - fabs(area - 123.375);
   whole = area;
+  root = sqrt(third * 6);  // 2: a third is rounded up, and so is its product
+  folded = sqrtf(2);
   shown = area == 123.375;
   while (1);
 }

@@ -76,7 +76,7 @@ void main(void) {
   // error: the format of 'printf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l
   printf("%f", f);
   // error: the library has no 'sin'
-  // hint: of <math.h> it has fabs, floor and ceil
+  // hint: of <math.h> it has fabs, sqrt, floor and ceil
   f = sin(f);
 }
 void warned(void) {
