@@ -571,8 +571,8 @@ def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library
 
 
 def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Emit a square root, one bit of the root for two of the radicand. It finds two bits more than the mantissa
-    has, and packing moves them to its top.
+    """Emit a square root, one bit of the root for two of the radicand. It finds two bits more than the
+    mantissa has, and packing moves them to its top.
     """
     (size,) = key
     r = shared(library, size)
