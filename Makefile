@@ -10,12 +10,13 @@ BIN    := $(VENV)/bin
 JOBS   := $(wildcard jobs/*.toml)
 READY  := $(VENV)/.installed
 
-.PHONY: demo test check prove bench firmware constraints flash clean help
+.PHONY: demo test check docs docs-tools prove bench firmware constraints flash clean help
 
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
 	@echo "make test      the tests"
 	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
+	@echo "make docs      make the documentation site, build/site, and fail at any warning"
 	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make prove     prove the programs of firmware/ for all inputs, and check each certificate: JOBS=jobs/…"
 	@echo "make bench     measure speeds and print ratios"
@@ -42,6 +43,12 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/pytest
 
+docs-tools: $(READY)
+	$(BIN)/python $(PIP_INSTALL) -e '.[docs]'
+
+docs: docs-tools
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 firmware: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output firmware
 	$(BIN)/python tools/firmware_checksums.py firmware $(basename $(notdir $(JOBS)))
@@ -54,7 +61,7 @@ constraints: CONSTRAINTS =
 constraints:
 	rm -rf build/constraints
 	$(PYTHON) -m venv build/constraints
-	build/constraints/bin/python $(PIP_INSTALL) -e '.[$(EXTRAS),benchmarks]'
+	build/constraints/bin/python $(PIP_INSTALL) -e '.[$(EXTRAS),benchmarks,docs]'
 	build/constraints/bin/python tools/constraints.py > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/constraints

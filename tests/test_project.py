@@ -183,7 +183,7 @@ def test_make_installs_the_tested_versions(tmp_path: Path) -> None:
     (install,) = re.findall(r".*pip install.*", dry_run("check", f"VENV={tmp_path}"))
     assert "-c constraints.txt" in install
     (extras,) = re.findall(r"-e '\.\[([\w,]+)\]'", install)
-    assert {*extras.split(",")} == EXTRAS.keys() - {"benchmarks"}
+    assert {*extras.split(",")} == EXTRAS.keys() - {"benchmarks", "docs"}
     assert "-c constraints.txt" in dry_run("bench", f"VENV={tmp_path}").split("[benchmarks]")[0]
     assert (
         " -c " not in dry_run("check", f"VENV={tmp_path}", "CONSTRAINTS=").split("ruff")[0].split("pip")[-1]
@@ -206,10 +206,11 @@ def test_make_check_formats_lints_checks_types_and_tests(tmp_path: Path) -> None
     assert commands[-4:] == ["ruff format --check .", "ruff check .", "mypy", "pytest"]
 
 
-def test_ci_runs_make_check(tmp_path: Path) -> None:
-    """With a make of ours on the path, which writes down how it was called and fails."""
+def ci(tmp_path: Path, codes: dict[str, int]) -> tuple[int, list[str]]:
+    """Run CI with a make of ours on the path, which writes down how it was called and exits with a code."""
     make = tmp_path / "make"
-    make.write_text('#!/bin/sh\necho "$PWD $*"\nexit 7\n')
+    cases = "".join(f"{target}) exit {code};;\n" for target, code in codes.items())
+    make.write_text(f'#!/bin/sh\necho "$PWD $*"\ncase "$1" in\n{cases}esac\n')
     make.chmod(0o755)
     done = subprocess.run(
         [ROOT / ".ci" / "run"],
@@ -218,8 +219,18 @@ def test_ci_runs_make_check(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
     )
-    assert done.stdout == f"{ROOT} check\n"
-    assert done.returncode == 7
+    return done.returncode, done.stdout.splitlines()
+
+
+def test_ci_makes_the_site_and_runs_make_check(tmp_path: Path) -> None:
+    assert ci(tmp_path, {"check": 7}) == (7, [f"{ROOT} docs-tools", f"{ROOT} docs", f"{ROOT} check"])
+
+
+def test_ci_fails_with_the_site_but_goes_on_without_its_tools(tmp_path: Path) -> None:
+    assert ci(tmp_path, {"docs": 2}) == (2, [f"{ROOT} docs-tools", f"{ROOT} docs"])
+    code, lines = ci(tmp_path, {"docs-tools": 2})
+    assert (code, lines[0], lines[2]) == (0, f"{ROOT} docs-tools", f"{ROOT} check")
+    assert lines[1] == "without the documentation site: mkdocs-material cannot be installed"
 
 
 def test_every_path_and_target_in_contributing_is_there() -> None:

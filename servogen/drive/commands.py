@@ -158,10 +158,7 @@ def terminal_keys(descriptor: int, keys: Keys = KEYS) -> Iterator[KeyCommands]:
 
     Raises ToolError on systems without POSIX terminals.
     """
-    if os.name != "posix":
-        raise ToolError(
-            "tool-missing", "single keys need a POSIX terminal", hint="pipe commands in, one per line"
-        )
+    _require_posix()
     before = termios.tcgetattr(descriptor)
     try:
         tty.setcbreak(descriptor)
@@ -170,5 +167,16 @@ def terminal_keys(descriptor: int, keys: Keys = KEYS) -> Iterator[KeyCommands]:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
+def _require_posix() -> None:
+    """Raise ToolError on systems whose terminals and pipes cannot be polled."""
+    if os.name != "posix":
+        raise ToolError(
+            "tool-missing",
+            "steering needs a terminal or pipe that can be polled, which this system does not have",
+            hint="without --keys, drive plays the job's motion or goes to a --pose",
+        )
+
+
 def _readable(descriptor: int) -> bool:
+    _require_posix()
     return bool(select.select([descriptor], (), (), 0)[0])

@@ -6,17 +6,21 @@ In: devices. Out: the paths that clients open. All of them are closed when the b
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import select
 import sys
-import termios
 import time
-import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
+
+from servogen.errors import ToolError
+
+if os.name == "posix":
+    import fcntl
+    import termios
+    import tty
 
 READ_BYTES = 4096
 POLL_S = 0.05
@@ -50,9 +54,15 @@ class _Terminal:
 
 
 class Terminals:
-    """Open pseudo-terminals; `paths` by the devices' names."""
+    """Open pseudo-terminals; `paths` by the devices' names. Raises ToolError on systems without them."""
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
+        if os.name != "posix":
+            raise ToolError(
+                "tool-missing",
+                "the virtual bench needs pseudo-terminals, which this system does not have",
+                hint="servogen simulate and servogen watch run programs without them",
+            )
         self._open: dict[str, _Terminal] = {}
         self.paths: dict[str, str] = {}
         for name, device in devices.items():
