@@ -20,6 +20,7 @@ from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
     from servogen.pic.analysis.facts import Answer
+    from servogen.pic.image import Image
     from servogen.prove import Counterexample, Proof, Quantifiers
     from servogen.pulse import PulseSchedule
 
@@ -74,6 +75,14 @@ def prove(
         typer.Option(
             "--no-tmr0-phase",
             help="With --against: assume that TMR0 counts at once after OPTION_REG is written.",
+        ),
+    ] = False,
+    any_eeprom: Annotated[
+        bool,
+        typer.Option(
+            "--any-eeprom",
+            help="With --against: for every content of the EEPROM, whose bytes are the servos' trims; inputs "
+            "keep the schedule's levels.",
         ),
     ] = False,
     power_up: Annotated[
@@ -149,13 +158,14 @@ def prove(
             resets=not no_resets,
             watchdog=watchdog_us is None,
             eeprom_write=eeprom_write_us is None,
+            any_eeprom=any_eeprom,
             start=tuple(start_value(text) for text in power_up or ()),
         )
         times = {"watchdog_us": watchdog_us, "eeprom_write_us": eeprom_write_us}
         given = {name: value for name, value in times.items() if value is not None}
         request = Request(against, certificate, counterexample, over, given, max_states)
         raise typer.Exit(prove_schedule(file, device, request, json))
-    switched = hold_inputs or plain_tmr0 or power_up or no_resets
+    switched = hold_inputs or plain_tmr0 or any_eeprom or power_up or no_resets
     switched = switched or watchdog_us is not None or eeprom_write_us is not None
     if certificate is not None or switched or max_states is not None:
         raise InputError("conflicting-options", "this option needs --against")
@@ -205,6 +215,11 @@ class Request:
     """Options of the simulated chip that are not quantified over."""
     max_states: int | None
 
+    @property
+    def content(self) -> Path:
+        """Return the file for the program with the EEPROM of a run that is wrong."""
+        return self.counterexample.with_suffix(".hex")
+
 
 def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
@@ -217,9 +232,10 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         raise InputError(
             "conflicting-options",
             "a certificate is about every power-up, reset and chip: without --start, --no-resets, "
-            "--watchdog-us, --eeprom-write-us and --no-tmr0-phase",
+            "--watchdog-us, --eeprom-write-us, --no-tmr0-phase and --any-eeprom",
         )
-    keep_apart([file, request.against], request.certificate, request.counterexample)
+    content = request.content if request.over.any_eeprom else None
+    keep_apart([file, request.against], request.certificate, request.counterexample, content)
     schedule = read_schedule(request.against)
     if schedule.device is not None and device is not None and schedule.device != device:
         raise InputError(
@@ -256,6 +272,8 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         write_bytes(request.certificate, packed)
     if proof.counterexample is not None:
         _write_stimulus(proof.counterexample, schedule, request.counterexample)
+        if proof.counterexample.eeprom is not None:
+            _write_content(proof.counterexample.eeprom, program.image, request.content)
     if json:
         as_json(_proof_to_json(proof, file, request, schedule))
     else:
@@ -270,12 +288,21 @@ def _write_stimulus(found: Counterexample, schedule: PulseSchedule, path: Path) 
         write_text(path, found.stimulus(schedule))
 
 
+def _write_content(content: dict[int, int], image: Image, path: Path) -> None:
+    from servogen.outputs import write_text
+    from servogen.pic.device import EEPROM_BYTES
+    from servogen.pic.image import to_hex
+
+    write_text(path, to_hex(replace(image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), 0xFF), **content})))
+
+
 def _command(found: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
     """Return the command that shows a counterexample's edges."""
     stimulus = ["--stimulus", str(request.counterexample)] if found.stimulus(schedule) else []
     clock = [] if found.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
     span = ["--cycles", str(found.cycle + EXTRA_FRAMES * schedule.period)]
-    words = ["servogen", "simulate", str(file), *stimulus, *found.arguments(), *clock, *span]
+    program = file if found.eeprom is None else request.content
+    words = ["servogen", "simulate", str(program), *stimulus, *found.arguments(), *clock, *span]
     return shlex.join([*words, "--edges", "counterexample.csv"])
 
 
@@ -319,6 +346,7 @@ def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSc
             "cycle": found.cycle,
             "command": _command(found, file, request, schedule),
             "stimulus": found.stimulus(schedule) or None,
+            "eeprom": found.eeprom,
         }
     return {
         "file": str(file),

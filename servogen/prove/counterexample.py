@@ -56,6 +56,8 @@ class Counterexample:
     """The frequency of this chip's oscillator; None: the schedule's."""
     reset: int | None = None
     """The cycle in which MCLR is low; None: in none."""
+    eeprom: dict[int, int] | None = None
+    """The bytes of the EEPROM that are not erased; None: as in the file."""
 
     def stimulus(self, schedule: PulseSchedule) -> str:
         """Return the stimulus file for `servogen simulate`."""
@@ -112,8 +114,8 @@ def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexam
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
         for falling in (False, True) if way.requests else (False,):
             changes = [*way.samples, *_requesting(case, way.requests, falling)]
-            levels = _levels([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
-            edges = _edges(_machine(case, trial, levels), begun, begun + end)
+            levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
+            edges = pin_changes(_machine(case, trial, levels), begun, begun + end)
             try:
                 _judge(case.spec, edges, way.samples, end)
             except Violation as violation:
@@ -143,8 +145,8 @@ def _requesting(case: Case, requests: Sequence[tuple[int, int]], falling: bool) 
 def slow_oscillator(case: Case) -> Counterexample | None:
     """Return a chip whose RC oscillator is a tenth slow, and the first fall that is late by it."""
     slow = case.schedule.clock.hz * 9 // 10
-    levels = _levels((), case.held)
-    edges = _edges(_machine(case, Trial(case.board), levels), 0, START_FRAMES * case.spec.period)
+    levels = levels_of((), case.held)
+    edges = pin_changes(_machine(case, Trial(case.board), levels), 0, START_FRAMES * case.spec.period)
     rise = next((edge for edge in edges if edge[2]), None)
     fall = next((edge for edge in edges if rise and edge[1] == rise[1] and not edge[2]), None)
     if rise is None or fall is None:
@@ -217,7 +219,7 @@ def _way(nodes: Sequence[Node], finding: Finding) -> _Way:
     return way
 
 
-def _levels(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
+def levels_of(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
     """Return the pins' levels: each from the cycle of its reading on, the first from the beginning."""
     found: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
     for cycle, pin, level in sorted(samples):
@@ -227,7 +229,7 @@ def _levels(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
     return tuple((PINS[pin], tuple(changes)) for pin, changes in sorted(found.items()))
 
 
-def _edges(machine: Machine, begun: int, end: int) -> list[Edge]:
+def pin_changes(machine: Machine, begun: int, end: int) -> list[Edge]:
     """Return the changes of the pins from cycle `begun` on, in cycles since it."""
     chunk = join(machine.stream(end))
     high = 0

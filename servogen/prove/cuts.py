@@ -70,6 +70,23 @@ def first_edges(
     return int(start), found
 
 
+def rising_addresses(image: Image, schedule: PulseSchedule) -> frozenset[int]:
+    """Return the addresses of the instructions that begin a pulse while no other pin is high, of the first
+    frame with pulses.
+    """
+    pulses = next((run.pulses for run in (*schedule.lead_in, *schedule.loop) if any(run.pulses)), ())
+    due = [(int(p.rise), int(p.rise + p.width), n) for n, p in enumerate(pulses) if p is not None]
+    found, free = set(), -1
+    for rise, fall, number in sorted(due):
+        if rise > free:
+            machine = machine_of(schedule, image)
+            pin = PINS.index(schedule.channels[number].pin)
+            if machine.run_to_edge(pin, HIGH, START_FRAMES * schedule.period) is not None:
+                found.add(machine.pc - 1 & 0x3FF)
+        free = max(free, fall)
+    return frozenset(found)
+
+
 def once_a_frame(image: Image, schedule: PulseSchedule, start: int) -> list[int]:
     """Return the addresses that are executed once in each frame of the sample, evenly chosen."""
     machine = machine_of(schedule, image)

@@ -92,6 +92,20 @@ class Program:
             return frozenset()
         return frozenset({*named} | {a for a, decoded in self._words() if _names(decoded, INDF)})
 
+    def accesses(self, register: int, writing: bool = False) -> frozenset[int]:
+        """Return the addresses that access a register by its name, or only those that write it."""
+        return frozenset(
+            address
+            for address, decoded in self._words()
+            if _names(decoded, register) and (not writing or decoded.instruction.writes_file(decoded.d))
+        )
+
+    @cached_property
+    def entries(self) -> frozenset[int]:
+        """Return the addresses of subroutines, and those to which they return."""
+        calls = [(a, decoded.k) for a, decoded in self._words() if decoded.instruction.mnemonic == "CALL"]
+        return frozenset(each & 0x3FF for a, k in calls for each in (a + 1, k))
+
     def reads_eeprom(self, state: ChipState) -> bool:
         """Return whether the next instruction may set RD of EECON1."""
         decoded = self.at(state["PC"])

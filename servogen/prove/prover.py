@@ -12,16 +12,19 @@ from dataclasses import dataclass, field, replace
 from servogen.edges import PINS
 from servogen.engines.board import board_of
 from servogen.graph import components
-from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, device
+from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, PROGRAM_WORDS, device
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
-from servogen.prove.cuts import choose_cuts
+from servogen.prove.cuts import choose_cuts, rising_addresses
+from servogen.prove.eeprom import TrimSearch
 from servogen.prove.explore import Answer, Explorer, Finding, Node, Search
 from servogen.prove.forks import Program
 from servogen.prove.generalise import Generaliser
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
+from servogen.prove.trims import TrimProof, Undecided, Wrong
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, Options
 from servogen.simulator.abstract import AbstractChip, ChipState
@@ -30,6 +33,7 @@ from servogen.units import Cycles
 MAX_STATES = 400_000
 MAX_ADDED_CUTS = 12
 MAX_REFINEMENTS = 60
+AS_IN_THE_FILE = "the EEPROM holds what the file says"
 PHASES = 4
 """The cycles, 0 to 3, for which TMR0 may stand still after a write of OPTION_REG."""
 
@@ -90,14 +94,16 @@ class _Prover:
         self._max_states = max_states
         inputs = {PINS.index(each.pin): each.level for each in schedule.inputs}
         known = schedule.buttons is not None or schedule.commands is not None
-        self._held = {} if known and quantifiers.inputs else inputs
-        rules = (schedule.buttons, schedule.commands) if quantifiers.inputs else (None, None)
+        free = quantifiers.inputs and not quantifiers.any_eeprom
+        self._held = {} if known and free else inputs
+        rules = (schedule.buttons, schedule.commands) if free else (None, None)
         self._spec = Specification(schedule, *rules)
         longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
         self._write_us = longest or self._board.eeprom_us
         self._chip = AbstractChip(
             image, schedule.clock, self._board, self._held, quantifiers.watchdog, longest
         )
+        self._longest = longest
         self._program = Program(image, quantifiers.eeprom_write)
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
@@ -139,7 +145,37 @@ class _Prover:
                 written = frozenset(self._transitions.written)  # a reset may come after any of these
             else:
                 self._cuts = set(generaliser.cuts)
-                return self._answer(search)
+                answer = self._answer(search)
+                if answer.proven and self._quantifiers.any_eeprom:
+                    return self._any_eeprom(answer, generaliser, self._starts(written))
+                return answer
+
+    def _any_eeprom(self, plain: Proof, generaliser: Generaliser, starts: list[ChipState]) -> Proof:
+        """Return the answer for any content of the EEPROM, where the file's has been proven."""
+        idle = replace(self._image, program=dict.fromkeys(range(PROGRAM_WORDS), encode("NOP")))
+        chip = AbstractChip(
+            idle, self._schedule.clock, self._board, self._held, self._quantifiers.watchdog, self._longest
+        )
+        rises = rising_addresses(self._image, self._schedule)
+        phases = PHASES if self._quantifiers.tmr0_phase else 1
+        search = TrimProof(
+            self._program, self._schedule, self._transitions, generaliser, self._always, rises, phases, chip
+        )
+        suspect: dict[int, int] = {}
+        if plain.asynchronous:
+            return replace(plain, proven=False, reason="any EEPROM: something other than TMR0 interrupts")
+        try:
+            found = search.prove(starts)
+        except Undecided as undecided:
+            reason = f"any EEPROM: {undecided}"
+        except Wrong as wrong:
+            suspect, reason = wrong.content, f"any EEPROM: {wrong.message} (frame {wrong.frame})"
+        else:
+            assumptions = tuple(each for each in plain.assumptions if each != AS_IN_THE_FILE)
+            said = _trims_text(self._schedule, found.bytes)
+            return replace(plain, assumptions=(*assumptions, said), runs=plain.runs + found.runs)
+        shown = TrimSearch(self._image, self._schedule, self._board, self._held).search(suspect)
+        return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
 
     def _starts(self, written: frozenset[int]) -> list[ChipState]:
         """Return the states in which a run may begin, if the program writes the places in `written`."""
@@ -205,7 +241,7 @@ class _Prover:
             if self._quantifiers.resets
             else "there is no reset after power-on",
             "levels of inputs change between instruction cycles; the crystal is exact",
-            "the EEPROM holds what the file says",
+            AS_IN_THE_FILE,
         ]
         if self._chip.watchdog and self._quantifiers.watchdog:
             found.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
@@ -220,6 +256,18 @@ class _Prover:
         if not self._quantifiers.tmr0_phase:
             found.append("TMR0 counts from the cycle after OPTION_REG is written")
         return tuple(found)
+
+
+def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
+    """Return what a proof for any EEPROM is about."""
+    trims = [(byte, schedule.channels[channel].pin) for channel, byte in bytes_of.items() if byte >= 0]
+    if not trims:
+        return "the EEPROM holds anything: no pulse depends on it"
+    said = ", ".join(f"{byte} of {pin}" for byte, pin in sorted(trims))
+    return (
+        "the EEPROM holds anything; each pulse is longer than the schedule's by the byte that is its trim, "
+        f"in two's complement, 0xFF being none: byte {said}"
+    )
 
 
 def _why_held(schedule: PulseSchedule) -> str:

@@ -38,13 +38,16 @@ class Quantifiers:
     """The watchdog's period is anywhere in its range; else what the options say."""
     eeprom_write: bool = True
     """An EEPROM write takes any time up to the data sheet's maximum; else what the options say."""
+    any_eeprom: bool = False
+    """Any content of the EEPROM, where the program reads trims; else that of the file."""
     start: Start = ()
     """Values at power-up that are known, of `simulator.options.START_VALUES`; all others are anything."""
 
     @property
     def complete(self) -> bool:
-        """Return whether a proof is about everything but, perhaps, the inputs, as a certificate is."""
-        return self.tmr0_phase and self.resets and self.watchdog and self.eeprom_write and not self.start
+        """Return whether a proof is about what a certificate is about."""
+        plain = not self.start and not self.any_eeprom
+        return plain and self.tmr0_phase and self.resets and self.watchdog and self.eeprom_write
 
 
 EVERYTHING = Quantifiers()

@@ -69,6 +69,23 @@ _BITS = (
     (at.LATCH, at.LATCH_UNKNOWN),
     (at.RB_OLD, at.RB_OLD_UNKNOWN),
 )
+_MERGED = (
+    (at.W, at.W_UNKNOWN),
+    (at.STATUS, at.STATUS_UNKNOWN),
+    (at.FSR, at.FSR_UNKNOWN),
+    (at.EEDATA, at.EEDATA_UNKNOWN),
+    (at.RB_OLD, at.RB_OLD_UNKNOWN),
+)
+"""What may be unknown where chips whose states are taken together differ."""
+TIME_FIELDS = ("T0_AT", "T0_VALUE", "T0_TICK", "T0_FLAGGED", "T0_HELD", "T0_UNKNOWN", "PRESCALER",
+               "PRESCALER_UNKNOWN", "WDT_AT", "WDT_CLEARED", "WDT_EARLIEST")  # fmt: skip
+"""What time alone changes."""
+_LOOSE = (*TIME_FIELDS, "INTCON", "INTCON_UNKNOWN", "W", "W_UNKNOWN", "STATUS", "STATUS_UNKNOWN", "FSR",
+          "FSR_UNKNOWN", "EEDATA", "EEDATA_UNKNOWN", "RB_OLD", "RB_OLD_UNKNOWN")  # fmt: skip
+"""What may differ between chips whose states are taken together."""
+MAX_LANE_EDGES = 16
+_UNTOUCHED = 0x7E << 8
+"""A source of unknown bits that nothing else has: EEDATA with it has not been written."""
 _RELATIVE = (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT, at.WDT_EARLIEST)
 _NOT_BEFORE_NOW = (at.T0_AT, at.T0_HELD, at.AWAKE_AT)
 _WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
@@ -162,6 +179,27 @@ class Outcome:
         for place, cell in self.written:
             ram[place] = cell
         return ChipState(tuple(ram), self.rest)
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """What chips did that differ in some known bytes only, one row per chip."""
+
+    cycles: Packed
+    fit: npt.NDArray[np.bool_]
+    """Which of them reached an address of interest, by which no unknown bit had decided anything."""
+    ram: Packed
+    """The cell of each place in the RAM, or -1 if it was not written."""
+    read: tuple[int, ...]
+    """Places in the RAM that any of them read before it was written."""
+    edges: dict[tuple[int, int], Packed]
+    """By (pin, level): the cycle of the change since the beginning, or -1; where a pin changes twice to the
+    same level, `fit` is false.
+    """
+    rests: dict[tuple[int, ...], npt.NDArray[np.intp]]
+    """The rows that end in each state beside the RAM; that state is of the first of these rows, but unknown
+    where they differ in W, FSR and the flags.
+    """
 
 
 _SLOT_OF = {
@@ -297,6 +335,119 @@ class AbstractChip:
         reason = Reason.LIMIT if self._s[at.CYCLE] >= BASE + limit else Reason.STOP
         return self._outcome(reason, None, ())
 
+    def run_lanes(
+        self,
+        state: ChipState,
+        known: tuple[str | int, ...],
+        values: npt.NDArray[np.int64],
+        stops: Set[int],
+        limit: int,
+    ) -> Lanes:
+        """Run chips that differ from `state` in the bytes of `known`, a row of `values` for each.
+
+        A byte is a place in the RAM, or "EEDATA". Every chip runs as `run` does without choices; one that
+        writes EEDATA, OPTION_REG, TMR0 or enable bits does not fit.
+        """
+        s = self._load(state)
+        slots = [at.EEDATA if place == "EEDATA" else RAM_FIRST + int(place) for place in known]
+        s[at.EEDATA_UNKNOWN] = 0 if "EEDATA" in known else int(s[at.EEDATA_UNKNOWN]) | _UNTOUCHED
+        start, poked = s.copy(), np.array(slots, dtype=np.intp)
+        written = np.array([0 if place == "EEDATA" else at.NOT_WRITTEN for place in known], dtype=np.int64)
+        rows = values | written
+        key = frozenset(stops)
+        if key not in self._marked:
+            self._marked[key] = marked_code(self._fast.code, self._plain, key)
+        code, end = self._marked[key], BASE + limit
+        ends = np.empty((len(rows), len(s)), dtype=np.int64)
+        changes = np.zeros((len(rows), MAX_LANE_EDGES), dtype=np.int64)
+        arguments = self._arguments(code, end, BASE)
+        for number in range(len(rows)):
+            s[:] = start
+            if len(poked):
+                s[poked] = rows[number]
+            self._run(*arguments)
+            ends[number] = s
+            changes[number] = self._edges[:MAX_LANE_EDGES]
+        kept = (ends[:, at.EEDATA_UNKNOWN] == start[at.EEDATA_UNKNOWN]) & (
+            ends[:, at.EEDATA] == (rows[:, known.index("EEDATA")] if "EEDATA" in known else start[at.EEDATA])
+        )
+        return self._lanes(start, ends, changes, kept & (ends[:, at.CYCLE] < end), key)
+
+    def _lanes(
+        self,
+        start: Packed,
+        ends: Packed,
+        changes: Packed,
+        fit: npt.NDArray[np.bool_],
+        stops: frozenset[int],
+    ) -> Lanes:
+        fit &= ends[:, at.EDGE_COUNT] <= MAX_LANE_EDGES
+        for slot in (at.USE_KIND, at.WARN_COUNT, at.SLEEPING, at.OPTION_WRITES, at.DRIVEN_UNKNOWN):
+            fit &= ends[:, slot] == 0
+        for slot in (at.INTCON, at.T0_HELD, at.EE_DONE_AT, at.IRQ_AT, at.INTERRUPTS):
+            flags = at.T0IF | at.INTF | at.RBIF if slot == at.INTCON else 0
+            fit &= (ends[:, slot] ^ start[slot]) & ~flags == 0
+        fit &= ends[:, at.INTCON] & at.GIE == 0
+        fit &= np.isin(ends[:, at.PC] & 0x3FF, sorted(stops))
+        edges = self._lane_edges(ends[:, at.EDGE_COUNT], changes, fit)
+        ram = ends[:, _RAM]
+        masks = ram >> at.UNKNOWN_SHIFT & 0xFFFF
+        phased = masks == at.PHASED
+        masks &= 0xFF
+        cells = np.where(phased, ram & 0xFF | CELL_PHASED, ram & 0xFF & ~masks | masks << CELL_MASK_SHIFT)
+        cells[ram & at.NOT_WRITTEN != 0] = -1
+        noted = ends[:, at.READ_UNWRITTEN + RAM_FIRST : at.READ_UNWRITTEN + RAM_LAST + 1]
+        read = tuple(np.flatnonzero(noted.any(axis=0)).tolist())
+        return Lanes(ends[:, at.CYCLE] - BASE, fit, cells, read, edges, self._lane_rests(ends, fit))
+
+    def _lane_edges(
+        self, count: Packed, changes: Packed, fit: npt.NDArray[np.bool_]
+    ) -> dict[tuple[int, int], Packed]:
+        """Return the edges of every row, as `_changes` does for one; clear `fit` where there are too many."""
+        found: dict[tuple[int, int], Packed] = {}
+        high = np.full(len(count), self._high, dtype=np.int64)
+        for number in range(int(count.max(initial=0)) if fit.any() else 0):
+            if number >= MAX_LANE_EDGES:
+                break
+            packed = changes[:, number]
+            pins = packed >> at.PACK_PIN & 0x3F
+            level = (packed & at.PACK_LEVELS == 1).astype(np.int64)
+            changed = (count > number) & ((high >> pins & 1) != level)
+            high = np.where(changed, high ^ (1 << pins), high)
+            for pin, now in sorted({*zip(pins[changed].tolist(), level[changed].tolist(), strict=True)}):
+                rows = changed & (pins == pin) & (level == now)
+                column = found.setdefault((pin, now), np.full(len(count), -1, dtype=np.int64))
+                fit &= ~(rows & (column >= 0))
+                column[rows] = (packed[rows] >> at.PACK_CYCLE) - BASE
+        return found
+
+    def _lane_rests(
+        self, ends: Packed, fit: npt.NDArray[np.bool_]
+    ) -> dict[tuple[int, ...], npt.NDArray[np.intp]]:
+        """Return the states beside the RAM, apart from what time alone changes, with their rows."""
+        loose = {FIELD[name] for name in _LOOSE}
+        firm = _REST[[number for number in range(len(_REST)) if number not in loose]]
+        rows = np.flatnonzero(fit)
+        if not len(rows):
+            return {}
+        parts = ends[np.ix_(rows, firm)]
+        if (parts == parts[0]).all():
+            groups = [rows]
+        else:
+            _, which = np.unique(parts, axis=0, return_inverse=True)
+            groups = [rows[which.ravel() == number] for number in range(int(which.max()) + 1)]
+        found: dict[tuple[int, ...], npt.NDArray[np.intp]] = {}
+        for group in groups:
+            self._s[:] = ends[group[0]]
+            for value, mask in _MERGED:
+                known, doubt = ends[group, value], ends[group, mask]
+                if (known != known[0]).any() or (doubt != doubt[0]).any():
+                    differs = np.bitwise_or.reduce(known ^ known[0]) | np.bitwise_or.reduce(doubt & 0x1FFF)
+                    self._s[mask] = int(differs) & (0x1FFF if value == at.RB_OLD else 0xFF)
+            rest = self._canonical().rest
+            found[rest] = np.concatenate([found[rest], group]) if rest in found else group
+        return found
+
     def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[Choice, ...]) -> None:
         s = self._load(state)
         if choices:
@@ -321,27 +472,26 @@ class AbstractChip:
 
     def _call(self, code: Code, end: int, resume: int) -> None:
         s = self._s
-        while True:
-            why = self._run(
-                s.ctypes.data,
-                end,
-                self._edges.ctypes.data,
-                self._none.ctypes.data,
-                code.ctypes.data,
-                self._plain.ctypes.data,
-                self._fast.regions.ctypes.data,
-                self._memo.ctypes.data,
-                self._recording.ctypes.data,
-                resume,
-                self._none.ctypes.data,
-                self._none.ctypes.data,
-            )
-            if why != at.EDGES_FULL:
-                return
-            s[at.CYCLE] = max(
-                int(s[at.CYCLE]), end
-            )  # more edges than any schedule has: they are judged first
-            return
+        if self._run(*self._arguments(code, end, resume)) == at.EDGES_FULL:
+            # more edges than any schedule has: they are judged first
+            s[at.CYCLE] = max(int(s[at.CYCLE]), end)
+
+    def _arguments(self, code: Code, end: int, resume: int) -> tuple[int, ...]:
+        """Return the arguments of the loop, which runs up to cycle `end`."""
+        return (
+            self._s.ctypes.data,
+            end,
+            self._edges.ctypes.data,
+            self._none.ctypes.data,
+            code.ctypes.data,
+            self._plain.ctypes.data,
+            self._fast.regions.ctypes.data,
+            self._memo.ctypes.data,
+            self._recording.ctypes.data,
+            resume,
+            self._none.ctypes.data,
+            self._none.ctypes.data,
+        )
 
     def _load(self, state: ChipState) -> Packed:
         s = self._s

@@ -1,0 +1,166 @@
+"""Any content of the EEPROM: what is proven, which bytes are whose trims; no wrong byte is passed over."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from servogen.build.build import Program
+from servogen.edges import PINS, join
+from servogen.pic.image import Image, read_hex, to_hex
+from servogen.programs import compile_program
+from servogen.prove import Proof, Quantifiers, prove_for_all
+from servogen.prove.trims import trim_of
+from servogen.pulse import PulseSchedule
+from servogen.traces import read_edges
+from servogen.units import Clock
+from tests.engines.player.player_jobs import built_text, job_text, sweep
+from tests.prove.attack import servogen
+from tests.prove.test_prove_inputs import assembled, schedule_of
+
+ANY = Quantifiers(any_eeprom=True)
+
+
+@cache
+def built(servos: int) -> tuple[PulseSchedule, Program]:
+    motion = sweep(servos, 0.04, limits=(80, 81))
+    done = built_text(job_text(servos, motion, limits=(80, 81), firmware="soft_start_s = 0.04\n"))
+    return done.plan.schedule, done.programs[0]
+
+
+@cache
+def proof(servos: int) -> Proof:
+    schedule, program = built(servos)
+    return prove_for_all(program.image, schedule, ANY)
+
+
+def test_a_trim_is_twos_complement_and_the_erased_byte_is_none() -> None:
+    """As docs/firmware.md says it."""
+    assert [trim_of(byte) for byte in (0, 1, 0x7F, 0x80, 0xD8, 0xFE, 0xFF)] == [0, 1, 127, -128, -40, -2, 0]
+
+
+@pytest.mark.parametrize("servos", [1, 2])
+def test_every_trim_is_proven_and_the_answer_says_which_byte_is_whose(servos: int) -> None:
+    found = proof(servos)
+    assert found.proven, found.reason
+    text = next(each for each in found.assumptions if "the EEPROM holds anything" in each)
+    pins = [channel.pin for channel in built(servos)[0].channels]
+    assert text.endswith("byte " + ", ".join(f"{byte} of {pin}" for byte, pin in enumerate(pins)))
+    assert "the EEPROM holds what the file says" not in found.assumptions
+
+
+def test_two_pulses_of_a_slot_are_proven_for_every_pair_of_trims() -> None:
+    assert proof(2).runs - proof(1).runs > 255 * 255
+
+
+FAULTS = {
+    "one byte is taken for another": "    movf    EEDATA, W\n    xorlw   0x80\n    btfsc   STATUS, 2\n"
+    "    incf    _next, F\n",
+    "a low bit is lost for one byte": "    movlw   0x55\n    xorwf   EEDATA, W\n    btfsc   STATUS, 2\n"
+    "    bcf     _next, 0\n",
+}
+
+
+def changed(servos: int, insert: str, folder: Path) -> Image:
+    """Return the player with instructions after the trim was added."""
+    text = built(servos)[1].firmware.text
+    place = "    btfsc   EEDATA, 7\n    decf    _key, F\n"
+    assert text.count(place) == 1
+    file = folder / "changed.c"
+    file.write_text(text.replace(place, place + insert))
+    return compile_program(file).image
+
+
+@pytest.mark.parametrize(("fault", "byte"), [*zip(FAULTS, (0x80, 0x55), strict=True)])
+def test_a_fault_of_one_trim_value_is_found_and_simulate_shows_it(
+    fault: str, byte: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fall of the counterexample's edges is where neither the schedule nor the byte wants it."""
+    schedule, _ = built(1)
+    image = changed(1, FAULTS[fault], tmp_path)
+    assert prove_for_all(image, schedule).proven, "nothing is wrong with the file's EEPROM"
+    monkeypatch.chdir(tmp_path)
+    Path("mutant.hex").write_text(to_hex(image))
+    Path("schedule.json").write_text(schedule.json_text())
+    answer = json.loads(
+        servogen("prove", "mutant.hex", "--against", "schedule.json", "--any-eeprom", "--json")
+    )
+    assert answer["answer"] == "counterexample"
+    assert set(answer["counterexample"]["eeprom"].values()) == {byte}
+    words = shlex.split(answer["counterexample"]["command"])
+    content = read_hex(Path(words[2]).read_text(), words[2]).image.eeprom
+    assert content[0] == byte
+    servogen(*words[1:])
+    trace = read_edges(Path("counterexample.csv"), Clock(schedule.clock.hz))
+    pin = PINS.index(schedule.channels[0].pin)
+    edges = [(int(c), int(level)) for c, p, level in zip(*join(trace.chunks), strict=True) if p == pin]
+    rises = [cycle for cycle, level in edges if level == 1]
+    falls = [cycle for cycle, level in edges if level == 0 and cycle > rises[0]]
+    frames = [run.pulses[0] for run in (*schedule.lead_in, *schedule.loop) for _ in range(run.frames)]
+    wanted = [pulse.width + trim_of(byte) for pulse in frames if pulse is not None]
+    widths = [fall - rise for rise, fall in zip(rises, falls, strict=False)]
+    assert any(width != planned for width, planned in zip(widths, wanted, strict=False))
+
+
+PULSE = """
+frame   clrf EEADR
+        bsf STATUS, RP0
+        bsf EECON1, RD
+        bcf STATUS, RP0
+{take}
+        movlw 100
+        movwf 0x21
+        bsf PORTB, 1
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+        movlw 180
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+        nop
+{pad}
+        goto frame
+"""
+WIDTH = 1 + 299
+
+
+def reading(take: str, cycles: int) -> tuple[Image, PulseSchedule]:
+    pads = 3
+    period = 4 + cycles + 2 + 1 + 299 + 1 + 2 + 539 + 1 + pads + 2
+    return assembled(PULSE.format(take=take, pad="        nop\n" * pads)), schedule_of(period, WIDTH)
+
+
+def test_a_program_whose_pulses_no_byte_changes_is_proven_too() -> None:
+    image, schedule = reading("        movf EEDATA, w\n        movwf 0x30\n", 2)
+    found = prove_for_all(image, schedule, ANY)
+    assert found.proven, found.reason
+    assert any("no pulse depends on it" in each for each in found.assumptions)
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        "        btfsc EEDATA, 3\n        goto $+1\n",
+        "        movf EEDATA, w\n        iorwf PORTB, f\n",
+    ],
+)
+def test_a_byte_that_moves_a_rise_or_another_pin_is_not_passed_over(take: str) -> None:
+    image, schedule = reading(take, 3 if "goto" in take else 2)
+    assert prove_for_all(image, schedule).proven or "iorwf" in take
+    assert not prove_for_all(image, schedule, ANY).proven
+
+
+def test_a_certificate_is_not_about_every_eeprom(tmp_path: Path) -> None:
+    schedule, program = built(1)
+    (tmp_path / "main.hex").write_text(to_hex(program.image))
+    (tmp_path / "schedule.json").write_text(schedule.json_text())
+    with pytest.raises(AssertionError):  # exit code 2
+        servogen(
+            "prove", tmp_path / "main.hex", "--against", tmp_path / "schedule.json",
+            "--any-eeprom", "--certificate", tmp_path / "c.xz",
+        )  # fmt: skip
