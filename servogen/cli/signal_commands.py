@@ -22,6 +22,9 @@ from servogen.errors import InputError, Location
 from servogen.programs import read_schedule
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from servogen.edges import EdgeTrace
     from servogen.pulse import PulseSchedule
     from servogen.simulator import Options
 
@@ -158,6 +161,12 @@ def measure(
             "--servo", help="Check against this servo model (a name or a .toml file): MODEL or PIN=MODEL."
         ),
     ] = None,
+    schedule: Annotated[
+        Path | None,
+        typer.Option(
+            "--schedule", help="Write the pulses as a schedule.json, for `verify` and `prove --against`."
+        ),
+    ] = None,
     clock_hz: ClockHz = None,
     device: OwnDevice = None,
     json: Json = False,
@@ -168,11 +177,15 @@ def measure(
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
+    keep_apart([file], schedule)
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
     board = chip.on(device or DEVICES[0].name)
     trace = unscheduled_edges(file, seconds, clock_hz, board, read_program)
+    if schedule is not None:
+        trace = trace.stored()
+        _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, device)
     with status("measuring"):
         measurement = measured(trace)
     found = measured_warnings(measurement, models)
@@ -181,6 +194,15 @@ def measure(
         return
     print("\n".join(measurement_lines(measurement)))
     warn_of_all(found)
+
+
+def _write_schedule(
+    path: Path, trace: EdgeTrace, file: Path, servos: Mapping[str, str], device: str | None
+) -> None:
+    from servogen.build.measured_schedule import measured_schedule
+    from servogen.outputs import write_text
+
+    write_text(path, measured_schedule(trace, str(file), servos, device).json_text())
 
 
 def plot(
