@@ -81,7 +81,7 @@ _ADDRESS = re.compile(r"0x(?P<address>[0-9a-f]{1,4})", re.IGNORECASE)
 _ROUTINE = re.compile(r"(?P<name>[A-Za-z_]\w{0,60})\s*\(\s*\)")
 _EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall))?", re.IGNORECASE)
 _CONDITION = re.compile(
-    r"(?P<name>[A-Za-z_]\w{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
+    r"(?P<name>[A-Za-z_][\w.]{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
 )
 
 

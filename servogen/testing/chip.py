@@ -441,10 +441,7 @@ class Chip(Signals):
                 raise self._missed(getattr(holds, "__name__", "the condition"), within_ms)
             self._deliver()
             before = self._machine.machine.edges_made
-            if not self._machine.machine.asleep:
-                self._machine.step(1)
-            else:
-                self._advance(self.cycle + 1)
+            self._machine.run(self.cycle + 1)
             if self._machine.machine.edges_made != before:
                 self._settle()
         return self.us

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, Location, ServogenError, did_you_mean
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -136,12 +136,16 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     report = yield
     if report.when == "call" and report.failed:
         found = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
-        for name, seen in [*found, *_seen_of_chips(item)]:
+        try:
+            found += _seen_of_chips(item)
+        except ServogenError as error:
+            report.sections.append(("servogen capture", f"nothing is written: {error}"))
+        for name, seen in found:
             path = _write(name, seen, item.config.rootpath / CAPTURES)
             report.sections.append(("servogen capture", f"{path}: what was seen on {seen.source}"))
             item.user_properties.append(("servogen_capture", str(path)))
         for chip in item.stash.get(CHIPS, []):
-            report.sections.append((f"servogen waves: {chip.name}", "\n".join(chip.report())))
+            report.sections.append((f"servogen waves: {chip.name}", _waves(chip)))
     return report
 
 
@@ -328,13 +332,9 @@ def _mark(node: pytest.Item) -> Mapping[str, Any]:
     return mark.kwargs if mark else {}
 
 
-USUAL = {"image": "main.hex", "schedule": "schedule.json"}
-"""The files in the folder of a build."""
-
-
 def _named(node: pytest.Item, key: str) -> Path | None:
     """Return the file that the test's mark or the command line names; None where they do not."""
-    from servogen.programs import PROGRAM_SUFFIXES
+    from servogen.programs import BUILT_SCHEDULE
 
     named = _mark(node).get(key)
     if named is not None:
@@ -344,10 +344,8 @@ def _named(node: pytest.Item, key: str) -> Path | None:
     if place is None:
         return None
     found = _beside(node, Path(place))
-    if found.suffix.lower() in PROGRAM_SUFFIXES and not found.is_dir():
-        return found if key == "image" else None
-    path = _beside(node, Path(place) / USUAL[key])
-    return path if key == "image" or path.exists() else None
+    schedule = found / BUILT_SCHEDULE
+    return found if key == "image" else schedule if schedule.exists() else None
 
 
 def _required(node: pytest.Item, key: str) -> Path:
@@ -366,9 +364,9 @@ def _required(node: pytest.Item, key: str) -> Path:
 
 def _program(node: pytest.Item, path: Path, device: str | None = None) -> Program:
     """Return the program in a file, which is compiled once for all tests of this run."""
-    from servogen.programs import read_program
+    from servogen.programs import program_file, read_program
 
-    _property(node, "servogen_program", path)
+    _property(node, "servogen_program", program_file(path))
     known = node.config.stash.setdefault(PROGRAMS, {})
     if (path, device) not in known:
         known[path, device] = read_program(path, device)
@@ -401,6 +399,14 @@ def _stimuli(node: pytest.Item, given: str | Path | None, clock: Clock) -> Stimu
     if isinstance(given, str) and "[[" in given:
         return parse_stimuli(given, node.nodeid, clock)
     return load_stimuli(_beside(node, Path(given)), clock)
+
+
+def _waves(chip: Chip | SeenChip) -> str:
+    """Return what a chip did last, or why that cannot be shown."""
+    try:
+        return "\n".join(chip.report())
+    except ServogenError as error:
+        return str(error)
 
 
 def _skip_on_the_bench(what: str, given: object) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from servogen.compiler import Options as CompilerOptions
@@ -122,6 +124,9 @@ def test_a_function_stops_before_its_first_instruction() -> None:
 
 def test_texts_are_parsed() -> None:
     assert parse_breakpoint("0x01f", None) == AtAddress("0x01f", frozenset((0x1F,)))
+    local = replace(DONE.listing, variables=((0x21, "main.step", 2),))
+    wanted = AtCondition("main.step < 3", Variable(0x21, 2), "<", 3)
+    assert parse_breakpoint("main.step < 3", local) == wanted
     assert parse_breakpoint(" RB0 ", None) == AtEdge("RB0", PINS.index("RB0"), None)
     assert parse_breakpoint("0x20>=0x10", None) == AtCondition("0x20>=0x10", Variable(0x20, 1), ">=", 16)
 

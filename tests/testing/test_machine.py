@@ -8,7 +8,7 @@ import pytest
 
 # Here, so that the runs inside this process find them and do not load them each anew.
 import servogen.testing.chip
-import servogen.testing.seen_chip  # noqa: F401
+import servogen.testing.seen_chip
 from servogen.pic.assembler import assemble
 from servogen.pic.image import to_hex
 from tests.simulator.helpers import HEAD, WATCHDOG_OFF
@@ -51,7 +51,7 @@ def test_hex_and_assembly_at_another_clock(servogen_machine):
 pin = "RA0"
 period_us = 1000
 high_us = 400"""
-    for name in ("blink.asm", "blink.hex"):
+    for name in ("blink.asm", "blink.hex", "built"):
         chip = servogen_machine(name, stimulus=text, clock_hz=10_000_000, device="PIC16F84A")
         chip.run_ms(10)
         assert chip.cycle in (25_000, 25_001)
@@ -71,6 +71,7 @@ def test_inputs(servogen_machine):
 def project(pytester: pytest.Pytester) -> pytest.Pytester:
     (pytester.path / "blink.asm").write_text(BLINK)
     (pytester.path / "blink.hex").write_text(to_hex(assemble(BLINK, "blink.asm").image))
+    (pytester.mkdir("built") / "main.hex").write_text((pytester.path / "blink.hex").read_text())
     (pytester.path / "wave.toml").write_text(STIMULUS)
     return pytester
 
@@ -88,6 +89,7 @@ def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: py
         "test_blink-test_machine.vcd",
         "test_blink-test_hex_and_assembly_at_another_clock.vcd",
         "test_blink-test_hex_and_assembly_at_another_clock-chip2.vcd",
+        "test_blink-test_hex_and_assembly_at_another_clock-chip3.vcd",
         "test_blink-test_inputs.vcd",
         "test_blink-test_inputs-chip2.vcd",
     }
@@ -99,7 +101,7 @@ def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: py
         for case in cases
     }
     assert programs["test_capture"] == ["blink.asm"]
-    assert programs["test_hex_and_assembly_at_another_clock"] == ["blink.asm", "blink.hex"]
+    assert programs["test_hex_and_assembly_at_another_clock"] == ["blink.asm", "blink.hex", "built/main.hex"]
     replayed = run(project, "--servogen-replay=seen", "-k", "capture or machine or inputs")
     replayed.assert_outcomes(passed=2, skipped=1, deselected=1)
     replayed.stdout.fnmatch_lines(["*needs the simulated chip: chip.pin; on the bench and on recordings*"])
@@ -120,6 +122,16 @@ def test_a_test_that_fails_by_a_bit_shows_what_was_seen(project: pytest.Pytester
             "blink.asm at 10 ms: blink.asm:*",
         ]
     )
+
+
+def test_a_chip_with_too_many_edges_fails_its_test_alone(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(servogen.testing.chip, "MAX_EDGES", 5)
+    project.makepyfile(test_blink=TESTS)
+    result = run(project, "-k", "machine or inputs")
+    result.assert_outcomes(failed=1, passed=1, deselected=2)
+    result.stdout.fnmatch_lines(["*nothing is written:*more than 5*", "*servogen waves*", "*more than 5*"])
 
 
 def test_what_the_bench_cannot_do_is_skipped_with_the_reason(project: pytest.Pytester) -> None:
