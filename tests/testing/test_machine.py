@@ -77,7 +77,9 @@ def project(pytester: pytest.Pytester) -> pytest.Pytester:
 
 
 def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
-    return project.runpytest_inprocess("-p", "no:xdist", "--strict-markers", "-rs", *options)
+    return project.runpytest_inprocess(
+        "-p", "no:xdist", "-p", "no:hypothesispytest", "--strict-markers", "-rs", *options
+    )
 
 
 def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: pytest.Pytester) -> None:

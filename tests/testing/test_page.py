@@ -34,7 +34,9 @@ ON_THE_BENCH = {"interrupt": 1, "pwm": 2}
 
 
 def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
-    return project.runpytest_inprocess("-p", "no:xdist", "--strict-markers", "-rfs", *options)
+    return project.runpytest_inprocess(
+        "-p", "no:xdist", "-p", "no:hypothesispytest", "--strict-markers", "-rfs", *options
+    )
 
 
 def number_of_tests(text: str) -> int:

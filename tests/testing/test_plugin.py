@@ -52,7 +52,9 @@ def properties(path: Path) -> dict[str, str]:
 
 
 def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
-    return project.runpytest_inprocess("-p", "no:xdist", "--strict-markers", *options)
+    return project.runpytest_inprocess(
+        "-p", "no:xdist", "-p", "no:hypothesispytest", "--strict-markers", *options
+    )
 
 
 def break_the_program(project: pytest.Pytester) -> None:
