@@ -99,7 +99,7 @@ def replay_look(replay: Replay, clock: Clock) -> Look:
         found = [] if shown else replay.recordings(clock)
         for seen in found:
             if seen.capture is not None and seen.capture.missing:
-                text = f"{seen.source} is not whole: {seen.capture.missing}"
+                text = f"{seen.source} is incomplete: {seen.capture.missing}"
                 raise InputError("capture-failed", text)
         shown = True
         return found

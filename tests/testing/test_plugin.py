@@ -222,7 +222,7 @@ def test_a_partial_recording_is_never_taken_for_whole(project: pytest.Pytester) 
         writer.finish(Cycles(10_000_000))
     result = run(project, "--servogen-replay=seen")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*the capture is not whole: the analyser went away*"])
+    result.stdout.fnmatch_lines(["*the capture is incomplete: the analyser went away*"])
 
 
 def pulses(frames: int) -> list[tuple[int, int, int]]:
