@@ -25,7 +25,7 @@ BROKEN = {
     "sleep": ("__delay_ms(10)", "__delay_ms(11)"),
     "interrupt": ("250 + 3", "250 + 4"),
     "stepper": ("0x06, 0x0C", "0x0C, 0x06"),
-    "pwm": ("duty = 25", "duty = 26"),
+    "pwm": ("DUTY 25", "DUTY 26"),
 }
 """In each program: one bit, one cycle, one constant or one statement."""
 
@@ -42,6 +42,11 @@ def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
 def number_of_tests(text: str) -> int:
     values = [str(found).count(",") for found in re.findall(r"parametrize\(\"\w+\", \[(.*?)\]", text)]
     return len(re.findall("^def test_", text, re.M)) + sum(values)
+
+
+def pattern(line: str) -> str:
+    """Return what stands for a line of waves or times: cycles differ with the compiler."""
+    return re.sub(r"[▁▔▒]+", "*", re.sub(r" *\d+(\.\d+)? [mµ]s", "*", line))
 
 
 def test_there_are_ten_examples() -> None:
@@ -71,7 +76,8 @@ def test_each_example_fails_on_a_broken_program(pytester: pytest.Pytester) -> No
     assert failed == set(TESTS | missed)
     shown = re.search(r"^    -+ servogen waves: debounce.c -+\n(?:    .*\n|\n)+", PAGE, re.M)
     assert shown is not None
-    result.stdout.fnmatch_lines([line[4:].replace("[", "[[]") for line in shown[0].rstrip().splitlines()])
+    lines = [pattern(line[4:]) for line in shown[0].rstrip().splitlines() if " = 0 " not in line]
+    result.stdout.fnmatch_lines(list(dict.fromkeys(lines)))
     shown = re.search(r"^    AssertionError: RB0 rise: not within(?:.*\n    )+.*\n", PAGE, re.M)
     assert shown is not None
     result.stdout.fnmatch_lines([f"E   *{line.strip()}" for line in shown[0].splitlines()])
