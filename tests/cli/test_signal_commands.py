@@ -322,6 +322,17 @@ def test_c_includes_what_lies_beside_it(run: Run, tmp_path: Path) -> None:
     assert ran.code == 2 and "pins.h" in ran.err
 
 
+def test_the_size_of_float_is_an_option(run: Run, tmp_path: Path) -> None:
+    source = tmp_path / "f.c"
+    source.write_text("#include <xc.h>\nfloat x;\nvoid main(void) { x = 1; while (1); }\n")
+    for options, size in (((), 3), (("--float", "32"), 4)):
+        ran = run("compile", source, "-o", tmp_path / "f.hex", "--json", *options)
+        assert ran.code == 0 and json.loads(ran.out)["ram_bytes"] == size
+    ran = run("compile", source, "-o", tmp_path / "no.hex", "--float", "16")
+    assert ran.code == 2 and "24 or 32 bits, not 16" in ran.err
+    assert not (tmp_path / "no.hex").exists()
+
+
 def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
     """As `servogen --help | head`: quiet, and not the code of a verdict."""
     code = "from servogen.cli import main; main()"
