@@ -15,6 +15,9 @@ from typing import Any
 
 from pycparser import c_ast
 
+from servogen.compiler.diagnostics import is_own_file
+from servogen.compiler.frontend.syntax_errors import place_of
+
 Key = tuple[str, str]
 """A variable or parameter: (function or "", name); a member: ("struct", name); a result: (function,
 "return").
@@ -48,6 +51,8 @@ class _Pointers:
     parameters: dict[str, list[list[Key | None]]] = field(default_factory=dict)
     """The parameters of each function, for each of its declarations."""
     defined: set[str] = field(default_factory=set)
+    library: set[str] = field(default_factory=set)
+    """The functions that the compiler's own headers declare."""
     flows: set[tuple[Key | None, Key]] = field(default_factory=set)
     """(from, to) of every pointer that is copied; None is a string."""
     written: set[Key] = field(default_factory=set)
@@ -65,6 +70,8 @@ class _Pointers:
             self.variable(unit.decl, _GLOBAL)
         elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
             self.variable(unit, _GLOBAL)
+            if is_own_file(place_of(unit.coord)):
+                self.library.add(unit.name or "")
 
     def variable(self, decl: Any, scope: str) -> None:
         kind = decl.type
@@ -138,17 +145,18 @@ class _Pointers:
 
     def call(self, node: Any) -> None:
         name = node.name.name if isinstance(node.name, c_ast.ID) else ""
-        declared = self.parameters.get(name, []) if name in self.defined else []
+        own = name in self.defined or name not in self.library
+        declared = self.parameters.get(name, []) if own else []
         for number, each in enumerate(node.args.exprs if node.args is not None else []):
             keys = [keys[number] for keys in declared if number < len(keys)]
             known = [key for key in keys if key is not None]
             for key in known:
                 self.flow(each, key)
-            if not known and name not in self.defined:
+            if not own:
                 self.outside(name, number, each)
 
     def outside(self, name: str, number: int, value: Any) -> None:
-        """Follow a pointer into a function that no file defines: its declaration says whether it writes."""
+        """Follow a pointer into a function of the library: its declaration says whether it writes."""
         for keys in self.parameters.get(name, []):
             if number < len(keys) and (key := keys[number]) is not None and key not in self.constant:
                 self.flow(value, _UNKNOWN)

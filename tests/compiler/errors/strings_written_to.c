@@ -1,5 +1,6 @@
 // dialect: xc8
 #include <xc.h>
+#include <string.h>
 char *kept;
 void upper(char *text) { text[0] -= 32; }
 void keep(char *text) { kept = text; }
@@ -11,4 +12,6 @@ void main(void) {
   // error: argument 1 of 'keep' would drop const: 'const unsigned char *' may point to flash, 'unsigned char *' cannot
   keep("abc");
   end();
+  // error: argument 1 of 'strcpy' would drop const: 'const unsigned char *' may point to flash, 'unsigned char *' cannot
+  strcpy("abc", "d");
 }
