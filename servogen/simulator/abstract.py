@@ -36,7 +36,7 @@ BASE = 1 << 40
 """The cycle that stands for now."""
 CELL_MASK_SHIFT = 8
 CELL_PHASED = 1 << 16
-"""A cell is value | unknown bits << 8, or value | CELL_PHASED."""
+"""The flag of a cell whose byte is PHASED; other cells are value | unknown bits << 8."""
 ALL_UNKNOWN = 0xFF << CELL_MASK_SHIFT
 
 _FIELD_NAMES = """
@@ -51,7 +51,7 @@ _STACK = [at.STACK + level for level in range(8)]
 _DRIVEN_FROM = [at.DRIVEN_FROM + 2 * pin for pin in range(len(PINS))]
 _REST = np.array([*(getattr(at, name) for name in _NAMES), *_STACK, *_DRIVEN_FROM])
 FIELDS = (*_NAMES, *(f"STACK{level}" for level in range(8)), *(f"DRIVEN_FROM_{pin}" for pin in PINS))
-"""The names of what a state has beside its RAM, in the order of `ChipState.rest`."""
+"""The names of the values that a state has besides its RAM, in the order of `ChipState.rest`."""
 FIELD = {name: number for number, name in enumerate(FIELDS)}
 
 _BYTES = (
@@ -91,7 +91,7 @@ _NOT_BEFORE_NOW = (at.T0_AT, at.T0_HELD, at.AWAKE_AT)
 _WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
 RA4, RB0, RB4_TO_7 = 1 << 4, 1 << 5, 0xF0 << 5
-_RBPU, _WATCHDOG_NEVER = 0x80, 1 << 39
+_WATCHDOG_NEVER = 1 << 39
 TO, PD, PSA, PS = 0x10, 0x08, 0x08, 0x07
 EEIE, WRITTEN = 0x40, 0x08
 """The enable bit in INTCON, and the bit of an interrupt in doubt that is for the end of an EEPROM write."""
@@ -107,7 +107,7 @@ _MASK_OF = {
     "rbif": at.INTCON_UNKNOWN,
     "rb-old": at.RB_OLD_UNKNOWN,
 }
-"""Where the unknown bits of each start value are, beside the RAM."""
+"""The slot with the unknown bits of each start value, besides the RAM."""
 
 
 class Reason(Enum):
@@ -132,13 +132,13 @@ class ChipState:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Bits that are known for the next instruction: those of `bits` in `field` are `value`.
+    """Bits that are assumed for the next instruction: those of `bits` in `field` are `value`.
 
     INTCON_LATE sets flags in the second cycle of a two-cycle instruction.
 
     `field` is one of "PINS", "INTCON", "STATUS", "W", "FSR", "TMR0", "EEDATA", "EEADR", "EECON1", "LATCH", a
-    RAM address as "0x0C". With `steer`, the byte becomes no better known: it only decides which way is taken.
-    Other fields are what happens: "TMR0_PHASE": TMR0 stands still for `value` cycles after a write of
+    RAM address as "0x0C". With `steer`, the byte stays unknown: the choice only decides which path is taken.
+    Other fields are events: "TMR0_PHASE": TMR0 stands still for `value` cycles after a write of
     OPTION_REG; "EE_DONE": an EEPROM write ends, `value` cycles from now; "WATCHDOG": it ends SLEEP now.
     """
 
@@ -159,7 +159,7 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What all chips of a state did in one run."""
+    """What all chips of a state do in one run."""
 
     reason: Reason
     cycles: int
@@ -230,11 +230,11 @@ class AbstractChip:
     ) -> None:
         """Prepare to run `image`.
 
-        `options` say what the board does and which chip it is; what differs between chips is unknown, but
-        for the values at power-up that `options.start` gives. The pins of `held` have these levels at all
-        times. `any_watchdog`: the watchdog's period is not that of `options`, but anywhere in its range.
-        `write_us`: so long an EEPROM write takes at most, if it may end in any cycle; None: what `options`
-        say, exactly.
+        `options` describe the board and the chip; values that differ between chips are unknown, except those
+        that `options.start` gives at power-up. The pins of `held` always have these levels. With
+        `any_watchdog`, the watchdog's period is anywhere in its range instead of that of `options`.
+        `write_us` is the maximum time of an EEPROM write, which may end in any cycle; None: exactly the time
+        of `options`.
         """
         self.image = image
         self.clock = clock
@@ -275,8 +275,8 @@ class AbstractChip:
         return bool(self._template[at.WDT_PERIOD])
 
     def power_on(self) -> ChipState:
-        """Return the state after a power-on reset: nothing that table 6-4 marks "x" is known, unless its
-        value was given.
+        """Return the state after a power-on reset: values that table 6-4 marks "x" are unknown unless
+        given.
         """
         s = self._s
         s[:] = self._template
@@ -294,9 +294,9 @@ class AbstractChip:
         return self._canonical()
 
     def after_reset(self, written: Set[int]) -> ChipState:
-        """Return the state after any reset: nothing is known that table 6-4 marks "x" or "u".
+        """Return the state after any reset: values that table 6-4 marks "x" or "u" are unknown.
 
-        But a byte of RAM, not in `written`, is what it was at power-up, if that was given.
+        Bytes of RAM that are not in `written` keep the values given at power-up, if any.
         """
         on = self.power_on()
         s = self._s
@@ -310,10 +310,10 @@ class AbstractChip:
         return ChipState(tuple(ram), cells.rest)
 
     def run(self, state: ChipState, stops: Set[int], limit: int, choices: tuple[Choice, ...] = ()) -> Outcome:
-        """Run until the next instruction is at one of `stops`, but for the first instruction.
+        """Run until the next instruction is at one of `stops`, ignoring the first instruction.
 
-        With `choices` at least one instruction is executed, and the choices are valid for it alone. If an
-        unknown bit decides something, the run ends before that instruction.
+        With `choices` at least one instruction is executed, and the choices apply to it only. If an unknown
+        bit matters, the run ends before that instruction.
         """
         self._go(state, stops, BASE + limit, choices)
         used = self._used()
@@ -519,7 +519,9 @@ class AbstractChip:
         return None
 
     def _interrupt_in_doubt(self) -> Use | None:
-        """Return a use if an interrupt may come now, or not: pins change without an instruction."""
+        """Return a use if an interrupt may or may not come now, because pins change without an
+        instruction.
+        """
         intcon = int(self._s[at.INTCON])
         if not intcon & at.GIE or self._s[at.SLEEPING]:
             return None
@@ -588,7 +590,7 @@ class AbstractChip:
         s[at.T0_AT] = max(int(s[at.T0_AT]), awake)
 
     def _release(self, choice: Choice, before: int) -> None:
-        """Take back what was true of one moment only."""
+        """Undo assumptions that applied to one moment only."""
         s = self._s
         if choice.field == "TMR0_PHASE":
             s[at.T0_PHASE] = 0
@@ -608,7 +610,7 @@ class AbstractChip:
                 s[at.T0_UNKNOWN] = before >> 16
 
     def _doubt_flags(self) -> None:
-        """Note that pins may have set flags since."""
+        """Note that pins may have set flags in the meantime."""
         s = self._s
         pins = int(s[at.PINS_UNKNOWN])
         known = int(s[at.INTCON]) & ~int(s[at.INTCON_UNKNOWN])
@@ -700,7 +702,7 @@ class AbstractChip:
         return tuple(cells.tolist())
 
     def _canonical_stack(self) -> None:
-        """Put the live levels first, and forget what was popped."""
+        """Put the live levels first and forget popped ones."""
         s = self._s
         depth, top = int(s[at.DEPTH]), int(s[at.SP])
         live = [int(s[at.STACK + (top - depth + level) % 8]) for level in range(depth)]
@@ -709,5 +711,5 @@ class AbstractChip:
 
 
 def _held(before: int, choice: Choice) -> int:
-    """Return the value that a choice made of the byte before it."""
+    """Return the byte `before` with the bits of a choice."""
     return before & 0xFF & ~choice.bits | choice.value & choice.bits

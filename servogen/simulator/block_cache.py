@@ -45,11 +45,12 @@ from servogen.simulator.program import (
 )
 
 LONGEST_WAIT = 64
-"""Words of a wait at most."""
+"""The maximum number of words of a wait."""
 STATUS_ADDRESS, FLAG_BITS = 3, 0b111
 POLLED = (0x05, 0x06, 0x08, 0x0B)
-"""Registers that stay the same until something happens: ports, EECON1 (and, in the other banks, TRIS and
-EEDATA), INTCON."""
+"""Registers that stay the same until an event: ports, EECON1 (and, in the other bank, TRIS and EEDATA),
+INTCON.
+"""
 
 _N = PROGRAM_WORDS
 _ROWS = {OPS[row.mnemonic]: row for row in INSTRUCTIONS}

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from servogen.simulator.compiled import Vector, compiled
-from servogen.simulator.events import attend, happen
+from servogen.simulator.events import deliver_events, service_interrupts
 from servogen.simulator.interrupts import GIE, note_flags, requested
 from servogen.simulator.layout import (
     AT_BREAKPOINT,
@@ -174,7 +174,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
             if tracked:
                 s[W_UNKNOWN] = wu
                 s[STATUS_UNKNOWN] = su
-            happen(s, edges, stim)
+            deliver_events(s, edges, stim)
             if s[CYCLE] >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
                 settle_counters(s, min(s[CYCLE], s[STIM_KNOWN]))
                 return NEEDS_STIMULUS
@@ -188,7 +188,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
             if why != GOES_ON:
                 settle_counters(s, s[CYCLE])
                 return why
-            attend(s, edges, stim)
+            service_interrupts(s, edges, stim)
             if s[SLEEPING] or s[IN_RESET]:
                 s[CYCLE] = max(s[CYCLE], min(end, s[HORIZON]))
             pc, status, cycle = s[PC], s[STATUS], s[CYCLE]

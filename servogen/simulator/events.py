@@ -1,9 +1,9 @@
 """Events that instructions do not cause: stimuli, time-outs, interrupts, resets and sleep, and their times.
 Compiled.
 
-Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first cycle
-at whose start one of these events could be due. An instruction that changes what could be due ends the free
-run itself.
+Between two calls of `service_interrupts` the instruction loop runs freely, up to the cycle in `HORIZON`: the
+first cycle at whose start one of these events could be due. An instruction that changes these times ends the
+free run itself.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def stimulus(s: Vector, edges: Vector, packed: int) -> None:
 
 @compiled
 def wake(s: Vector, at: int) -> None:
-    """Continue after SLEEP once the oscillator runs again; the flag that woke the chip is sampled then.
+    """Continue after SLEEP once the oscillator runs again; then the flag that woke the chip is sampled.
 
     Whatever woke the chip, the watchdog restarts: DS35007 section 6.11.2.
     """
@@ -128,7 +128,7 @@ def watchdog_in_doubt(s: Vector) -> None:
 
 
 @compiled
-def happen(s: Vector, edges: Vector, stim: Vector) -> None:
+def deliver_events(s: Vector, edges: Vector, stim: Vector) -> None:
     """Process everything that is due by now in order of cycles, a stimulus before other events of its cycle,
     and then waking.
     """
@@ -158,7 +158,7 @@ def happen(s: Vector, edges: Vector, stim: Vector) -> None:
 
 
 @compiled
-def attend(s: Vector, edges: Vector, stim: Vector) -> None:
+def service_interrupts(s: Vector, edges: Vector, stim: Vector) -> None:
     """Enter an interrupt if one is due and set `HORIZON`, after the events that are due have been
     processed.
     """
@@ -175,7 +175,7 @@ def attend(s: Vector, edges: Vector, stim: Vector) -> None:
         s[CYCLE] = s[IRQ_AT] + LATENCY
         s[IRQ_AT] = NEVER
         s[INTERRUPTS] += 1
-        happen(s, edges, stim)
+        deliver_events(s, edges, stim)
     horizon = next_event(s, stim)
     if s[IRQ_AT] < NEVER:
         horizon = min(horizon, s[IRQ_AT] + 1)

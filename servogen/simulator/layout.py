@@ -9,7 +9,7 @@ wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5
 from __future__ import annotations
 
 NEVER = 1 << 62
-"""A cycle that does not come."""
+"""A cycle that is never reached."""
 
 NOT_WRITTEN = 0x100
 """Set in a RAM slot until the program writes the byte."""
@@ -134,8 +134,8 @@ address of the instruction."""
 SLOTS = DRIVEN_FROM + 2 * 13
 
 GLITCH = 10
-"""Cycles for which a pin may be driven at an unknown level before it is written low: no servo answers a pulse
-as short."""
+"""The maximum cycles for which a pin may be driven at an unknown level before it is written low: no servo
+responds to such a short pulse."""
 
 T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
 GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01  # of INTCON: DS35007 section 2.3.3
@@ -150,7 +150,7 @@ MEMO_ROWS, MEMO_COLUMNS = 1 << 12, 5
 UNKNOWN = -1
 DEEPEST_RECORDING, RECORD = 8, 4
 REGION_BYTES = 7
-"""RAM bytes of a region at most: they are a memory's key, in 63 bits."""
+"""The maximum RAM bytes of a region, because they are a key of 63 bits in the memo."""
 REGION = 1 + REGION_BYTES
 
 # Reasons why the instruction loop returns to the host.

@@ -32,21 +32,21 @@ from servogen.simulator.warnings import CHIP_DEPENDENT, warnings_of
 from servogen.units import Clock, Cycles
 
 EDGE_ROOM = 1 << 16
-"""Edges that a chunk holds at most."""
+"""The maximum number of edges in a chunk."""
 EDGE_SLACK = 4 * len(PINS)
-"""Edges that one free run of instructions can add after the buffer was found not full."""
+"""The number of edges that a free run of instructions can add after the buffer was found not full."""
 
 SLICE = 1 << 28
-"""Cycles that are run without coming back to Python, so that an interrupt from the keyboard is heard."""
+"""The maximum cycles run without returning to Python, so that an interrupt from the keyboard is noticed."""
 
 VISITS = 1 << 11
-"""Rows that `Machine.visits` yields at most at once."""
+"""The maximum number of rows that `Machine.visits` yields at once."""
 
 Packed = npt.NDArray[np.int64]
 
 
 _RESTING = (at.AT_END, at.AT_BREAKPOINT)
-"""Why the loop came back for good."""
+"""The reasons of the loop's final return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Observation:
 
     counts: Packed = field(default_factory=lambda: np.zeros((PROGRAM_WORDS, 2), dtype=np.int64))
     trace: Packed = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
-    """As many rows as are to be kept before they are given; none: no trace."""
+    """The buffer for rows of the trace; empty for no trace."""
 
 
 _UNOBSERVED = Observation(np.zeros((0, 2), dtype=np.int64))
@@ -71,7 +71,7 @@ class Snapshot:
     state: Packed
     stimulus: Packed
     changes: Iterator[tuple[int, Packed]] | None
-    """What the stimulus still has to supply; never advanced itself."""
+    """The remaining changes of the stimulus; never advanced itself."""
     edges: Packed
 
 
@@ -240,7 +240,7 @@ class Machine:
 
         Returns None if there is no such edge within `limit` cycles. Breakpoints are ignored.
         """
-        self._s[at.EDGE_LIMIT] = 1  # comes back after every instruction that makes an edge
+        self._s[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
         try:
             for chunk in self._advance(self.cycles + limit, fast=True, breakpoints=frozenset()):
                 found = (chunk.pin == pin) & (chunk.level == level)

@@ -21,9 +21,9 @@ START_VALUES = {
     "rb-old": 0x0F,
     **{f"0x{address:02X}": 0xFF for address in range(RAM_FIRST, RAM_LAST + 1)},
 }
-"""What has no value at power-up (table 6-4 marks it "x"), and the largest value of each: all of the RAM or
-one byte of it; C, DC and Z; the latches as a word of the thirteen pins, RA0 first; what RB4 to RB7 are first
-compared with."""
+"""Everything without a value at power-up (marked "x" in table 6-4), with its largest value: the whole RAM or
+one byte of it; C, DC and Z; the latches as a word of the thirteen pins, RA0 first; the levels with which RB4
+to RB7 are first compared."""
 
 
 def start_value(text: str) -> tuple[str, int]:
@@ -45,7 +45,9 @@ class Options:
     """Times in microseconds. The defaults are the data sheet's typical values."""
 
     device: str = DEVICES[0].name
-    """The chip, which says how long an EEPROM write takes; all else that is simulated is the same on both."""
+    """The chip, which determines the duration of an EEPROM write; everything else is the same on both
+    chips.
+    """
     ra4_pull_up: bool = False
     """Whether RA4, an open drain, has a pull-up: with it a latch of 1 is HIGH (DS35007 section 4.1)."""
     watchdog_us: int = 18_000
@@ -54,8 +56,8 @@ class Options:
     """One EEPROM write. None: typical of `device` (parameter D122: PIC16F84 10 000, at most 20 000; PIC16F84A
     4000, at most 8000)."""
     tmr0_phase: int = 0
-    """For how many cycles, 0 to 3, TMR0 stands still after a write of OPTION_REG that changes its clock
-    (T0CS, PSA, or the ratio of its prescaler); the data sheets do not say."""
+    """The number of cycles, 0 to 3, for which TMR0 stands still after a write of OPTION_REG that changes its
+    clock (T0CS, PSA, or the ratio of its prescaler); the data sheets do not specify it."""
     power_up: bool = False
     """Whether cycle counts include the power-up timer (if the configuration word has it on) and the
     oscillator start-up timer: DS35007 sections 6.5 and 6.6."""
@@ -64,12 +66,13 @@ class Options:
     oscillator_start_up: bool = True
     """Whether a wake-up from SLEEP waits 1024 oscillator periods, as all but RC oscillators do (6.11)."""
     floating: int = 0
-    """How an undriven pin without pull-up reads: 0 or 1."""
+    """The level read from an undriven pin without pull-up: 0 or 1."""
     start_seed: int | None = None
-    """Draws from this seed what has no value at power-up, which is 0 else: RAM, W, FSR, C, DC and Z, TMR0,
-    the port latches, EEDATA, EEADR, WRERR, RBIF and what RB4 to RB7 are first compared with."""
+    """The seed from which values that are undefined at power-up are drawn; None: they are 0. These are RAM,
+    W, FSR, C, DC and Z, TMR0, the port latches, EEDATA, EEADR, WRERR, RBIF and the levels with which RB4 to
+    RB7 are first compared."""
     start: tuple[tuple[str, int], ...] = ()
-    """Values at power-up by name, of `START_VALUES`, in place of those; a later one counts."""
+    """Values at power-up, by names of `START_VALUES`, that override those; the last one of a name applies."""
 
     def __post_init__(self) -> None:
         for name, low, high in (

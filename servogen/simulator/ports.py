@@ -172,7 +172,7 @@ def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
     else:
         s[LATCH] = (s[LATCH] & A) | value << B_SHIFT
         s[LATCH_UNKNOWN] = (s[LATCH_UNKNOWN] & A) | bits << B_SHIFT
-        look(s)
+        read_port_b(s)
     if s[DRIVEN_UNKNOWN] & port:
         settle_unknown(s, at, port)
     if s[TRACKED] and bits:
@@ -182,7 +182,7 @@ def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
 
 
 @compiled
-def look(s: Vector) -> None:
+def read_port_b(s: Vector) -> None:
     """Read port B, so that its change interrupt compares with this value from now on."""
     s[RB_OLD] = s[PINS]
     s[RB_OLD_UNKNOWN] = s[PINS_UNKNOWN] & RB4_TO_7

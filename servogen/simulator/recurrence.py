@@ -1,5 +1,4 @@
-"""Proof for unlimited time: a machine that returns to an earlier state repeats the same behaviour from there
-on.
+"""Proof for unlimited time: a machine that returns to an earlier state repeats its behaviour from then on.
 
 In: an image, a clock, and a definition of where a frame starts. Out: a `Repeat` (lead-in and loop), or a
 `NoRepeat` with the reason and the time covered. For each frame start, a digest of 16 bytes of everything that

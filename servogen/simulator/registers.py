@@ -34,8 +34,8 @@ from servogen.simulator.ports import (
     A,
     B,
     compare,
-    look,
     port_write,
+    read_port_b,
     settle,
     tris_write,
     unknown_of_port,
@@ -53,7 +53,7 @@ def read_register(s: Vector, address: int, at: int, bits: int) -> int:
     if low == 0x06:
         if address & BANK_1:
             return s[TRIS] >> B_SHIFT
-        look(s)
+        read_port_b(s)
         return s[PINS] >> B_SHIFT | unknown_of_port(s, B, bits) << 8
     if low == 0x05:
         if address & BANK_1:

@@ -36,11 +36,11 @@ class ServoLoad:
     widths_us: tuple[float, ...]
     """At least two pulse widths, rising."""
     angles: tuple[float, ...]
-    """The angle of each, radians."""
+    """The angle for each width, in radians."""
     speed: float
-    """Radians a second."""
+    """The maximum speed in radians per second."""
     start: float = 0.0
-    """The angle at reset, radians."""
+    """The angle at reset in radians."""
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip(self.widths_us, self.widths_us[1:], strict=False))

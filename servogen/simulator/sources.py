@@ -20,7 +20,7 @@ from servogen.simulator.layout import MCLR_PIN, PACK_CYCLE, PACK_PIN
 from servogen.units import Clock
 
 RELEASED = UNDRIVEN
-"""The level of a pin that is let go."""
+"""The level of a pin that is released."""
 
 STIMULUS_PINS = (*PINS, "MCLR")
 
@@ -126,14 +126,14 @@ class Serial:
     pin: int
     data: bytes
     baud: Fraction
-    """Bits a second as the sender means them."""
+    """The nominal bits per second of the sender."""
     start: int = 0
     baud_error: Fraction = Fraction(0)
-    """By how much the sender is too fast: 0.02 is two per cent."""
+    """The sender's relative error: 0.02 is two per cent too fast."""
     inverted: bool = False
     stop_bits: int = 1
     gap: int = 0
-    """Idle cycles between two bytes beside the stop bits."""
+    """Idle cycles between two bytes in addition to the stop bits."""
 
     def changes(self, clock: Clock) -> Iterator[Change]:
         bit = clock.cycles_per_second / (self.baud * (1 + self.baud_error))

@@ -29,11 +29,11 @@ class State:
     registers: Mapping[str, int]
     """Every special function register by name; a port's latch is LATA or LATB, its pins PORTA or PORTB."""
     stack: tuple[int, ...]
-    """The eight levels, the one that a return takes first."""
+    """The eight levels, the top of the stack first."""
     stack_depth: int
     deepest_stack: int
     stack_wraps: int
-    """How often a ninth level was pushed or an empty stack popped."""
+    """The number of pushes of a ninth level and of pops from an empty stack."""
     eeprom: bytes
     sleeping: bool
     prescaler: int

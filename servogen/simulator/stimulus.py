@@ -22,7 +22,7 @@ from servogen.traces import NO_INPUTS, Inputs
 from servogen.units import Clock
 
 PIECE = 4096
-"""Changes in a piece at most."""
+"""The maximum number of changes in a piece."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
 
 
 def _pins_of(source: Source) -> Sequence[int]:
-    """Return the pins that a source may drive; all pins if it does not tell."""
+    """Return the pins that a source may drive; all pins if it does not state them."""
     match source:
         case Levels() | Periodic() | Button() | Serial():
             return (source.pin,)
@@ -122,11 +122,11 @@ def _check(piece: list[Change], before: int) -> int:
             raise InputError(
                 "bad-stimulus",
                 f"stimulus of {name} in cycle {change.cycle}, level {change.level}: "
-                "cycles may not fall, pins are RA0 to RB7 and MCLR, levels 0, 1 and 2 (let go)",
+                "cycles may not fall, pins are RA0 to RB7 and MCLR, levels 0, 1 and 2 (released)",
             )
         before = change.cycle
     return before
 
 
 _END = NEVER >> PACK_CYCLE
-"""The cycle from which on a change cannot be packed: no simulation is as long."""
+"""The first cycle at which a change cannot be packed; no simulation is that long."""

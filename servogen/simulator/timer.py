@@ -10,8 +10,8 @@ from the cycle. Before the anchor (the two cycles after a write) the timer stand
 T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator periods before the register changes
 (DS30430 figure 6-4, note 4): it is read as set one cycle before TMR0 is first read as 00h.
 
-The data sheets do not say when TMR0 begins to count by a clock that OPTION_REG has just given it: it stands
-still for `T0_PHASE` cycles first.
+The data sheets do not specify when TMR0 begins to count with a clock that OPTION_REG has just selected: it
+first stands still for `T0_PHASE` cycles.
 """
 
 from __future__ import annotations

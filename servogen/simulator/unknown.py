@@ -1,12 +1,12 @@
 # ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
-"""What has no value that every chip agrees on, and the first use of it. Compiled.
+"""Values that differ between chips, and their first use. Compiled.
 
 DS35007 table 6-4 marks with "x" what a power-on reset leaves undefined: RAM, W, FSR, TMR0, the port latches,
-EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. A pin that nobody drives reads as anything too. The
-simulator gives all of these a value, and beside it a mask of the bits that could be otherwise. The mask
-follows the data through every instruction: a bit of a result is known if no choice of the unknown bits
-changes it, as far as one instruction shows. Copying unknown bits is harmless; what counts is a *use*, by
-which they reach the program's course, its timing or its pins (its kind: `layout`). The first use is kept.
+EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. An undriven pin may also read as either level. The simulator
+gives all of these a value, and a mask of the bits that could differ. The mask follows the data through every
+instruction: a bit of a result is known if no choice of the unknown bits changes it, as far as a single
+instruction shows. Copying unknown bits is harmless; only a *use* matters, by which they affect the program's
+path, its timing or its pins (its kind: `layout`). The first use is kept.
 
 An unknown byte travels as one integer of 16 bits: the mask, and above it the source (`layout`) of one of its
 unknown bits, for the message.
@@ -58,7 +58,7 @@ _ANDWF, _ANDLW, _IORWF, _IORLW = OPS["ANDWF"], OPS["ANDLW"], OPS["IORWF"], OPS["
 _XORWF, _XORLW = OPS["XORWF"], OPS["XORLW"]
 _MOVF, _COMF, _INCF, _DECF = OPS["MOVF"], OPS["COMF"], OPS["INCF"], OPS["DECF"]
 _INCFSZ, _DECFSZ, _SWAPF = OPS["INCFSZ"], OPS["DECFSZ"], OPS["SWAPF"]
-_RLF, _RRF, _BCF, _BSF = OPS["RLF"], OPS["RRF"], OPS["BCF"], OPS["BSF"]
+_RLF, _RRF = OPS["RLF"], OPS["RRF"]
 
 
 @compiled
@@ -212,7 +212,7 @@ def doubt(s: Vector, counts: bool) -> None:
         return
     enabled = s[INTCON] >> 3 & 7
     if enabled & s[INTCON] & ~s[INTCON_UNKNOWN]:
-        return  # it comes anyway
+        return  # the interrupt comes anyway
     flags = enabled & s[INTCON_UNKNOWN]
     if flags:
         use(s, USE_INTERRUPT, flags, source_of_flag(s, flags))

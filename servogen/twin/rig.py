@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from servogen.errors import InputError, did_you_mean
 from servogen.job import Job
@@ -112,8 +112,3 @@ def _supply(job: Job, drives: Sequence[Drive]) -> tuple[Supply, list[str]]:
         return Supply(volts, feeds_chip=False, chip_minimum_v=least), said
     table = job.supply
     return Supply(table.voltage_v, table.resistance_ohm, table.limit_a, table.feeds_chip, least), []
-
-
-def with_supply(rig: Rig, supply: Supply) -> Rig:
-    """Return the rig on another supply."""
-    return replace(rig, supply=supply)

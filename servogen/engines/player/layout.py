@@ -102,30 +102,10 @@ class Layout:
         """Return the channels, slot by slot."""
         return tuple(channel for slot in self.slots for channel in slot.channels)
 
-    @property
-    def between_slots(self) -> Cycles:
-        """Return the minimum cycles from the kernel's end in a slot to the latest begin of the next slot."""
-        pairs = zip(self.slots, self.slots[1:], strict=False)
-        return Cycles(
-            min((_room(one, other, self.tick) for one, other in pairs), default=self.between_frames)
-        )
-
-    @property
-    def between_frames(self) -> Cycles:
-        """Return the minimum cycles from a frame's last slot to the latest begin of the next frame's
-        first.
-        """
-        return _room(self.slots[-1], self.slots[0], self.tick)
-
 
 def to_rise(tick: Cycles) -> Cycles:
     """Return the kernel's cycles from a slot's beginning to the rise of its pins, without the stagger."""
     return Cycles(3 * tick + 7)
-
-
-def _room(slot: Slot, following: Slot, tick: Cycles) -> Cycles:
-    # The kernel must have read the timer by the cycle before the next slot's beginning.
-    return Cycles(following.ticks * tick - 1 - to_rise(tick) - slot.longest - TAIL)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The sequence engine of a job: every pulse as near as whole cycles are, delays tuned on the simulator."""
+"""The sequence engine of a job: pulses rounded to the nearest whole cycles, delays tuned on the simulator."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A way through the program from one edge to the next that has a delay of its own.
+    """A path through the program from one edge to the next that has its own delay.
 
     `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
     "again" (from a frame to the same frame again), "turn" (from a call of step `owner` to its next call)

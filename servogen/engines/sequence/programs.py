@@ -59,9 +59,10 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """A step: `frames` times a position, or once a frame of its own (`position` None); then `after`.
+    """A step: a position repeated for `frames` frames, or a single frame of its own (`position` None); then
+    `after`.
 
-    All of it `turns` times, with `turn` between two of them in place of `after`.
+    The step is made `turns` times, with `turn` in place of `after` between two of them.
     """
 
     number: int
@@ -90,7 +91,7 @@ Step = Hold | Pause
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """The whole program. The first edge is `start` cycles and the way from reset after reset."""
+    """The whole program; its first edge comes `start` cycles, plus the overhead of that path, after reset."""
 
     schedule: PulseSchedule
     start: Cycles
@@ -99,9 +100,7 @@ class Sequence:
     loop: tuple[Step, ...]
 
     def walk(self) -> Iterator[tuple[Path, Cycles]]:
-        """Yield for each edge in turn, without an end, the path that ends in it and the requested delays on
-        it.
-        """
+        """Yield endlessly, edge by edge, the path that ends in the edge and the requested delays on it."""
         path, asked = START, self.start
         for step in self._steps():
             if isinstance(step, Pause):
@@ -126,5 +125,5 @@ class Sequence:
 
 
 def _owner(step: Hold) -> int:
-    """Return a position's number from 1, or for a frame of its own its step's number, below 0."""
+    """Return the number of a position (from 1), or a negative number for a step with its own frame."""
     return step.position.number if step.position else -step.number

@@ -20,10 +20,10 @@ from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
 
 MARGIN = Cycles(64)
-"""More cycles than any compiler's loop, return and call take between two frames."""
+"""A number of cycles larger than any compiler's loop, return and call take between two frames."""
 
 MAX_COUNTED = 255
-"""The greatest count of frames or calls: in one byte, so that its cycles do not depend on its value."""
+"""The maximum count of frames or calls: one byte, so that the cycles do not depend on its value."""
 
 FEW_FRAMES_A_CALL = 100
 """The smallest number of frames per call of a long run, if it can be divided into equal calls."""
@@ -61,7 +61,7 @@ def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A run that is made `turns` times."""
+    """A run that is repeated `turns` times."""
 
     run: Run
     turns: int = 1

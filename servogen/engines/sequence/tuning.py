@@ -1,4 +1,4 @@
-"""Measures the cycles that a compiler adds between two edges and renders the C again without them.
+"""Measures the cycles that a compiler adds between two edges, and renders the C again with shorter delays.
 
 In: a schedule, a dialect, a device. Out: `Firmware`: C text and HEX image in which every delay compensates
 for the statements around it. The overheads are measured on the simulator, never assumed: render, compile,
@@ -49,7 +49,7 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
     for _ in range(ROUNDS):
         program = sequence(schedule, overheads)
         steps = len(program.lead_in) + len(program.loop)
-        if steps > PROGRAM_WORDS:  # each is a call at least: refused before seconds of compiling
+        if steps > PROGRAM_WORDS:  # every step is at least one call: refuse it before seconds of compiling
             raise ResourceError(
                 "does-not-fit",
                 f"{title}: planned, but more than the sequence engine can hold: {steps} steps of one word or "

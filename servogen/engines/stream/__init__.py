@@ -1,1 +1,1 @@
-"""The stream engine as numbers: its protocol, its baud rates, the frame, the chip's behaviour."""
+"""The stream engine: its protocol, its baud rates, the frame, the chip's behaviour."""

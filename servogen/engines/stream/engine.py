@@ -26,14 +26,15 @@ from servogen.pulse.schedule import Input, PulseSchedule
 from servogen.units import Cycles
 
 TRIMS = 256
-"""Two trims of a byte are not further apart: so much more than its travel may a servo have to go."""
+"""The maximum distance between two trims, by which a servo's way to its goal can exceed its travel."""
 TITLE = "the stream engine"
 HINT = "fewer servos, or none on the other port"
 """The hint if the chip is too small."""
 
 
 def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
-    """Return the motion of the firmware without commands, the neutral pose, and its parts.
+    """Return the motion of the firmware without commands, which is the neutral pose, and its parts.
+
     Raises InputError.
     """
     if job.stream is None:
@@ -71,7 +72,9 @@ def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
 
 
 def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget, ...]:
-    """Return what the C takes to prepare a pulse, beside what the interrupts leave it, for every line."""
+    """Return the time that the C takes to prepare a pulse, and the time that interrupts leave it, on any
+    line.
+    """
     byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
     travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
     found = response(listing, streamed.layout.rounds, travel, BYTES * byte)

@@ -1,4 +1,4 @@
-"""The stream engine's frame: a slot for each servo, one after the other, all of as many rounds of TMR0.
+"""The stream engine's frame: one slot for each servo, all with the same number of rounds of TMR0.
 
 In: the servos and the requested frame. Out: `Layout`; InputError if the pulses do not fit.
 
@@ -24,12 +24,12 @@ ROUND = 256
 RISE = 152
 """TMR0 when a pulse begins."""
 LATEST = 80
-"""The latest fall, in cycles after TMR0 = RISE in the last round but one of its slot."""
+"""The latest fall, in cycles after TMR0 = RISE in the penultimate round of its slot."""
 MIN_WIDTH = Cycles(ROUND + MAX_TRIM + 1)
 REACTION_S = Fraction(10, 1000)
-"""The time after which a command counts in the next frame; two slots may pass before its pulse."""
+"""The time after which a command takes effect in the next frame; two slots may pass before its pulse."""
 C_ROUNDS = 9
-"""The rounds that the C may take to prepare a pulse and carry out a command."""
+"""The rounds reserved for the C to prepare a pulse and execute a command."""
 MAX_SLOTS = 60
 
 
@@ -59,7 +59,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
                 "pulse-too-short",
                 f"{servo.name}: a pulse of {width.minimum} cycles is shorter than {MIN_WIDTH}",
                 servo.place,
-                "take a faster clock, or narrow the servo's limits",
+                "use a faster clock, or narrow the servo's limits",
             )
     rounds = frame.period.cycles // ROUND
     minimum, maximum = max(C_ROUNDS, _rounds(widths)), _max_rounds(clock, baud)
@@ -69,7 +69,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
             f"the longest pulse needs a slot of {minimum} rounds of {ROUND} cycles; "
             f"commands at {baud} baud come after as few as {maximum}",
             frame.place,
-            "a lower rate, or narrow the servos' limits",
+            "use a lower rate, or narrow the servos' limits",
         )
     fits = [
         Layout(slots, min(rounds // slots, maximum))
@@ -88,7 +88,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
 
 
 def _max_rounds(clock: Clock, baud: int) -> int:
-    """Return the longest slot in rounds: a command is done before the next one is there, and counts soon
+    """Return the longest slot in rounds for which commands are executed in time and take effect soon
     enough.
     """
     command = clock.cycles_per_second / baud * BITS * BYTES * (1 - BAUD_ERROR)

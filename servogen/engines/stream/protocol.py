@@ -1,16 +1,17 @@
 """The stream engine's protocol: the meaning of three bytes, as data and pure functions.
 
-In: servo numbers (0 to 7, a job's order), widths in cycles, times in frames. Out: the bytes of a command; and
-back: which command the bytes are, which width a position commands.
+In: servo numbers (0 to 7, a job's order), widths in cycles, times in frames. Out: the bytes of a command, and
+conversely the command that bytes encode and the width that a position commands.
 
     FF n     p      position p of servo n                    width = min + p (max - min) / 254
     FF 40+n  s      up to s cycles per frame; 0: no limit
-    FF 80    0      a group begins: positions that follow wait, and their servos with them
-    FF 80    t      the group goes: all of it starts in one frame, and is there t frames later
+    FF 80    0      a group begins: the following positions wait, and so do their servos
+    FF 80    t      the group starts: all servos start in one frame and arrive t frames later
     FF C0+n  127+c  trim c of servo n, to the EEPROM
-    FF F0    q      the high byte of servo q's width, in cycles, is sent back; of q - 8's the low one
+    FF F0    q      the high byte of servo q's width, in cycles, is sent back; for q - 8 the low byte
 
-FF occurs only at the beginning, so that a receiver that has lost its place finds it with the next command.
+FF occurs only at the beginning, so that a receiver that has lost synchronisation regains it with the next
+command.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from servogen.units import Clock, Cycles
 
 SYNC = 0xFF
 MAX_VALUE = 254
-"""The greatest third byte: positions, frames, trims."""
+"""The maximum third byte: positions, frames, trims."""
 MAX_SERVOS = 8
 
 BYTES = 3
 BITS = 10
-"""Of a byte on the line: start, eight of data (lowest first), stop."""
+"""The bits of a byte on the line: start, eight data bits (lowest first), stop."""
 
 MAX_TRIM = 127
 TRIM_ZERO = 127
 NO_TRIM = 0xFF
-"""An erased byte of the EEPROM; as two's complement it is -1, which therefore is not a trim."""
+"""An erased byte of the EEPROM; in two's complement it is -1, which therefore cannot be a trim."""
 
 SCALE_BITS = 8
 ASK_LOW = 8
@@ -52,13 +53,13 @@ class Kind(Enum):
 
     @property
     def of_a_servo(self) -> bool:
-        """Return whether a servo's number is added to it."""
+        """Return whether a servo's number is added to the second byte."""
         return self in (Kind.POSITION, Kind.SPEED, Kind.TRIM)
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command; `servo` is 0 for kinds that concern all servos, `value` is the third byte."""
+    """A command; `servo` is 0 for kinds that apply to all servos, `value` is the third byte."""
 
     kind: Kind
     servo: int
@@ -121,7 +122,7 @@ def trim_command(servo: int, cycles: int) -> bytes:
 def query_command(servo: int, *, low: bool = False) -> bytes:
     """Return the command that asks for one byte of a servo's width in cycles, its trim included.
 
-    The chip receives nothing until it has answered, which takes up to three slots and a byte.
+    The chip does not receive until it has answered, which takes up to three slots and a byte.
     """
     if not 0 <= servo < MAX_SERVOS:
         raise InputError(
@@ -136,7 +137,9 @@ def _command(kind: Kind, servo: int, value: int) -> bytes:
             "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
         )
     if not 0 <= value <= MAX_VALUE:
-        raise InputError("bad-command", f"{value} is not a third byte of a command", hint=f"0 to {MAX_VALUE}")
+        raise InputError(
+            "bad-command", f"{value} cannot be the third byte of a command", hint=f"0 to {MAX_VALUE}"
+        )
     return Command(kind, servo, value).to_bytes()
 
 
@@ -152,14 +155,14 @@ def trim_cycles(byte: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """A servo's widths without trim; position p asks for `width(p)`, the chip's own arithmetic."""
+    """A servo's range of widths without trim; position p commands `width(p)`, computed as the chip does."""
 
     minimum: Cycles
     maximum: Cycles
 
     @property
     def scale(self) -> int:
-        """Return 256ths of a cycle per position, rounded: the factor with which the chip multiplies p."""
+        """Return the factor by which the chip multiplies p: 256ths of a cycle per position, rounded."""
         return (2 * (self.maximum - self.minimum << SCALE_BITS) + MAX_VALUE) // (2 * MAX_VALUE)
 
     def width(self, p: int) -> Cycles:
@@ -169,11 +172,11 @@ class Travel:
         return Cycles(self.minimum + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
 
     def nearest(self, width: float) -> int:
-        """Return the p whose width is nearest, the smaller of two; the end for a width beyond it."""
+        """Return the position whose width is nearest, the smaller of two; an end for a width beyond it."""
         return min(range(MAX_VALUE + 1), key=lambda p: (abs(self.width(p) - width), p))
 
 
 def travel(servo: Servo, clock: Clock) -> Travel:
-    """Return the widths of p = 0 and p = 254: the limits of the servo, its own trim included."""
+    """Return the widths of p = 0 and p = 254: the limits of the servo, including its own trim."""
     low, high = (clock.round_us(width).cycles for width in servo.widths_us)
     return Travel(low, high)

@@ -16,7 +16,7 @@ from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import Device, oscillator_for, registers
 
 NONE = 0xFE
-"""Stands for no command: no command begins with this byte."""
+"""The mark for "no command", a byte with which no command begins."""
 
 LAST = 80
 """Cycles from the last sample before an edge to the edge: the longest sample and the path to
@@ -24,7 +24,7 @@ st_exactly fit.
 """
 
 LATE = 92
-"""TMR0 from which on it is too late to divide a round in two: an edge before it took long."""
+"""TMR0 from which on it is too late to divide a round in two, because a preceding edge took long."""
 
 SECOND, LATEST_SECOND = 168, 184
 """TMR0 at the second sample of such a round; after the later time there is none."""
@@ -147,6 +147,6 @@ def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
 
 
 def _everybody(pins: list[str], two_ports: bool) -> str:
-    """Return all servos' bits: by number, or by pin if one port has them all."""
+    """Return the bits of all servos: by number, or by pin if all are on one port."""
     bits = range(len(pins)) if two_ports else [int(pin[2]) for pin in pins]
     return f"0x{sum(1 << bit for bit in bits):02X}"

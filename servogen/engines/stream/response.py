@@ -1,17 +1,17 @@
 """Whether the stream's C prepares every pulse before its slot: a bound over all lines, commands and widths.
 
 In: the words of a program, its frame layout, the travel of its servos. Out: `Response`: the cycles that the C
-needs, the fewest that the interrupts leave it in a slot, and whether the first always fit the second.
+needs, the minimum that the interrupts leave it in a slot, and whether the former always fits the latter.
 
-*What the interrupts leave.* TMR0 counts cycles and is only moved on by constants, so the interrupt's code
-knows the time. It is executed abstractly from the overflow on, for every latency, with the time known and
-what it received not: each test of a received bit, and of a counter of the receiver, goes both ways. The
-latest end of an interrupt is what the C has to wait for. A fall is followed for each of the 256 cycles of its
-round; where it ends in the next round, that round's interrupt begins then.
+*What the interrupts leave.* TMR0 counts cycles and is only advanced by constants, so the interrupt's code
+knows the time. The code is executed abstractly from the overflow on, for every latency, with the time known
+and the received data unknown: both outcomes of each test of a received bit, and of a counter of the receiver,
+are followed. The C has to wait for the latest end of an interrupt. A fall is followed for each of the 256
+cycles of its round; if it ends in the next round, that round's interrupt begins then.
 
-*What the C needs.* `pic.wcet` counts its longest paths: `prepare`, from the main loop's beginning until the
-request is cleared, and `execute`, from there to the loop's beginning with a command. A request finds the C in
-its loop, or at most one `execute` behind. Commands are at least three bytes of the line apart.
+*What the C needs.* `pic.wcet` counts its longest paths: `prepare`, from the beginning of the main loop until
+the request is cleared, and `execute`, from there to the loop's beginning with a command. At a request the C
+is in its loop, or at most one `execute` behind. Commands are at least three bytes of the line apart.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PORTS = (5, 6)
 MAX_END = 3 * ROUND
 MAX_STATES = 100_000
 MAX_SLOTS = 1000
-"""Slots after which C that is still behind is taken to fall behind ever more."""
+"""The number of slots after which C that is still behind is assumed to fall behind indefinitely."""
 MANY = 101
 """Interrupts that are left until an edge: not the last one. Odd: TMR0 shows the time."""
 FOLLOWED = ("ticks", "rest", "fine", "t")
@@ -73,19 +73,19 @@ CLEARED = -12
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """In cycles of the C; None where no bound was found."""
+    """Times in cycles of the C; None if no bound was found."""
 
     prepare: Cycles | None
     execute: Cycles | None
     supply: Cycles | None
-    """The fewest cycles that the interrupts leave the C in a slot."""
+    """The minimum cycles that the interrupts leave the C in a slot."""
     commands_apart: int
-    """Slots from one command to the next at least."""
+    """The minimum number of slots between two commands."""
 
     @property
     def after_command(self) -> Cycles | None:
-        """Return the most cycles from a request to its end with what a command has left undone; None if the
-        C falls behind ever more.
+        """Return the maximum cycles from a request to its completion, including work that commands have left
+        over; None if the C falls behind indefinitely.
         """
         if self.prepare is None or self.execute is None or self.supply is None:
             return None
@@ -117,8 +117,8 @@ class Response:
 def response(listing: Listing, rounds: int, max_travel: int, min_command: int) -> Response:
     """Return the bound for slots of `rounds` rounds of TMR0.
 
-    `max_travel`: the most cycles from a servo's width to its goal. `min_command`: cycles from one command to
-    the next at least.
+    `max_travel` is the maximum distance in cycles from a servo's width to its goal, `min_command` the minimum
+    cycles between two commands.
     """
     prepare, command, masked = _demand(listing, max_travel)
     supply = _supply(listing, rounds, masked)
@@ -144,7 +144,7 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     bounds = dict.fromkeys(mask, 2) | {whole: 1}
     changing = _changed_by_interrupt(listing)
     program = Program(words, listing.functions, changing=changing, bounds=bounds)
-    # The division takes one turn of this loop for each whole 256 cycles of way, with one frame left at least.
+    # The division takes one turn of this loop per 256 cycles of distance, with at least one frame left.
     turn = Program(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
     clear = _only(at for at in range(main.start, main.end) if words[at] == encode("ANDWF", f=due, d=1))
     enable = max(at for at in range(main.start, main.end) if words[at] == encode("MOVWF", f=INTCON))
@@ -207,8 +207,8 @@ class Round:
     _look_cycles: tuple[int, ...] = ()
 
     def left(self, begins: range) -> int | None:
-        """Return the fewest cycles that are left in a round without an edge whose first interrupt begins in
-        one of these cycles; None if no bound is found.
+        """Return the minimum cycles left in a round without an edge whose first interrupt begins in one of
+        `begins`; None if no bound is found.
         """
         fewest = ROUND
         for begin in begins:
@@ -223,7 +223,9 @@ class Round:
         return fewest
 
     def _left_after(self, begins: range, end: int) -> int | None:
-        """Return the fewest cycles left from the end of a round's first interrupt on, if it has a second."""
+        """Return the minimum cycles left after the end of a round's first interrupt if it has a second
+        one.
+        """
         fewest = ROUND
         usual = range(HALF + 2, HALF + LATENCY + 3 + self.masked)
         late = range(end, end + LATENCY + 3)
@@ -261,7 +263,7 @@ class Round:
         return now
 
     def looks(self) -> tuple[int, ...]:
-        """Return every time that a look at the line may take, whatever the receiver does."""
+        """Return all durations of a look at the line, whatever the receiver does."""
         if not self._look_cycles:
             found: set[int] = set()
             waiting: list[tuple[int, tuple[int, ...], int]] = [(self.look, (), 0)]
@@ -351,7 +353,7 @@ class Round:
         if word.writes_f:
             added = known.get(W)
             if word.name != "ADDWF" or added is None:
-                raise LookupError("TMR0 is written in a way that is not followed")
+                raise LookupError("TMR0 is written by an instruction that is not followed")
             if timer + added >= ROUND:
                 raise LookupError("TMR0 overflows because it is written")
             known[AHEAD] = (known.get(AHEAD, 0) + added - TMR0_STANDS) % ROUND
@@ -378,7 +380,7 @@ class Round:
 
 
 def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
-    """Return the fewest cycles that are left in a slot, from the request in the round of its rise on."""
+    """Return the minimum cycles left in a slot, from the request in the round of its rise on."""
     words = {row.address: row.word for row in listing.rows}
     exactly = encode("CALL", k=listing.label("st_exactly"))
     wait = _only(at for at, word in words.items() if word == exactly)
@@ -398,18 +400,18 @@ def _supply_of(
     rounds: int,
     masked: int,
 ) -> Cycles | None:
-    """Do the same for the interrupt's words: dialects that differ in the C only have the same ones."""
+    """Do the same for the interrupt's words, which are equal in dialects that differ only in the C."""
     one = Round(dict(words), dict(ram), look, edge, masked)
     latest = LATENCY + 2
     """The interrupt's latest first cycle: an instruction of two cycles delays it."""
     try:
         usual, rise = one.left(range(2, latest + 1)), one.end_after_edge(0, 0)
-        # Masked interrupts let the C run, and the round's two interrupts are over in time all the same.
+        # Masked interrupts let the C run, and the round's two interrupts are nevertheless over in time.
         if usual is None or rise is None or one.left(range(2, latest + masked + 1)) is None:
             return None
         with_fall = 2 * ROUND
         for fine in range(ROUND):
-            left = _least([_left_with_fall(one, rest, fine, usual) for rest in (1, MANY)])
+            left = _minimum([_left_with_fall(one, rest, fine, usual) for rest in (1, MANY)])
             if left is None:
                 return None
             with_fall = min(with_fall, left)
@@ -419,7 +421,7 @@ def _supply_of(
 
 
 def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
-    """Return the fewest cycles that are left in the round of a fall and the next one."""
+    """Return the minimum cycles left in the round of a fall and the next one."""
     fall = one.end_after_edge(rest, fine)
     if fall is None:
         return None
@@ -433,7 +435,7 @@ def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
     return None if late is None else max(0, ROUND - end) + min(late, usual)
 
 
-def _least(found: list[int | None]) -> int | None:
-    """Return the minimum; None if one of them has no bound."""
+def _minimum(found: list[int | None]) -> int | None:
+    """Return the minimum of all; None if one of them has no bound."""
     numbers = [number for number in found if number is not None]
     return min(numbers) if len(numbers) == len(found) else None

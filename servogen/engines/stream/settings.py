@@ -17,28 +17,28 @@ from servogen.units import Clock
 UNIT = 4
 """Cycles per unit of the receiver's clock; a bit's time is one byte of these."""
 MAX_UNITS = 255 - 32
-"""A byte minus the longest time between two samples."""
+"""The maximum units of a bit: a byte minus the longest time between two samples."""
 
 START_GAP, BIT_GAP = 114, 129
-"""The most cycles between two samples of the line: while a start bit is looked for, and within a byte."""
+"""The maximum cycles between two samples of the line: while searching for a start bit, and within a byte."""
 MASKED = 9
 """Cycles by which a write to the EEPROM can delay one sample of a byte (templates/stream/keep.asm)."""
 STAMP = 2
 """Cycles from the sample that sees a start bit to the reading of the time that belongs to it."""
 SAMPLE_AFTER = (20, 30)
-"""Cycles from the reading of the time to the sample of a bit, at least and at most."""
+"""The minimum and maximum cycles from the reading of the time to the sample of a bit."""
 STOP_AFTER = 22
-"""The same for the stop bit, at most."""
+"""The maximum cycles from the reading of the time to the sample of the stop bit."""
 
 BAUD_ERROR = Fraction(2, 100)
-"""The error allowed of a sender's rate."""
+"""The allowed relative error of a sender's rate."""
 
 HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """The serial line's rate and pins; after `silence_s` without a command the fail-safe comes."""
+    """The serial line's rate and pins; after `silence_s` without a command the fail-safe takes effect."""
 
     baud: int = 2400
     receive_pin: str = "RA4"
@@ -50,13 +50,13 @@ class Stream:
 
 
 USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
-"""The rates that are suggested when another is refused."""
+"""The rates that are suggested when another one is refused."""
 
 
 def bit_units(stream: Stream, clock: Clock) -> int:
     """Return a bit in units of 4 cycles, rounded. Raises InputError if the line cannot be received.
 
-    Every bit of a sender that is up to 2 % off must be sampled while it is on the line, see `_windows`.
+    Every bit of a sender that is up to 2 % off must be sampled while it is on the line: see `_windows`.
     """
     bit = clock.cycles_per_second / stream.baud
     units, (first, last) = round(bit / UNIT), _windows(bit)
@@ -89,7 +89,7 @@ def first_units(bit: Fraction) -> int:
 
 
 def _windows(bit: Fraction) -> tuple[int, int]:
-    """Return the least and the greatest `first_units` with which each bit is sampled within its time.
+    """Return the minimum and maximum `first_units` for which each bit is sampled within its time.
 
     Bit k (0: the start bit, 9: the stop bit) is sampled at the first look at which more than `first_units`
     and k times a bit's units have passed since the start bit's time stamp. A time stamp is rounded down to
@@ -113,7 +113,7 @@ def _windows(bit: Fraction) -> tuple[int, int]:
 
 
 def _latest_sample(bit: Fraction, k: int, first: int) -> int:
-    """Return the cycles from a byte's beginning to the sample of bit k at the latest."""
+    """Return the maximum cycles from the beginning of a byte to the sample of bit k."""
     due = UNIT * (first + 1 + k * round(bit / UNIT)) - 1
     after = STOP_AFTER if k == BITS - 1 else SAMPLE_AFTER[1]
     return START_GAP + STAMP + due + BIT_GAP + MASKED + after
@@ -130,5 +130,5 @@ def _rates(clock: Clock) -> str:
     return (
         f"at this clock: {', '.join(rates)} baud"
         if rates
-        else "no usual rate goes with this clock: take another"
+        else "no usual rate is possible with this clock: use another one"
     )

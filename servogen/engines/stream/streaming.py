@@ -1,4 +1,4 @@
-"""A stream job as numbers: frame, widths, fail-safe, and the schedule of an idle line.
+"""The numbers of a stream job: frame, widths, fail-safe, and the schedule of an idle line.
 
 In: the servos, the frame, the line. Out: `Streaming`, whose schedule is what the chip does without commands:
 the neutral pose, then the fail-safe's action.
@@ -23,7 +23,7 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 MIN_SILENCE = 5
-"""The shortest silence in frames: longer than a write to the EEPROM and the time between two commands."""
+"""The minimum silence in frames: longer than a write to the EEPROM and the time between two commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Streaming:
     neutral: tuple[Cycles, ...]
     silence_frames: int
     soft_frames: int
-    """The number of frames of the way to the neutral pose."""
+    """The number of frames in which the servos go to the neutral pose."""
 
 
 def streaming(
@@ -82,9 +82,9 @@ def streaming(
 def _soft_frames(
     seconds: Fraction, period_s: Fraction, place: Location | None
 ) -> tuple[int, tuple[Diagnostic, ...]]:
-    """Return the frames of the way to the neutral pose, and a warning if that is more than asked for.
+    """Return the number of frames for going to the neutral pose, and a warning if that exceeds the request.
 
-    Raises InputError for more frames than a group of positions counts.
+    Raises InputError for more frames than a group of positions can count.
     """
     frames = round(seconds / period_s)
     if frames > MAX_VALUE:
@@ -96,7 +96,7 @@ def _soft_frames(
         )
     if frames:
         return frames, ()
-    text = f"the way to the neutral pose takes one frame, {float(period_s):g} s, not {float(seconds):g} s"
+    text = f"going to the neutral pose takes one frame, {float(period_s):g} s, not {float(seconds):g} s"
     return 1, (Diagnostic("warning", "soft-start-rounded", text, place),)
 
 
@@ -109,7 +109,7 @@ def _schedule(
     soft: int,
     fail_safe: str,
 ) -> PulseSchedule:
-    """Return the neutral pose until after the fail-safe has acted, and then its result."""
+    """Return the schedule of the neutral pose until the fail-safe has acted, and then of its result."""
     channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
     pulses = tuple(Pulse(slots.rise(number), width) for number, width in enumerate(neutral))
     if fail_safe == OFF:
