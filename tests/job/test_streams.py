@@ -181,7 +181,7 @@ def test_a_soft_start_longer_than_a_group_counts_is_refused_and_not_shortened() 
 def test_no_soft_start_takes_one_frame_and_says_so() -> None:
     made = planned(plan_job(loads(soft_start(0.0), "job.toml")))
     assert [each.message for each in made.plan.warnings if each.code == "soft-start-rounded"] == [
-        f"the way to the neutral pose takes one frame, "
+        f"going to the neutral pose takes one frame, "
         f"{float(made.job.clock.seconds(made.plan.schedule.period)):g} s, not 0 s"
     ]
     usual = planned(plan_job(loads(soft_start(1.0), "job.toml")))
