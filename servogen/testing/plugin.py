@@ -49,6 +49,8 @@ CAPTURES = "servogen-captures"
 """The folder, below pytest's root, where what a failed test saw is written."""
 
 
+ON_THE_CHIP = "what was on the chip"
+"""The program, where nobody has programmed the chip."""
 MARK_KEYS = ("image", "schedule", "seconds", "stimulus")
 
 BENCH: pytest.StashKey[Bench] = pytest.StashKey()
@@ -152,7 +154,9 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 @pytest.fixture
 def servogen_program(request: pytest.FixtureRequest) -> Program:
     """Return the program under test, compiled or assembled if it is C or assembly."""
-    return _program(request.node, _required(request.node, "image"))
+    path = _required(request.node, "image")
+    _tested(request.node, path)
+    return _program(request.node, path)
 
 
 @pytest.fixture
@@ -212,7 +216,7 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
     schedule = None if named is None else _schedule(node, named)
     program = None
     if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
-        node.user_properties.append(("servogen_program", "what was on the chip"))
+        _state(node, "servogen_program", ON_THE_CHIP)
     elif not isinstance(servogen_target, Replay):
         program = request.getfixturevalue("servogen_program")
     clock = schedule.clock if schedule else _clock(node, program)
@@ -263,6 +267,10 @@ def servogen_machine(
     ) -> Chip:
         path = _required(node, "image") if program is None else _beside(node, Path(program))
         made = _program(node, path, device)
+        if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
+            _state(node, "servogen_program", ON_THE_CHIP)
+        elif not isinstance(servogen_target, Replay):
+            _tested(node, path)
         clock = clock_of(made, clock_hz)
         given = stimulus if stimulus is not None else _mark(node).get("stimulus")
         stimuli = _stimuli(node, given, clock)
@@ -364,9 +372,8 @@ def _required(node: pytest.Item, key: str) -> Path:
 
 def _program(node: pytest.Item, path: Path, device: str | None = None) -> Program:
     """Return the program in a file, which is compiled once for all tests of this run."""
-    from servogen.programs import program_file, read_program
+    from servogen.programs import read_program
 
-    _property(node, "servogen_program", program_file(path))
     known = node.config.stash.setdefault(PROGRAMS, {})
     if (path, device) not in known:
         known[path, device] = read_program(path, device)
@@ -429,8 +436,20 @@ def _seen_of_chips(node: pytest.Item) -> list[tuple[str, Seen]]:
 def _property(node: pytest.Item, name: str, path: Path) -> None:
     inside = path.is_relative_to(node.config.rootpath)
     shown = path.relative_to(node.config.rootpath) if inside else path
-    if (name, shown.as_posix()) not in node.user_properties:
-        node.user_properties.append((name, shown.as_posix()))
+    _state(node, name, shown.as_posix())
+
+
+def _state(node: pytest.Item, name: str, value: str) -> None:
+    """State a property of the test in its report, once."""
+    if (name, value) not in node.user_properties:
+        node.user_properties.append((name, value))
+
+
+def _tested(node: pytest.Item, path: Path) -> None:
+    """State in the test's report which program it tests."""
+    from servogen.programs import program_file
+
+    _property(node, "servogen_program", program_file(path))
 
 
 def _name(node: pytest.Item) -> str:

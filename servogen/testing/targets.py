@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
+from servogen.bench.analysers.memory import TYPICAL_PERIOD_S
 from servogen.bench.programmers.flash import flash, objections
 from servogen.bench.programmers.table import Order, find
 from servogen.build.capture import CaptureSettings, capture
@@ -42,6 +43,10 @@ from servogen.traces.captures import Capture as CaptureFile
 from servogen.traces.captures import is_capture, read_capture
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
+
+ATTEMPTS = 5
+"""How often a capture without a schedule is made at most until it is long enough."""
+MARGIN = 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,13 +253,30 @@ class Bench:
     def capture(self, request: CaptureRequest) -> Seen:
         """Return what the analyser captures, by default for the schedule's whole loop. Raises ToolError.
 
-        Without a schedule nothing says which pin moves, and the capture begins at once.
+        Without a schedule nothing says which pin moves, and the capture begins at once; nor how often the
+        pins change: a capture that is too short is repeated with more of the analyser's memory.
         """
-        seconds = request.seconds if request.schedule else float(request.clock.seconds(request.cycles))
-        looking = CaptureSettings() if request.schedule else CaptureSettings(triggered=False)
+        if request.schedule is not None:
+            return self._captured(request, request.seconds)
+        wanted = asked = float(request.clock.seconds(request.cycles))
+        held = 0.0
+        for _ in range(ATTEMPTS):
+            seen = self._captured(request, asked)
+            held = float(seen.trace.clock.seconds(seen.trace.end))
+            if held >= wanted:
+                return seen
+            asked = max(asked, float(TYPICAL_PERIOD_S)) * MARGIN * wanted / held
+        raise InputError(
+            "analyser-memory",
+            f"the analyser's memory was full after {1000 * held:.4g} ms of the {1000 * wanted:g} ms to be seen",
+            hint="look for less: the pins change too often for a longer capture",
+        )
+
+    def _captured(self, request: CaptureRequest, seconds: float | None) -> Seen:
+        settings = CaptureSettings(triggered=request.schedule is not None)
         self.captures += 1
         output = self.folder / f"capture-{self.captures}.vcd"
-        path = capture(output, self.port, request.schedule, seconds, looking).path
+        path = capture(output, self.port, request.schedule, seconds, settings).path
         which = "which this run programmed" if self.on_chip else "which this run did not program"
         return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")
 

@@ -9,8 +9,12 @@ import pytest
 # Here, so that the runs inside this process find them and do not load them each anew.
 import servogen.testing.chip
 import servogen.testing.seen_chip
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
+from servogen.bench.virtual.chip import VirtualChip
 from servogen.pic.assembler import assemble
 from servogen.pic.image import to_hex
+from servogen.units import Clock
+from tests.bench.conftest import Serve, serve  # noqa: F401 - a fixture
 from tests.simulator.helpers import HEAD, WATCHDOG_OFF
 
 BLINK = f"""{HEAD}{WATCHDOG_OFF}
@@ -95,15 +99,9 @@ def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: py
         "test_blink-test_inputs.vcd",
         "test_blink-test_inputs-chip2.vcd",
     }
-    cases = ElementTree.parse(project.path / "report.xml").iter("testcase")
-    programs = {
-        str(case.get("name")): [
-            str(each.get("value")) for each in case.iter("property") if each.get("name") == "servogen_program"
-        ]
-        for case in cases
-    }
-    assert programs["test_capture"] == ["blink.asm"]
-    assert programs["test_hex_and_assembly_at_another_clock"] == ["blink.asm", "blink.hex", "built/main.hex"]
+    programs = programs_of(project)
+    assert programs["test_capture"] == ("blink.asm",)
+    assert programs["test_hex_and_assembly_at_another_clock"] == ("blink.asm", "blink.hex", "built/main.hex")
     replayed = run(project, "--servogen-replay=seen", "-k", "capture or machine or inputs")
     replayed.assert_outcomes(passed=2, skipped=1, deselected=1)
     replayed.stdout.fnmatch_lines(["*needs the simulated chip: chip.pin; on the bench and on recordings*"])
@@ -134,6 +132,51 @@ def test_a_chip_with_too_many_edges_fails_its_test_alone(
     result = run(project, "-k", "machine or inputs")
     result.assert_outcomes(failed=1, passed=1, deselected=2)
     result.stdout.fnmatch_lines(["*nothing is written:*more than 5*", "*servogen waves*", "*more than 5*"])
+
+
+def test_without_a_programmer_nobody_claims_that_the_program_was_tested(
+    project: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+) -> None:
+    """The chip's own program makes pulses of 3 cycles in 6; the test names another one."""
+    pulses = BLINK.replace("movf    PORTA, w", "bsf PORTB, 0\n nop\n nop\n bcf PORTB, 0\n goto loop")
+    chip = VirtualChip(assemble(pulses, "pulses.asm").image, Clock(4_000_000))
+    port = serve({"analyser": VirtualAnalyser(chip, AnalyserOptions())}).paths["analyser"]
+    project.makepyfile(
+        test_pulses="""
+        import pytest
+        from servogen.errors import InputError
+
+        def test_run(servogen_machine):
+            chip = servogen_machine("blink.asm")
+            chip.run_us(300)
+            assert set(chip.widths("RB0")) == {3}
+            with pytest.raises(InputError, match="the analyser's memory is too small"):
+                chip.run_ms(100)
+            assert chip.us == 300
+
+        @pytest.mark.servogen("blink.asm", seconds=0.0003)
+        def test_capture(servogen_capture):
+            assert servogen_capture.periods("RB0")[:4] == [6] * 4
+
+        def test_a_word_that_is_misspelt(servogen_machine):
+            servogen_machine("blink.asm").width("RB0")
+        """
+    )
+    result = run(project, "--servogen-target=bench", f"--servogen-port={port}", "--junitxml=report.xml")
+    result.assert_outcomes(passed=1, skipped=1, failed=1)
+    result.stdout.fnmatch_lines(["*a chip has no 'width'*", "*needs the simulated chip: chip.us*"])
+    assert set(programs_of(project).values()) == {("what was on the chip",)}
+
+
+def programs_of(project: pytest.Pytester) -> dict[str, tuple[str, ...]]:
+    """Return the programs that the report names, by test."""
+    return {
+        str(case.get("name")): tuple(
+            str(each.get("value")) for each in case.iter("property") if each.get("name") == "servogen_program"
+        )
+        for case in ElementTree.parse(project.path / "report.xml").iter("testcase")
+    }
 
 
 def test_what_the_bench_cannot_do_is_skipped_with_the_reason(project: pytest.Pytester) -> None:
