@@ -268,7 +268,7 @@ class Bench:
             asked = max(asked, float(TYPICAL_PERIOD_S)) * MARGIN * wanted / held
         raise InputError(
             "analyser-memory",
-            f"the analyser's memory was full after {1000 * held:.4g} ms of the {1000 * wanted:g} ms to be seen",
+            f"the analyser's memory was full after {1000 * held:.4g} ms, not {1000 * wanted:g} ms",
             hint="look for less: the pins change too often for a longer capture",
         )
 
