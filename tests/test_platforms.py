@@ -5,6 +5,7 @@ asks for or imports is what it would be there. docs/platforms.md says the same.
 """
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -95,3 +96,20 @@ def test_the_page_says_what_is_refused(command: str) -> None:
     row = next(line for line in PAGE.splitlines() if line.startswith("| `") and f"`{command}`" in line)
     linux, macos, windows = (cell.strip() for cell in row.split("|")[2:5])
     assert (linux, macos, windows[:3]) == ("yes", "yes", "no:")
+
+
+POSIX_ONLY = {"fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"}
+
+
+def unguarded(text: str) -> list[str]:
+    """Return the modules of POSIX systems that are imported at the top, whatever the system is: what stands
+    below `if os.name` or `try` is indented.
+    """
+    return [name for name in re.findall(r"^(?:import|from) (\w+)", text, re.M) if name in POSIX_ONLY]
+
+
+def test_no_module_needs_what_only_posix_systems_have() -> None:
+    files = sorted((ROOT / "servogen").rglob("*.py"))
+    assert len(files) > 300
+    assert {str(file): names for file in files if (names := unguarded(file.read_text("utf-8")))} == {}
+    assert unguarded("import os\nimport tty\nif os.name == 'posix':\n    import pty\n") == ["tty"]

@@ -2,12 +2,13 @@
 
 import json
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.bench.conftest import Ran, Run, run  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / ".vscode"
@@ -33,21 +34,29 @@ def task(label: str) -> dict[str, Any]:
     return found
 
 
-def ran(label: str, folder: Path, file: str) -> subprocess.CompletedProcess[str]:
+Start = Callable[[str, Path, str], Ran]
+
+
+@pytest.fixture
+def ran(run: Run, monkeypatch: pytest.MonkeyPatch) -> Start:  # noqa: F811
     """Run a task on a file, with the variables that VS Code replaces."""
-    variables = {
-        "file": str(folder / file),
-        "fileDirname": str(folder),
-        "fileBasenameNoExtension": Path(file).stem,
-        "workspaceFolder": str(folder),
-    }
-    arguments = [
-        re.sub(r"\$\{(\w+)\}", lambda found: variables[found[1]], each) for each in task(label)["args"]
-    ]
-    assert task(label)["command"] == "servogen"
-    return subprocess.run(
-        [sys.executable, "-m", "servogen", *arguments], cwd=folder, capture_output=True, text=True
-    )
+
+    def start(label: str, folder: Path, file: str) -> Ran:
+        variables = {
+            "file": str(folder / file),
+            "fileDirname": str(folder),
+            "fileBasenameNoExtension": Path(file).stem,
+            "workspaceFolder": str(folder),
+        }
+        given = task(label)
+        arguments = [
+            re.sub(r"\$\{(\w+)\}", lambda found: variables[found[1]], each) for each in given["args"]
+        ]
+        assert given["command"] == "servogen"
+        monkeypatch.chdir(folder)
+        return run(*arguments)
+
+    return start
 
 
 def problems(label: str, output: str) -> list[dict[str, str]]:
@@ -68,36 +77,36 @@ WRONG = [
 
 @pytest.mark.parametrize(("label", "name", "text", "expected"), WRONG, ids=[each[0] for each in WRONG])
 def test_the_problem_matcher_finds_every_problem_at_its_place(
-    tmp_path: Path, label: str, name: str, text: str, expected: list[tuple[str, str | None, str]]
+    ran: Start, tmp_path: Path, label: str, name: str, text: str, expected: list[tuple[str, str | None, str]]
 ) -> None:
     (tmp_path / name).write_text(text, "utf-8")
     done = ran(label, tmp_path, name)
-    assert done.returncode == 2
-    found = [each for each in problems(label, done.stderr) if each["severity"] == "error"]
-    assert len(found) == len(expected), done.stderr
+    assert done.code == 2
+    found = [each for each in problems(label, done.err) if each["severity"] == "error"]
+    assert len(found) == len(expected), done.err
     for each, (severity, code, word) in zip(found, expected, strict=True):
         assert each["file"] == str(tmp_path / name)
         assert word in text.splitlines()[int(each["line"]) - 1]
         assert each["severity"] == severity and each["code"] == (code or each["code"])
         assert int(each["column"] or 1) >= 1 and each["message"]
-    reported = re.findall(r"^.*\b(?:error|warning|note): .*\]$", done.stderr, re.M)
-    assert len(problems(label, done.stderr)) == len(reported), "a line that the matcher does not find"
+    reported = re.findall(r"^.*\b(?:error|warning|note): .*\]$", done.err, re.M)
+    assert len(problems(label, done.err)) == len(reported), "a line that the matcher does not find"
 
 
-def test_a_warning_is_found_too(tmp_path: Path) -> None:
+def test_a_warning_is_found_too(ran: Start, tmp_path: Path) -> None:
     text = "#include <xc.h>\nvoid main(void) { PORTB = 0x1FF; while (1) ; }\n"
     (tmp_path / "main.c").write_text(text)
     done = ran("compile the C", tmp_path, "main.c")
-    assert done.returncode == 0
-    assert {each["severity"] for each in problems("compile the C", done.stderr)} == {"warning"}, done.stderr
+    assert done.code == 0
+    assert {each["severity"] for each in problems("compile the C", done.err)} == {"warning"}, done.err
 
 
-def test_a_right_file_has_no_problems_and_the_task_writes_what_it_says(tmp_path: Path) -> None:
+def test_a_right_file_has_no_problems_and_the_task_writes_what_it_says(ran: Start, tmp_path: Path) -> None:
     (tmp_path / "arm.toml").write_text(JOB, "utf-8")
     done = ran("check the job", tmp_path, "arm.toml")
-    assert done.returncode == 0 and problems("check the job", done.stdout + done.stderr) == []
+    assert done.code == 0 and problems("check the job", done.out + done.err) == []
     (tmp_path / ".vscode").mkdir()
-    assert ran("schema of job files", tmp_path, "arm.toml").returncode == 0
+    assert ran("schema of job files", tmp_path, "arm.toml").code == 0
     associations = json.loads((FOLDER / "settings.json").read_text())["evenBetterToml.schema.associations"]
     ((pattern, schema),) = associations.items()
     assert (tmp_path / schema).is_file()

@@ -24,6 +24,7 @@ import yaml
 
 from servogen.grade import Check, load_lab, refused
 from servogen.grade.formats import Entry, csv_text, gradescope_json, junit_xml
+from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ROOT / "tests" / "grade" / "programs"
@@ -304,14 +305,18 @@ def test_the_workflow_of_the_page_grades_a_repository(out: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize("count", [0, 2])
-def test_a_submission_without_one_program_gets_no_points_and_the_reason(tmp_path: Path, count: int) -> None:
+def test_a_submission_without_one_program_gets_no_points_and_the_reason(
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+    count: int,
+) -> None:
     (tmp_path / "submission").mkdir()
     for number in range(count):
         shutil.copy(PROGRAMS / "lab8-wrong" / "syntax.c", tmp_path / "submission" / f"main{number}.c")
-    options = "submission --level 0 --gradescope results.json --classroom result.json"
-    done = servogen("grade", "lab8-exercise", *options.split(), cwd=tmp_path)
-    assert done.returncode == 2
-    assert ("no-program" if count == 0 else "several-programs") in done.stderr
+    files = ("--gradescope", tmp_path / "results.json", "--classroom", tmp_path / "result.json")
+    done = run("grade", "lab8-exercise", tmp_path / "submission", "--level", 0, *files)
+    assert done.code == 2
+    assert ("no-program" if count == 0 else "several-programs") in done.err
     results = json.loads((tmp_path / "results.json").read_text())
     assert gradescope_problems(results) == [] and gradescope_score(results) == 0
     assert ("no program" if count == 0 else "main0.c, main1.c") in results["output"]
