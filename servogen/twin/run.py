@@ -223,6 +223,7 @@ class _Run:
     def done(self) -> Record:
         """Run to the end and return the record."""
         waiting: list[Pulse] = []
+        before = self.world.energy() if self.world.energies else 0.0
         end = self._end(None)
         step = 0
         self._levels(0)
@@ -246,6 +247,8 @@ class _Run:
                 end = self._end(self.first_pulse)
         if not np.isfinite(self.world.data.qpos).all():
             raise InputError("unstable", f"{self.job.name}: the physics diverged")
+        if self.world.energies:
+            self.world.energies.gained = self.world.energy() - before
         return self._record()
 
     def _edges(self, cycle: int) -> Iterator[Pulse]:

@@ -66,11 +66,15 @@ class State:
 
 @dataclass(slots=True)
 class Energies:
-    """What went through the motors so far, J: from the supply, into copper and gears, to the joints."""
+    """Energies so far, J: from the supply, into copper and gears, to the joints; of the work at the joints,
+    what contacts, stops, springs and dry friction took, and what the bodies have gained.
+    """
 
     electric: float = 0.0
     heat: float = 0.0
     work: float = 0.0
+    taken: float = 0.0
+    gained: float = 0.0
 
 
 class World:
@@ -116,20 +120,30 @@ class World:
         self._emf = b.speed_constant / b.resistance * self._unbroken
         self._per_band = 1.0 / b.band
         # MuJoCo's arrays stay where they are: looking each up again in every step takes a microsecond.
-        self._length: Floats = self.data.actuator_length
-        self._velocity: Floats = self.data.actuator_velocity
+        joints = self.model.actuator_trnid[:, 0]
+        self._places = self.model.jnt_qposadr[joints]
+        self._speeds = self.model.jnt_dofadr[joints]
+        self._gear: Floats = self.model.actuator_gear[:, 0].copy()
+        self._position: Floats = self.data.qpos
+        self._motion: Floats = self.data.qvel
         self._ctrl: Floats = self.data.ctrl
         if count:
             self.model.actuator_gainprm[:, 0] = self._gain * self._unbroken
-        self._damping = self._gain * b.speed_constant
+        self._half_emf = b.speed_constant / 2
         self._set_driven()
         self.energies: Energies | None = None
         """Kept where a caller puts an account here before the first step."""
 
     def _set_driven(self) -> None:
-        """Tell MuJoCo which motors' circuits are closed: only those brake by their own voltage."""
+        """Tell MuJoCo which motors' circuits are closed: only those brake by their own voltage.
+
+        Half of that voltage is of the speed at the end of the step, which MuJoCo solves for; the other half,
+        of the speed at its beginning, is part of the control. With the speed at the end alone each step would
+        take Ke i Δω/2 more from the supply than it turns into heat and work: 2.6 % of all in a walk.
+        """
+        self._braking = self._half_emf * self.state.driven
         if len(self._wirings):
-            self.model.actuator_biasprm[:, 2] = -self._damping * self.state.driven * self._unbroken
+            self.model.actuator_biasprm[:, 2] = -self._gain * self._braking * self._unbroken
 
     def place(self, positions: dict[str, float], height: float | None = None) -> None:
         """Put joints (or the free body's height) in their starting positions, at rest."""
@@ -157,25 +171,30 @@ class World:
             self._set_driven()
             ends = (hot.last + hot.lost_after + 1)[hot.driven > 0]
             hot.wake = int(ends.min(initial=FOREVER))
-        speed, duty = self._velocity, self._next_duty()
+        speed = self._motion.take(self._speeds)  # MuJoCo's own list is that before its last step
+        speed *= self._gear
+        duty = self._next_duty(speed)
         a = float((duty * duty) @ self._per_resistance)
         back = float((duty * speed) @ self._emf)
         self.voltage, self.current = self.supply.under(b.idle_a, a, back)
         self.duty = duty
         np.multiply(duty, self.voltage, out=self._ctrl)
+        self._ctrl -= self._braking * speed
         if self.energies is None:
             self._step_once(self.model, data)
         else:
-            before = speed.copy()
+            before = self._motion.copy()
             self._step_once(self.model, data)
-            self._keep_account(self.energies, before, data.actuator_velocity)
+            self._keep_account(self.energies, (before + self._motion) / 2)
         self.step += 1
 
-    def _next_duty(self) -> Floats:
+    def _next_duty(self, speed: Floats) -> Floats:
         """Return the bridges' duties for the errors that the electronics see now."""
         state, b = self.state, self._bank
-        error = state.target - self._length
-        error -= b.damping * self._velocity
+        error = self._position.take(self._places)
+        error *= self._gear
+        np.subtract(state.target, error, out=error)
+        error -= b.damping * speed
         duty: Floats = np.abs(error)
         duty -= b.dead_band
         duty *= self._per_band
@@ -188,11 +207,13 @@ class World:
         duty *= state.driven
         return duty
 
-    def _keep_account(self, account: Energies, before: Floats, after: Floats) -> None:
-        """Add this step's energies. The integrator's force is that of the speed at the end of the step."""
-        b, mean = self._bank, (before + after) / 2
+    def _keep_account(self, account: Energies, motion: Floats) -> None:
+        """Add this step's energies, with the mean speeds in it."""
+        b, mean = self._bank, self._gear * motion[self._speeds]
+        resisting = self.data.qfrc_constraint + self.data.qfrc_passive
+        account.taken -= float(resisting @ motion) * self.step_s
         terminal = self.duty * self.voltage * self._unbroken
-        amperes = (terminal - b.speed_constant * after) * self._per_resistance * self.state.driven
+        amperes = (terminal - b.speed_constant * mean) * self._per_resistance * self.state.driven
         copper = b.resistance * amperes**2
         gear = (b.speed_constant - b.torque_constant) * amperes * mean
         account.electric += float(terminal @ amperes) * self.step_s

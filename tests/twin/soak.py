@@ -137,8 +137,12 @@ def steps() -> None:
             seen = walking(rows, extra=SUPPLIED).twin(Settings(steps_per_ms=per_ms, energies=True))
             account = seen.record.energies
             assert account is not None
-            lost = 1 - (account.heat + account.work) / account.electric
-            print(f"{name}, {1 / per_ms:g} ms: {shown(seen)}, {account.electric:.2f} J, {100 * lost:.2f} %")
+            lost = 1 - (account.heat + account.taken + account.gained) / account.electric
+            print(
+                f"{name}, {1 / per_ms:g} ms: {shown(seen)}, {account.electric:.2f} J from the supply, "
+                f"contacts took {account.taken:.3f} J, the bodies gained {account.gained:.3f} J, "
+                f"missing {100 * lost:.3f} %"
+            )
 
 
 TABLES = {each.__name__: each for each in (way, turn, specimens, causes, oracle, rough, steps)}

@@ -125,10 +125,10 @@ def test_lock_step_is_repeatable_and_does_not_depend_on_the_chunk(bench: Path) -
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ('pin = "RA0"', 'pin = "RB1"', "RB1 is taken by lift"),
+        ('pin = "RA0"', 'pin = "RB1"', "RB1 is in use: lift"),
         ('pin = "RA0"', 'pin = "RC0"', "unknown pin 'RC0'"),
         ('of = "L2"', 'of = "L3"', "no leg 'L3'"),
-        ('of = "L2"', "", "which leg does it watch"),
+        ('of = "L2"', "", "does not state which leg it watches"),
         ('kind = "foot"\nof = "L2"', 'kind = "end-stop"\nof = "L2_beta"', "an end stop needs its position"),
         ('kind = "foot"\nof = "L2"', 'kind = "stall"', "a stall comparator needs its current"),
     ],
