@@ -39,7 +39,7 @@ def test_import_loads_nothing_and_build_is_a_function_and_a_package() -> None:
     )
     code += "from servogen import build; import servogen.build.proof; assert callable(build) and build.write"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "['servogen']\n"
+    assert done.stdout == "servogen\n"
     assert callable(servogen.build) and servogen.build.write is write  # type: ignore[attr-defined]
     assert {"load", "build", "simulate", "plot"} <= set(dir(servogen))
     with pytest.raises(AttributeError, match="has no attribute 'biuld'"):
