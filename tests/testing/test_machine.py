@@ -17,6 +17,8 @@ from servogen.units import Clock
 from tests.bench.conftest import Serve, serve  # noqa: F401 - a fixture
 from tests.simulator.helpers import HEAD, WATCHDOG_OFF
 
+pytest_plugins = ["pytester"]
+
 BLINK = f"""{HEAD}{WATCHDOG_OFF}
         bsf     STATUS, RP0
         movlw   0xFE

@@ -13,6 +13,8 @@ import servogen.testing.seen_chip  # noqa: F401
 from tests.bench.conftest import running
 from tests.testing.page import JOB, PAGE, PROGRAMS, TESTS, bench_options, write
 
+pytest_plugins = ["pytester"]
+
 NAMES = [name.removesuffix(".c") for name in PROGRAMS]
 
 BROKEN = {

@@ -19,6 +19,8 @@ from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from tests.bench.conftest import Serve, image_of, serve  # noqa: F401 - a fixture
 
+pytest_plugins = ["pytester"]
+
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "firmware" / "lab8-exercise"
 
