@@ -57,8 +57,11 @@ def test_there_are_ten_examples() -> None:
 
 
 def test_all_examples_pass_on_the_simulated_chip(pytester: pytest.Pytester) -> None:
-    write(pytester.path, PROGRAMS, TESTS)
-    run(pytester).assert_outcomes(passed=sum(number_of_tests(text) for text in TESTS.values()))
+    """And the test at the top of the page, of a program that blinks RB0."""
+    first = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)[0]
+    blink = PROGRAMS["pwm.c"].replace("RB3", "RB0")
+    write(pytester.path, PROGRAMS | {"blink.c": blink}, TESTS | {"test_blink.py": first})
+    run(pytester).assert_outcomes(passed=1 + sum(number_of_tests(text) for text in TESTS.values()))
 
 
 def test_each_example_fails_on_a_broken_program(pytester: pytest.Pytester) -> None:
