@@ -178,7 +178,7 @@ def operands(width: int, seed: int) -> Iterator[tuple[int, int]]:
     special = edges(width)
     stored = width - 9
     while True:
-        kind = chance.randrange(6)
+        kind = chance.randrange(7)
         left, right = chance.getrandbits(width), chance.getrandbits(width)
         if kind == 1:  # about equal magnitudes, so that leading digits cancel
             right = (
@@ -200,4 +200,12 @@ def operands(width: int, seed: int) -> Iterator[tuple[int, int]]:
             left = chance.choice(special)
         elif kind == 5:
             left, right = chance.choice(special), chance.choice(special)
+        elif kind == 6:  # about half a unit in the last place of the other: ties, and just beside them
+            exponent = (left >> stored & 0xFF) - stored - chance.choice((1, 1, 1, 2, 0))
+            last = chance.choice((0, 1, 2, 3, (1 << stored) - 1, chance.getrandbits(stored // 2)))
+            if not chance.randrange(3):  # a carry out of the mantissa, with one bit far below it
+                left |= (1 << stored) - 1
+                exponent = (left >> stored & 0xFF) - chance.choice((7, 8, 9))
+                last = chance.getrandbits(stored - 8) << 8 | 1
+            right = right & 1 << width - 1 | max(exponent, 0) << stored | last
         yield (left, right) if chance.getrandbits(1) else (right, left)
