@@ -20,7 +20,7 @@ from tests.compiler.foreign.suites import Program, programs
 RIGHT = "int main(void) { int a = 2; return a - 2; }"
 WRONG = "int main(void) { int a = 2; return a + 1; }"
 ENDLESS = "volatile char go = 1;\nint main(void) { while (go) ; return 0; }"
-REFUSED = "float f;\nint main(void) { return 0; }"
+REFUSED = "long long f;\nint main(void) { return 0; }"
 ABORTED = "int main(void) { abort(); }"
 HELLO = '#include <stdio.h>\nint main(int n, char **v) { puts("Hi"); putchar(33); return n; }'
 TOO_LARGE = "unsigned char a[60], b[60];\nint main(void) { return a[b[1]]; }"
@@ -68,7 +68,7 @@ def programs_in(folder: Path, **files: str) -> list[Program]:
         (RIGHT, "right", ""),
         (WRONG, "wrong", "status 3"),
         (ABORTED, "wrong", "status 255"),
-        (REFUSED, "refused", "this compiler has no floating point"),
+        (REFUSED, "refused", "64-bit integers are not supported"),
         (TOO_LARGE, "refused", "the program needs"),
         (
             f"/* {{ dg-require-effective-target int32plus }} */\n{WRONG}",
@@ -142,7 +142,7 @@ def test_the_command_counts_and_fails_on_a_bad_program(
 ) -> None:
     programs_in(tmp_path, one=RIGHT, two=REFUSED)
     assert main([str(tmp_path)]) == 0
-    assert "1 refused: this compiler has no floating point" in capsys.readouterr().out
+    assert "1 refused: N-bit integers are not supported" in capsys.readouterr().out
     programs_in(tmp_path, three=WRONG)
     assert main([str(tmp_path)]) == 1
     printed = capsys.readouterr().out
