@@ -20,13 +20,23 @@ from heapq import heappop, heappush
 from itertools import count, islice, takewhile
 from math import isfinite
 
-from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, Breakpoint, parse_breakpoint, run_to
+from servogen.debug.breakpoints import (
+    INDIRECT,
+    AtAddress,
+    AtCondition,
+    AtEdge,
+    Breakpoint,
+    parse_breakpoint,
+    run_to,
+)
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import SourceLine, current_line, line_at, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeChunk, EdgeTrace, join
 from servogen.errors import InputError, did_you_mean
+from servogen.pic.device import registers
 from servogen.pic.image import Image
+from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.simulator import Button, Change, Levels, Options, Serial, Stimuli
 from servogen.simulator.layout import MCLR_PIN
@@ -50,6 +60,7 @@ SHOWN_EDGES = 6
 NUMBER_BYTES = 4
 """A variable of more bytes is an array."""
 RBPU = 0x80
+OPTION_REG = registers()["OPTION_REG"].address
 SENT_BITS = 10
 
 _CYCLE = re.compile(r"cycle\s+(?P<cycle>[\d_]{1,15})", re.IGNORECASE)
@@ -384,6 +395,7 @@ class Chip(Signals):
         self._machine = TimeMachine(
             image, self.clock, self.board.options, self._initial if sources else None, self.board.listing
         )
+        self._pull_ups_change = AtAddress("", after_option_writes(image))
         self._outside = dict(self._wiring.held)
         self._seen: list[EdgeChunk] = []
         self._seen_until = 0
@@ -414,7 +426,9 @@ class Chip(Signals):
                 return stop
             if self.cycle >= end:
                 return None
-            watched = [AtEdge("", pin, None) for pin in sorted(self._wiring.connected)]
+            watched: list[Breakpoint] = [AtEdge("", pin, None) for pin in sorted(self._wiring.connected)]
+            if watched:
+                watched.append(self._pull_ups_change)
             made: list[EdgeChunk] = []
             goal = min(end, self._due[0][0]) if self._due else end
             hit = run_to(chip, goal, [*stops, *watched], image, made)
@@ -613,6 +627,19 @@ class Keypad:
         if key not in self.keys:
             raise InputError("unknown-name", f"there is no key '{key}'", hint=f"keys: {''.join(self.keys)}")
         return self.keys[key]
+
+
+def after_option_writes(image: Image) -> frozenset[int]:
+    """Return the addresses after the instructions that may write OPTION_REG, which switches the pull-ups."""
+    found = set()
+    for address, word in image.program.items():
+        decoded = decode(word)
+        if decoded is None:
+            continue
+        writes = decoded.instruction.writes_file(decoded.d) and decoded.f in (OPTION_REG & 0x7F, INDIRECT)
+        if writes or decoded.instruction.mnemonic == "OPTION":
+            found.add(address + 1)
+    return frozenset(found)
 
 
 def _level(pin: str, level: int) -> int:

@@ -352,6 +352,23 @@ def test_a_counter_counts_the_pulses_of_another_pin_that_it_is_tied_to() -> None
     assert chip.register("TMR0") == pulses and len(chip.rising("RB0")) > pulses
 
 
+def test_a_button_on_a_connected_pin_is_seen_at_the_other_one_also_after_power_up() -> None:
+    """RB0 has the chip's pull-up, and the button's contact opens five times."""
+    chip = chip_of(COUNTER)
+    chip.tie("RB0", "RA4")
+    for _ in range(2):
+        chip.run_cycles(20)
+        assert chip.pin("RA4") == 1
+        chip.press("RB0", bounce_ms=2)
+        before = chip.register("TMR0")
+        chip.run_ms(2.01)
+        assert chip.pin("RA4") == 0 and chip.register("TMR0") - before == 5
+        chip.drive("RB0", None)
+        chip.run_cycles(2)
+        assert chip.pin("RA4") == 1
+        chip.power_cycle()
+
+
 def test_two_outputs_that_differ_are_a_short_circuit() -> None:
     chip = chip_of(f"{OUTPUTS} movlw 3\n movwf PORTB\n bcf PORTB, 1\nwait goto wait\n")
     chip.tie("RB0", "RB1")
