@@ -25,8 +25,8 @@
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
 const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 123, 127, 127, 127, 2, 123, 216, 34, 34, 34, 95, 216, 243, 7, 60, 60, 69, 243, 190, 60, 7, 7, 122, 190, 10, 59, 166, 240, 70, 84, 47, 34, 203, 203, 95, 47, 84, 8, 240, 166, 121, 10 };
 
-/* Poses of the ways, to be read forward and backward: where its row is; the legs that it lifts, and in bits 0 and 1
- * the timing of the step to it from the pose before. */
+/* Poses of the directions, read forward and backward: the place of the row; the legs that are lifted, and in bits 0
+ * and 1 the timing of the step from the previous pose. */
 const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 170, 30, 2, 24, 87, 36, 3, 24, 171, 30, 3, 24, 86, 24, 2, 24, 170, 24, 2, 42, 86, 42, 2, 42, 170, 42, 2, 48, 87, 54, 3, 48, 171, 42, 3, 24, 86, 24, 2, 24, 170, 24, 2 };
 
 /* All else that is constant, in one table. */
@@ -42,7 +42,7 @@ const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 
 #define SPEED_LOW 70   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 74
 #define HEARING 78   /* for each state the line low, and high */
-#define WAYS 118   /* for standing, and for each way, where its start, its cycle and its stop begin, and its end */
+#define PARTS 118   /* for standing and each direction, where its start, its cycle and its stop begin, and its end */
 #define LAW 138   /* weights at each sixteenth of a step */
 const unsigned char CONSTANT[] = { 97, 52, 93, 218, 93, 218, 93, 218, 218, 52, 97, 52, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 1, 3, 5, 7, 9, 11, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
@@ -73,8 +73,8 @@ unsigned char channel, key, next, weight, value, value_low, value_high, bits, si
 #define doubled both
 #define law port
 
-/* Twice the number of the way that is commanded, of the one that is walked until its stop, and of the one that was
- * begun; where its part ends; what was heard of a code. */
+/* Twice the number of the direction that is commanded, of the one that is walked until its stop, and of the one that
+ * was begun; where its part ends; what was heard of a code. */
 unsigned char wanted, walking, begun, until, heard;
 
 void blend(void)
@@ -534,8 +534,8 @@ void next_step(void)
         }
         key += begun;
         key += begun;
-        place = CONSTANT[WAYS + key];
-        until = CONSTANT[WAYS + 1 + key];
+        place = CONSTANT[PARTS + key];
+        until = CONSTANT[PARTS + 1 + key];
     }
     if ((begun & 2) == 0)
         place += 2;

@@ -27,7 +27,7 @@
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 134, 134, 134, 2, 2, 2, 41, 41, 41, 95, 95, 95, 23, 59, 41, 60, 130, 95, 41, 76, 6, 95, 113, 77, 59, 41, 23, 130, 95, 60, 76, 6, 41, 113, 77, 95, 41, 23, 59, 95, 60, 130, 6, 41, 76, 77, 95, 113 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
  * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
  */
 const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 129, 5, 1, 252, 60, 65, 252, 30, 17, 33, 9, 129, 5, 65 };

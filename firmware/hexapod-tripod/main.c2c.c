@@ -24,7 +24,7 @@
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 127, 127, 127, 2, 2, 2, 34, 34, 34, 95, 95, 95, 60, 7, 60, 122, 69, 122, 7, 60, 7, 69, 122, 69 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
  * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
  */
 const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 30, 85, 1, 169, 1, 252, 24, 85, 252, 36, 1, 252, 24, 169, 1, 255, 13, 4, 253, 24, 85, 1, 169, 1, 252, 24, 2 };

@@ -24,7 +24,7 @@
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 141, 141, 141, 2, 2, 2, 48, 48, 48, 95, 95, 95, 66, 83, 48, 131, 113, 95, 75, 92, 4, 122, 104, 86, 83, 48, 12, 113, 95, 77, 92, 4, 21, 104, 86, 68, 48, 12, 30, 95, 77, 60, 4, 21, 39, 86, 68, 51, 12, 30, 48, 77, 60, 95, 21, 39, 57, 68, 51, 139, 30, 48, 66, 60, 95, 131, 39, 57, 75, 51, 139, 122, 48, 66, 83, 95, 131, 113, 57, 75, 92, 139, 122, 104 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
  * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
  */
 const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 96, 17, 1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1, 252, 30, 17, 1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1 };

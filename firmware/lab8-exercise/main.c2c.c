@@ -21,7 +21,7 @@ void position_1(unsigned char frames)
         delay_ms(18); delay_10us(76); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -36,7 +36,7 @@ void position_2(unsigned char frames)
         delay_ms(18); delay_10us(43); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -51,7 +51,7 @@ void position_3(unsigned char frames)
         delay_ms(18); delay_10us(26); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 

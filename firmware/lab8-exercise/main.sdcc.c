@@ -59,7 +59,7 @@ void position_1(unsigned char frames)
         wait(18766); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -74,7 +74,7 @@ void position_2(unsigned char frames)
         wait(18434); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -89,7 +89,7 @@ void position_3(unsigned char frames)
         wait(18266); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 

@@ -24,7 +24,7 @@ void position_1(unsigned char frames)
         _delay(18769);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -39,7 +39,7 @@ void position_2(unsigned char frames)
         _delay(18436);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -54,7 +54,7 @@ void position_3(unsigned char frames)
         _delay(18269);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 

@@ -24,7 +24,7 @@ void position_1(unsigned char frames)
         _delay(18936);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -39,7 +39,7 @@ void position_2(unsigned char frames)
         _delay(17936);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 

@@ -26,7 +26,7 @@ void position_1(unsigned char frames)
         delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -45,7 +45,7 @@ void position_2(unsigned char frames)
         delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -64,7 +64,7 @@ void position_3(unsigned char frames)
         delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -83,7 +83,7 @@ void position_4(unsigned char frames)
         delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 

@@ -29,7 +29,7 @@ void position_1(unsigned char frames)
         _delay(16499);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -48,7 +48,7 @@ void position_2(unsigned char frames)
         _delay(16373);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -67,7 +67,7 @@ void position_3(unsigned char frames)
         _delay(16373);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -86,7 +86,7 @@ void position_4(unsigned char frames)
         _delay(16499);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 

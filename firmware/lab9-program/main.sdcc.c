@@ -64,7 +64,7 @@ void position_1(unsigned char frames)
         wait(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -83,7 +83,7 @@ void position_2(unsigned char frames)
         wait(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 

@@ -31,7 +31,7 @@ void position_1(unsigned char frames)
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -54,7 +54,7 @@ void position_2(unsigned char frames)
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -77,7 +77,7 @@ void position_3(unsigned char frames)
         delay_ms(14); delay_10us(44); delay_us(1);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -100,7 +100,7 @@ void position_4(unsigned char frames)
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 
@@ -123,7 +123,7 @@ void position_5(unsigned char frames)
         delay_ms(14); delay_10us(63); delay_us(1);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
     }
 }
 

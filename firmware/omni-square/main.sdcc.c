@@ -69,7 +69,7 @@ void position_1(unsigned char frames)
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -92,7 +92,7 @@ void position_2(unsigned char frames)
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -115,7 +115,7 @@ void position_3(unsigned char frames)
         wait(14438); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -138,7 +138,7 @@ void position_4(unsigned char frames)
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 
@@ -161,7 +161,7 @@ void position_5(unsigned char frames)
         wait(14630); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the path from one position to the next */
     }
 }
 

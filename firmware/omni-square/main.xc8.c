@@ -34,7 +34,7 @@ void position_1(unsigned char frames)
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -57,7 +57,7 @@ void position_2(unsigned char frames)
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -80,7 +80,7 @@ void position_3(unsigned char frames)
         _delay(14441);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -103,7 +103,7 @@ void position_4(unsigned char frames)
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 
@@ -126,7 +126,7 @@ void position_5(unsigned char frames)
         _delay(14631);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(56);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the path from one position to the next */
     }
 }
 

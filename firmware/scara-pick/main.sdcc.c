@@ -28,7 +28,7 @@ void _sdcc_gsinit_startup(void)
 static __code const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };
 
 /* Steps from pose to pose, each to the next row: its timing.
- * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
  */
 static __code const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 4, 252, 4, 3, 252, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 252, 60, 4, 252, 56, 3, 252, 4, 9, 252, 4, 10 };
 

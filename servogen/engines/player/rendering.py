@@ -185,8 +185,8 @@ def _constants(played: Playing) -> _Constants:
         made.add("START", [timing.start for timing in timings], "256ths of a step at its first frame")
     if played.chain is not None:
         made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
-        note = "for standing, and for each way, where its start, its cycle and its stop begin, and its end"
-        made.add("WAYS", played.chain.places, note)
+        note = "for standing and each direction, where its start, its cycle and its stop begin, and its end"
+        made.add("PARTS", played.chain.places, note)
     if encoded.laws:
         made.add("LAW", encoded.laws, "weights at each sixteenth of a step")
     if encoded.legs is None and any(timing.law != STRAIGHT for timing in timings):
