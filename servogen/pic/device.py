@@ -159,7 +159,7 @@ DEVICES = (
 )
 
 PIC16C84 = Device("PIC16C84", 10_000_000, 0x0010, 10_000, 20_000, ram_last=0x2F, power_up_timer_on_is_1=True)
-"""DS30445 sections 4.2 and 8.1, D122: 36 bytes of RAM, and PWRTE the other way round."""
+"""DS30445 sections 4.2 and 8.1, D122: 36 bytes of RAM, and PWRTE inverted."""
 ASSEMBLED_DEVICES = (*DEVICES, PIC16C84)
 """The devices whose sources are assembled; firmware is made, and simulated, for `DEVICES`."""
 

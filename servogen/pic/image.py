@@ -174,7 +174,7 @@ class _Record:
 
 
 MAX_RECORDS = 10_000
-"""Of a file: with one byte in each, a full chip has 2200."""
+"""The maximum number of records of a file; with one byte per record, a full chip has 2200."""
 
 _DATA, _END = "00", "01"
 _BASES = ("02", "04")

@@ -16,7 +16,7 @@ from servogen.pic.isa import decode
 INDF, PCL, STATUS, FSR = 0, 2, 3, 4
 W, CARRY, ZERO = -1, -2, -3
 _FLAGS = {0: CARRY, 2: ZERO}
-"""The bits of STATUS that are followed."""
+"""The bits of STATUS that are tracked."""
 _BANK_1 = 0x80
 
 Known = dict[int, int]

@@ -48,16 +48,16 @@ from servogen.pic.listing import ListedFunction
 from servogen.units import Cycles
 
 MAX_STATES = 200_000
-"""States between two addresses that are explored before the search is given up."""
+"""The number of states between two addresses after which the search is given up."""
 MAX_FUNCTION_STATES, MAX_PROGRAM_STATES = 2_000, 8_000
-"""The same for one function of a program, and for all its functions: it bounds a compiler's own time."""
+"""These limits for one function of a program, and for all functions, which bound the time of the compiler."""
 ERASED = 0x3FFF
 _PASSES = 0x1000
 """Places from here on count how often an address was passed, for loops whose bound is given."""
 _STARTING = -1
-"""Stands for the function of the first instruction of a walk that may come back to it."""
+"""The mark of the function of a walk's first instruction, to which the walk may return."""
 _MAX_TURN = 400
-"""Steps of one turn of a loop that are looked at."""
+"""The maximum number of steps of a turn of a loop that are examined."""
 _ALL_PLACES = (1 << RAM_LAST + 1) - 1
 _BITS = {W: RAM_LAST + 1, CARRY: RAM_LAST + 2, ZERO: RAM_LAST + 3}
 
@@ -85,7 +85,7 @@ class Times:
 _State = tuple[int, int, tuple[int, ...], tuple[tuple[int, int], ...]]
 """An address, the function that it belongs to, the return addresses, the known values."""
 _Edge = tuple[int, int | None, _State | None]
-"""(least cycles, most cycles, next state or None for the end)."""
+"""(minimum cycles, maximum cycles, next state or None for the end)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -464,7 +464,7 @@ class _Walk:
     limit: int
     returns_to_callers: bool = False
     tracked: frozenset[int] | None = None
-    """The places that are followed; None: all."""
+    """The places that are tracked; None: all."""
     counts_standing_still: bool = False
     """Whether a jump to itself is a loop without a bound even if no path leads to an end."""
     edges: dict[_State, list[_Edge]] = field(default_factory=dict)
@@ -472,7 +472,7 @@ class _Walk:
     reasons: dict[Unbounded, None] = field(default_factory=dict)
     start: _State | None = None
     uneven: set[int] = field(default_factory=set)
-    """Heads of loops whose turns are not alike."""
+    """Heads of loops whose turns differ."""
 
     def explore(self, start: _State) -> None:
         """Follow every path from a state to the ends."""

@@ -25,7 +25,7 @@ EVERYTHING = (
     "every content of RAM and registers at power-up, every level of every input in every cycle, every moment "
     "of every enabled interrupt, and resets in any cycle"
 )
-"""What every answer is quantified over."""
+"""The quantifiers of every answer."""
 
 
 class Status(StrEnum):
@@ -38,7 +38,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something about one word of the program."""
+    """A statement about one word of the program."""
 
     address: int
     source: str | None
@@ -61,7 +61,7 @@ class Answer:
     status: Status
     text: str
     over: str = EVERYTHING
-    """What it holds for."""
+    """The cases for which the answer holds."""
     findings: tuple[Finding, ...] = ()
     numbers: tuple[tuple[str, int | None], ...] = ()
 

@@ -44,16 +44,18 @@ from servogen.pic.wcet import Program, is_live
 
 ERASED = 0x3FFF
 MAX_STATES = 20
-"""States of one address and call path that are kept apart; then those with the same FSR are joined."""
+"""The number of states of an address and call path kept apart; beyond it, those with equal FSR are joined."""
 MAX_POINTERS = 80
-"""Values of FSR that are kept apart then: a loop over all 68 bytes of RAM is followed turn by turn."""
+"""The number of values of FSR that are then kept apart: a loop over all 68 bytes of RAM is followed turn
+by turn.
+"""
 MAX_STEPS = 500_000
-"""Instructions that are executed before the analysis is given up."""
+"""The number of instructions after which the analysis is given up."""
 IN_INTERRUPT = -1
-"""Stands at the bottom of the return addresses for the one that an interrupt pushes."""
+"""The mark, at the bottom of the return addresses, of the one that an interrupt pushes."""
 
 _Key = tuple[object, ...]
-"""What tells two states apart: all but the bytes that were written."""
+"""The part of a state that distinguishes it from others: everything except the set of written bytes."""
 
 
 @dataclass(slots=True)
@@ -62,7 +64,7 @@ class _Node:
 
     apart: dict[_Key, State] = field(default_factory=dict)
     by_pointer: dict[int | None, State] | None = None
-    """Joined states by the value of FSR, once there are too many apart."""
+    """Joined states by the value of FSR, once too many states are kept apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +74,12 @@ class PinWrite:
     address: int
     pin: int
     certain: bool = True
-    """Whether the instruction writes that pin whenever it is executed."""
+    """Whether the instruction writes the pin every time it is executed."""
 
 
 @dataclass(slots=True)
 class Paths:
-    """What the paths of a program do. Sets of (address, place) are ordered by neither."""
+    """What the paths of a program do; sets of (address, place) are unordered."""
 
     executed: set[int] = field(default_factory=set)
     depth: int = 0
@@ -85,7 +87,7 @@ class Paths:
     depth_when_interrupted: int | None = None
     """The same where an interrupt may come; None if none ever does."""
     depth_of_interrupt: int = 0
-    """What the interrupt needs, its own return address included."""
+    """The stack levels that the interrupt needs, including its own return address."""
     overflows: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Calls that push a ninth return address, with the return addresses on the stack."""
     underflows: set[int] = field(default_factory=set)
@@ -99,15 +101,15 @@ class Paths:
     early_writes: set[PinWrite] = field(default_factory=set)
     """Writes of pins whose directions the program has not set yet: it prepares their latches."""
     outputs: set[int] = field(default_factory=set)
-    """Pins that are outputs at some time."""
+    """Pins that are outputs at any time."""
     driven_unwritten: set[PinWrite] = field(default_factory=set)
     """Instructions that make pins outputs whose latches may never have been written."""
     undefined: set[int] = field(default_factory=set)
     """Executed words that no data sheet defines."""
     pointers: set[int] = field(default_factory=set)
-    """Instructions that use a pointer of which nothing is known; it is taken to address RAM."""
+    """Instructions that use a completely unknown pointer, which is assumed to address RAM."""
     tables: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """Computed jumps whose target is not known: taken to stay in the table behind it, first to last word."""
+    """Computed jumps with an unknown target, assumed to stay in the table after them, first to last word."""
     computed: dict[int, set[int]] = field(default_factory=dict)
     """The targets of computed jumps."""
     lost: dict[int, str] = field(default_factory=dict)
@@ -117,11 +119,11 @@ class Paths:
     interrupt_sources: int = 0
     """The bits of INTCON that enable interrupts while GIE may be set."""
     interrupt_changes: set[Place] = field(default_factory=set)
-    """Places that the interrupt's code may write."""
+    """Places that the code of the interrupt may write."""
     not_restored: set[Place] = field(default_factory=set)
     """Registers that the interrupted program uses and the interrupt may not restore."""
     timer_writes: dict[int, Value] = field(default_factory=dict)
-    """Instructions that write TMR0, and what they write."""
+    """Instructions that write TMR0, and the values that they write."""
     options: Value = field(default_factory=lambda: values.constant(0xFF))
     """The values that OPTION_REG may have at any time."""
     interrupts: bool = False
@@ -136,13 +138,13 @@ class _TooLong(Exception):
 
 @dataclass(slots=True)
 class _Interrupt:
-    """What the interrupt does to the interrupted program, found so far."""
+    """The effects of the interrupt on the interrupted program, as far as they have been found."""
 
     entry: State | None = None
     changes: set[Place] = field(default_factory=set)
     not_restored: set[Place] = field(default_factory=set)
     exits: dict[Place, Value] = field(default_factory=dict)
-    """Values of the special registers at its end."""
+    """The values of the special registers at the end of the interrupt."""
 
     def signature(self) -> object:
         return (
@@ -153,7 +155,7 @@ class _Interrupt:
 
 
 _SPECIAL = (OPTION, TRISA, TRISB, INTCON, PCLATH)
-"""Registers whose values after an interrupt are those before it, or those at its end."""
+"""Registers whose values after an interrupt are either those before it or those at its end."""
 
 
 class Explorer:
@@ -202,7 +204,7 @@ class Explorer:
         return frozenset(heads)
 
     def _prune(self, at: int, state: State) -> None:
-        """Forget values that no instruction will read any more, so that paths meet."""
+        """Forget values that no instruction will read again, so that paths meet."""
         dead = self._dead.get(at, frozenset())
         for place in state.values.keys() & dead:
             del state.values[place]

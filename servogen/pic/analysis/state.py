@@ -29,20 +29,22 @@ PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
 GIE, ENABLES = 0x80, 0x78
 """Bits of INTCON: the global enable; EEIE, T0IE, INTE, RBIE."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
-"""The bits of STATUS that are followed."""
+"""The bits of STATUS that are tracked."""
 PRESERVED = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
-"""What an interrupt has to restore."""
+"""The registers that an interrupt has to restore."""
 _STATUS_PLACES = (CARRY, DIGIT, ZERO, BANK)
 _FIRST_BIT = 16
 MAX_COMBINATIONS = 1024
-"""Combinations of operands that are computed one by one; the result of more may be anything."""
+"""The maximum number of operand combinations that are computed one by one; beyond it, the result is
+unknown.
+"""
 _SAVED_STATUS = -100
-"""In `saved`: a byte that holds STATUS."""
+"""The mark, in `saved`, of a byte that holds STATUS."""
 
 Place = int
 Saved = dict[Place, tuple[Place, bool]]
 Fact = tuple[Place, str, int]
-"""What a flag says of a place: it is 1 where `place == k`, `place >= k` or `place <= k`."""
+"""The meaning of a flag for a place: it is 1 if `place == k`, `place >= k` or `place <= k`."""
 
 
 def bit(place: Place) -> int:
@@ -67,9 +69,9 @@ class State:
     """A bit set, see `bit`."""
     saved: Saved = field(default_factory=dict)
     facts: dict[Place, Fact] = field(default_factory=dict)
-    """What the flags C and Z say of other places, so that a comparison bounds what was compared."""
+    """The meaning of the flags C and Z for other places, so that a comparison bounds the compared place."""
     w_of: Place | None = None
-    """The place whose value W has."""
+    """The place whose value is equal to W."""
 
     def copy(self) -> State:
         return State(dict(self.values), self.written, dict(self.saved), dict(self.facts), self.w_of)
@@ -88,7 +90,7 @@ class State:
         self.unrelate(place)
 
     def unrelate(self, place: Place) -> None:
-        """Forget what flags and W say of a place that changes."""
+        """Forget the relations of flags and W to a place that changes."""
         if place == W or place == self.w_of:
             self.w_of = None
         self.facts.pop(place, None)
@@ -175,16 +177,16 @@ def at_interrupt(interrupted: State) -> State:
 
 @dataclass(slots=True)
 class Effects:
-    """What one execution of an instruction did that its state does not show."""
+    """The effects of one execution of an instruction that the state does not show."""
 
     unwritten: set[Place] = field(default_factory=set)
-    """Places that it read and that may never have been written."""
+    """Places that it read although they may never have been written."""
     any_byte: bool = False
-    """Whether it read through a pointer of which nothing is known."""
+    """Whether it read through a completely unknown pointer."""
     changed: set[Place] = field(default_factory=set)
     """Places that it may have written."""
     wild: bool = False
-    """Whether it wrote through a pointer of which nothing is known."""
+    """Whether it wrote through a completely unknown pointer."""
     jumps: bool = False
     """Whether it may have written PCL through a pointer."""
     pins: list[tuple[int, int, int]] = field(default_factory=list)
@@ -192,7 +194,7 @@ class Effects:
     driven_unwritten: set[int] = field(default_factory=set)
     """Pins that became outputs while their latch may never have been written."""
     timer_writes: Value | None = None
-    """What it wrote to TMR0."""
+    """The value that it wrote to TMR0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +202,7 @@ class _Operand:
     """A byte that an operand f may address."""
 
     place: Place | None
-    """None: not a byte that is followed, such as an unimplemented one or a port's pins."""
+    """None for a byte that is not tracked, such as an unimplemented one or the pins of a port."""
     port: int | None = None
     special: int | None = None
     """TMR0, PCL, STATUS or INTCON, which are not plain bytes."""
@@ -406,7 +408,7 @@ def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
 
 
 def _relate(before: State, state: State, word: Word, found: list[_Operand]) -> None:
-    """Note what the instruction's flags and its result in W say of the byte that it read."""
+    """Note the relations of the instruction's flags, and of its result in W, to the byte that it read."""
     place = found[0].place if len(found) == 1 else None
     if word.name == "MOVF" and place is not None:
         if place in state.values or RAM_FIRST <= place <= RAM_LAST:

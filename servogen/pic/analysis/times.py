@@ -24,18 +24,20 @@ from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import Program, Unbounded
 
 LATENCY = 4
-"""Cycles from a request to the first instruction of the interrupt's code at most (DS35007 section 6.9)."""
+"""The maximum cycles from a request to the first instruction of the interrupt's code (DS35007 section
+6.9).
+"""
 T0IE, T0IF_BIT, INTCON = 0x20, 2, 11
 PSA, T0CS = 0x08, 0x20
 SOURCES = {0x40: "the EEPROM", 0x20: "TMR0", 0x10: "RB0/INT", 0x08: "a change of RB4 to RB7"}
 """The interrupts by their enable bits in INTCON (DS35007 section 2.3.3)."""
 MAX_CYCLES = 1 << 40
-"""Cycles from which on a time counts as unbounded: two weeks at 4 MHz."""
+"""The cycles from which on a time counts as unbounded: two weeks at 4 MHz."""
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Cycles between two points; None without a bound or without a path, and `reasons` says why."""
+    """Cycles between two points; None without a bound or a path, for the `reasons` stated."""
 
     minimum: int | None
     maximum: int | None

@@ -1,4 +1,4 @@
-"""`Value`: what is known of one byte: the set of values that it may have.
+"""`Value`: the knowledge of one byte, the set of values that it may have.
 
 A small set is kept as it is; a larger one as the values that each of its bits may have. The operations return
 a superset of the results for every combination of their operands' members.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 MAX_MEMBERS = 16
-"""Members up to which a set is kept exactly."""
+"""The maximum number of members of a set that is kept exactly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def _endif(state: Pass, found: Statement) -> None:
 
 MAX_TURNS = 1024
 MAX_TOTAL_TURNS = 16384
-"""Turns of one WHILE, and of all in a pass; more are taken for endless."""
+"""The maximum number of turns of one WHILE, and of all in a pass; more are assumed to be endless."""
 
 
 def _while(state: Pass, found: Statement) -> None:

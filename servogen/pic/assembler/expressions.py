@@ -132,11 +132,11 @@ _TIGHTEST = 8
 """The binding strength of a unary operator."""
 
 
-DEEPEST = 50
-"""Brackets and signs within each other."""
+MAX_DEPTH = 50
+"""The maximum nesting of brackets and signs."""
 
 MAX_OPERATORS = 200
-"""Between two operands, in the fields of a line; each is a level of the tree."""
+"""The maximum number of operators in the fields of a line; each one is a level of the tree."""
 
 
 class Parser:
@@ -204,7 +204,7 @@ class Parser:
 
     def _operand_within(self) -> Expression:
         token = self._peek()
-        if self._depth > DEEPEST:
+        if self._depth > MAX_DEPTH:
             raise SourceError(
                 "asm-syntax", "the expression is nested too deeply", token.column if token else None
             )

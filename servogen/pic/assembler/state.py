@@ -44,10 +44,10 @@ Macros and `#define` that use each other twice double the work at each level.
 """
 
 _STEPS_OF_A_GUESS = 20
-"""Comparing a word with all operations takes as long as so many lines."""
+"""The cost, in lines, of comparing a word with all operations."""
 
 DEEPEST_NESTING = 100
-"""Macro calls and include files within each other; more are taken for endless."""
+"""The maximum nesting of macro calls and include files; deeper nesting is assumed to be endless."""
 
 
 @dataclass(slots=True)
@@ -73,14 +73,14 @@ class Pass:
     ram_last: int | None = None
     bad_ram: set[int] = field(default_factory=set)
     settings: list[str] = field(default_factory=list)
-    """The settings that CONFIG has made."""
+    """The settings made by CONFIG."""
     readers: list[Reader] = field(default_factory=list)
     turning: int = 0
-    """How many WHILEs the line in hand is within."""
+    """The number of WHILEs around the current line."""
     turns: int = 0
     steps: int = 0
     line: SourceLine | None = None
-    """The line in hand."""
+    """The current line."""
 
     # -- names for expressions -----------------------------------------------------------------------
 
