@@ -33,7 +33,7 @@ def test_the_suffix_says_whether_a_file_is_run(name: str, run: bool) -> None:
 
 
 def test_another_suffix_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"'\.txt' is not the ending") as error:
+    with pytest.raises(InputError, match=r"'\.txt' is not the suffix") as error:
         is_program(Path("a.txt"))
     assert ".hex" in (error.value.hint or "")
 
