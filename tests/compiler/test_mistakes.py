@@ -19,6 +19,7 @@ from servogen.compiler import CompileError, Options, Source, compile_sources, dr
 from servogen.compiler.diagnostics import Reporter
 from servogen.errors import Diagnostic
 from servogen.pic.device import register_bits, registers
+from servogen.programs import dialect_of, included_names
 
 HERE = Path(__file__).parent / "mistakes"
 CLANG = shutil.which("clang")
@@ -147,7 +148,7 @@ class Analysed(Exception):
 
 
 def right_programs() -> list[tuple[str, str, str]]:
-    """Return (file, text, dialect) of the firmware of all jobs and of the labs' solutions."""
+    """Return (file, text, dialect) of the firmware of all jobs, and of the labs' and the docs' programs."""
     root = HERE.parents[2]
     found = []
     for path in sorted([*root.glob("firmware/*/main.*.c"), *root.glob("tests/labs_*/*.c")]):
@@ -155,6 +156,13 @@ def right_programs() -> list[tuple[str, str, str]]:
             path.parent.name.removeprefix("labs_") if "labs_" in path.parent.name else path.suffixes[0][1:]
         )
         found.append((str(path.relative_to(root)), path.read_text(encoding="utf-8"), dialect))
+    for path in sorted([root / "README.md", *root.glob("docs/*.md")]):
+        for text in re.findall(
+            r"^```c\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            if "void main(" in text:
+                names = included_names([(path.name, text)], lambda name, file: None)
+                found.append((path.name, text, dialect_of(names)))
     return found
 
 
