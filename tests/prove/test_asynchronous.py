@@ -11,6 +11,7 @@ from servogen.pic.device import device
 from servogen.pic.image import Image
 from servogen.prove import Proof, Quantifiers, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
+from servogen.units import Clock
 from tests.prove.replay import is_wrong
 from tests.prove.test_prove_inputs import schedule_of
 
@@ -83,6 +84,10 @@ def once() -> PulseSchedule:
     """One frame with a pulse; then nothing."""
     schedule = schedule_of(PERIOD, WIDTH)
     return replace(schedule, lead_in=schedule.loop, loop=(replace(schedule.loop[0], pulses=(None,)),))
+
+
+SLOW = Clock(1_000_000)
+"""A write that takes 20 ms at most takes 5000 cycles, in each of which it may end; 2000 in a PIC16F84A."""
 
 
 def shown(image: Image, schedule: PulseSchedule, found: Proof) -> bool:
@@ -172,16 +177,17 @@ def written(meanwhile: str, rest: str) -> Image:
 
 def test_an_eeprom_write_before_the_first_pulse_may_take_any_time() -> None:
     image = written(POLL, "stop    goto stop\n")
-    schedule = replace(once(), period=1000)
+    schedule = replace(once(), period=1000, clock=SLOW, device="PIC16F84A")
     proof = prove_for_all(image, schedule)
     assert proof.proven, proof.reason
-    assert any("an EEPROM write takes at most 20 ms" in each for each in proof.assumptions)
+    assert any("an EEPROM write takes at most 8 ms" in each for each in proof.assumptions)
     with pytest.raises(ValueError, match="not certified"):
         certificate(proof, image, schedule, b"")
-    slow = prove_for_all(image, once()).counterexample
+    short = replace(schedule, period=36)
+    slow = prove_for_all(image, short).counterexample
     assert slow is not None, "50 periods are shorter than the longest write"
     assert slow.message == "no pulse comes"
-    assert slow.options.eeprom_us > 50 * once().period
+    assert slow.options.eeprom_us > SLOW.us(50 * short.period)
 
 
 def written_later() -> tuple[Image, PulseSchedule]:
@@ -204,8 +210,8 @@ def test_a_pulse_as_long_as_a_write_has_a_counterexample() -> None:
         meanwhile="        bcf STATUS, RP0\n        bsf PORTB, 1\n        bsf STATUS, RP0\n" + POLL
     )
     image = assembled(body + "        bcf PORTB, 1\nstop    goto stop\n")
-    schedule = replace(once(), period=once().period * 200)
-    for width in range(10_000, 10_008):
+    schedule = replace(once(), period=once().period * 200, clock=SLOW)
+    for width in range(2500, 2508):
         run = replace(schedule.lead_in[0], pulses=(replace(schedule.lead_in[0].pulses[0], width=width),))
         exact = replace(schedule, lead_in=(run,))
         if prove_for_all(image, exact, Quantifiers(eeprom_write=False)).proven:
@@ -232,7 +238,8 @@ def test_the_interrupt_at_the_end_of_a_write_comes_in_any_cycle() -> None:
     enable = "        bcf STATUS, RP0\n        movlw 0xC0\n        movwf INTCON\n"
     after = "stop    goto stop\n"
     image = assembled(WRITE.format(meanwhile=enable) + PULSE + after, ON_WRITTEN)
-    assert shown(image, once(), prove_for_all(image, once()))
+    schedule = replace(once(), clock=SLOW)
+    assert shown(image, schedule, prove_for_all(image, schedule))
     late = assembled(PULSE + WRITE.format(meanwhile=enable) + after, ON_WRITTEN)
-    proof = prove_for_all(late, once())
+    proof = prove_for_all(late, schedule)
     assert proof.proven, proof.reason
