@@ -177,7 +177,7 @@ def written(meanwhile: str, rest: str) -> Image:
 
 def test_an_eeprom_write_before_the_first_pulse_may_take_any_time() -> None:
     image = written(POLL, "stop    goto stop\n")
-    schedule = replace(once(), period=1000, clock=SLOW, device="PIC16F84A")
+    schedule = replace(once(), period=64, clock=SLOW, device="PIC16F84A")
     proof = prove_for_all(image, schedule)
     assert proof.proven, proof.reason
     assert any("an EEPROM write takes at most 8 ms" in each for each in proof.assumptions)
