@@ -19,6 +19,7 @@ help:
 	@echo "make docs      make the documentation site, build/site, and fail at any warning"
 	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make prove     prove the programs of firmware/ for all inputs, and check each certificate: JOBS=jobs/…"
+	@echo "make certificates  the same, and keep the certificates in certificates/: after make firmware"
 	@echo "make bench     measure speeds and print ratios"
 	@echo "make constraints  write constraints.txt: the newest versions that pyproject.toml allows; then make check"
 	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
@@ -32,7 +33,7 @@ $(READY): pyproject.toml $(CONSTRAINTS)
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/servogen demo $(JOBS) --output build
+	$(BIN)/servogen demo $(JOBS) --output build --certificates certificates
 
 test: $(READY)
 	$(BIN)/pytest
@@ -55,6 +56,9 @@ firmware: $(READY)
 
 prove: $(READY)
 	$(BIN)/python tools/prove_firmware.py firmware build/certificates $(basename $(notdir $(JOBS)))
+
+certificates: $(READY)
+	$(BIN)/python tools/prove_firmware.py firmware certificates $(basename $(notdir $(JOBS)))
 
 # A fresh environment outside $(VENV), so that nothing of an earlier one is written down.
 constraints: CONSTRAINTS =

@@ -1,8 +1,9 @@
 """Proves every program under a folder of firmware for all inputs, and checks each proof's certificate.
 
-Run by `make prove`: `python tools/prove_firmware.py firmware build/certificates [JOB ...]`. It writes a
-certificate for each program, checks it with the independent checker, and prints a table. Exit code 1 if a
-program is not proven or a certificate is refused.
+Run by `make prove`: `python tools/prove_firmware.py firmware build/certificates [JOB ...]`, and by
+`make certificates` with certificates/ as their folder. It writes a certificate for each program, checks
+it with the independent checker, and prints a table. Exit code 1 if a program is not proven or a certificate
+is refused.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from servogen.build.certificates import certificate_file
 from servogen.checker import Refused, check_certificate, read_certificate
 from servogen.pic.image import read_hex
 from servogen.programs import read_schedule, read_source
@@ -31,8 +33,8 @@ def row(program: Path, output: Path) -> tuple[tuple[str, ...], bool]:
         why = f"counterexample: {shown.message}" if shown else f"not decided: {proof.reason}"
         return (name, why, str(proof.states), str(proof.runs), "", "", ""), False
     packed = certificate(proof, image, schedule, text)
-    file = output / f"{program.parent.name}.{program.name.removesuffix('.hex')}.xz"
-    output.mkdir(parents=True, exist_ok=True)
+    file = certificate_file(output, program.parent.name, program.name)
+    file.parent.mkdir(parents=True, exist_ok=True)
     file.write_bytes(packed)
     claim = read_certificate(packed, str(file))
     held = ", ".join(f"{pin} at {level}" for pin, level in claim.held.items())

@@ -232,7 +232,7 @@ def write(done: Build, folder: Path) -> None:
     for program in done.programs:
         texts |= {
             program.firmware.file: program.firmware.text,
-            _hex_name(done, program): to_hex(program.image),
+            hex_name(done, program): to_hex(program.image),
         }
     texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(done)}
     with replaced_files(folder, FILES) as new:
@@ -266,7 +266,7 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
         ProgramFacts(
             dialect=program.firmware.dialect,
             c_file=program.firmware.file,
-            hex_file=_hex_name(done, program),
+            hex_file=hex_name(done, program),
             words=program.firmware.compilation.words,
             ram_bytes=program.firmware.compilation.ram_bytes,
             verdict=program.verdict,
@@ -277,5 +277,5 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
     )
 
 
-def _hex_name(done: Build, program: Program) -> str:
+def hex_name(done: Build, program: Program) -> str:
     return "main.hex" if program is done.programs[0] else f"main.{program.firmware.dialect}.hex"

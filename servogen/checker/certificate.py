@@ -52,7 +52,7 @@ class Certificate:
     held: dict[str, int]
     cuts: frozenset[int]
     count: int
-    columns: dict[str, Ints]
+    columns: dict[str, list[int]]
 
 
 def read_certificate(packed: bytes, file: str) -> Certificate:
@@ -85,7 +85,7 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     )
 
 
-def _column(name: str, column: dict[str, Any], count: int) -> Ints:
+def _column(name: str, column: dict[str, Any], count: int) -> list[int]:
     """Return the values of one column."""
     numbers = column.get("delta", [column.get("all")])
     if len(column) != 1 or any(type(number) is not int for number in numbers):
@@ -100,7 +100,7 @@ def _column(name: str, column: dict[str, Any], count: int) -> Ints:
         wrong = wrong or (values & mask).any() or (phased & ((mask != 0) | (name in MASKED))).any()
     if wrong:
         raise ValueError(f"column {name} has {len(values)} values of {count}, or one that is out of range")
-    return values
+    return [int(value) for value in values.tolist()]
 
 
 def fingerprint(image: Image) -> str:
@@ -111,11 +111,11 @@ def fingerprint(image: Image) -> str:
     return hashlib.sha256(f"{text}config {config}\n{cells}\n".encode()).hexdigest()
 
 
-def chip_state(columns: dict[str, Ints], row: int, plan: Plan) -> tuple[Ints, Position, int, int] | None:
+def chip_state(columns: dict[str, list[int]], row: int, plan: Plan) -> tuple[Ints, Position, int, int] | None:
     """Return a listed state: the chip's slots, the position in the plan, the levels of the buttons that were
     read and which; None if the plan has no such position.
     """
-    c = {name: int(values[row]) for name, values in columns.items()}
+    c = {name: values[row] for name, values in columns.items()}
     s = np.zeros(chip.SLOTS, dtype=np.int64)
     for name, slot in (*CELLS.items(), *MASKED.items()):
         s[slot] = c[name]
@@ -137,11 +137,11 @@ def chip_state(columns: dict[str, Ints], row: int, plan: Plan) -> tuple[Ints, Po
         return None
     if position.frame >= plan.ends[-1] or c["spec.time"] >= (plan.period if phase == 1 else 1):
         return None
-    if phase == 0 and position != plan.start_up():
+    if phase == 0 and position != plan.start_up:
         return None
     if plan.line and position.wanted >= len(plan.line.parts):
         return None
-    position = (plan.first(), position, OVER)[phase]
+    position = (plan.first, position, OVER)[phase]
     s[chip.FRAME] = chip.BEFORE if phase == 0 else -c["spec.time"]
     s[chip.EDGE] = np.searchsorted(plan.due(position)[0], c["spec.time"]) if phase else 0
     levels = 0

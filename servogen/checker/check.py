@@ -92,7 +92,7 @@ class Checker:
             chip.plan_time_out(run.state, self._parameters, 0, 0)
             self._states.append(run)
             self._at[self._key(run)].append(run.state)
-        self._explore("power-up", Run(self._power_up(), self._plan.first()))
+        self._explore("power-up", Run(self._power_up(), self._plan.first))
         for number, run in enumerate(self._states):
             self._explore(f"state {number}", run)
         return Checked(len(self._states), self._frames, self._cycles, self._forks)

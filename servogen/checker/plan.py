@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -79,15 +80,17 @@ class Plan:
         """Return the frame that is repeated until start is pressed; the first frames stand for its delay."""
         return self.seen - 1 if self.start else 0
 
+    @cached_property
     def start_up(self) -> Position:
-        """Return the position before the first pulse."""
+        """The position before the first pulse."""
         heard = POWER_UP if self.line else 0
         return Position(self.waiting, running=int(self.start is None), heard=heard)
 
+    @cached_property
     def first(self) -> Position:
-        """Return the position at the first pulse."""
+        """The position at the first pulse."""
         run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
-        return self.start_up()._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
+        return self.start_up._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
 
     def hear(self, position: Position, line: Line, level: int) -> Position:
         """Return the position once `level` was read of the line."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from math import degrees
 from pathlib import Path
@@ -20,6 +20,7 @@ from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.build.build import Build
+    from servogen.build.certificates import CertificateVerdict
     from servogen.job import PlannedJob
     from servogen.pulse import Quantised
     from servogen.report.plan_facts import PlanFacts, ServoFacts
@@ -119,9 +120,19 @@ def demo(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The folder in which each job gets its own.")
     ] = Path("build"),
+    certificates: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificates",
+            help="The folder of JOB/main.cert.xz: check the certificates of the proofs for all inputs.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Build and prove several jobs, each into its own folder, and print one table."""
+    """Build and prove several jobs, each into its own folder, and print one table.
+
+    Exit code 1 if a program is not proven, or a certificate is refused.
+    """
     from servogen.build import ResourceError, write
     from servogen.build import build as built
     from servogen.job import load, plan_job
@@ -140,17 +151,38 @@ def demo(
                 refused.append(error.first)
                 continue
             write(done[-1], output / loaded.name)
+        checks = [] if certificates is None else _check_certificates(done, certificates, tell)
     if json:
         found = [warning for each in done for warning in each.warnings]
-        as_json({"jobs": [_build_to_json(each, output / each.job.name) for each in done]}, (*found, *refused))
+        content: dict[str, object] = {"jobs": [_build_to_json(each, output / each.job.name) for each in done]}
+        if certificates is not None:
+            content["for_all_inputs"] = [each.text for each in checks]
+        as_json(content, (*found, *refused))
     else:
-        _program_table(done)
+        _program_table(done, [each.text for each in checks])
         for refusal in refused:
             print(refusal.message)
         for each in done:
             if each.warnings:
                 print(f"{each.job.name}: {counted(len(each.warnings), 'warning')} in its report.txt")
-    raise typer.Exit(0 if all(each.proven for each in done) else 1)
+    fine = all(each.proven for each in done) and all(each.valid or each.missing for each in checks)
+    raise typer.Exit(0 if fine else 1)
+
+
+def _check_certificates(
+    builds: list[Build], folder: Path, tell: Callable[[str], None]
+) -> list[CertificateVerdict]:
+    """Return what the checker says of each program's certificate. Raises InputError."""
+    from servogen.build.build import hex_name
+    from servogen.build.certificates import certificate_file, checked
+
+    found = []
+    for done in builds:
+        for program in done.programs:
+            tell(f"{done.job.name}: checking the proof for all inputs, {program.firmware.dialect}")
+            file = certificate_file(folder, done.job.name, hex_name(done, program))
+            found.append(checked(file, program.image, done.plan.schedule.json_text()))
+    return found
 
 
 def _width_table(widths: Sequence[Quantised]) -> None:
@@ -190,14 +222,17 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
     )
 
 
-def _program_table(builds: list[Build]) -> None:
+def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> None:
     from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
+    programs = [(done, program) for done in builds for program in done.programs]
+    certified = [[text] for text in for_all_inputs] or [[] for _ in programs]
     table(
         "Programs",
         (
             *("job", "engine", "dialect", "words", "left", "RAM", "left", "frames"),
             *("worst edge error", "from the plan", "verdict"),
+            *(["for all inputs"] if for_all_inputs else []),
         ),
         [
             (
@@ -212,9 +247,9 @@ def _program_table(builds: list[Build]) -> None:
                 f"{program.verdict.worst_edge_error} cycles",
                 "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
                 "proven" if program.proven else "NOT PROVEN",
+                *certificate,
             )
-            for done in builds
-            for program in done.programs
+            for (done, program), certificate in zip(programs, certified, strict=True)
         ],
     )
 

@@ -34,8 +34,6 @@ def register(app: typer.Typer) -> None:
 PROVEN, NOT_PROVEN = 0, 1
 """Exit codes; NOT_PROVEN also where something was found or could not be decided."""
 
-MAX_CERTIFICATE_BYTES = 4 << 20
-
 EXTRA_FRAMES = 2
 """How many frames after the wrong edge a repeated counterexample shows."""
 
@@ -374,6 +372,7 @@ def check_certificate(
     file is not valid.
     """
     from servogen import checker
+    from servogen.build.certificates import MAX_CERTIFICATE_BYTES
     from servogen.pic.image import read_hex
     from servogen.programs import MAX_SCHEDULE_BYTES, program_file, read_source
 

@@ -111,7 +111,7 @@ class Maker(Checker):
 
     def make(self, forget: Forget) -> list[Run]:
         self.forget = forget
-        self._explore("power-up", Run(self._power_up(), self._plan.first()))
+        self._explore("power-up", Run(self._power_up(), self._plan.first))
         for run in self._states:  # grows meanwhile
             self._explore("a state", run)
         return self._states

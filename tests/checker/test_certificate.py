@@ -256,13 +256,13 @@ def test_the_state_machine_of_the_buttons() -> None:
     plan = read_plan(json.dumps(data).encode(), "schedule.json")
 
     def frames(levels: list[int]) -> list[tuple[int, int]]:
-        position, found = plan.first(), []
+        position, found = plan.first, []
         for level in levels:
             position = plan.after(position, level)
             found.append((position.frame, position.on))
         return found
 
-    assert plan.first() == Position(2, running=0)
+    assert plan.first == Position(2, running=0)
     assert frames([released] * 5) == [(2, 1)] * 5  # until start is pressed, the first frame repeats
     assert frames([start, start, released, start, start, start]) == [(2, 1)] * 5 + [(3, 1)]
     assert frames([start] * 6) == [(2, 1), (2, 1), (3, 1), (4, 1), (4, 1), (4, 1)]
@@ -277,7 +277,7 @@ def test_the_state_machine_of_the_buttons() -> None:
     assert frames([start] * 4 + [stop] * 5)[-3:] == [(4, 1)] * 3  # it keeps the current pulses
     data["buttons"] |= {"start": None, "pulses": "off"}
     plan = read_plan(json.dumps(data).encode(), "schedule.json")
-    position = plan.first()
+    position = plan.first
     for _ in range(3):
         position = plan.after(position, stop)
     assert position == OVER  # only a reset ends it

@@ -137,7 +137,7 @@ def random_environment(case: Target, rng: random.Random) -> Environment:
 
 def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     """(cycle since the first rise, levels of all pins), as the state machine of the buttons says."""
-    position, found = case.plan.first(), []
+    position, found = case.plan.first, []
     for frame in range(case.frames):
         at, out = case.plan.due(position)
         found += [(frame * case.plan.period + int(a), int(o)) for a, o in zip(at, out, strict=True)]
@@ -345,7 +345,7 @@ def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault
     if begun is None:
         return fault >= SILENT_PERIODS * plan.period
     reads = readings(case, image, machine, end)
-    position = plan.first()
+    position = plan.first
     frame = begun - int(plan.due(position)[0][0])
     while frame + plan.period <= end:
         at, out = plan.due(position)

@@ -140,7 +140,7 @@ def walk(aim: Target, seed: int, frames: int) -> Iterator[str]:
     chunks, rows = zip(*machine.visits(frames * period), strict=True)
     visits = np.concatenate(rows)
     edges = levels_of(join(iter(chunks)))
-    begun = int(edges[0][0] - aim.plan.due(aim.plan.first())[0][0])
+    begun = int(edges[0][0] - aim.plan.due(aim.plan.first)[0][0])
     count = (int(machine.cycles) - begun) // period - 1
     visits = visits[(visits[:, at.CYCLE] >= begun) & (visits[:, at.CYCLE] < begun + count * period)]
     samples = [sampled(visits, each, begun, period, count) for each in readers]
@@ -182,7 +182,7 @@ def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], cou
     for reader, (_, level) in zip(readers, samples, strict=True):
         levels |= level << reader.pin if reader else 0
     known: dict[tuple[Position, int], Position] = {}
-    position, found = plan.first(), []
+    position, found = plan.first, []
     for level in levels.tolist():
         found.append(position)
         following = known.get((position, level))

@@ -1,0 +1,42 @@
+"""The certificates that are kept of proofs for all inputs: what the checker says of a build's programs.
+
+In: builds, a folder of certificates. Out: what each program's certificate is worth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.checker import Refused, check_certificate, read_certificate
+from servogen.inputs import read_input
+from servogen.pic.image import Image
+
+MAX_CERTIFICATE_BYTES = 4 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateVerdict:
+    """What the checker says of one certificate."""
+
+    text: str
+    valid: bool
+    missing: bool = False
+
+
+def certificate_file(folder: Path, job: str, program: str) -> Path:
+    """Return where the certificate of a job's program, a HEX file's name, is kept."""
+    return folder / job / f"{program.removesuffix('.hex')}.cert.xz"
+
+
+def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:
+    """Return what the checker says of a certificate, if there is one. Raises InputError if it is not one."""
+    if not file.exists():
+        return CertificateVerdict("no certificate", False, missing=True)
+    claim = read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
+    try:
+        check_certificate(claim, image, schedule.encode(), "schedule.json")
+    except Refused as refused:
+        return CertificateVerdict(f"refused: {refused}", False)
+    held = ", ".join(f"{pin} held" for pin in claim.held)
+    return CertificateVerdict(f"proven, {held}" if held else "proven", True)
