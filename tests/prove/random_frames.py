@@ -69,7 +69,7 @@ def places(claim: Certificate) -> dict[tuple[int, ...], Ints]:
     names = ("time", *Position._fields, "start_sample", "stop_sample")
     columns = [claim.columns["pc"], *(claim.columns[f"spec.{name}"] for name in names)]
     found: dict[tuple[int, ...], list[int]] = {}
-    for number, place in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+    for number, place in enumerate(zip(*columns, strict=True)):
         if claim.columns["spec.phase"][number] == 1:
             found.setdefault(place, []).append(number)
     return {place: np.array(numbers) for place, numbers in found.items()}
