@@ -19,7 +19,7 @@ from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
 from servogen.programs import read_program, read_schedule
 from servogen.simulator import Machine, Options
-from servogen.testing.targets import Simulator, check
+from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
@@ -71,7 +71,7 @@ def test_a_build_a_proof_for_all_time_and_a_test_of_firmware_do_too() -> None:
         assert prove_forever(schedule, program.image, Cycles(1_000_000)).proven == right
         chip = Simulator()
         chip.load(program.image)
-        assert check(chip.capture(schedule, None), schedule).proven == right
+        assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).proven == right
         made = Firmware("c2c", "main.c2c.c", "", program)
         assert proven(schedule, made, Cycles(100_000)).proven == right
 

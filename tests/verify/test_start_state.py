@@ -12,7 +12,7 @@ import pytest
 from servogen.build import checked_cycles, prove, prove_image, running
 from servogen.build.proof import prove_forever
 from servogen.programs import read_program, read_schedule
-from servogen.testing.targets import Simulator, check
+from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
@@ -77,11 +77,11 @@ def test_forever_does_not_silence_it(run: Run, name: str) -> None:  # noqa: F811
 def test_a_test_of_firmware_fails(name: str) -> None:
     chip, schedule = Simulator(), read_schedule(SCHEDULE)
     chip.load(read_program(CASES / f"{name}.asm").image)
-    found = check(chip.capture(schedule, None), schedule)
+    found = check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule)
     assert not found.proven
     assert ("servogen_verdict", "not proven") in found.properties
     chip.load(read_program(CASES / "good.asm").image)
-    assert check(chip.capture(schedule, None), schedule).proven
+    assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).proven
 
 
 @pytest.mark.parametrize("name", WRONG)
