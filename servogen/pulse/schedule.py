@@ -371,7 +371,7 @@ class _Reader:
     def _direction(self, data: Any, key: str, channels: int, period: int) -> DirectionRuns:
         name, code, *parts = self._table(data, key, ("name", "code", "start", "cycle", "stop"))
         if not self._text(code, f"{key}.code") or code.strip("01"):
-            raise self._error("json-value", f"{key}.code", f"is not a string of the levels 0 and 1: {_shown(code)}")
+            raise self._error("json-value", f"{key}.code", f"is not a string of 0 and 1: {_shown(code)}")
         runs = []
         for part, value in zip(("start", "cycle", "stop"), parts, strict=True):
             where = f"{key}.{part}"

@@ -114,7 +114,7 @@ def test_the_schedule_with_commands_is_read_back() -> None:
     [
         ('"rest_frames": 3', '"rest_frames": 0', "commands.rest_frames: is not a whole number"),
         ('"pin": "RA4", "rest', '"pin": "RB0", "rest', "commands.pin: RB0 is a servo's"),
-        ('"code": "00110"', '"code": "0x110"', "commands.directions[1].code: is not a string of the levels 0 and 1"),
+        ('"code": "00110"', '"code": "0x110"', "commands.directions[1].code: is not a string of 0 and 1"),
         ('"code": "00110"', '"code": "01010"', "two directions have the same code"),
         ('"name": "back", ', "", "commands.directions[1]: 'name' is missing"),
     ],
