@@ -170,3 +170,14 @@ def test_choices_without_jumps_are_right(m: int, n: int) -> None:
     expected = sum(1 << at for at, true in enumerate(conditions.values()) if true)
     assert (value(text, "seen"), value(text, "other")) == (expected, expected ^ 0xFF)
     assert value(text, "chosen") == (64 if m else 0)
+
+
+def test_a_skip_over_one_instruction_stays_in_front_of_it() -> None:
+    """`BTFSS Z; GOTO a; INCF n,F; GOTO a` first loses the GOTO behind the skip, then the one at its end."""
+    text = (
+        "#include <xc.h>\nunsigned char b = 210, c, n, m;\n"
+        "unsigned char f(void) { switch (0) { default: n = !b; break; } return 0; }\n"
+        "unsigned char g(void) { switch (0) { default: m = !c; break; } return 0; }\n"
+        "void main(void) { f(); g(); while (1); }\n"
+    )
+    assert (value(text, "n"), value(text, "m")) == (0, 1)

@@ -125,6 +125,7 @@ def _skip_instead(function: Function, number: int) -> bool:
         return False
     test.op = INVERSE[test.op]
     function.blocks.remove(jump)
+    function.rebuild()  # the skip leads over the first instruction only
     return True
 
 

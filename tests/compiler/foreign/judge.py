@@ -32,6 +32,7 @@ _TARGET = re.compile(r"dg-require-effective-target\s+(\w+)")
 """What a test of gcc's suite says that it needs: 32 bits in an `int`, as a rule."""
 _ELSEWHERE = {
     "00166.c": "constants of 20 bits shown with %d",
+    "00178.c": "the sizes of int and double on another machine",
     "00212.c": "a 32-bit or 64-bit data model",
     "inline.c": "a pointer that fwk/lib/extern2.c defines",
 }
