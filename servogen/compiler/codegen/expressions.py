@@ -31,7 +31,7 @@ from servogen.compiler.ast.nodes import (
 from servogen.compiler.ast.types import IntType, StructType, VoidType
 from servogen.compiler.codegen.arithmetic import add, complement, imms, negate
 from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update
-from servogen.compiler.codegen.effects import is_condition, touches, updated, width_of
+from servogen.compiler.codegen.effects import calls_something, is_condition, touches, updated, width_of
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.indirect import cut_to_field, indirect_load, into_field, settled
 from servogen.compiler.codegen.operands import (
@@ -220,7 +220,12 @@ def _into_comma(gen: FunctionGenerator, expr: Comma, target: list[Loc]) -> None:
 def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> None:
     """Store the value of an assignment, which is the value stored; a volatile object is not read back."""
     there = expr.target
-    if not there.type.scalar or (there.width and not has_effect(there)):
+    if not there.type.scalar:
+        there = settled(gen, there) if has_effect(there) or calls_something(there) else there
+        assign(gen, there, expr.value)
+        into(gen, there, target)
+        return
+    if there.width and not has_effect(there):
         effect(gen, expr)
         into(gen, there, target)
         return

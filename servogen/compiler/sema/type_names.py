@@ -179,7 +179,7 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
             if width == 0:
                 continue
             small = qualified(
-                analyser.types["int8_t"] if kind.signed else BIT if width == 1 else U8,
+                _field_type(analyser, kind, width),
                 const=kind.const,
                 volatile=kind.volatile,
             )
@@ -218,6 +218,15 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
 
 MAX_FIELD = 16
 """Bits of a bit-field."""
+
+
+def _field_type(analyser: Analyser, kind: IntType, width: int) -> CType:
+    """Return the type of a bit-field of up to 8 bits: `bool` converts, `unsigned : 1` keeps one bit."""
+    if kind.is_bool:
+        return kind
+    if kind.signed:
+        return analyser.types["int8_t"]
+    return BIT if width == 1 else U8
 
 
 def _wide_field(

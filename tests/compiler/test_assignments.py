@@ -1,0 +1,43 @@
+"""Values of assignments and what assignments convert."""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.compiler import Options, Source, compile_sources
+from servogen.pic.device import RAM_FIRST
+from servogen.simulator import Machine
+from servogen.units import Clock
+
+LEVELS = ("none", "speed", "size")
+
+
+def value(text: str, name: str, level: str) -> int:
+    head = "#include <pic16f84.h>\n#include <stdbool.h>\n"
+    found = compile_sources([Source(head + text, "main.c")], Options(dialect="sdcc", optimise=level))
+    machine = Machine(found.image, Clock(4_000_000))
+    machine.run(20_000)
+    address = next(address for address, each, _ in found.listing.variables if each == name)
+    return machine.state().ram[address - RAM_FIRST]
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_the_address_of_a_structure_that_is_assigned_on_is_evaluated_once(level: str) -> None:
+    text = (
+        "struct pair { unsigned char a, b; }; struct pair p[3]; unsigned char n = 2, seen;\n"
+        "void main(void) { p[0].a = 7; p[0].b = 9; p[2] = p[--n] = p[0];\n"
+        "seen = p[1].a + p[1].b + p[2].a * 2 + p[2].b * 2; while (1); }\n"
+    )
+    assert value(text, "n", level) == 1
+    assert value(text, "seen", level) == 3 * (7 + 9)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_bit_field_of_bool_is_true_for_every_value_but_0(level: str) -> None:
+    """C99 6.3.1.2; an `unsigned : 1` keeps the lowest bit."""
+    text = (
+        "struct { bool b : 1; unsigned char u : 1; } s; volatile unsigned char z = 2; unsigned char seen;\n"
+        "void main(void) { s.b = z & 2; s.u = z & 2; seen = s.b | s.u << 1;\n"
+        "s.b = z & 1; s.u = z + 1; seen |= s.b << 2 | s.u << 3; while (1); }\n"
+    )
+    assert value(text, "seen", level) == 0b1001
