@@ -207,6 +207,52 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
             'const char a[3] = "x";\nchar *p;\nvoid g(void) { p = (char *) a; }',
             "the cast would drop const: 'const unsigned char *' may point to flash, 'unsigned char *' cannot",
         ),
+        (
+            "const char *a[2];\nchar **p;\nvoid g(void) { p = a; }",
+            "the assignment makes 'unsigned char * *' of 'const unsigned char * *': "
+            "a pointer to const has two bytes, another one byte",
+        ),
+        (
+            "char *a;\nconst char **p;\nvoid g(void) { p = (const char **) &a; }",
+            "the cast makes 'const unsigned char * *' of 'unsigned char * *': "
+            "a pointer to const has two bytes, another one byte",
+        ),
+        (
+            "char f(const char *s) { return *s; }\nchar (*p)(char *);\nvoid g(void) { p = f; }",
+            "the assignment makes 'unsigned char (*)(unsigned char *)' of "
+            "'unsigned char (*)(const unsigned char *)': a pointer to const has two bytes, another one byte",
+        ),
+        (
+            "const char *f(void) { return 0; }\nchar *(*const p[1])(void) = {f};",
+            "the initialiser makes 'unsigned char * (*)()' of 'const unsigned char * (*)()': "
+            "a pointer to const has two bytes, another one byte",
+        ),
+        (
+            "char f(char *s);\nchar f(const char *s) { return *s; }",
+            "'f' is declared differently before: 'unsigned char(unsigned char *)', "
+            "now 'unsigned char(const unsigned char *)'",
+        ),
+        (
+            'char last(char **all) { return all[1][0]; }\nchar *a[2] = {"x", "y"};\n'
+            "void g(void) { last(a); }",
+            "argument 1 of 'last' makes 'unsigned char * *' of 'const unsigned char * *': "
+            "a pointer to const has two bytes, another one byte",
+        ),
+        (  # f is called through a pointer, too, whose type says char *
+            'char f(char *s) { return *s; }\nchar (*p)(char *) = f;\nvoid g(void) { f("x"); }',
+            "argument 1 of 'f' would drop const: "
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
+        ),
+        (  # the declaration in front does not hide that f writes
+            'void f(char *);\nvoid g(void) { f("x"); }\nvoid f(char *s) { *s = 1; }',
+            "argument 1 of 'f' would drop const: "
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
+        ),
+        (
+            'void f(char *s) { char *t = &s[1]; *t = 1; }\nvoid g(void) { f("x"); }',
+            "argument 1 of 'f' would drop const: "
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
+        ),
     ],
 )
 def test_what_contradicts_is_an_error(text: str, message: str) -> None:

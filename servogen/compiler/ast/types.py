@@ -115,7 +115,8 @@ class PointerType(CType):
 
     def __str__(self) -> str:
         if isinstance(self.target, FuncType):
-            return f"{self.target.result} (*)()" + _quals(self)
+            parameters = ", ".join(map(str, self.target.parameters or ()))
+            return f"{self.target.result} (*)({parameters})" + _quals(self)
         return f"{self.target} *{_quals(self)}".rstrip()
 
 
@@ -229,14 +230,16 @@ def holds_volatile(kind: CType) -> bool:
 
 
 def same(left: CType, right: CType) -> bool:
-    """Return whether two types are compatible. Qualifiers of the pointed-to object are ignored."""
+    """Return whether two types are compatible. Qualifiers of the type itself are ignored; a pointer to const
+    is not compatible with another pointer, because it has another size.
+    """
     left, right = left.plain(), right.plain()
     if isinstance(left, IntType) and isinstance(right, IntType):
         return (left.bytes, left.signed, left.is_bool) == (right.bytes, right.signed, right.is_bool)
     if isinstance(left, FloatType) and isinstance(right, FloatType):
         return left.bytes == right.bytes
     if isinstance(left, PointerType) and isinstance(right, PointerType):
-        return same(left.target, right.target)
+        return left.wide == right.wide and same(left.target, right.target)
     if isinstance(left, ArrayType) and isinstance(right, ArrayType):
         sizes = None in (left.length, right.length) or left.length == right.length
         return sizes and same(left.element, right.element)
@@ -251,6 +254,19 @@ def same(left: CType, right: CType) -> bool:
             same(one, two) for one, two in zip(left.parameters, right.parameters, strict=True)
         )
     return type(left) is type(right)
+
+
+def differs_in_const(left: CType, right: CType) -> bool:
+    """Return whether two types have a pointer at the same point that leads to const in only one of them."""
+    if isinstance(left, PointerType) and isinstance(right, PointerType):
+        return left.wide != right.wide or differs_in_const(left.target, right.target)
+    if isinstance(left, ArrayType) and isinstance(right, ArrayType):
+        return differs_in_const(left.element, right.element)
+    if isinstance(left, FuncType) and isinstance(right, FuncType):
+        parameters = zip(left.parameters or (), right.parameters or (), strict=False)
+        pairs = [(left.result, right.result), *parameters]
+        return any(differs_in_const(one, two) for one, two in pairs)
+    return False
 
 
 def _same_layout(left: Layout, right: Layout) -> bool:

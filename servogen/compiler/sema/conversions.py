@@ -31,6 +31,7 @@ from servogen.compiler.ast.types import (
     StructType,
     VoidType,
     common,
+    differs_in_const,
     promote,
     same,
 )
@@ -205,14 +206,24 @@ def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, what: str) ->
 
 
 def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
-    """Reject the conversion of a pointer that may lead to flash to one that reaches only RAM."""
-    both = isinstance(expr.type, PointerType) and isinstance(kind, PointerType)
-    if both and expr.type.size > kind.size:
+    """Reject the conversion of a pointer that may lead to flash to one that reaches only RAM, also where such
+    pointers, or functions that take or return them, are what is pointed to: their sizes differ.
+    """
+    if not isinstance(expr.type, PointerType) or not isinstance(kind, PointerType):
+        return
+    if expr.type.size > kind.size:
         raise analyser.fail(
             "c-const",
             f"{what} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
             expr,
             hint="declare the pointer as a pointer to const",
+        )
+    if differs_in_const(expr.type.target, kind.target):
+        raise analyser.fail(
+            "c-const",
+            f"{what} makes '{kind}' of '{expr.type}': a pointer to const has two bytes, another one byte",
+            expr,
+            hint="declare both with the same const",
         )
 
 

@@ -56,8 +56,8 @@ class _Pointers:
     flows: set[tuple[Key | None, Key]] = field(default_factory=set)
     """(from, to) of every pointer that is copied; None is a string."""
     written: set[Key] = field(default_factory=set)
-    arrays: set[Key] = field(default_factory=set)
-    """Arrays of pointers."""
+    dimensions: dict[Key, int] = field(default_factory=dict)
+    """How many dimensions each array of pointers has."""
     function: str = _GLOBAL
     locals: set[str] = field(default_factory=set)
 
@@ -103,7 +103,7 @@ class _Pointers:
         elif isinstance(inner, c_ast.PtrDecl):
             self.targets.setdefault(key, []).append(target)
             if array:
-                self.arrays.add(key)
+                self.dimensions[key] = max(self.dimensions.get(key, 0), _dimensions(kind))
         return True
 
     # where pointers go
@@ -138,8 +138,15 @@ class _Pointers:
                 self.written.add(self.name(name))
             case c_ast.Return() if node.expr is not None:
                 self.flow(node.expr, (self.function, _RESULT))
+            case c_ast.FuncCall(name=c_ast.ID()):
+                self.call(node)
+                if node.args is not None:
+                    self.visit(node.args)
+                return
             case c_ast.FuncCall():
                 self.call(node)
+            case c_ast.ID(name=name) if name in self.parameters and name not in self.locals:
+                self.taken(name)
         for _, child in node.children():
             self.visit(child)
 
@@ -154,6 +161,11 @@ class _Pointers:
                 self.flow(each, key)
             if not own:
                 self.outside(name, number, each)
+
+    def taken(self, name: str) -> None:
+        """Keep the type of a function whose address is taken: a pointer to the function has that type."""
+        self.written.add((name, _RESULT))
+        self.written.update(key for keys in self.parameters[name] for key in keys if key is not None)
 
     def outside(self, name: str, number: int, value: Any) -> None:
         """Follow a pointer into a function of the library: its declaration says whether it writes."""
@@ -189,7 +201,9 @@ class _Pointers:
             case c_ast.StructRef():
                 yield (_MEMBER, value.field.name)
             case c_ast.ArrayRef():
-                yield from self.sources(value.name)
+                yield from (each for each in self.sources(value.name) if not self.is_character(value, each))
+            case c_ast.UnaryOp(op="&", expr=c_ast.ArrayRef(name=array)):
+                yield from self.sources(array)
             case c_ast.UnaryOp(op="&" | "++" | "--" | "p++" | "p--"):
                 yield from self.sources(value.expr)
             case c_ast.BinaryOp(op="+" | "-"):
@@ -218,8 +232,11 @@ class _Pointers:
 
     def is_array_of_pointers(self, target: Any, key: Key) -> bool:
         """Return whether a write to `target` changes a pointer in an array, not what it points to."""
-        direct = isinstance(target, c_ast.ArrayRef) and isinstance(target.name, (c_ast.ID, c_ast.StructRef))
-        return direct and key in self.arrays
+        return 0 < _indices(target) <= self.dimensions.get(key, 0)
+
+    def is_character(self, value: Any, key: Key | None) -> bool:
+        """Return whether an element, `text[i]` or `texts[i][j]`, is a character, not a pointer."""
+        return key is None or (key in self.targets and _indices(value) > self.dimensions.get(key, 0))
 
     def place(self, target: Any) -> Key | None:
         match target:
@@ -249,9 +266,27 @@ class _Pointers:
     def writing(self) -> set[Key]:
         """Return the pointers that are written through, by themselves or by a pointer they are copied to."""
         found = self.written | {_UNKNOWN}
-        while more := {source for source, to in self.flows if to in found and source is not None} - found:
+        flows = self.flows | self.between_declarations()
+        while more := {source for source, to in flows if to in found and source is not None} - found:
             found |= more
         return found
+
+    def between_declarations(self) -> set[tuple[Key | None, Key]]:
+        """Return the flows that make a parameter the same in all declarations of its function."""
+        same = [keys for declared in self.parameters.values() for keys in zip(*declared, strict=False)]
+        return {(one, two) for keys in same for one in keys for two in keys if two is not None}
+
+
+def _dimensions(kind: Any) -> int:
+    return 1 + _dimensions(kind.type) if isinstance(kind, c_ast.ArrayDecl) else 0
+
+
+def _indices(value: Any) -> int:
+    """Return how many indices follow a name; 0 where they follow another expression."""
+    found = 0
+    while isinstance(value, c_ast.ArrayRef):
+        value, found = value.name, found + 1
+    return found if isinstance(value, (c_ast.ID, c_ast.StructRef)) else 0
 
 
 def _members(kind: Any) -> Iterator[Any]:
