@@ -6,6 +6,7 @@ in a line, or in a notebook as a table or a picture.
 
 from __future__ import annotations
 
+from numbers import Real
 from pathlib import Path
 
 from servogen.build.build import Build
@@ -24,13 +25,16 @@ from servogen.report.pulse_plot import pulse_figure
 from servogen.simulator import Options, Simulation
 from servogen.simulator import simulate as run
 from servogen.simulator.machine import Stimulus
-from servogen.units import Cycles
+from servogen.units import Clock, Cycles
 
 File = str | Path
 Runnable = File | Job | Program | Build
 
 SECONDS = 1.0
 """How long a program runs of which no motion is known."""
+
+MAX_SECONDS = 3600
+"""The longest run in one call: its edges are all kept in memory."""
 
 
 def load(path: File) -> Job | Program:
@@ -75,13 +79,20 @@ def simulate(
     """
     if isinstance(program, Build):
         schedule = program.plan.schedule
-        span = motion_cycles(schedule) if seconds is None else Cycles(schedule.clock.round_seconds(seconds))
+        span = motion_cycles(schedule) if seconds is None else _span(schedule.clock, seconds)
         board, inputs = board_of(schedule, options), stimulus or inputs_of(schedule)
         return run(program.programs[0].image, schedule.clock, span, board, inputs)
     found = _program(program)
     clock = clock_of(found, clock_hz)
-    span = Cycles(clock.round_seconds(SECONDS if seconds is None else seconds))
+    span = _span(clock, SECONDS if seconds is None else seconds)
     return run(found.image, clock, span, options, stimulus)
+
+
+def _span(clock: Clock, seconds: float) -> Cycles:
+    """Return a time in cycles. Raises InputError."""
+    if not isinstance(seconds, Real) or not 0 <= seconds <= MAX_SECONDS:  # refuses NaN, too
+        raise InputError("out-of-range", f"seconds = {seconds!r} is not a number from 0 to {MAX_SECONDS}")
+    return Cycles(clock.round_seconds(float(seconds)))
 
 
 def _program(given: File | Job | Program) -> Program:
@@ -106,5 +117,5 @@ def plot(what: Runnable | Simulation | EdgeTrace, seconds: float | None = None) 
         trace = simulate(what, seconds).edges
         title = what.job.name if isinstance(what, Build) else what.name if isinstance(what, Job) else "pulses"
     if seconds is not None:
-        trace = trace.until(trace.clock.round_seconds(seconds))
+        trace = trace.until(_span(trace.clock, seconds))
     return Picture(pulse_figure(trace, trace.end, f"{title}: from the first edge on", schedule))

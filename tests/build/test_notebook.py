@@ -144,3 +144,18 @@ def test_values_are_tables_in_html(ran: Simulation, made: Build) -> None:
     program = servogen.load(ROOT / "tests" / "labs_xc8" / "chaser.c")
     assert isinstance(program, Program) and "main" in Table(program._repr_html_()).cells
     assert Table(table_html("<b>&", ["a"], [["<script>"]])).cells == ["<b>&", "a", "<script>"]
+
+
+@pytest.mark.parametrize("seconds", [-1, float("nan"), 3601, 1e30, "2"])
+def test_a_time_that_cannot_be_simulated_is_refused(
+    made: Build, ran: Simulation, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("servogen.build.notebook.run", lambda *_: pytest.fail("it runs"))
+    for refused in (
+        lambda: servogen.simulate(made, seconds),
+        lambda: servogen.simulate(FOLDER, seconds),
+        lambda: servogen.plot(ran, seconds),
+    ):
+        with pytest.raises(InputError, match="is not a number from 0 to 3600") as error:
+            refused()
+        assert error.value.code == "out-of-range"
