@@ -45,7 +45,15 @@ from servogen.kinematics.protocol import Answer, DrivingRobot
 from servogen.kinematics.registry import KINDS
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.kinematics.symbolic import symbolic_fk, symbolic_jacobian, text_of
-from servogen.kinematics.transforms import Floats, apply, is_rotation, mount_matrix, parse, to_body
+from servogen.kinematics.transforms import (
+    MAX_NUMBER,
+    Floats,
+    apply,
+    is_rotation,
+    mount_matrix,
+    parse,
+    to_body,
+)
 from servogen.robot.model import Arm, Limb, Robot
 
 
@@ -161,6 +169,9 @@ def _finite(values: Sequence[float]) -> Floats:
         raise InputError(
             "not-a-number", f"{', '.join(f'{value:zg}' for value in values)}: every number must be finite"
         )
+    beyond = next((value for value in values if abs(value) > MAX_NUMBER), None)
+    if beyond is not None:
+        raise InputError("out-of-range", f"{beyond:g} is not a number from -{MAX_NUMBER:g} to {MAX_NUMBER:g}")
     return array
 
 
@@ -204,7 +215,7 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
         raise InputError(
             "wrong-count", f"{arm.name} takes {wanted}, not {len(values)} numbers", Location(key="target")
         )
-    position = np.asarray(values[:3], float) / 1000
+    position = _finite(values[:3]) / 1000
     angles = np.radians(_finite(values[3:]))
     missed = 0.0
     try:

@@ -217,6 +217,9 @@ _BETWEEN = re.compile(r"[\s*·]*")
 _HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y, z) inv(…) (…)^-1"
 
 
+MAX_NUMBER = 1e9
+"""The largest number that may be typed: a thousand kilometres, in millimetres."""
+
 MAX_TEXT = 10_000
 """The longest product, about a thousand factors."""
 
@@ -278,9 +281,7 @@ def _end_of(match: re.Match[str] | None, position: int) -> int:
 
 
 def _error(position: int, message: str) -> InputError:
-    return InputError(
-        "transform-syntax", message, Location(column=position + 1, key=f"column {position + 1}"), _HINT
-    )
+    return InputError("transform-syntax", message, Location(column=position + 1), _HINT)
 
 
 def _factor(name: str, inside: list[str], position: int) -> Floats:
@@ -309,4 +310,6 @@ def _number(text: str, position: int) -> float:
         raise _error(position, f"'{text.strip()}' is not a number") from None
     if not np.isfinite(value):
         raise _error(position, f"'{text.strip()}' is not a finite number")
+    if abs(value) > MAX_NUMBER:
+        raise _error(position, f"'{text.strip()}' is not a number from -{MAX_NUMBER:g} to {MAX_NUMBER:g}")
     return value

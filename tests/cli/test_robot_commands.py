@@ -161,3 +161,29 @@ def test_bad_input_of_the_new_commands_is_exit_code_2(run: Run, command: tuple[s
     ran = run(*command)
     assert ran.code == 2
     assert says in ran.err and "Traceback" not in ran.err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("fk", "leg", "1e300", 30),
+        ("fk", "omni", "1e308", "1e308", "1e308"),
+        ("ik", "leg", "1e300", 0, 0),
+        ("statics", "leg", 10, 30, "--force-n", 0, 0, "-1e308"),
+        ("transform", "Tx(1e308) Tx(1e308)"),
+        ("transform", "Tx(1)", "1e10", 0, 0),
+    ],
+)
+def test_a_number_too_large_to_compute_with_is_refused(run: Run, command: tuple[object, ...]) -> None:
+    ran = run(*command)
+    assert ran.code == 2 and "is not a number from -1e+09 to 1e+09" in ran.err and "Warning" not in ran.err
+
+
+def test_a_number_at_the_limit_is_computed_with(run: Run) -> None:
+    ran = run("transform", "Tx(1e9)", "-1e9", 0, 0, "--json")
+    assert ran.code == 0 and json.loads(ran.out)["point"] == [0, 0, 0]
+
+
+def test_a_wrong_transform_names_its_column_once(run: Run) -> None:
+    ran = run("transform", "Rx(1) Rq(30)")
+    assert ran.code == 2 and "error: column 7: 'Rq(30)' is not a transform" in ran.err
