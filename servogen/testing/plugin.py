@@ -49,6 +49,9 @@ CAPTURES = "servogen-captures"
 """The folder, below pytest's root, where what a failed test saw is written."""
 
 
+PACKAGE = Path(__file__).parents[1]
+"""The folder of servogen's own modules."""
+
 ON_THE_CHIP = "what was on the chip"
 """The program, where nobody has programmed the chip."""
 MARK_KEYS = ("image", "schedule", "seconds", "stimulus")
@@ -133,8 +136,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Write what a failed test saw, and name the file in its report."""
+    if call.when == "call" and CHIPS in item.stash and not item.config.getoption("fulltrace"):
+        _show_only_the_test(call.excinfo)
     report = yield
     if report.when == "call" and report.failed:
         found = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
@@ -149,6 +156,18 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
         for chip in item.stash.get(CHIPS, []):
             report.sections.append((f"servogen waves: {chip.name}", _waves(chip)))
     return report
+
+
+def _show_only_the_test(raised: pytest.ExceptionInfo[BaseException] | None) -> None:
+    """Take servogen's own lines out of the traceback of what a chip says about the test."""
+    if raised is None or not isinstance(raised.value, (ServogenError, AssertionError)):
+        return
+    last = raised.tb  # of pytest
+    while (entry := last.tb_next) is not None:
+        if PACKAGE in Path(entry.tb_frame.f_code.co_filename).parents:
+            last.tb_next = entry.tb_next
+        else:
+            last = entry
 
 
 @pytest.fixture

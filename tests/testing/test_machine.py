@@ -171,6 +171,32 @@ def test_without_a_programmer_nobody_claims_that_the_program_was_tested(
     assert set(programs_of(project).values()) == {("what was on the chip",)}
 
 
+def test_a_mistake_of_the_test_shows_the_test_and_no_line_of_servogen(project: pytest.Pytester) -> None:
+    project.makepyfile(
+        test_mistake="""
+        def test_pin(servogen_machine):
+            chip = servogen_machine("blink.asm")
+            chip.press("RB9")
+
+        def test_bytes(servogen_machine):
+            chip = servogen_machine("blink.asm", inputs={"RA0": 1})
+            chip.run_ms(100)
+            chip.uart("RB0", 2400)
+
+        def test_defect(servogen_machine):
+            servogen_machine("blink.asm").run_ms(None)
+        """
+    )
+    result = run(project, "-k", "not defect")
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines_random(
+        ["*there is no pin 'RB9'*", '>*chip.press("RB9")', '>*chip.uart("RB0", 2400)']
+    )
+    result.stdout.no_fnmatch_line("*signals.py*")
+    result.stdout.no_fnmatch_line("*chip.py*")
+    run(project, "-k", "defect").stdout.fnmatch_lines(["*chip.py*TypeError*"])
+
+
 def programs_of(project: pytest.Pytester) -> dict[str, tuple[str, ...]]:
     """Return the programs that the report names, by test."""
     return {
