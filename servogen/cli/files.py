@@ -31,7 +31,7 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
                 f"{taken[output.resolve()]}: give the output another name",
                 Location(str(output)),
             )
-        if output.exists() and not output.is_file():
+        if output.exists() and not (output.is_file() or output.is_dir()):
             continue  # a device, such as /dev/null, takes any number of outputs
         taken[output.resolve()] = "is written already"
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from servogen.cli.files import keep_apart
 from servogen.cli.options import Json, MemoryLimit
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import Diagnostic, InputError, Location, ServogenError
@@ -100,6 +101,7 @@ def grade(
     from servogen.build.grading import Task, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
 
+    keep_apart([path for path in files if not path.is_dir()], csv, junit, gradescope, classroom)
     task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from servogen.grade.display import shown_name, visible
 from servogen.grade.judge import Grade
 from servogen.grade.lab import Lab
-from servogen.grade.points import WHOLE, Outcome, State, max_total, number, outcomes, total
+from servogen.grade.points import WHOLE, Outcome, State, headline, max_total, number, outcomes, total
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a spreadsheet takes for the beginning of a formula."""
@@ -81,7 +81,7 @@ def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
         if tag:
             tag = "error" if entry.defect and tag == "failure" else tag
             text = visible(each.text)
-            ElementTree.SubElement(case, tag, message=text.splitlines()[0], type=each.key).text = text
+            ElementTree.SubElement(case, tag, message=headline(text), type=each.key).text = text
     counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
     suite.set("tests", str(len(found)))
     for key, tag in counts.items():

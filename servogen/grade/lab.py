@@ -15,7 +15,7 @@ from typing import Annotated
 from pydantic import Field
 
 from servogen.edges import PINS
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, did_you_mean
 from servogen.grade.check import Check
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
@@ -164,8 +164,10 @@ def load_lab(name: str) -> Lab:
     if name.endswith(".toml"):
         return _lab(Path(name).stem, *toml_file.load(name, LabTable))
     if name not in names():
-        hint = f"{did_you_mean(name, names())} A lab of your own is a file that ends in .toml"
-        raise InputError("unknown-name", f"unknown lab '{name}'", Location(key="LAB"), hint)
+        near = did_you_mean(name, names())
+        stop = "" if near.endswith("?") else "."
+        hint = f"{near}{stop} A lab of your own is a file that ends in .toml"
+        raise InputError("unknown-name", f"unknown lab '{name}'", hint=hint)
     with as_file(_folder() / f"{name}.toml") as path:
         return _lab(name, *toml_file.load(path, LabTable))
 

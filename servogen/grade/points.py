@@ -51,13 +51,19 @@ def outcomes(lab: Lab, grade: Grade) -> tuple[Outcome, ...]:
     return tuple(found)
 
 
+def headline(text: str) -> str:
+    """Return the first line of a reason; where that ends in a colon, with the line that follows it."""
+    lines = text.splitlines()
+    return " ".join(lines[: 2 if lines[0].endswith(":") else 1])
+
+
 def _outcome(lab: Lab, grade: Grade, check: Check) -> Outcome:
     points = dict(lab.points).get(check, 0.0)
     texts = [fault.text for fault in grade.faults if check in fault.checks]
     if texts:
         return Outcome(check, CHECK_TITLES[check], State.FAILED, points, "\n".join(texts))
     if check in grade.unchecked:
-        because = "; ".join(dict.fromkeys(text.splitlines()[0] for text in grade.reasons))
+        because = "; ".join(dict.fromkeys(headline(text) for text in grade.reasons))
         return Outcome(
             check, CHECK_TITLES[check], State.NOT_CHECKED, points, f"could not be checked: {because}"
         )

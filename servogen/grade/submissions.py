@@ -128,9 +128,13 @@ class _Search:
             inside = [self._entries(folder, None) for folder in students]
             above += [file for files, _ in inside for file in files]
             students = [folder for _, folders in inside for folder in folders]
-        found = [
-            self._submission(file, student.resolve()) for student in students for file in self._of(student)
-        ]
+        found = []
+        for student in students:
+            warned = len(self.warnings)
+            files = self._of(student)
+            if not (files or above or student.name.startswith(".") or len(self.warnings) > warned):
+                self._warn(student, "not graded: it holds no program")
+            found += [self._submission(file, student.resolve()) for file in files]
         alone = len(above) == 1 and not found
         found += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
         return sorted(found, key=lambda each: each.file)

@@ -78,3 +78,28 @@ def test_a_dask_cluster_gives_the_same_grades(run: Run) -> None:
         together = run("grade", "lab8-exercise", *files, "--json", "--scheduler", cluster.scheduler_address)
     assert together.out == alone.out
     assert together.code == alone.code == 1
+
+
+def test_an_empty_folder_in_a_class_is_named(run: Run, tmp_path: Path) -> None:
+    for name in ("ana", "dan", ".git"):
+        (tmp_path / name).mkdir()
+    shutil.copy(PROGRAMS / "lab8-right" / "delays.c", tmp_path / "ana" / "main.c")
+    ran = run("grade", "lab8-exercise", tmp_path, "--json")
+    assert ran.code == 0
+    assert ran.err.count("not graded: it holds no program") == 1
+    assert "dan: warning: not graded: it holds no program" in ran.err
+
+
+def test_two_formats_never_share_a_file(run: Run, tmp_path: Path) -> None:
+    program, out = PROGRAMS / "lab8-right" / "delays.c", tmp_path / "g.csv"
+    ran = run("grade", "lab8-exercise", program, "--csv", out, "--junit", out)
+    assert ran.code == 2 and "g.csv: error: is written already" in ran.err and not out.exists()
+    ran = run("grade", "lab8-exercise", program, "--gradescope", tmp_path, "--classroom", tmp_path)
+    assert ran.code == 2 and not list(tmp_path.iterdir())
+
+
+def test_an_unknown_lab_is_answered_with_the_known_ones(run: Run) -> None:
+    ran = run("grade", "lab99", PROGRAMS)
+    assert ran.code == 2
+    assert "error: unknown lab 'lab99'" in ran.err
+    assert "known: lab8-exercise, lab9-exercise. A lab of your own" in ran.err

@@ -329,6 +329,16 @@ EVIL = Entry(
 )
 
 
+def test_the_headline_of_a_reason_never_ends_with_its_colon() -> None:
+    entry = Entry(
+        "a.c", refused("lab8-exercise", "it cannot be run:\na.c:2:27: error: syntax error\n  the line")
+    )
+    (suite,) = junitparser.JUnitXml.fromstring(junit_xml(LAB8, [entry]).encode())
+    messages = {result.message for case in suite for result in case.result}
+    headline = "it cannot be run: a.c:2:27: error: syntax error"
+    assert messages == {headline, f"could not be checked: {headline}"}
+
+
 def test_names_and_reasons_of_strangers_stay_text() -> None:
     (row,) = csv.DictReader(csv_text(LAB8, [EVIL]).splitlines())
     assert row["program"].startswith("'=cmd") and row["why"].startswith("'@SUM")

@@ -227,7 +227,8 @@ def test_a_hex_file_beside_its_source_is_left_out(classroom: Path) -> None:
     found = find(classroom)
     assert names(found) == ["dan/main.c", "dan/other.HEX", "eva/main.asm"]
     assert [str(each) for each in found.warnings] == [
-        f"{classroom}/dan/main.hex: warning: not graded, as its source lies beside it [not-searched]"
+        f"{classroom}/ana: warning: not graded: it holds no program [not-searched]",
+        f"{classroom}/dan/main.hex: warning: not graded, as its source lies beside it [not-searched]",
     ]
 
 
