@@ -240,7 +240,7 @@ def _run() -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except TyperException as error:  # the command line is wrong
-        text = error.format_message().rstrip(".")
+        text = error.format_message().rstrip(".").replace(": Value error, ", ": ")
         show_error(InputError("usage", text, hint=f"see: {_command_of(error)} --help"), sys.argv[1:])
         return InputError.exit_code
     except typer.Abort:

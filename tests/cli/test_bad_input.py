@@ -183,3 +183,8 @@ def test_an_interrupt_is_exit_code_130(
     monkeypatch.setattr("servogen.simulator.machine.Machine.stream", interrupted)
     assert run("simulate", tmp_path / "good.hex", "--vcd", tmp_path / "x.vcd").code == 130
     assert [path.name for path in tmp_path.iterdir()] == ["good.hex"]
+
+
+def test_an_unknown_choice_is_answered_with_the_choices(run: Callable[..., Any]) -> None:
+    ran = run("schema", "foo")
+    assert ran.code == 2 and "'kind': 'foo' is not one of 'job', 'robot', 'servo', 'lab'" in ran.err

@@ -190,7 +190,7 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
             "c-assignment-condition",
             "an assignment as a condition",
             analyser.place(node),
-            hint="'==' compares; '((a = b))' says it is meant",
+            hint="'==' compares; write '((a = b))' if the assignment is meant",
         )
     return truth(analyser, condition_operand(analyser, node))
 

@@ -9,7 +9,7 @@ void main(void) {
   for (i = 0; i <= 255; i++) b++;
   // warning: this is never reached
   // warning: an assignment as a condition
-  // hint: '==' compares; '((a = b))' says it is meant
+  // hint: '==' compares; write '((a = b))' if the assignment is meant
   if (a = 3) b = 1;
   // warning: this statement has no effect
   a + 1;
