@@ -254,8 +254,10 @@ def devices_of(asked: str | None, names: set[str]) -> tuple[Device, Device | Non
 
 
 def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:
-    """Return the requested clock, else that of the program's C, else 4 MHz."""
+    """Return the requested clock, else that of the program's C, else 4 MHz. Raises InputError."""
     if clock_hz is not None:
+        if not isinstance(clock_hz, int) or clock_hz < 1:
+            raise InputError("wrong-clock", f"clock_hz = {clock_hz!r} is not a whole number of at least 1")
         return Clock(clock_hz)
     return program.clock if program and program.clock else Clock(DEFAULT_CLOCK_HZ)
 

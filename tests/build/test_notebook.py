@@ -159,3 +159,10 @@ def test_a_time_that_cannot_be_simulated_is_refused(
         with pytest.raises(InputError, match="is not a number from 0 to 3600") as error:
             refused()
         assert error.value.code == "out-of-range"
+
+
+@pytest.mark.parametrize("clock_hz", [0, -4_000_000, float("nan"), "4 MHz"])
+def test_a_clock_that_is_not_a_frequency_is_refused(clock_hz: int) -> None:
+    with pytest.raises(InputError, match="is not a whole number of at least 1") as error:
+        servogen.simulate(FOLDER, 0.001, clock_hz=clock_hz)
+    assert error.value.code == "wrong-clock"
