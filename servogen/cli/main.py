@@ -273,7 +273,11 @@ def _run() -> int:
 def _command_of(error: TyperException) -> str:
     """Return the command whose arguments are wrong, as it is typed."""
     context = getattr(error, "ctx", None)
-    return str(context.command_path) if context else "servogen"
+    if context:
+        return str(context.command_path)
+    # An option without its values has no context.
+    named = [arg for arg in sys.argv[1:2] if arg in PANELS]
+    return " ".join(["servogen", *named])
 
 
 def _say(text: str) -> None:
