@@ -38,6 +38,7 @@ LIMITS_HINT = "servogen compile and servogen assemble take --timeout and --memor
 C_SUFFIX = ".c"
 ASSEMBLY_SUFFIXES = (".asm", ".s", ".src")
 HEX_SUFFIXES = (".hex", ".ihx", ".h8", ".obj")
+JOB_SUFFIX = ".toml"
 MAX_SCHEDULE_BYTES = 16 << 20
 """The maximum size of a schedule: an hour of frames that all differ, for two servos."""
 
@@ -68,6 +69,11 @@ class Program:
         functions = self.listing.functions if self.listing else ()
         rows = [(each.name, f"0x{each.start:03X}", each.end - each.start) for each in functions]
         return table_html(repr(self).strip("<>"), ("function", "address", "words"), rows)
+
+
+def is_job(path: Path) -> bool:
+    """Return whether a path is that of a job file, whose program is built: `servogen.build.job_program`."""
+    return path.suffix.lower() == JOB_SUFFIX and not path.is_dir()
 
 
 def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:

@@ -10,13 +10,7 @@ from pathlib import Path
 from servogen import programs
 from servogen.build.engines import planned
 from servogen.job import Job, load, plan_job
-from servogen.programs import Program
-
-JOB_SUFFIX = ".toml"
-
-
-def is_job(path: Path) -> bool:
-    return path.suffix.lower() == JOB_SUFFIX and not path.is_dir()
+from servogen.programs import Program, is_job
 
 
 def read_program(path: Path, device_name: str | None = None) -> Program:

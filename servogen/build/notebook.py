@@ -11,14 +11,14 @@ from pathlib import Path
 
 from servogen.build.build import Build
 from servogen.build.build import build as build_planned
-from servogen.build.job_program import is_job, job_program
+from servogen.build.job_program import job_program
 from servogen.build.proof import motion_cycles
 from servogen.edges import EdgeTrace
 from servogen.engines.board import board_of, inputs_of
 from servogen.errors import InputError, Location
 from servogen.job import Job, PlannedJob, plan_job
 from servogen.job import load as load_job
-from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, read_program
+from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, is_job, read_program
 from servogen.pulse import PulseSchedule
 from servogen.report.pictures import Picture
 from servogen.report.pulse_plot import pulse_figure

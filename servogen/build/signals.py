@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from servogen.build.job_program import is_job, read_program
+from servogen.build.job_program import read_program
 from servogen.build.proof import running
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pic.device import DEVICES
 from servogen.pic.device import device as device_named
-from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of
+from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, is_job
 from servogen.pulse import PulseSchedule
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo

@@ -13,7 +13,7 @@ from servogen.cli.files import read_image
 from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.programs import program_file, read_schedule
+from servogen.programs import is_job, program_file, read_schedule
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -66,7 +66,6 @@ def flash(
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import Order, find
     from servogen.build.flashing import check, schedule_beside
-    from servogen.build.job_program import is_job
 
     if is_job(file):
         hint = f"build it, then flash its folder: servogen build {file}"

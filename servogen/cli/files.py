@@ -41,10 +41,9 @@ def read_image(path: Path) -> Image:
 
     Raises InputError.
     """
-    from servogen.build.job_program import is_job
     from servogen.pic.image import read_hex
 
-    if is_job(path):
+    if programs.is_job(path):
         return read_program(path).image
     path = programs.program_file(path)
     file = read_hex(programs.read_source(path), str(path))
@@ -58,11 +57,14 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
 
     Raises InputError.
     """
-    from servogen.build.job_program import read_program as read
-
     if path.suffix.lower() in (programs.C_SUFFIX, *programs.ASSEMBLY_SUFFIXES):
         warn_of_missing_limits()
-    found = read(path, device_name)
+    if programs.is_job(path):
+        from servogen.build.job_program import read_program as built  # loads the compiler and the engines
+
+        found = built(path)
+    else:
+        found = programs.read_program(path, device_name)
     for remark in found.remarks:
         warn(remark)
     return found

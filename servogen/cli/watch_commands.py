@@ -74,10 +74,10 @@ def watch(
         ) from error
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
-    from servogen.programs import read_schedule
+    from servogen.programs import JOB_SUFFIX, read_schedule
     from servogen.watch.editing import Editor
     from servogen.watch.live_line import LiveLine
-    from servogen.watch.subject import JOB_SUFFIX, Setting, check, load_subject
+    from servogen.watch.subject import Setting, check, load_subject
 
     check(file)
     schedule = read_schedule(against) if against else None

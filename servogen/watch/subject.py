@@ -24,6 +24,7 @@ from servogen.programs import (
     ASSEMBLY_SUFFIXES,
     C_SUFFIX,
     HEX_SUFFIXES,
+    JOB_SUFFIX,
     PROGRAM_SUFFIXES,
     clock_of,
     program_file,
@@ -39,7 +40,6 @@ from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 from servogen.watch.differences import Wanted, differing, first_difference, first_rise, wanted_of
 
-JOB_SUFFIX = ".toml"
 START_FRAMES = 50
 """How long a program may take from reset to its first pulse."""
 LOOPS = 2

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -100,3 +101,19 @@ def test_bash_completes_commands_options_and_values() -> None:
         ["bash", "--norc", "-c", script], capture_output=True, text=True, env={**os.environ, "PATH": path}
     )
     assert done.stdout.splitlines() == [expected for *_, expected in COMPLETIONS], done.stderr
+
+
+def test_a_hex_file_is_simulated_without_the_compiler_and_the_engines() -> None:
+    code = (
+        "import sys; sys.argv = ['servogen', 'simulate', {!r}, '--cycles', '100']\n"
+        "from servogen.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.')))"
+    )
+    program = Path(__file__).parent.parent.parent / "firmware" / "lab8-exercise" / "main.hex"
+    ran = subprocess.run(
+        [sys.executable, "-c", code.format(str(program))], capture_output=True, text=True, check=True
+    )
+    loaded = {word.split(".")[1] for word in ran.stdout.splitlines()[-1].split()}
+    assert "simulator" in loaded
+    assert not loaded & {"build", "compiler", "engines", "job", "kinematics", "motion", "pulse"}

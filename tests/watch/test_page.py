@@ -13,10 +13,10 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
-from servogen.programs import read_schedule
+from servogen.programs import JOB_SUFFIX, read_schedule
 from servogen.watch.differences import Wanted
 from servogen.watch.editing import Editor
-from servogen.watch.subject import JOB_SUFFIX, Setting, load_subject
+from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
 from tests.watch.test_session import captured
