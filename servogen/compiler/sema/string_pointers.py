@@ -188,6 +188,8 @@ class _Pointers:
                         self.flow(value, member)
 
     def flow(self, value: Any, to: Key) -> None:
+        if to not in self.targets and to not in self.constant and to != _UNKNOWN:
+            return  # a number, such as the distance of two pointers
         for source in self.sources(value):
             self.flows.add((source, to))
 

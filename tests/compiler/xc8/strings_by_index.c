@@ -9,6 +9,7 @@
 // expect: unnamed == 99
 // expect: behind == 102
 // expect: called == 121
+// expect: counted == 5
 #include <xc.h>
 // a character `text[i]` is a copy: what is done with it does not write through `text`
 char buffer[6], out[12];
@@ -16,13 +17,18 @@ struct item { char *name; char number; } items[] = { { "ab", 1 }, { "cd", 2 } };
 char *list[2] = { "ab", "cd" };
 char *rows[2][2] = { { "ab", "cd" }, { "ef", "gh" } };
 char *filled[2][2];
-char copied, ended, of_member, of_pointer, of_list, of_rows, put_in, returned, unnamed, behind, called;
+char copied, ended, of_member, of_pointer, of_list, of_rows, put_in, returned, unnamed, behind, called, counted;
 void copy(char *to, char *from) {
   unsigned char i;
   for (i = 0; from[i]; i++) to[i] = from[i];
   to[i] = 0;
 }
 char second(char *text) { char *rest = &text[1]; return rest[1]; }
+unsigned char length(char *text) {
+  char *end = text;
+  while (*end) end++;
+  return end - text;
+}
 char third(char *);
 char third(char *text) { return text[2]; }
 // functions of one type are called through a pointer of that type
@@ -45,6 +51,7 @@ void main(void) {
   list[0] = rows[1][0];
   out[7] = list[0][1];
   out[8] = call(next, "xyz");
+  out[9] = length("hello");
   of_member = out[0];
   of_pointer = out[1];
   of_list = out[2];
@@ -54,4 +61,5 @@ void main(void) {
   unnamed = out[6];
   behind = out[7];
   called = out[8];
+  counted = out[9];
 }
