@@ -243,6 +243,11 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
             "argument 1 of 'f' would drop const: "
             "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
         ),
+        (  # what is behind `void *` may be written to
+            'char *a[1] = {"x"};\nvoid *p;\nvoid g(void) { p = a; }',
+            "the initialiser would drop const: "
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
+        ),
         (  # the declaration in front does not hide that f writes
             'void f(char *);\nvoid g(void) { f("x"); }\nvoid f(char *s) { *s = 1; }',
             "argument 1 of 'f' would drop const: "

@@ -98,12 +98,12 @@ class _Pointers:
         target = inner.type if isinstance(inner, c_ast.PtrDecl) else inner if array else None
         if not isinstance(target, c_ast.TypeDecl):
             return False
+        if array and isinstance(inner, c_ast.PtrDecl):
+            self.dimensions[key] = max(self.dimensions.get(key, 0), _dimensions(kind))
         if "const" in target.quals:
             self.constant.add(key)
         elif isinstance(inner, c_ast.PtrDecl):
             self.targets.setdefault(key, []).append(target)
-            if array:
-                self.dimensions[key] = max(self.dimensions.get(key, 0), _dimensions(kind))
         return True
 
     # where pointers go
@@ -191,6 +191,9 @@ class _Pointers:
         if to not in self.targets and to not in self.constant and to != _UNKNOWN:
             return  # a number, such as the distance of two pointers
         for source in self.sources(value):
+            if source in self.dimensions and isinstance(value, (c_ast.ID, c_ast.StructRef)):
+                self.written.add(source)  # the array as a whole: its pointers keep their size
+                continue
             self.flows.add((source, to))
 
     def sources(self, value: Any) -> Iterator[Key | None]:

@@ -1,5 +1,4 @@
 // expect: copied == 111
-// expect: ended == 0
 // expect: of_member == 100
 // expect: of_pointer == 99
 // expect: of_list == 98
@@ -7,17 +6,18 @@
 // expect: put_in == 104
 // expect: returned == 99
 // expect: unnamed == 99
-// expect: behind == 102
 // expect: called == 121
 // expect: counted == 5
+// expect: found == 118
 #include <xc.h>
 // a character `text[i]` is a copy: what is done with it does not write through `text`
-char buffer[6], out[12];
+char buffer[6], out[10];
 struct item { char *name; char number; } items[] = { { "ab", 1 }, { "cd", 2 } };
 char *list[2] = { "ab", "cd" };
 char *rows[2][2] = { { "ab", "cd" }, { "ef", "gh" } };
 char *filled[2][2];
-char copied, ended, of_member, of_pointer, of_list, of_rows, put_in, returned, unnamed, behind, called, counted;
+char copied, of_member, of_pointer, of_list, of_rows, put_in, returned, unnamed, called, counted, found;
+const char *constant[1] = { "uv" };  // the array itself is in RAM
 void copy(char *to, char *from) {
   unsigned char i;
   for (i = 0; from[i]; i++) to[i] = from[i];
@@ -39,7 +39,6 @@ void main(void) {
   struct item *item = &items[1];
   copy(buffer, "hello");
   copied = buffer[4];
-  ended = buffer[5];
   out[0] = items[i].name[1];
   out[1] = item->name[0];
   out[2] = list[0][i];
@@ -59,7 +58,9 @@ void main(void) {
   put_in = out[4];
   returned = out[5];
   unnamed = out[6];
-  behind = out[7];
   called = out[8];
   counted = out[9];
+  void *any = constant;
+  const char **again = any;
+  found = again[0][1];
 }
