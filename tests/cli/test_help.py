@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from pathlib import Path
 from typing import Any
 
 import pytest

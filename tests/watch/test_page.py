@@ -61,6 +61,14 @@ def go(page: Page, cycle: int) -> None:
     move = f"m => {{ m.max = 1e9; m.value = {cycle}; m.dispatchEvent(new Event('input')); }}"
     page.run(f"({move})(document.getElementById('moment'))")
     page.until(f"Math.abs(watched.latest.cycle - {cycle}) < 3")
+    painted(page)
+
+
+def painted(page: Page) -> None:
+    """Wait until the page has painted what it received last: it does so before the next picture but one."""
+    second = "requestAnimationFrame(() => requestAnimationFrame(() => window.painted = true))"
+    page.run(f"(() => {{ window.painted = false; {second}; }})()")
+    page.until("window.painted")
 
 
 def slide(page: Page, value: str) -> None:
@@ -321,7 +329,7 @@ def test_bodies_and_contacts_are_recorded_and_shown_at_the_moment_of_the_chip(wa
         said.append(text(page, "#twin-text"))
     x = [float(re.findall(r"body at (\S+) mm", each)[0]) for each in said]
     assert x[1] > x[0] + 20, "it has walked"
-    assert all("on the ground: L" in each and "friction 0.8" in each for each in said)
+    assert all("on the ground: L" in each and "friction 0.8" in each for each in said), said
     page.click("#twin-show")
     page.until("document.getElementById('twin-text').textContent === ''")
 
