@@ -75,7 +75,8 @@ class Routines:
 
     def __init__(self, functions: Iterable[FunctionDefinition]) -> None:
         self._divisors: dict[int, Divisor] = {}
-        self._signed: dict[int, tuple[bool, Divisor]] = {}
+        self._negative_divisors: set[int] = set()
+        """The sizes in which a signed division may have one."""
         self._byte_factor = True
         for function in functions:
             for expr in _computed(function):
@@ -88,10 +89,8 @@ class Routines:
         one = quotient(expr)
         if (not one.signed and is_power_of_two(expr.right)) or (one.signed and halvings(expr, one.size)):
             return
-        if one.signed:
-            self._signed[one.size] = max(
-                self._signed.get(one.size, (False, one.divisor)), (one.negative_divisor, one.divisor)
-            )
+        if one.negative_divisor:
+            self._negative_divisors.add(one.size)
         self._divisors[one.size] = max(self._divisors.get(one.size, one.divisor), one.divisor)
 
     def divide(self, one: Quotient) -> tuple[int, ...]:
@@ -100,8 +99,8 @@ class Routines:
 
     def divide_signed(self, one: Quotient) -> tuple[int, ...]:
         """Return the key of the signed routine: the unsigned one's, and whether divisors may be negative."""
-        negative, _ = self._signed.get(one.size, (False, one.divisor))
-        return *self.divide(one), int(negative or one.negative_divisor)
+        negative = one.negative_divisor or one.size in self._negative_divisors
+        return *self.divide(one), int(negative)
 
     def multiply(self, left: Expr, right: Expr, size: int) -> tuple[int, ...]:
         """Return the key: the bytes of both factors, and of the product."""
