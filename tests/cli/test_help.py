@@ -43,19 +43,22 @@ def test_the_table_of_commands_has_those_that_the_module_registers(module: str) 
     assert list(typer.main.get_group(part).commands) == list(COMMANDS[module])
 
 
-def test_only_the_module_of_the_command_is_loaded() -> None:
-    """What the other commands need costs no time at the start."""
+def loaded_by(*words: str) -> list[str]:
+    """The modules of servogen that a command has loaded when it ends, without `servogen.`."""
     code = (
-        "import sys; sys.argv = ['servogen', {!r}, '--help']\n"
+        f"import sys; sys.argv = {['servogen', *words]!r}\n"
         "from servogen.cli import main\n"
         "try: main()\n"
-        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.cli.')))"
+        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.')))"
     )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return [name.removeprefix("servogen.") for name in ran.stdout.splitlines()[-1].split()]
+
+
+def test_only_the_module_of_the_command_is_loaded() -> None:
+    """What the other commands need costs no time at the start."""
     for name, module in (("mobility", "robot_commands"), ("check-certificate", "proof_commands")):
-        ran = subprocess.run(
-            [sys.executable, "-c", code.format(name)], capture_output=True, text=True, check=True
-        )
-        loaded = {word.removeprefix("servogen.cli.") for word in ran.stdout.splitlines()[-1].split()}
+        loaded = {each.removeprefix("cli.") for each in loaded_by(name, "--help")}
         assert loaded & COMMANDS.keys() == {module}
 
 
@@ -103,16 +106,7 @@ def test_bash_completes_commands_options_and_values() -> None:
 
 
 def test_a_hex_file_is_simulated_without_the_compiler_and_the_engines() -> None:
-    code = (
-        "import sys; sys.argv = ['servogen', 'simulate', {!r}, '--cycles', '100']\n"
-        "from servogen.cli import main\n"
-        "try: main()\n"
-        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.')))"
-    )
     program = Path(__file__).parent.parent.parent / "firmware" / "lab8-exercise" / "main.hex"
-    ran = subprocess.run(
-        [sys.executable, "-c", code.format(str(program))], capture_output=True, text=True, check=True
-    )
-    loaded = {word.split(".")[1] for word in ran.stdout.splitlines()[-1].split()}
+    loaded = {name.split(".")[0] for name in loaded_by("simulate", str(program), "--cycles", "100")}
     assert "simulator" in loaded
     assert not loaded & {"build", "compiler", "engines", "job", "kinematics", "motion", "pulse"}

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import Options, Source, compile_sources
-from servogen.pic.device import RAM_FIRST
-from servogen.simulator import Machine
-from servogen.units import Clock
+from tests.compiler.variables import value
 
 LEVELS = ("none", "speed", "size")
 
 
-def value(text: str, name: str, level: str) -> int:
-    head = "#include <pic16f84.h>\n#include <stdbool.h>\n"
-    found = compile_sources([Source(head + text, "main.c")], Options(dialect="sdcc", optimise=level))
-    machine = Machine(found.image, Clock(4_000_000))
-    machine.run(20_000)
-    address = next(address for address, each, _ in found.listing.variables if each == name)
-    return machine.state().ram[address - RAM_FIRST]
+HEAD = "#include <pic16f84.h>\n#include <stdbool.h>\n"
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -28,8 +19,8 @@ def test_the_address_of_a_structure_that_is_assigned_on_is_evaluated_once(level:
         "void main(void) { p[0].a = 7; p[0].b = 9; p[2] = p[--n] = p[0];\n"
         "seen = p[1].a + p[1].b + p[2].a * 2 + p[2].b * 2; while (1); }\n"
     )
-    assert value(text, "n", level) == 1
-    assert value(text, "seen", level) == 3 * (7 + 9)
+    assert value(HEAD + text, "n", "sdcc", level) == 1
+    assert value(HEAD + text, "seen", "sdcc", level) == 3 * (7 + 9)
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -40,4 +31,4 @@ def test_a_bit_field_of_bool_is_true_for_every_value_but_0(level: str) -> None:
         "void main(void) { s.b = z & 2; s.u = z & 2; seen = s.b | s.u << 1;\n"
         "s.b = z & 1; s.u = z + 1; seen |= s.b << 2 | s.u << 3; while (1); }\n"
     )
-    assert value(text, "seen", level) == 0b1001
+    assert value(HEAD + text, "seen", "sdcc", level) == 0b1001

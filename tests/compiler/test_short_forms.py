@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.pic.device import RAM_FIRST
-from servogen.simulator import Machine
-from servogen.units import Clock
+from tests.compiler.variables import value
 
 
 def mnemonics(text: str, function: str = "main") -> list[str]:
@@ -15,14 +13,6 @@ def mnemonics(text: str, function: str = "main") -> list[str]:
     found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
     listed = next(each for each in found.listing.functions if each.name == function)
     return [row.assembly.split()[0] for row in found.listing.rows[listed.start : listed.end]]
-
-
-def value(text: str, name: str) -> int:
-    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
-    machine = Machine(found.image, Clock(4_000_000))
-    machine.run(20_000)
-    address = next(address for address, each, _ in found.listing.variables if each == name)
-    return machine.state().ram[address - RAM_FIRST]
 
 
 @pytest.mark.parametrize(
