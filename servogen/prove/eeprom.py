@@ -11,11 +11,12 @@ from dataclasses import replace
 
 from servogen.edges import PINS
 from servogen.engines.board import machine_of
+from servogen.engines.stream.protocol import NO_TRIM, trim_cycles
 from servogen.pic.device import EEPROM_BYTES
 from servogen.pic.image import Image
 from servogen.prove.counterexample import Counterexample, levels_of, pin_changes
 from servogen.prove.specification import START_FRAMES, Edge
-from servogen.prove.trims import VALUES, trim_of
+from servogen.prove.trims import VALUES
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Options
 
@@ -71,7 +72,7 @@ class TrimSearch:
 
     def _edges(self, content: Mapping[int, int], frames: int) -> list[Edge]:
         """Return the edges of a run that is long enough for so many frames, in cycles since power-on."""
-        image = replace(self._image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), 0xFF), **content})
+        image = replace(self._image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), NO_TRIM), **content})
         machine = machine_of(self._schedule, image, self._board)
         return pin_changes(machine, 0, (frames + START_FRAMES) * self._schedule.period)
 
@@ -79,7 +80,7 @@ class TrimSearch:
         """Return the cycle since power-on of the first wrong edge, and what is wrong."""
         found = self._edges(content, frames)
         begun = next((cycle for cycle, _, level in found if level), 0)
-        trims = {channel: trim_of(content.get(byte, 0xFF)) for byte, channel in self._bytes.items()}
+        trims = {channel: trim_cycles(content.get(byte, NO_TRIM)) for byte, channel in self._bytes.items()}
         wanted = sorted(self._wanted(trims, frames))
         offset = begun - wanted[0][0]
         seen = [(cycle - offset, pin, level) for cycle, pin, level in found if cycle >= begun]

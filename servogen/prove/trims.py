@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
+from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.device import EEPROM_BYTES
 from servogen.prove.forks import Choices, Program, before_instruction
 from servogen.prove.generalise import Generaliser
@@ -45,7 +46,6 @@ from servogen.simulator.abstract import (
 
 Ints = npt.NDArray[np.int64]
 VALUES = 256
-ERASED = 0xFF
 EEDATA = "EEDATA"
 TMR0, EEDATA_OR_EECON1 = 1, 8
 NO_BYTE = -1
@@ -60,16 +60,7 @@ MAX_STEPS = 200_000
 CHUNK = 2048
 """Rows that are run at once: each needs 4 KB for a moment."""
 FLAGS = layout.T0IF | layout.INTF | layout.RBIF
-
-
-def trim_of(byte: int) -> int:
-    """Return the cycles by which a byte of the EEPROM makes every pulse longer: two's complement, erased
-    none.
-    """
-    return 0 if byte == ERASED else byte - 2 * (byte & 0x80)
-
-
-TRIMS = np.array([trim_of(byte) for byte in range(VALUES)], dtype=np.int64)
+TRIMS = np.array([trim_cycles(byte) for byte in range(VALUES)], dtype=np.int64)
 
 
 class Undecided(Exception):
@@ -153,7 +144,7 @@ class _Ways:
         return [
             place
             for place, column in self.ram.items()
-            if ((column >= 0) & (column <= ERASED)).all() and (column != column[0]).any()
+            if ((column >= 0) & (column < VALUES)).all() and (column != column[0]).any()
         ]
 
     def add(self, classes: Ints, found: Lanes) -> None:
@@ -332,7 +323,7 @@ class TrimProof:
         if outcome.reason is not Reason.STOP or outcome.edges or outcome.written:
             raise Undecided(self._place("more than a byte of the EEPROM is read", state))
         rest = list(self._at(state, outcome.rest, outcome.cycles))
-        rest[FIELD["EEDATA"]], rest[FIELD["EEDATA_UNKNOWN"]] = 0, ERASED
+        rest[FIELD["EEDATA"]], rest[FIELD["EEDATA_UNKNOWN"]] = 0, 0xFF
         tables = {**state.tables, EEDATA: Table((address,), np.arange(VALUES))}
         moved = self._moved(state, state.time, outcome.cycles, 0, frozenset())
         return replace(state, rest=tuple(rest), tables=tables, **moved)
@@ -348,7 +339,7 @@ class TrimProof:
         general = replace(state, rest=_loosened(state.rest))
         while True:
             ways, rows, cells = self._ways(general if taken else state, taken)
-            if taken and (not ways.fit or any((column > ERASED).any() for column in ways.ram.values())):
+            if taken and (not ways.fit or any((column >= VALUES).any() for column in ways.ram.values())):
                 ways, rows, cells = self._ways(state, taken)
             if ways.fit and ways.single:
                 found = self._arrived(state, ways, rows, cells, taken)
@@ -382,7 +373,7 @@ class TrimProof:
                 continue
             for place in sorted(vague & {*one.ram}):
                 values = one.ram[int(place)][rows]
-                if ((values >= 0) & (values <= ERASED)).all():
+                if ((values >= 0) & (values < VALUES)).all():
                     vague.discard(place)
                     if (values == values[0]).all():
                         ram[place] = int(values[0])
@@ -404,7 +395,7 @@ class TrimProof:
         if cells and source is None:  # what differs in other frames, too: the same ways serve them all
             usual = self._usual.setdefault((state.rest[FIELD["PC"]], cells), set())
             for place in sorted(usual - {*apart, EEDATA}, key=str):
-                if state.ram[int(place)] <= ERASED:
+                if state.ram[int(place)] < VALUES:
                     apart[place] = Table(cells[:1], np.full(VALUES, state.ram[int(place)]))
             usual |= {*apart}
         apart = dict(sorted(apart.items(), key=lambda item: str(item[0])))
@@ -494,7 +485,7 @@ class TrimProof:
             ram[place] = int(values.flat[0])
             if (values != ram[place]).any():
                 ram[place] = ALL_UNKNOWN
-                if (values <= ERASED).all():
+                if (values < VALUES).all():
                     made[place] = _table(values, cells, ways, rows)
         if any(table.source is ways for table in made.values()):
             made = {}
@@ -534,7 +525,7 @@ class TrimProof:
         cells[FIELD["INTCON_UNKNOWN"]] |= FLAGS
         cells[FIELD["RB_OLD"]], cells[FIELD["RB_OLD_UNKNOWN"]] = 0, RB4_TO_7
         if EEDATA in state.tables:
-            cells[FIELD["EEDATA"]], cells[FIELD["EEDATA_UNKNOWN"]] = 0, ERASED
+            cells[FIELD["EEDATA"]], cells[FIELD["EEDATA_UNKNOWN"]] = 0, 0xFF
         return tuple(cells)
 
     # edges

@@ -11,10 +11,10 @@ import pytest
 
 from servogen.build.build import Program
 from servogen.edges import PINS, join
+from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.programs import compile_program
 from servogen.prove import Proof, Quantifiers, prove_for_all
-from servogen.prove.trims import trim_of
 from servogen.pulse import PulseSchedule
 from servogen.traces import read_edges
 from servogen.units import Clock
@@ -40,7 +40,8 @@ def proof(servos: int) -> Proof:
 
 def test_a_trim_is_twos_complement_and_the_erased_byte_is_none() -> None:
     """As docs/firmware.md says it."""
-    assert [trim_of(byte) for byte in (0, 1, 0x7F, 0x80, 0xD8, 0xFE, 0xFF)] == [0, 1, 127, -128, -40, -2, 0]
+    trims = [trim_cycles(byte) for byte in (0, 1, 0x7F, 0x80, 0xD8, 0xFE, 0xFF)]
+    assert trims == [0, 1, 127, -128, -40, -2, 0]
 
 
 @pytest.mark.parametrize("servos", [1, 2])
@@ -101,7 +102,7 @@ def test_a_fault_of_one_trim_value_is_found_and_simulate_shows_it(
     rises = [cycle for cycle, level in edges if level == 1]
     falls = [cycle for cycle, level in edges if level == 0 and cycle > rises[0]]
     frames = [run.pulses[0] for run in (*schedule.lead_in, *schedule.loop) for _ in range(run.frames)]
-    wanted = [pulse.width + trim_of(byte) for pulse in frames if pulse is not None]
+    wanted = [pulse.width + trim_cycles(byte) for pulse in frames if pulse is not None]
     widths = [fall - rise for rise, fall in zip(rises, falls, strict=False)]
     assert any(width != planned for width, planned in zip(widths, wanted, strict=False))
 
