@@ -28,7 +28,11 @@ def watch(
     chip: ChipOptions,
     against: Annotated[
         Path | None,
-        typer.Option("--against", help="The schedule.json to compare a program or a capture with."),
+        typer.Option(
+            "--against",
+            help="The schedule.json or the job (.toml) to compare a program or a capture with; of a job the "
+            "page shows the robot too.",
+        ),
     ] = None,
     at_cycle: Annotated[
         int,
@@ -74,16 +78,31 @@ def watch(
         ) from error
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
-    from servogen.programs import JOB_SUFFIX, read_schedule
+    from servogen.programs import is_job, read_schedule
     from servogen.watch.editing import Editor
     from servogen.watch.live_line import LiveLine
     from servogen.watch.subject import Setting, check, load_subject
 
     check(file)
-    schedule = read_schedule(against) if against else None
-    setting = Setting(chip.on(device), clock_hz, stimulus, schedule, at_cycle)
-    is_job = file.suffix.lower() == JOB_SUFFIX
-    stream = load(file).stream if is_job else None
+    watches_job = is_job(file)
+    if against is not None and watches_job:
+        raise InputError(
+            "conflicting-options",
+            "a job is compared with its own schedule",
+            Location(str(file), key="--against"),
+        )
+    by_job = against is not None and is_job(against)
+    if by_job and against is not None:
+        load(against)
+    setting = Setting(
+        options=chip.on(device),
+        clock_hz=clock_hz,
+        stimulus=stimulus,
+        schedule=read_schedule(against) if against and not by_job else None,
+        job=against if by_job else None,
+        at_cycle=at_cycle,
+    )
+    stream = load(file).stream if watches_job else None
     if robot is not None and stream is None:
         raise InputError(
             "conflicting-options",
@@ -104,7 +123,7 @@ def watch(
                 open_until_the_end.callback(live.close)
             server = WatchServer(
                 lambda progress: load_subject(file, setting, progress),
-                Editor(file, setting) if is_job else None,
+                Editor(file, setting) if watches_job else None,
                 live,
             )
             asyncio.run(server.run(port, ready))

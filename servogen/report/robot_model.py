@@ -1,7 +1,8 @@
 """A job's robot as plain numbers, from which a page draws it at any angles of its servos.
 
-In: a planned job. Out: a value that JSON can hold, in metres and radians: the servos' calibrations, the rows
-or lengths of each leg or arm, the body or the base. `templates/watch/robot.js` calculates the points.
+In: a planned job, or a schedule, which knows its servos only. Out: a value that JSON can hold, in metres and
+radians: the servos' calibrations, the rows or lengths of each leg or arm, the body or the base.
+`templates/watch/robot.js` calculates the points.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from servogen.edges import PINS
 from servogen.job import PlannedJob
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.kinematics.transforms import frame_matrix
+from servogen.pulse import PulseSchedule
 from servogen.report.drawing import PALETTE
 from servogen.report.tracks import End, ends_of
-from servogen.robot.servo import Servo
+from servogen.robot.servo import Servo, servo
+from servogen.robot.servo_models import names
+from servogen.robot.servo_models import servo_model as catalogue_model
 
 UNLIMITED = 1000.0
 """Radians a second, of a servo whose model does not state its speed."""
@@ -32,6 +36,20 @@ def robot_model(job: PlannedJob) -> dict[str, object]:
         "body": [[mount.x, mount.y, mount.z] for mount in order],
         "base": None if job.base is None else _base(job, job.base),
     }
+
+
+def schedule_model(schedule: PulseSchedule) -> dict[str, object] | None:
+    """Return the servos of a schedule, calibrated as their models are; None if the catalogue lacks a model.
+
+    A servo's own calibration, trim and mounting, and what it moves, are in its job.
+    """
+    if not {channel.servo for channel in schedule.channels} <= set(names()):
+        return None
+    servos = [
+        servo_model(servo(channel.name, channel.pin, catalogue_model(channel.servo)), index)
+        for index, channel in enumerate(schedule.channels)
+    ]
+    return {"servos": servos, "ends": [], "body": [], "base": None}
 
 
 def servo_model(servo: Servo, index: int) -> dict[str, object]:

@@ -32,8 +32,9 @@ from servogen.engines.player.commands import uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
+from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Run
-from servogen.report.robot_model import robot_model
+from servogen.report.robot_model import robot_model, schedule_model
 from servogen.simulator import Change, Serial
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
@@ -137,7 +138,8 @@ class Session:
             "compared": bool(placed),
             "verdict": subject.verdict,
             "first_difference": subject.first_difference,
-            "robot": robot_model(subject.job) if subject.job else None,
+            "robot": _robot(subject),
+            "poses": subject.path.suffix.lower() == JOB_SUFFIX,
             "inputs": _inputs(subject),
             "serial": _serial(subject),
             "walk": _walk(subject),
@@ -561,6 +563,13 @@ def _runs(runs: tuple[Run, ...]) -> list[list[Any]]:
     return [
         [run.frames, [[pulse.rise, pulse.width] if pulse else None for pulse in run.pulses]] for run in runs
     ]
+
+
+def _robot(subject: Subject) -> Mapping[str, object] | None:
+    """Return what the pulses move: the robot of the job, or only the servos that the schedule names."""
+    if subject.job is not None:
+        return robot_model(subject.job)
+    return None if subject.schedule is None else schedule_model(subject.schedule)
 
 
 def _inputs(subject: Subject) -> list[Message]:

@@ -56,6 +56,8 @@ class Setting:
     clock_hz: int | None = None
     stimulus: Path | None = None
     schedule: PulseSchedule | None = None
+    job: Path | None = None
+    """A job whose schedule is compared instead; it also states what the servos on the pins move."""
     at_cycle: int = 0
 
 
@@ -75,6 +77,7 @@ class Subject:
     trace: EdgeTrace | None = None
     schedule: PulseSchedule | None = None
     job: PlannedJob | None = None
+    """The job that is watched or compared with."""
     wanted: tuple[Wanted, ...] = ()
     """Where the schedule lies in it: once, or once in each of several captures in one file."""
     first_difference: Cycles | None = None
@@ -114,6 +117,7 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
     suffix = path.suffix.lower()
     if suffix == JOB_SUFFIX:
         return job_subject(path, plan_job(load(path)), setting, progress)
+    setting, job = _against(setting, progress)
     if suffix in (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES):
         progress("compiling" if suffix not in HEX_SUFFIXES else "reading")
         program = read_program(path, setting.options.device)
@@ -123,10 +127,21 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
         if schedule is not None:
             options, clock = board_of(schedule, options), schedule.clock
             stimuli = stimuli or inputs_of(schedule)
-        subject = Subject(path, clock, options, program.image, program.listing, stimuli, schedule=schedule)
+        subject = Subject(
+            path, clock, options, program.image, program.listing, stimuli, schedule=schedule, job=job
+        )
         return _compared(subject, progress)
     progress("reading")
-    return _recorded(path, setting, progress)
+    return replace(_recorded(path, setting, progress), job=job)
+
+
+def _against(setting: Setting, progress: Callable[[str], None]) -> tuple[Setting, PlannedJob | None]:
+    """Return the setting with the schedule of its job, and that job as its engine plays it."""
+    if setting.job is None:
+        return setting, None
+    progress(f"planning {setting.job.name}")
+    found = planned(plan_job(load(setting.job)))
+    return replace(setting, schedule=found.plan.schedule), found.job
 
 
 def job_subject(

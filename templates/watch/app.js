@@ -69,6 +69,7 @@ function start(message) {
     $("robot-area").hidden = false;
     robot = again && robot ? robot : new RobotView($("robot"), model.robot);
     robot.model = model.robot;
+    window.watched.robot = robot;
     twin ||= new Twin({ area: $("twin"), record: $("twin-record"), show: $("twin-show"), text: $("twin-text") }, () => send({ do: "twin" }), picture);
     twin.start(model, robot);
   }

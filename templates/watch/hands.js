@@ -23,7 +23,8 @@ export class Hands {
   }
   sliders() {
     const servos = this.model.robot ? this.model.robot.servos : [];
-    this.places.pose.hidden = !servos.length;
+    this.places.pose.hidden = !servos.length || !(this.model.poses || this.model.serial);
+    this.places.record.hidden = !this.model.poses;
     this.inputs = servos.map((servo, index) => {
       const ends = servo.limits.map(degrees), id = `servo-${index}`;
       const input = element("input", { type: "range", id, min: ends[0].toFixed(1), max: ends[1].toFixed(1), step: "0.1" });

@@ -30,6 +30,8 @@ ROOT = Path(__file__).parent.parent.parent
         (["README.md"], "neither the ending of a job"),
         (["jobs/lab8-exercise.toml", "--robot", "/dev/null"], "only a job with [stream]"),
         (["firmware/lab8-exercise/main.hex", "--against", "missing.json"], "cannot be read"),
+        (["firmware/lab8-exercise/main.hex", "--against", "missing.toml"], "cannot be read"),
+        (["jobs/lab8-exercise.toml", "--against", "jobs/lab9-exercise.toml"], "its own schedule"),
         (["firmware/lab8-exercise/main.hex", "--port", "99999"], "65535"),
         (
             ["firmware/lab8-exercise/main.hex", "--at-cycle", "18000000001"],

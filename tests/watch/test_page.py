@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
@@ -19,7 +21,7 @@ from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
-from tests.watch.test_session import captured
+from tests.watch.test_session import captured, walk_capture  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parent.parent.parent
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -35,8 +37,12 @@ def watch(browser: Browser) -> Iterator[Open]:
     running: list[Running] = []
     pages: list[Page] = []
 
-    def opened(path: Path, schedule: Path | None = None, **size: int) -> Page:
-        setting = Setting(schedule=read_schedule(schedule) if schedule else None)
+    def opened(path: Path, against: Path | None = None, **size: int) -> Page:
+        setting = Setting()
+        if against is not None and against.suffix == JOB_SUFFIX:
+            setting = Setting(job=against)
+        elif against is not None:
+            setting = Setting(schedule=read_schedule(against))
         editor = Editor(path, setting) if path.suffix == JOB_SUFFIX else None
         running.append(Running(lambda progress: load_subject(path, setting, progress), editor))
         pages.append(browser.page(**size))
@@ -186,6 +192,21 @@ def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path
     for column in columns:
         red, green, blue, _ = row[4 * column : 4 * column + 4]
         assert red > 150 and green < 80 and blue < 80
+
+
+def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_capture: Path) -> None:  # noqa: F811
+    """The capture lifts L1 by 100 µs more than the plan: 100 µs of the mpx-tiny-s."""
+    page = watch(walk_capture, ROOT / "jobs" / "hexapod-tripod.toml")
+    go(page, page.run("Math.round(watched.waves.model.origin + 90.9 * watched.waves.model.period)"))
+    names = page.run("watched.robot.model.servos.map(servo => servo.name)")
+    moved, planned = page.run("[watched.robot.angles, watched.robot.ghost]")
+    away = {name: math.degrees(one - other) for name, one, other in zip(names, moved, planned, strict=True)}
+    servo = page.run("watched.robot.model.servos[1]")
+    slope = np.degrees(np.diff(servo["angles"]) / np.diff(servo["widths_us"]))
+    assert away.pop("L1-lift") == pytest.approx(100 * slope[0], abs=slope[0])
+    assert list(away.values()) == pytest.approx([0] * 11, abs=slope[0])  # a sample is 1 µs
+    assert not page.run("document.getElementById('robot-area').hidden")
+    assert page.run("document.getElementById('hands').hidden")
 
 
 def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open, tmp_path: Path) -> None:

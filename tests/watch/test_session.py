@@ -203,8 +203,8 @@ BEGIN = 7_654_321.3
 
 
 def captured(path: Path, ppm: float, changed: Sequence[Edge], rate: int = RATE, begin: float = BEGIN) -> Path:
-    """Write what an analyser sees of edges at RB0, cycles of a chip whose clock is `ppm` too fast."""
-    rows = [(0, RB0, LOW)]
+    """Write what an analyser sees of edges, in cycles of a chip whose clock is `ppm` too fast."""
+    rows = [(0, pin, LOW) for pin in sorted({RB0, *(pin for _, pin, _ in changed)})]
     rows += [
         (ceil((cycle - begin) / (1 + ppm / 1e6) * rate / 1e6), pin, level)
         for cycle, pin, level in changed
@@ -237,6 +237,48 @@ def test_a_capture_is_held_against_the_schedule_wherever_it_begins(tmp_path: Pat
     assert period == pytest.approx(20_000 * scale, rel=2e-6)
     assert origin == pytest.approx(-BEGIN * scale, abs=SAMPLE)
     assert answer(session, do="step", what="frame", count=1)["cycle"] == round(origin + 383 * period)
+
+
+@pytest.fixture(scope="session")
+def walk_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A capture of a walking hexapod whose leg L1 is lifted by pulses that are 100 µs too long."""
+    schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
+    lift = next(PINS.index(channel.pin) for channel in schedule.channels if channel.name == "L1-lift")
+    first = schedule.lead_in_frames * schedule.period
+    edges = Wanted(schedule, 0).edges(first - 500_000, first + 1_500_000)
+    moved = sorted((at + 100 * (pin == lift and level == LOW), pin, level) for at, pin, level in edges)
+    file = tmp_path_factory.mktemp("capture") / "walk.vcd"
+    return captured(file, 0.0, moved, rate=1_000_000, begin=moved[0][0] - 1000)
+
+
+def test_a_capture_moves_the_robot_of_the_job_that_it_is_compared_with(walk_capture: Path) -> None:
+    session = Session(load_subject(walk_capture, Setting(job=ROOT / "jobs" / "hexapod-tripod.toml")))
+    model = session.model()
+    assert model["first_difference"] is not None and not model["runs"] and not model["poses"]
+    assert [end["name"] for end in model["robot"]["ends"]] == ["L1", "L2", "L3", "R1", "R2", "R3"]
+    schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
+    frame = schedule.lead_in_frames + 20
+    (wanted,) = session.subject.wanted
+    shown = answer(session, do="seek", cycle=wanted.begin_of(frame + 1))
+    for channel, servo, pulse in zip(
+        schedule.channels, model["robot"]["servos"], wanted.run_of(frame).pulses, strict=True
+    ):
+        assert (servo["name"], servo["pin"]) == (channel.name, PINS.index(channel.pin)) and pulse
+        longer = 100 * (channel.name == "L1-lift")
+        assert shown["widths"][servo["pin"]] * model["cycle_us"] == pytest.approx(pulse.width + longer, abs=1)
+
+
+def test_a_schedule_alone_moves_the_dials_of_its_servos(tmp_path: Path, lab8: Subject) -> None:
+    """A pulse of 1500 µs is 90° for the S3001; an unknown model has no dial."""
+    robot = Session(lab8).model()["robot"]
+    assert robot["ends"] == [] and [servo["pin"] for servo in robot["servos"]] == [RB0]
+    widths, turned = robot["servos"][0]["widths_us"], robot["servos"][0]["angles"]
+    assert np.degrees(np.interp(1500, widths, turned)) == pytest.approx(90)
+    text = (LAB8 / "schedule.json").read_text()
+    (tmp_path / "schedule.json").write_text(text.replace("futaba-s3001", "my-own"))
+    subject = load_subject(LAB8 / "main.hex", Setting(schedule=read_schedule(tmp_path / "schedule.json")))
+    assert Session(subject).model()["robot"] is None
+    assert Session(load_subject(LAB8 / "main.hex", Setting())).model()["robot"] is None
 
 
 def test_the_first_difference_of_a_capture_is_the_edge_that_is_late(tmp_path: Path) -> None:
