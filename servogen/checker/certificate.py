@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from servogen.checker import chip
-from servogen.checker.plan import OVER, PINS, Plan, Position
+from servogen.checker.plan import OVER, PINS, Place, Plan, Position
 from servogen.errors import InputError, Location
 from servogen.pic.image import Image
 
@@ -26,6 +27,8 @@ CELLS = {name: chip.RAM + n for n, name in enumerate(RAM)} | {
     "w": chip.W, "fsr": chip.FSR, "tmr0": chip.T0, "eedata": chip.EEDATA, "eeadr": chip.EEADR
 }  # fmt: skip
 """Columns that are bytes which may be unknown, or move with the phase."""
+DIRECT = {"pc": chip.PC, "depth": chip.DEPTH, "pclath": chip.PCLATH, "option": chip.OPTION,
+          "tmr0_wait": chip.T0_AT}  # fmt: skip
 MASKED = {"status": chip.STATUS, "intcon": chip.INTCON, "eecon1": chip.EECON1, "prescaler": chip.PRESCALER}
 STACK = [f"stack{level}" for level in range(8)]
 RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1FFF, "latch_unknown": 0x1FFF,
@@ -36,6 +39,8 @@ RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1F
           "spec.stop_sample": 1, "spec.heard": 255, "spec.wanted": 255, "spec.line_read": 1,
           **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
 """The other columns, and their largest values; the least is 0, but for `LEAST`."""
+PLACED = ["spec.phase", "spec.start_sample", "spec.stop_sample", "spec.line_read",
+          *(f"spec.{name}" for name in Position._fields)]  # fmt: skip
 NO_IRQ = -1000
 LEAST = {"irq": NO_IRQ, "spec.start_sample": -1, "spec.stop_sample": -1}
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
@@ -52,7 +57,11 @@ class Certificate:
     held: dict[str, int]
     cuts: frozenset[int]
     count: int
-    columns: dict[str, list[int]]
+    columns: dict[str, Ints]
+
+
+class ImpossibleState(Exception):
+    """A listed state, by its number, that the chip or the schedule does not have."""
 
 
 def read_certificate(packed: bytes, file: str) -> Certificate:
@@ -85,7 +94,7 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     )
 
 
-def _column(name: str, column: dict[str, Any], count: int) -> list[int]:
+def _column(name: str, column: dict[str, Any], count: int) -> Ints:
     """Return the values of one column."""
     numbers = column.get("delta", [column.get("all")])
     if len(column) != 1 or any(type(number) is not int for number in numbers):
@@ -100,7 +109,7 @@ def _column(name: str, column: dict[str, Any], count: int) -> list[int]:
         wrong = wrong or (values & mask).any() or (phased & ((mask != 0) | (name in MASKED))).any()
     if wrong:
         raise ValueError(f"column {name} has {len(values)} values of {count}, or one that is out of range")
-    return [int(value) for value in values.tolist()]
+    return values
 
 
 def fingerprint(image: Image) -> str:
@@ -111,46 +120,53 @@ def fingerprint(image: Image) -> str:
     return hashlib.sha256(f"{text}config {config}\n{cells}\n".encode()).hexdigest()
 
 
-def chip_state(columns: dict[str, list[int]], row: int, plan: Plan) -> tuple[Ints, Position, int, int] | None:
-    """Return a listed state: the chip's slots, the position in the plan, the levels of the buttons that were
-    read and which; None if the plan has no such position.
+def chip_states(claim: Certificate, plan: Plan) -> tuple[Ints, list[Place]]:
+    """Return the listed states as rows of the chip's slots, and each state's place in the plan.
+
+    Raises ImpossibleState for one that the chip or the plan does not have.
     """
-    c = {name: values[row] for name, values in columns.items()}
-    s = np.zeros(chip.SLOTS, dtype=np.int64)
-    for name, slot in (*CELLS.items(), *MASKED.items()):
-        s[slot] = c[name]
+    c = claim.columns
+    s = np.zeros((claim.count, chip.SLOTS), dtype=np.int64)
+    for name, slot in (*CELLS.items(), *MASKED.items(), *DIRECT.items()):
+        s[:, slot] = c[name]
     latch, dark, tris = c["latch"] & ~c["latch_unknown"], c["latch_unknown"], c["tris"]
-    s[chip.PORTA], s[chip.PORTB] = latch & 0x1F | (dark & 0x1F) << 8, latch >> 5 | dark >> 5 << 8
-    s[chip.TRISA], s[chip.TRISB], s[chip.OUT] = tris & 0x1F, tris >> 5, latch & ~tris
-    s[chip.PC], s[chip.DEPTH], s[chip.PCLATH], s[chip.OPTION] = c["pc"], c["depth"], c["pclath"], c["option"]
-    s[chip.STACK : chip.STACK + 8] = [c[name] & 0x3FF for name in STACK]
-    s[chip.T0_AT] = c["tmr0_wait"]
-    counted = chip.ratio(s) - 1
-    s[chip.PRESCALER] = -1 if c["prescaler"] >> 8 & counted else c["prescaler"] & counted
-    chip.plan_overflow(s)
-    s[chip.T0_DUE] += 256 * chip.ratio(s) * c["tmr0_flagged"] if chip.timer_exact(s) else 0
-    s[chip.IRQ] = c["irq"] if c["irq"] != NO_IRQ else chip.NEVER
-    s[chip.DARK] = chip.GLITCH - c["glitch_age"] if c["glitch"] else chip.NEVER
-    s[chip.WDT_CLEARED] = -c["watchdog_age"]
-    position, phase = Position(*(c[f"spec.{name}"] for name in Position._fields)), c["spec.phase"]
-    if c["sleeping"] or any(c[name] for name in STACK[c["depth"] :]):
+    s[:, chip.PORTA], s[:, chip.PORTB] = latch & 0x1F | (dark & 0x1F) << 8, latch >> 5 | dark >> 5 << 8
+    s[:, chip.TRISA], s[:, chip.TRISB], s[:, chip.OUT] = tris & 0x1F, tris >> 5, latch & ~tris
+    stack = np.stack([c[name] for name in STACK], axis=1)
+    s[:, chip.STACK : chip.STACK + 8] = stack & 0x3FF
+    s[:, chip.IRQ] = np.where(c["irq"] == NO_IRQ, chip.NEVER, c["irq"])
+    s[:, chip.DARK] = np.where(c["glitch"] != 0, chip.GLITCH - c["glitch_age"], chip.NEVER)
+    s[:, chip.WDT_CLEARED] = -c["watchdog_age"]
+    phase, time = c["spec.phase"], c["spec.time"]
+    s[:, chip.FRAME] = np.where(phase == 0, chip.BEFORE, np.where(phase == 1, -time, chip.NEVER))
+    wrong = (c["sleeping"] != 0) | (time >= np.where(phase == 1, plan.period, 1))
+    wrong |= ((stack != 0) & (np.arange(8) >= c["depth"][:, None])).any(axis=1)
+    places: list[Place] = []
+    known: dict[tuple[int, ...], Place | None] = {}
+    fields = zip(*(c[name].tolist() for name in PLACED), strict=True)
+    for number, (now, key) in enumerate(zip(time.tolist(), fields, strict=True)):
+        if key not in known:
+            known[key] = _place(key, plan)
+        place = known[key]
+        if place is None or wrong[number]:
+            raise ImpossibleState(number)
+        places.append(place)
+        s[number, chip.EDGE] = bisect_left(plan.due(place.position)[0], now) if key[0] else 0
+    return s, places
+
+
+def _place(key: tuple[int, ...], plan: Plan) -> Place | None:
+    """Return the place that the columns `PLACED` name; None if the plan has none such."""
+    phase, start_sample, stop_sample, line_read, *fields = key
+    position = Position(*fields)
+    if position.frame >= plan.ends[-1] or (phase == 0 and position != plan.start_up):
         return None
-    if position.frame >= plan.ends[-1] or c["spec.time"] >= (plan.period if phase == 1 else 1):
+    if (plan.line and position.wanted >= len(plan.line.parts)) or (line_read and not plan.line):
         return None
-    if phase == 0 and position != plan.start_up:
-        return None
-    if plan.line and position.wanted >= len(plan.line.parts):
-        return None
-    position = (plan.first, position, OVER)[phase]
-    s[chip.FRAME] = chip.BEFORE if phase == 0 else -c["spec.time"]
-    s[chip.EDGE] = np.searchsorted(plan.due(position)[0], c["spec.time"]) if phase else 0
-    levels = 0
-    sampled = c["spec.line_read"] << plan.line.pin if plan.line else 0
-    if c["spec.line_read"] and not plan.line:
-        return None
-    for button, name in ((plan.start, "spec.start_sample"), (plan.stop, "spec.stop_sample")):
-        if button is None and c[name] != -1:
-            return None
-        if button and c[name] != -1:
-            levels, sampled = levels | c[name] << button.pin, sampled | 1 << button.pin
-    return s, position, levels, sampled
+    levels, sampled = 0, line_read << plan.line.pin if plan.line else 0
+    for button, level in ((plan.start, start_sample), (plan.stop, stop_sample)):
+        if level != -1:
+            if button is None:
+                return None
+            levels, sampled = levels | level << button.pin, sampled | 1 << button.pin
+    return Place((plan.first, position, OVER)[phase], levels, sampled)

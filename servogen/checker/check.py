@@ -5,26 +5,38 @@ The chip is run from power-up, and from each listed state, with all its unknown 
 certificate's cuts, once for each value of every bit on which its course depends. The state there must be
 within a listed one, with the same position in the plan. So, by induction, these runs are all runs; every edge
 of every pin in them is compared.
+
+States are the rows of a matrix, beside the numbers of their places in the plan.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from servogen.checker import chip
-from servogen.checker.certificate import Certificate, chip_state, fingerprint
-from servogen.checker.plan import OVER, PINS, Plan, Position, read_plan
+from servogen.checker.certificate import Certificate, ImpossibleState, chip_states, fingerprint
+from servogen.checker.plan import OVER, PINS, Place, Plan, read_plan
 from servogen.pic.image import Image
 from servogen.units import Clock
 
 Ints = chip.Ints
-SAME = np.array([chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.EDGE, chip.OUT])
-MAX_PERIODS, MAX_FORKS, MAX_CYCLES, MAX_COMPARED = 500, 20_000, 20_000_000_000, 50_000_000
-"""Of a way between two cuts, the splits after one state, all cycles, and all comparisons of states."""
+PLACE, ORIGIN, COLUMNS = range(chip.SLOTS, chip.SLOTS + 3)
+"""Columns beside the chip's slots: the number of the place in the plan, and the listed state from which the
+run began (-1: power-up).
+"""
+EXACT = [chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.EDGE, chip.OUT, chip.IRQ, chip.DARK,
+         chip.FRAME, PLACE, *range(chip.STACK, chip.STACK + 8)]  # fmt: skip
+"""What must be the same in a state and in the listed one that contains it."""
+MAX_PERIODS, MAX_FORKS, MAX_CYCLES, MAX_COMPARED = 500, 5_000_000, 3_000_000_000, 50_000_000
+"""Of a way between two cuts, all splits, the cycles that are run, and all comparisons of states."""
+MAX_ROWS, ROWS = 250_000, 8_000
+"""States that wait for their run, and listed states that are taken together."""
 RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
 """Bits of the configuration word, and the largest clocks of LP, XT, HS and RC in Hz (section 6.2)."""
 WATCHDOG_US, WATCHDOG_ON = 7_000, 4
@@ -37,7 +49,7 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Checked:
-    """How much was run: listed states, frames, cycles, and ways that were split."""
+    """How much was covered: listed states, frames, cycles, and ways that were split."""
 
     states: int
     frames: int
@@ -45,176 +57,177 @@ class Checked:
     forks: int
 
 
-@dataclass
-class Run:
-    """The chip in a run, its position in the plan, and the inputs read in this frame; the buttons' levels."""
-
-    state: Ints
-    position: Position
-    levels: int = 0
-    sampled: int = 0
-
-
 class Checker:
     """Runs the chip from power-up and from the listed states."""
 
     def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
-        if plan.line and PINS[plan.line.pin] in certificate.held:
+        held = certificate.held
+        if plan.line and PINS[plan.line.pin] in held:
             plan = replace(plan, line=None)
         self._plan, self._certificate = plan, certificate
         self._code = chip.program_code(image, certificate.cuts)
         self._parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-        held = certificate.held
+        self._held = sum(level << PINS.index(pin) for pin, level in held.items())
+        self._inputs = plan.buttons & ~sum(1 << PINS.index(pin) for pin in held)
+        watched = image.config is None or image.config & WATCHDOG_ON
         for slot, value in (
+            (chip.LIMIT, MAX_PERIODS * plan.period),
+            (chip.PERIOD, plan.period),
             (chip.CHANNELS, plan.channels),
-            (chip.BUTTONS, plan.buttons & ~sum(1 << PINS.index(pin) for pin in held)),
+            (chip.BUTTONS, self._inputs),
             (chip.HELD, sum(1 << PINS.index(pin) for pin in held)),
-            (chip.LEVELS, sum(level << PINS.index(pin) for pin, level in held.items())),
+            (chip.LEVELS, self._held),
+            (chip.WATCHDOG, int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0),
             (chip.EEPROM, [image.eeprom.get(cell, 0xFF) for cell in range(64)]),
         ):
             self._parameters[slot : slot + np.size(value)] = value
-        if image.config is None or image.config & WATCHDOG_ON:
-            self._parameters[chip.WATCHDOG] = int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us)
-        self._states: list[Run] = []
-        self._at: dict[tuple[object, ...], list[Ints]] = defaultdict(list)
-        self._frames = self._cycles = self._forks = self._compared = 0
+        self._places: dict[Place, int] = {}
+        self._place_of: list[Place] = []
+        at, out = (np.concatenate(each) for each in zip(*plan.edges, strict=True))
+        self._edges = np.cumsum([0, *(len(each) for each, _ in plan.edges)]), at, out
+        self._states = np.zeros((0, COLUMNS), dtype=np.int64)
+        self._at: dict[bytes, list[int]] = defaultdict(list)
+        self._frames = self._cycles = self._run = self._forks = self._compared = 0
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
-        for number in range(self._certificate.count):
-            found = chip_state(self._certificate.columns, number, self._plan)
-            if found is None:
-                raise Refused(f"state {number}: the schedule has no such position, or the chip no such state")
-            run = Run(*found)
-            if chip.sample(run.state.copy(), 0) != chip.GOES_ON:
-                raise Refused(f"state {number}: {chip.REASONS[chip.INTERRUPT]}")
-            run.state[chip.WDT_DUE] = chip.NEVER
-            chip.plan_time_out(run.state, self._parameters, 0, 0)
-            self._states.append(run)
-            self._at[self._key(run)].append(run.state)
-        self._explore("power-up", Run(self._power_up(), self._plan.first))
-        for number, run in enumerate(self._states):
-            self._explore(f"state {number}", run)
-        return Checked(len(self._states), self._frames, self._cycles, self._forks)
+        try:
+            states, places = chip_states(self._certificate, self._plan)
+        except ImpossibleState as wrong:
+            text = f"state {wrong}: the schedule has no such position, or the chip no such state"
+            raise Refused(text) from wrong
+        number = chip.complete(states, self._certificate.columns["tmr0_flagged"], self._parameters)
+        if number >= 0:
+            raise Refused(f"state {number}: {chip.REASONS[chip.INTERRUPT]}")
+        self._states = np.pad(states, ((0, 0), (0, COLUMNS - chip.SLOTS)))
+        self._states[:, ORIGIN] = np.arange(len(states))
+        numbers = [self._number(place) for place in places]
+        self._states[:, PLACE] = numbers
+        self._states[:, chip.DUE] = [self._plan.run_of(place.position) for place in places]
+        for number, key in enumerate(np.ascontiguousarray(self._states[:, EXACT])):
+            self._at[key.tobytes()].append(number)
+        self._follow(self._power_up())
+        order = np.argsort(self._states[:, chip.DUE], kind="stable")  # those of one frame go the same way
+        for first in range(0, len(order), ROWS):
+            self._follow(self._states[order[first : first + ROWS]])
+        return Checked(len(states), self._frames, self._cycles, self._forks)
 
     def _power_up(self) -> Ints:
         """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
-        s = np.zeros(chip.SLOTS, dtype=np.int64)
+        s = np.zeros(COLUMNS, dtype=np.int64)
         s[chip.BYTES] = chip.UNKNOWN
         s[[chip.PORTA, chip.STATUS]] = 0x1F00  # TO and PD differ between resets
         s[[chip.PCLATH, chip.INTCON, chip.EECON1]] = 0, 0, 0x0800
         s[[chip.OPTION, chip.TRISA, chip.TRISB, chip.FRAME]] = 0xFF, 0x1F, 0xFF, chip.BEFORE
         s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = chip.NEVER
         chip.plan_time_out(s, self._parameters, 0, 0)
-        return s
+        first = self._plan.first
+        s[[PLACE, ORIGIN, chip.DUE]] = self._number(Place(first)), -1, self._plan.run_of(first)
+        return s[None]
 
-    def _explore(self, name: str, start: Run) -> None:
-        """Run from `start` to the next cuts, on every way. Raises Refused."""
-        runs = [Run(start.state.copy(), start.position, start.levels, start.sampled)]
-        forks = self._forks
-        while runs:
-            run = runs.pop()
-            why = self._to_cut(run)
-            button = self._button(run) if why == chip.BUTTON else 0
-            if why == chip.FORK or (why == chip.BUTTON and not run.sampled & button):
-                self._forks += 1
-                runs += self._both(run, button)
-                reason = "more ways than can be followed" if self._forks - forks > MAX_FORKS else ""
-            elif why == chip.CUT and self._covered(run):
-                reason = ""
-            elif why == chip.CUT:
-                reason = "the state is within no listed one"
-            elif why == chip.NEW_FRAME:
-                reason = "an input was not read in the frame"
-            else:
-                reason = "an input is read again" if why == chip.BUTTON else chip.REASONS[why]
-            if self._cycles > MAX_CYCLES or self._compared > MAX_COMPARED:
-                reason = "more cycles, or comparisons of states, than are allowed"
-            if reason:
-                raise Refused(self._place(name, run, reason))
+    def _number(self, place: Place) -> int:
+        """Return the number of a place."""
+        if place not in self._places:
+            self._places[place] = len(self._place_of)
+            self._place_of.append(place)
+        return self._places[place]
 
-    def _place(self, name: str, run: Run, reason: str) -> str:
-        s = run.state
-        frame = "before the first pulse"
-        if s[chip.FRAME] != chip.BEFORE:
-            frame = f"frame {run.position.frame}, cycle {s[chip.CYCLE] - s[chip.FRAME]}"
-        high = " ".join(pin for bit, pin in enumerate(PINS) if chip.pins(s) >> bit & 1) or "none"
-        where = f"{s[chip.CYCLE]} cycles after {name}, at address 0x{s[chip.PC]:03X}, {frame}"
-        return f"{where}, high pins: {high}: {reason}"
+    def _follow(self, states: Ints) -> None:
+        """Run from each of `states` to the next cuts, on every way. Raises Refused."""
+        waiting = [states.copy()]
+        while waiting:
+            rows = waiting.pop()
+            before, reasons = rows[:, chip.CYCLE].copy(), np.zeros(len(rows), dtype=np.int64)
+            self._run += chip.run_all(rows, self._code, self._parameters, *self._edges, reasons)
+            self._cycles += int((rows[:, chip.CYCLE] - before).sum())
+            for why in np.unique(reasons):
+                its = rows[reasons == why]
+                if why == chip.NEW_FRAME:
+                    waiting.append(self._next_frame(its))
+                elif why == chip.LAST_EDGE:
+                    waiting.append(its)
+                elif why in (chip.FORK, chip.BUTTON):
+                    waiting += self._both(its, why)
+                elif why == chip.CUT:
+                    self._compare(its)
+                else:
+                    raise self._refused(its[0], chip.REASONS[why])
+            if self._run > MAX_CYCLES or self._compared > MAX_COMPARED:
+                raise self._refused(rows[0], "more cycles, or comparisons of states, than are allowed")
+            if self._forks > MAX_FORKS or sum(map(len, waiting)) > MAX_ROWS:
+                raise self._refused(rows[0], "more ways than can be followed")
 
-    def _to_cut(self, run: Run) -> int:
-        """Run to a cut, a fork or the first thing that is wrong; return why."""
-        s, parameters, plan = run.state, self._parameters, self._plan
-        began = int(s[chip.CYCLE])
-        why = chip.NEW_FRAME
-        while why == chip.NEW_FRAME:
-            at, out = plan.due(run.position)
-            parameters[chip.EDGES] = len(at)
-            parameters[chip.PERIOD] = chip.NEVER if run.position == OVER else plan.period
-            parameters[chip.LIMIT] = began + MAX_PERIODS * plan.period
-            why = chip.run(s, self._code, parameters, at, out)
-            if why == chip.NEW_FRAME:
-                if self._parameters[chip.BUTTONS] & ~run.sampled:
-                    break
-                levels = run.levels | int(parameters[chip.LEVELS])
-                run.position = plan.after(run.position, levels)
-                run.levels = run.sampled = 0
-                s[chip.FRAME] += plan.period
-                s[chip.EDGE] = 0
-                self._frames += 1
-        self._cycles += int(s[chip.CYCLE]) - began
-        return int(why)
+    def _next_frame(self, rows: Ints) -> Ints:
+        """Return the rows in their next frames."""
 
-    def _button(self, run: Run) -> int:
-        """Return the pin of the button that is read, if this is a frame's sample."""
-        if run.state[chip.FRAME] == chip.BEFORE or run.position == OVER:
-            return 0
-        bits = int(run.state[chip.ASKED_BITS])
-        return (bits & -bits) << (5 if run.state[chip.ASKED] == chip.PORTB else 0)
+        def after(place: Place, _: int) -> Place | None:
+            if self._inputs & ~place.sampled:
+                return None
+            return Place(self._plan.after(place.position, place.levels | self._held))
 
-    def _both(self, run: Run, button: int) -> list[Run]:
-        """Return the run with the lowest bit in question 0, and with it 1."""
-        slot, bits = int(run.state[chip.ASKED]), int(run.state[chip.ASKED_BITS])
-        bit = bits & -bits
-        both = []
-        for value in (0, bit):
-            s = run.state.copy()
-            if slot in (chip.NOWHERE, chip.PORTA, chip.PORTB):
-                s[chip.GIVEN] |= bit
-                s[chip.GIVEN_BITS] |= value
-            else:
-                s[slot] = s[slot] & ~(bit << 8) | value
-            position, levels = run.position, run.levels
-            if button and self._plan.line:
-                position = self._plan.hear(position, self._plan.line, int(value != 0))
-            elif value:
-                levels |= button
-            both.append(Run(s, position, levels, run.sampled | button))
+        self._frames += len(rows)
+        self._move(rows, np.zeros(len(rows), dtype=np.int64), after, "an input was not read in the frame")
+        over = rows[:, PLACE] == self._number(Place(OVER))
+        rows[:, chip.FRAME] = np.where(over, chip.NEVER, rows[:, chip.FRAME] + self._plan.period)
+        rows[:, chip.EDGE] = 0
+        return rows
+
+    def _both(self, rows: Ints, why: int) -> list[Ints]:
+        """Return the rows with the lowest bit in question 0, and with it 1."""
+        self._forks += len(rows)
+        both = [rows, rows.copy()]
+        slot, bit = rows[:, chip.ASKED], rows[:, chip.ASKED_BITS] & -rows[:, chip.ASKED_BITS]
+        given = np.isin(slot, (chip.NOWHERE, chip.PORTA, chip.PORTB))
+        stored = np.flatnonzero(~given), slot[~given]
+        pin = np.where(slot == chip.PORTB, bit << 5, bit)
+        for level, its in enumerate(both):
+            its[given, chip.GIVEN] |= bit[given]
+            its[given, chip.GIVEN_BITS] |= bit[given] * level
+            its[stored] = its[stored] & ~(bit[~given] << 8) | bit[~given] * level
+            if why == chip.BUTTON:
+                framed = np.isin(its[:, chip.FRAME], (chip.BEFORE, chip.NEVER), invert=True)
+                sample = partial(self._plan.sample, level=level)
+                self._move(its, np.where(framed, pin, 0), sample, "an input is read again")
         return both
 
-    def _key(self, run: Run) -> tuple[object, ...]:
-        """Return what must be the same in a run's state and in the listed one that contains it."""
-        s = run.state
-        stack = s[chip.STACK : chip.STACK + s[chip.DEPTH]].tolist()
-        frame = int(s[chip.FRAME] - s[chip.CYCLE]) if s[chip.FRAME] != chip.BEFORE else None
-        position: tuple[object, ...] = (run.position, run.levels, run.sampled, frame)
-        if run.position == OVER:
-            position = ()
-        return (*s[SAME].tolist(), *stack, _until(s, chip.IRQ), _until(s, chip.DARK), position)
+    def _move(
+        self, rows: Ints, pins: Ints, change: Callable[[Place, int], Place | None], reason: str
+    ) -> None:
+        """Change the rows' places in the plan by the pins that are read. Raises Refused where that fails."""
+        keys, which = np.unique(rows[:, PLACE] << len(PINS) | pins, return_inverse=True)
+        moved = np.zeros((len(keys), 2), dtype=np.int64)
+        for number, key in enumerate(keys.tolist()):
+            place = change(self._place_of[key >> len(PINS)], key & (1 << len(PINS)) - 1)
+            if place is None:
+                raise self._refused(rows[which == number][0], reason)
+            moved[number] = self._number(place), self._plan.run_of(place.position)
+        rows[:, [PLACE, chip.DUE]] = moved[which]
 
-    def _covered(self, run: Run) -> bool:
-        """Return whether a listed state contains every chip of the run's."""
-        s = run.state.copy()
-        chip.settle(s)
-        for listed in self._at.get(self._key(run), ()):
-            self._compared += 1
-            if chip.within(s, listed, chip.BYTES):
-                return True
-        return False
+    def _compare(self, rows: Ints) -> None:
+        """Raise Refused for a row that is within no listed state."""
+        there = rows.copy()
+        for row in there:
+            chip.rebase(row)
+        for row, inner, key in zip(rows, there, there[:, EXACT].copy(), strict=True):
+            for number in self._at.get(key.tobytes(), ()):
+                self._compared += 1
+                if chip.within(inner, self._states[number], chip.BYTES):
+                    break
+            else:
+                raise self._refused(row, "the state is within no listed one")
 
-
-def _until(s: Ints, slot: int) -> int:
-    return int(s[slot] - s[chip.CYCLE]) if s[slot] != chip.NEVER else chip.NEVER
+    def _refused(self, row: Ints, reason: str) -> Refused:
+        """Return what is wrong, and where."""
+        frame = "before the first pulse"
+        if row[chip.FRAME] != chip.BEFORE:
+            number = self._place_of[row[PLACE]].position.frame
+            frame = f"frame {number}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
+        if row[chip.FRAME] == chip.NEVER:
+            frame = "after the last pulse"
+        origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
+        high = " ".join(pin for bit, pin in enumerate(PINS) if chip.pins(row) >> bit & 1) or "none"
+        where = f"{row[chip.CYCLE]} cycles after {origin}, at address 0x{row[chip.PC]:03X}, {frame}"
+        return Refused(f"{where}, high pins: {high}: {reason}")
 
 
 def check_certificate(certificate: Certificate, image: Image, schedule: bytes, file: str) -> Checked:

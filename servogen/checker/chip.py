@@ -1,4 +1,4 @@
-# ruff: noqa: SIM109, SIM102, SIM905 - compiled code compares integers
+# ruff: noqa: SIM109, SIM905 - compiled code compares integers
 """The chip with unknown bits: runs a program on a set of chips at once. Compiled by numba.
 
 In: a vector of integers (the state), the decoded program, the edges expected in this frame. Out: the state
@@ -36,7 +36,8 @@ T0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, PCLATH, INTCON = 1, 2, 3, 4, 
 W, OPTION, TRISA, TRISB, EECON1 = 0x50, 0x51, 0x55, 0x56, 0x58
 PC, DEPTH, STACK = 0x60, 0x61, 0x62
 CYCLE, PRESCALER, T0_AT, T0_DUE, IRQ, WDT_DUE, WDT_CLEARED, OUT = range(0x6A, 0x72)
-DARK, FRAME, EDGE, GIVEN, GIVEN_BITS, ASKED, ASKED_BITS, STEPS, SLOTS = range(0x72, 0x7B)
+DARK, FRAME, EDGE, GIVEN, GIVEN_BITS, ASKED, ASKED_BITS, DUE, SLOTS = range(0x72, 0x7B)
+TIMES = np.array([T0_AT, T0_DUE, IRQ, WDT_DUE, WDT_CLEARED, DARK, FRAME])
 RAM, RAM_END = 0x0C, 0x50
 BYTES = np.array(
     [*range(RAM, RAM_END), T0, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, PCLATH, INTCON, EECON1, W]
@@ -49,18 +50,23 @@ BEFORE = -NEVER
 """`FRAME`, the cycle in which the frame began, before the first pulse."""
 
 # The parameters, beside the state: they do not change in a run.
-LIMIT, PERIOD, EDGES, CHANNELS, BUTTONS, HELD, LEVELS, WATCHDOG, EEPROM = range(9)
+LIMIT, PERIOD, CHANNELS, BUTTONS, HELD, LEVELS, WATCHDOG, EEPROM = range(8)
 PARAMETERS = EEPROM + 64
+
+KEPT = 64
+"""How many runs are remembered."""
+READ, WRITTEN = 1, 2
+"""What `run` notes of a byte of RAM: that it was read before it was written, and that it was written."""
 
 REASONS = (
     "cut", "frame", "fork", "button", "the cycle limit", "an edge that is not expected", "a missing edge",
     "a word that is not an instruction", "a stack of more than eight levels", "a return with an empty stack",
     "SLEEP", "an EEPROM write or EEIF", "an unknown value in a register",
     "control that depends on TMR0's phase", "an interrupt that depends on unknown values",
-    "a watchdog that may time out", "a pin whose level is unknown or not driven",
+    "a watchdog that may time out", "a pin whose level is unknown or not driven", "the frame's last edge",
 )  # fmt: skip
 (CUT, NEW_FRAME, FORK, BUTTON, TOO_LONG, WRONG_EDGE, MISSING, NO_WORD, OVERFLOW, EMPTY, SLEEPS, EEPROM_WRITE,
- REGISTER, PHASE, INTERRUPT, WATCHED, DARK_PIN) = range(17)  # fmt: skip
+ REGISTER, PHASE, INTERRUPT, WATCHED, DARK_PIN, LAST_EDGE) = range(18)  # fmt: skip
 GOES_ON = -1
 
 OPERATIONS = tuple(
@@ -73,7 +79,7 @@ OPERATIONS = tuple(
 
 # A decoded word: the operation in bits 0 to 5, then these.
 F_AT, BIT_AT, K_AT, FLAGS_AT = 8, 16, 24, 36
-(READS_F, TO_W, TO_F, TESTS_ZERO, CUT_HERE, COUNTS, POLLS, PASSES, OTHER) = (1 << n for n in range(40, 49))
+READS_F, TO_W, TO_F, TESTS_ZERO, CUT_HERE = (1 << n for n in range(40, 45))
 C, DC, Z, RP0, TO_PD = 1, 2, 4, 0x20, 0x18
 GIE, EEIE, T0IE, INTE, RBIE, T0IF = 0x80, 0x40, 0x20, 0x10, 0x08, 0x04
 T0CS, PSA, PS = 0x20, 0x08, 0x07
@@ -101,20 +107,8 @@ def program_code(image: Image, cuts: frozenset[int]) -> Ints:
             | (TO_F if row.writes_file(found.d) else 0)
             | (TESTS_ZERO if row.skips and row.writes else 0)
             | (CUT_HERE if address in cuts else 0)
-            | _loop_class(row.mnemonic, found.f, row.writes, found.d)
         )
     return code
-
-
-def _loop_class(mnemonic: str, f: int, writes: str, d: int) -> int:
-    """Return what it may do in a loop whose turns are skipped: nothing, count RAM, or poll."""
-    if mnemonic in ("NOP", "GOTO"):
-        return PASSES
-    if mnemonic == "DECFSZ" and d and RAM <= f < RAM_END:
-        return COUNTS
-    known = RAM <= f < RAM_END or f in (T0, STATUS, INTCON)
-    result = writes in ("W", "") or (writes == "d" and not d)
-    return POLLS if known and result and mnemonic not in ("RETLW", "CALL") else 0
 
 
 @compiled
@@ -211,20 +205,26 @@ def timer(s: Ints, at: int) -> int:
 
 
 @compiled
-def settle(s: Ints) -> None:
-    """Make TMR0 and its prescaler what they are now."""
+def rebase(s: Ints) -> None:
+    """Count the cycles from now on: TMR0 and its prescaler become what they are, and the cycle 0."""
     now = s[CYCLE]
     if now > s[T0_AT]:
         value = timer(s, now)
         if s[PRESCALER] >= 0:
             s[PRESCALER] = (s[PRESCALER] + now - s[T0_AT]) % ratio(s)
         s[T0], s[T0_AT] = value, now
+    for slot in TIMES:
+        if abs(s[slot]) != NEVER:
+            s[slot] -= now
+    s[CYCLE] = 0
 
 
 @compiled
 def within(s: Ints, outer: Ints, slots: Ints) -> bool:
-    """Return whether every chip of `s`, settled, is one of `outer`, which is in cycle 0."""
-    now, shift = s[CYCLE], -1
+    """Return whether every chip of `s` is one of `outer`, both in cycle 0, as far as `slots`, TMR0's further
+    course and the watchdog are concerned.
+    """
+    shift = -1
     for slot in slots:
         a, b = s[slot], outer[slot]
         if b >> 16:  # one φ must fit all bytes that have it: that of `s`, if it has one, and a difference
@@ -235,13 +235,13 @@ def within(s: Ints, outer: Ints, slots: Ints) -> bool:
         elif (0xFF if a >> 16 else a >> 8) & ~(b >> 8) or (a ^ b) & 0xFF & ~(b >> 8):
             return False
     if outer[T0] & UNKNOWN == 0:
-        if max(s[T0_AT] - now, 0) != outer[T0_AT] or s[PRESCALER] != outer[PRESCALER]:
+        if s[T0_AT] != outer[T0_AT] or s[PRESCALER] != outer[PRESCALER]:
             return False
-        if outer[T0_DUE] != NEVER and s[T0_DUE] - now != outer[T0_DUE]:
+        if outer[T0_DUE] != NEVER and s[T0_DUE] != outer[T0_DUE]:
             return False
     if outer[WDT_DUE] == NEVER:
         return True
-    return bool(s[WDT_DUE] - now >= outer[WDT_DUE] and s[WDT_CLEARED] - now >= outer[WDT_CLEARED])
+    return bool(s[WDT_DUE] >= outer[WDT_DUE] and s[WDT_CLEARED] >= outer[WDT_CLEARED])
 
 
 @compiled
@@ -261,6 +261,24 @@ def plan_time_out(s: Ints, parameters: Ints, at: int, changed: int) -> None:
         s[WDT_DUE] = s[WDT_CLEARED] + (short << (s[OPTION] & PS) if known else short)
         if changed and at - s[WDT_CLEARED] >= short:
             s[WDT_DUE] = at
+
+
+@compiled
+def complete(states: Ints, flagged: Ints, parameters: Ints) -> int:
+    """Derive, in listed states, what follows from the rest: prescaler and events to come. Return the first
+    state in which an interrupt could come at an unknown time; -1 if there is none.
+    """
+    for number, s in enumerate(states):
+        counted = ratio(s) - 1
+        s[PRESCALER] = -1 if s[PRESCALER] >> 8 & counted else s[PRESCALER] & counted
+        plan_overflow(s)
+        if flagged[number] and timer_exact(s):
+            s[T0_DUE] += 256 * ratio(s)
+        s[WDT_DUE] = NEVER
+        plan_time_out(s, parameters, 0, 0)
+        if sample(s.copy(), 0) != GOES_ON:
+            return number
+    return -1
 
 
 @compiled
@@ -301,7 +319,7 @@ def drive(s: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints, at: int) -> 
             return GOES_ON
         if dark or tris & parameters[CHANNELS]:
             return DARK_PIN
-        if parameters[EDGES] == 0 or out != edge_out[0]:
+        if len(edge_at) == 0 or out != edge_out[0]:
             return WRONG_EDGE
         s[FRAME] = at - edge_at[0]
         s[EDGE] = 1
@@ -311,7 +329,7 @@ def drive(s: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints, at: int) -> 
         return DARK_PIN
     if out != s[OUT]:
         edge = s[EDGE]
-        if edge == parameters[EDGES] or at != s[FRAME] + edge_at[edge] or out != edge_out[edge]:
+        if edge == len(edge_at) or at != s[FRAME] + edge_at[edge] or out != edge_out[edge]:
             return WRONG_EDGE
         s[EDGE] = edge + 1
         s[OUT] = out
@@ -417,7 +435,7 @@ def attend(s: Ints, parameters: Ints, edge_at: Ints) -> int:
     if now > s[DARK]:
         return DARK_PIN
     if s[FRAME] != BEFORE:
-        if s[EDGE] < parameters[EDGES]:
+        if s[EDGE] < len(edge_at):
             if now > s[FRAME] + edge_at[s[EDGE]]:
                 return MISSING
         elif now >= s[FRAME] + parameters[PERIOD]:
@@ -431,7 +449,6 @@ def attend(s: Ints, parameters: Ints, edge_at: Ints) -> int:
         s[INTCON] &= ~GIE
         s[CYCLE] = s[IRQ] + 3
         s[IRQ] = NEVER
-        s[STEPS] += 1
     return TOO_LONG if now >= parameters[LIMIT] else GOES_ON
 
 
@@ -441,17 +458,24 @@ def horizon_of(s: Ints, parameters: Ints, edge_at: Ints) -> int:
     first = min(s[T0_DUE], s[WDT_DUE], s[DARK] + 1, s[IRQ] + 1, parameters[LIMIT])
     if s[FRAME] != BEFORE:
         edge = s[EDGE]
-        first = min(first, s[FRAME] + (edge_at[edge] + 1 if edge < parameters[EDGES] else parameters[PERIOD]))
+        first = min(first, s[FRAME] + (edge_at[edge] + 1 if edge < len(edge_at) else parameters[PERIOD]))
     return int(first)
 
 
 @compiled
-def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) -> int:
-    """Run to the next cut, fork or frame, and return the reason; the instruction at PC is not executed."""
+def run(s: Ints, code: Ints, parameters: Ints, used: Ints, edge_at: Ints, edge_out: Ints) -> int:
+    """Run to the next cut, fork, frame or last edge of a frame, and return the reason; the instruction at PC
+    is not executed.
+
+    Note in `used` which bytes of RAM were read before they were written, and which were written. The run
+    depends on no other byte of RAM, and changes none but the written ones.
+    """
     horizon = 0
-    loop, loop_at, loop_w, loop_status, seen, counted = -1, 0, 0, 0, 0, 0
+    pulses = s[EDGE] < len(edge_at)
     while True:
         if s[CYCLE] >= horizon:
+            if pulses and s[EDGE] == len(edge_at):
+                return LAST_EDGE
             pc = s[PC]
             why = attend(s, parameters, edge_at)
             if why >= 0:
@@ -460,16 +484,14 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
             if s[CYCLE] >= horizon:  # the interrupt has taken time
                 horizon = 0
             if s[PC] != pc:
-                loop = -1
                 continue
         pc, at = s[PC], s[CYCLE]
         word = code[pc]
-        if word & CUT_HERE and s[STEPS] and (s[FRAME] != BEFORE or parameters[EDGES] == 0) and word >= 0:
-            return CUT
         if word < 0:
             return NO_WORD
+        if word & CUT_HERE and at > 0 and (s[FRAME] != BEFORE or len(edge_at) == 0):
+            return CUT
         op = word & 63
-        seen |= word & (COUNTS | POLLS | PASSES) if word & (COUNTS | POLLS | PASSES) else OTHER
         after, cycles = pc + 1, 1
         # 1: the operand
         slot = NOWHERE
@@ -483,7 +505,12 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
                 return ask(s, STATUS, RP0)
             slot = f if RAM <= f < RAM_END else place(s, f)
             if word & READS_F:
-                a = s[slot] if RAM <= slot < RAM_END else read(s, parameters, slot, at)
+                if RAM <= slot < RAM_END:
+                    a = s[slot]
+                    if used[slot] == 0:
+                        used[slot] = READ
+                else:
+                    a = read(s, parameters, slot, at)
                 given = s[GIVEN]
                 if given:
                     a = (a & ~(given << 8) & ~given) | s[GIVEN_BITS]
@@ -518,6 +545,7 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
                 s[W] = r
             elif RAM <= slot < RAM_END:
                 s[slot] = r
+                used[slot] |= WRITTEN
             elif slot == STATUS:
                 keep = TO_PD | (7 if flags else 0)
                 keep |= keep << 8
@@ -548,22 +576,6 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
                 after, cycles = pc + 2, 2
         elif op == GOTO:
             after, cycles = word >> K_AT & 0x3FF, 2
-            if after <= pc:
-                now = at + 2
-                if loop == pc and seen & OTHER == 0:
-                    turns, period = 0, now - loop_at
-                    limit = max(horizon - now, 0)
-                    if seen & POLLS == 0 and counted >= 0 and s[counted] >> 8 == 0:
-                        turns = min(s[counted] - 1 & 0xFF, limit // period)
-                        s[counted] = s[counted] - turns & 0xFF
-                    elif seen & COUNTS == 0 and loop_w == s[W] and loop_status == s[STATUS]:
-                        if s[PRESCALER] >= 0 and loop_at >= s[T0_AT] and timer(s, loop_at) == timer(s, now):
-                            tick = ratio(s)
-                            still = tick - (s[PRESCALER] + now - s[T0_AT] & tick - 1)
-                            turns = min(still, limit) // period
-                    if turns > 0:
-                        cycles += turns * period
-                loop, loop_at, loop_w, loop_status, seen, counted = pc, at + cycles, s[W], s[STATUS], 0, -1
         elif op == CALL or op == RETURN or op == RETLW or op == RETFIE:
             cycles = 2
             if op == CALL:
@@ -577,6 +589,7 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
                     return EMPTY
                 s[DEPTH] -= 1
                 after = s[STACK + s[DEPTH]]
+                s[STACK + s[DEPTH]] = 0
                 if op == RETLW:
                     s[W] = a
                 elif op == RETFIE:
@@ -603,11 +616,49 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
             if why >= 0:
                 return why
             horizon = 0
-        if word & COUNTS:
-            if counted >= 0:
-                seen |= OTHER
-            counted = slot
         s[GIVEN] = s[GIVEN_BITS] = 0
         s[PC] = after & 0x3FF
         s[CYCLE] = at + cycles
-        s[STEPS] += 1
+
+
+@compiled
+def alike(row: Ints, start: Ints, used: Ints) -> bool:
+    """Return whether `row` goes the way that `start` went, which used bytes of RAM as `used` says."""
+    for slot in range(SLOTS - 1, -1, -1):
+        if row[slot] != start[slot] and (not RAM <= slot < RAM_END or used[slot] & READ):
+            return False
+    return True
+
+
+@compiled
+def run_all(
+    rows: Ints, code: Ints, parameters: Ints, begins: Ints, edge_at: Ints, edge_out: Ints, reasons: Ints
+) -> int:
+    """Run each of `rows` until it stops, note the `reasons`, and return the number of cycles.
+
+    A run is determined by the slots outside of RAM and the bytes of RAM that it reads before it writes them.
+    So a row that agrees in these with one of the runs before it goes the same way, without being run.
+    The expected edges of a row are those from `begins[row[DUE]]` on.
+    """
+    starts = np.zeros((KEPT, SLOTS), dtype=np.int64)
+    ends, used = starts.copy(), starts.copy()
+    whys = np.zeros(KEPT, dtype=np.int64)
+    runs, cycles = 0, 0
+    for number, row in enumerate(rows):
+        kept = 0
+        while kept < min(runs, KEPT) and not alike(row, starts[kept], used[kept]):
+            kept += 1
+        if kept == min(runs, KEPT):
+            kept = runs % KEPT
+            runs += 1
+            starts[kept] = ends[kept] = row[:SLOTS]
+            used[kept] = 0
+            first, last = begins[row[DUE]], begins[row[DUE] + 1]
+            edges = edge_at[first:last], edge_out[first:last]
+            whys[kept] = run(ends[kept], code, parameters, used[kept], edges[0], edges[1])
+            cycles += ends[kept, CYCLE] - starts[kept, CYCLE]
+        for slot in range(SLOTS):
+            if not RAM <= slot < RAM_END or used[kept, slot] & WRITTEN:
+                row[slot] = ends[kept, slot]
+        reasons[number] = whys[kept]
+    return cycles

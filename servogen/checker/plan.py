@@ -41,6 +41,14 @@ OVER = Position(-1, on=0)
 """No pulse will follow, whatever happens."""
 
 
+class Place(NamedTuple):
+    """A position, the inputs that were read in its frame, and their levels."""
+
+    position: Position
+    levels: int = 0
+    sampled: int = 0
+
+
 class Button(NamedTuple):
     pin: int
     pressed: int
@@ -56,7 +64,9 @@ class Plan:
     ends: list[int]
     """Of each run of equal frames, the frame after it."""
     edges: list[tuple[Ints, Ints]]
-    """Of a frame in each run, the cycles of its edges and the levels of all pins from each on."""
+    """Of a frame in each run, the cycles of its edges and the levels of all pins from each on; the last ones
+    are those of no run.
+    """
     loop: int
     """The frame that follows the last one."""
     loop_end: int
@@ -92,14 +102,27 @@ class Plan:
         run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
         return self.start_up._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
 
-    def hear(self, position: Position, line: Line, level: int) -> Position:
-        """Return the position once `level` was read of the line."""
-        heard, wanted = line.hear(position.heard, position.wanted, level)
-        return position._replace(heard=heard, wanted=wanted)
+    def sample(self, place: Place, pin: int, level: int) -> Place | None:
+        """Return the place once input `pin` (0: none) was read as `level`; None if it was read before in this
+        frame.
+        """
+        position, levels, sampled = place
+        if sampled & pin:
+            return None
+        if self.line and pin:
+            heard, wanted = self.line.hear(position.heard, position.wanted, level)
+            position = position._replace(heard=heard, wanted=wanted)
+        else:
+            levels |= pin * level
+        return Place(position, levels, sampled | pin)
+
+    def run_of(self, position: Position) -> int:
+        """Return the number of the run of equal frames at `position`; one of no edges if no pulse is due."""
+        return bisect_right(self.ends, position.frame) if position.on else len(self.ends)
 
     def due(self, position: Position) -> tuple[Ints, Ints]:
         """Return the edges of the frame at `position`."""
-        return self.edges[bisect_right(self.ends, position.frame)] if position.on else NO_EDGES
+        return self.edges[self.run_of(position)]
 
     def after(self, position: Position, levels: int) -> Position:
         """Return the position of the next frame, if the buttons were read as `levels` after this one."""
@@ -154,7 +177,7 @@ def read_plan(text: bytes, file: str) -> Plan:
             period=period,
             channels=sum(pins),
             ends=list(accumulate(frames)),
-            edges=[_edges(run["pulses"], pins, period) for run in runs],
+            edges=[_edges(run["pulses"], pins, period) for run in runs] + [NO_EDGES],
             loop=(loop := sum(frames[: len(data["lead_in"])])),
             loop_end=(end := sum(frames[:loop_runs])),
             start=_button(buttons["start"]),

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from servogen.checker import chip
+from servogen.checker import check, chip
 from servogen.checker.certificate import (
     CELLS,
     MASKED,
@@ -24,8 +24,8 @@ from servogen.checker.certificate import (
     fingerprint,
     read_certificate,
 )
-from servogen.checker.check import Checker, Run
-from servogen.checker.plan import OVER, PINS, read_plan
+from servogen.checker.check import Checker, Refused
+from servogen.checker.plan import OVER, PINS, Place, read_plan
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
@@ -109,37 +109,36 @@ class Maker(Checker):
 
     forget: Forget
 
-    def make(self, forget: Forget) -> list[Run]:
+    def make(self, forget: Forget) -> tuple[chip.Ints, list[Place]]:
+        """Return the states and their places."""
         self.forget = forget
-        self._explore("power-up", Run(self._power_up(), self._plan.first))
-        for run in self._states:  # grows meanwhile
-            self._explore("a state", run)
-        return self._states
+        self._follow(self._power_up())
+        number = 0
+        while number < len(self._states):  # it grows meanwhile
+            self._follow(self._states[number : number + 1])
+            number += 1
+        return self._states, [self._place_of[place] for place in self._states[:, check.PLACE]]
 
-    def _covered(self, run: Run) -> bool:
-        if not super()._covered(run):
-            s = run.state.copy()
-            chip.settle(s)
-            for slot in (chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK):
-                s[slot] -= s[chip.CYCLE] if s[slot] != chip.NEVER else 0
-            for slot in (chip.WDT_CLEARED, chip.T0_AT, chip.FRAME):
-                s[slot] -= s[chip.CYCLE]
-            s[chip.CYCLE] = s[chip.STEPS] = 0
-            self.forget(s)
-            settled = run.state.copy()
-            chip.settle(settled)
-            assert chip.within(settled, s, chip.BYTES)
-            self._states.append(Run(s, run.position, run.levels, run.sampled))
-            self._at[self._key(self._states[-1])].append(s)
-        return True
+    def _compare(self, rows: chip.Ints) -> None:
+        for row in rows:
+            try:
+                super()._compare(row[None])
+            except Refused:
+                settled = row.copy()
+                chip.rebase(settled)
+                listed = settled.copy()
+                self.forget(listed)
+                assert chip.within(settled, listed, chip.BYTES)
+                self._at[listed[check.EXACT].tobytes()].append(len(self._states))
+                self._states = np.concatenate([self._states, listed[None]])
 
 
 def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = lambda s: None) -> bytes:
     """Return a certificate of `image`; raises Refused if it does not do what the schedule says."""
     plan = read_plan(plan_text, "schedule.json")
     claim = Certificate("", "", plan.clock_hz, {}, frozenset(cuts), 0, {})
-    states = Maker(image, plan, claim).make(forget)
-    rows = [_row(run, plan.start is not None) for run in states]
+    states, places = Maker(image, plan, claim).make(forget)
+    rows = [_row(s, place, plan.start is not None) for s, place in zip(states, places, strict=True)]
     columns = {
         name: {"delta": np.diff([0, *(row[name] for row in rows)]).tolist()}
         for name in (*CELLS, *MASKED, *RANGES)
@@ -171,9 +170,8 @@ def reread(data: dict[str, Any]) -> Certificate:
     return read_certificate(pack(data), "certificate")
 
 
-def _row(run: Run, start: bool) -> dict[str, int]:
-    s = run.state
-    over = run.position == OVER
+def _row(s: chip.Ints, place: Place, start: bool) -> dict[str, int]:
+    over = place.position == OVER
     row = {name: int(s[slot]) for name, slot in (*CELLS.items(), *MASKED.items())}
     row |= dict.fromkeys(RANGES, 0)
     row |= {name: int(s[chip.STACK + level]) * (level < s[chip.DEPTH]) for level, name in enumerate(STACK)}
@@ -197,9 +195,9 @@ def _row(run: Run, start: bool) -> dict[str, int]:
         "spec.stop_sample": -1,
     }
     if not over:
-        row |= {f"spec.{name}": int(value) for name, value in run.position._asdict().items()}
-        read = [pin for pin in range(len(PINS)) if run.sampled >> pin & 1]
+        row |= {f"spec.{name}": int(value) for name, value in place.position._asdict().items()}
+        read = [pin for pin in range(len(PINS)) if place.sampled >> pin & 1]
         name = "spec.start_sample" if start else "spec.stop_sample"
         for pin in read:
-            row[name] = run.levels >> pin & 1
+            row[name] = place.levels >> pin & 1
     return row

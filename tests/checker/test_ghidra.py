@@ -34,11 +34,11 @@ DIFFERENCES = {
 @njit
 def execute(start, code, parameters, inputs, out):
     """Execute one instruction for each row (W, RAM, STATUS)."""
-    none = np.zeros(1, dtype=np.int64)
+    used, none = np.zeros(chip.SLOTS, dtype=np.int64), np.zeros(0, dtype=np.int64)
     for i in range(len(inputs)):
         s = start.copy()
         s[chip.W], s[RAM], s[chip.STATUS] = inputs[i]
-        chip.run(s, code, parameters, none, none)
+        chip.run(s, code, parameters, used, none, none)
         out[i] = s[chip.W], s[RAM], s[chip.STATUS], s[chip.PC], s[chip.CYCLE], s[chip.INTCON] & 0x80
 
 

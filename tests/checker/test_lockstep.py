@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import numpy as np
+import pytest
 
 from servogen.checker import chip
 from tests.checker.certify import image_of
@@ -26,46 +27,53 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
     assert chip.MISSING not in refused
 
 
-POLL = """ list p=16f84
- radix dec
- __config 0x3ff1
- org 0
- bsf 3,5
- movlw 0xc4
- movwf 1
- bcf 3,5
- clrf 1
- movlw 200
- movwf 0x22
-wait movf 1,w
- xorwf 0x22,w
- btfss 3,2
- goto wait
- clrf 0x20
- movlw 3
- movwf 0x21
-turn goto $+1
- nop
- decfsz 0x20,f
- goto $+2
- decfsz 0x21,f
- goto turn
- goto 0
-"""
+def test_a_state_that_is_not_run_ends_as_if_it_were() -> None:
+    """Random programs from states that differ in a few bytes of RAM: together, and each by itself.
+
+    Some bytes decide and some do not, and some are unknown. The sums of cycles tell whether any were saved.
+    """
+    saved = 0
+    begins = np.array([0, 0])
+    for seed in range(PROGRAMS):
+        rng = np.random.default_rng(seed)
+        code = chip.program_code(program(seed), frozenset())
+        parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
+        parameters[chip.PERIOD], parameters[chip.LIMIT] = chip.NEVER, 400
+        together = np.stack([power_up()] * 60)
+        together[:, chip.RAM : chip.RAM_END] = rng.integers(256, size=chip.RAM_END - chip.RAM)
+        for row in together:
+            some = rng.integers(chip.RAM, chip.RAM_END, size=4)
+            row[some] = rng.choice([chip.UNKNOWN, 0, 1, 255], size=4)
+        alone = together.copy()
+        reasons = np.zeros(len(together), dtype=np.int64)
+        cycles = chip.run_all(together, code, parameters, begins, NO_EDGES, NO_EDGES, reasons)
+        for row, expected, reason in zip(together, alone, reasons, strict=True):
+            used = np.zeros(chip.SLOTS, dtype=np.int64)
+            assert chip.run(expected, code, parameters, used, NO_EDGES, NO_EDGES) == reason, seed
+            assert np.array_equal(row, expected), seed
+            saved += int(expected[chip.CYCLE])
+        saved -= cycles
+    assert saved > 1000 * PROGRAMS
 
 
-def test_turns_are_skipped_and_nothing_else_changes() -> None:
-    """A wait for TMR0 = 200 at 1:32, then 3 · 256 turns of 8 cycles: in one go, and cycle by cycle."""
-    code = chip.program_code(image_of(POLL), frozenset())
+@pytest.mark.parametrize(
+    ("decides", "runs"),
+    [
+        ("movf 0x20,w", 3),  # read: each of the three values is run
+        ("clrf 0x20\n movf 0x20,w", 1),  # overwritten first
+        ("movlw 0x20\n movwf 4\n movf 0,w", 3),  # read through the pointer
+        ("btfsc 0x20,0", 3),
+        ("incf 0x20,f", 3),
+        ("movf 0x21,w", 1),  # another byte
+    ],
+)
+def test_only_states_that_agree_in_what_is_read_share_a_run(decides: str, runs: int) -> None:
+    code = chip.program_code(image_of(f" list p=16f84\n org 0\n {decides}\n goto $\n"), frozenset())
     parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-    parameters[chip.PERIOD] = chip.NEVER
-    at_once, stepped = power_up(), power_up()
-    for limit in (3000, 6000, 6499, 7500, 12_000, 40_000):
-        parameters[chip.LIMIT] = limit
-        assert chip.run(at_once, code, parameters, NO_EDGES, NO_EDGES) == chip.TOO_LONG
-        while stepped[chip.CYCLE] < at_once[chip.CYCLE]:
-            parameters[chip.LIMIT] = stepped[chip.CYCLE] + 1
-            chip.run(stepped, code, parameters, NO_EDGES, NO_EDGES)
-        different = np.flatnonzero(at_once != stepped).tolist()
-        assert different in ([], [chip.STEPS]), (limit, different)
-    assert at_once[chip.STEPS] < stepped[chip.STEPS] / 3
+    parameters[chip.PERIOD], parameters[chip.LIMIT] = chip.NEVER, 100
+    rows = np.stack([power_up()] * 6)
+    rows[:, [0x20, 0x21]] = [[5, 1], [7, 1], [5, 1], [9, 1], [7, 1], [5, 1]]
+    reasons = np.zeros(6, dtype=np.int64)
+    cycles = chip.run_all(rows, code, parameters, np.array([0, 0]), NO_EDGES, NO_EDGES, reasons)
+    assert reasons.tolist() == [chip.TOO_LONG] * 6
+    assert cycles // 100 == runs
