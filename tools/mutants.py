@@ -120,8 +120,8 @@ def _short(text: str, most: int = 70) -> str:
 def mutants_of(source: str, file: str) -> list[Mutant]:
     """Return every mutant of a module, in the order of its text.
 
-    Left alone are strings (messages are read, not calculated), annotations, and what only a type checker
-    runs.
+    Left alone are strings (messages are read, not calculated), annotations, the options of decorators
+    (`slots=True` has no effect that a test could see), and what only a type checker runs.
     """
     lines = source.encode().splitlines(keepends=True)
     starts = [0]
@@ -147,7 +147,7 @@ def _changes(node: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
     elif isinstance(node, ast.stmt):
         yield from _of_statement(node)
     for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns"):
+        if name in ("annotation", "returns", "decorator_list"):
             continue
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):

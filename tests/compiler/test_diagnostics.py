@@ -729,6 +729,12 @@ def test_errors_of_several_functions_are_found_in_one_run() -> None:
     ]
 
 
+def test_every_name_of_a_declaration_with_an_error_counts_as_declared() -> None:
+    """Also those after an array: a second error about each use would hide the first."""
+    (found,) = diagnostics("xc8", "char a[2] b, c[3], d;\nvoid main(void) { b = d; c[0] = a[1]; }")
+    assert found.message == "syntax error before 'b'"
+
+
 def messages(found: tuple[Diagnostic, ...]) -> list[str]:
     return [each.message for each in found]
 

@@ -26,6 +26,8 @@ LATCHES = 0x100
 """Places LATCHES + pin are the bits of the port latches, in the order RA0 to RA4, RB0 to RB7."""
 PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
 """First pin and number of pins of each port."""
+_FIVE_BITS = (TRISA, PCLATH)
+"""Registers whose upper three bits are read as 0 (DS35007 figure 2-2)."""
 GIE, ENABLES = 0x80, 0x78
 """Bits of INTCON: the global enable; EEIE, T0IE, INTE, RBIE."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
@@ -233,7 +235,7 @@ def _direct(f: int, banks: Value) -> list[_Operand]:
 
 @cache
 def _through(pointer: Value) -> list[_Operand]:
-    return sorted({_at_address(address) for address in pointer if address & 0x7F}, key=repr)
+    return sorted({_at_address(address) for address in pointer}, key=repr)
 
 
 def operands(state: State, f: int) -> tuple[list[_Operand], bool]:
@@ -250,7 +252,7 @@ def operands(state: State, f: int) -> tuple[list[_Operand], bool]:
 
 
 def _status(state: State) -> Value:
-    zeros, ones = 0x18 | 0xC0, 0x18  # TO and PD are not followed; IRP and RP1 are kept clear
+    zeros = ones = 0x18 | 0xC0  # TO, PD, IRP and RP1 are not followed
     for number, place in _FLAG_PLACES.items():
         value = state.get(place)
         zeros |= (value.may_be_0 & 1) << number
@@ -293,8 +295,6 @@ def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, l
             if reads and not any_byte and not state.has_written(operand.place):
                 effects.unwritten.add(operand.place)
         value = one if value is None else value | one
-    if word.f == INDF and not found:
-        value = values.constant(0)
     if word.f == INDF and not state.has_written(FSR):
         effects.unwritten.add(FSR)
     return value or ANY, found, any_byte
@@ -416,7 +416,7 @@ def _relate(before: State, state: State, word: Word, found: list[_Operand]) -> N
             if word.writes_w:
                 state.w_of = place
         return
-    if word.name == "MOVWF" and place is not None and len(found) == 1 and place != FSR:
+    if word.name == "MOVWF" and place is not None and place not in (FSR, *_FIVE_BITS):
         state.w_of = place
         return
     w = before.get(W).constant
@@ -500,7 +500,7 @@ def _directions(before: State, place: Place, result: Value, effects: Effects) ->
 
 def _write_place(state: State, place: Place, value: Value, effects: Effects, *, definitely: bool) -> None:
     effects.changed.add(place)
-    if place == TRISA:
+    if place in _FIVE_BITS:
         value = values.mapped(value, lambda member: member & 0x1F)
     if definitely:
         state.put(place, value)
@@ -549,6 +549,8 @@ def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[in
     else:
         found, _ = operands(before, word.f)
         place = found[0].place if len(found) == 1 else None
+        if place in _FIVE_BITS:
+            place = None  # its byte is not the result
     result = ANY if place is None else state.get(place)
     ways = []
     if result.constant != 0:
