@@ -6,7 +6,7 @@ In: a `Verdict`. Out: rows of text, files; matplotlib only where something is dr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from servogen.report.film import Part, Scene
 from servogen.report.html import TwinFacts
 from servogen.report.pictures import new_figure, plane, save
 from servogen.report.sticks import base_outline
+from servogen.robot.model import Robot
 from servogen.twin.run import SAMPLE_S, Record
 from servogen.twin.verdict import Verdict
 
@@ -279,24 +280,32 @@ def twin_scene(verdict: Verdict, name: str) -> Scene:
 
 def body_parts(record: Record, rows: slice) -> list[Part]:
     """Return lines through the bodies at some samples, in the world's frame."""
-    robot, places = record.rig.robot, record.places
+    places = {name: place[rows] for name, place in record.places.items()}
+    return lines_through(
+        record.rig.robot, places, record.feet[rows], record.tool[rows], record.pose[rows][:, [0, 1, 3]]
+    )
+
+
+def lines_through(
+    robot: Robot, places: Mapping[str, Floats], feet: Floats, tool: Floats, pose: Floats
+) -> list[Part]:
+    """Return lines through bodies in one or more pictures: `pose` has x, y and yaw."""
     parts = []
-    legs = _legs(record)
+    legs = [limb.name for limb in robot.limbs if limb.mount is not None]
     if legs:
         middle = np.mean([places[f"{leg}_coxa"][0] for leg in legs], axis=0)
         around = sorted(legs, key=lambda leg: math.atan2(*(places[f"{leg}_coxa"][0] - middle)[1::-1]))
-        corners = [places[f"{leg}_coxa"][rows] for leg in (*around, around[0])]
+        corners = [places[f"{leg}_coxa"] for leg in (*around, around[0])]
         parts.append(Part(list(np.stack(corners, axis=1)), "0.35", 3.0, marks=False))
     for index, leg in enumerate(legs):
-        joints = [places[f"{leg}_{part}"][rows] for part in ("coxa", "thigh", "foot")]
-        line = np.stack([*joints, record.feet[rows, index]], axis=1)
+        joints = [places[f"{leg}_{part}"] for part in ("coxa", "thigh", "foot")]
+        line = np.stack([*joints, feet[:, index]], axis=1)
         parts.append(Part(list(line), f"C{index % 10}"))
     if isinstance(robot, DrivingRobot):
-        at = record.pose[rows][:, [0, 1, 3]]
-        parts += [Part(list(each), "tab:blue", marks=False) for each in base_outline(robot, at)]
+        parts += [Part(list(each), "tab:blue", marks=False) for each in base_outline(robot, pose)]
     elif not legs:
-        chain = [place[rows] for place in places.values()]
-        line = np.stack([np.zeros_like(chain[0]), *chain, record.tool[rows]], axis=1)
+        chain = list(places.values())
+        line = np.stack([np.zeros_like(chain[0]), *chain, tool], axis=1)
         parts.append(Part(list(line), "C0"))
     return parts
 

@@ -42,6 +42,19 @@ class Receiver:
         """Return the first cycle at or after the beginning of a step."""
         return -(-step * self._cycles_per_step.numerator // self._cycles_per_step.denominator)
 
+    def step_of(self, cycle: int) -> int:
+        """Return the last step that begins at or before a cycle."""
+        return cycle * self._cycles_per_step.denominator // self._cycles_per_step.numerator
+
+    def snapshot(self) -> tuple[int | None, ...]:
+        """Return since when each wire is high."""
+        return tuple(wire.rise for wire in self._wires.values())
+
+    def restore(self, kept: tuple[int | None, ...]) -> None:
+        """Let each wire be high since when it was at a snapshot of this receiver."""
+        for wire, rise in zip(self._wires.values(), kept, strict=True):
+            wire.rise = rise
+
     def pulses(self, chunk: EdgeChunk) -> list[Pulse]:
         """Return the pulses that end in a chunk of edges, in order."""
         found = []

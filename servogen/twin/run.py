@@ -65,6 +65,11 @@ class Settings:
     energies: bool = False
     """Whether the motors' energies are added up, which takes time."""
 
+    @property
+    def step_s(self) -> Fraction:
+        """Return the physics' step."""
+        return Fraction(1, 1000 * self.steps_per_ms)
+
     def __post_init__(self) -> None:
         """Raise InputError for values that no run can have."""
         if self.seconds is not None and not self.seconds >= MIN_S:
@@ -140,13 +145,21 @@ def simulate(
 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
-    rig = rig_of(job, settings.broken)
-    step = Fraction(1, 1000 * settings.steps_per_ms)
-    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, float(step), _held_at(job))
-    world = World(made, rig.wirings, rig.supply, float(step), contacts=settings.contacts)
+    rig, made, world = standing(job, settings)
     world.energies = Energies() if settings.energies else None
+    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made).done()
+
+
+def standing(job: PlannedJob, settings: Settings) -> tuple[Rig, Bodies, World]:
+    """Return a job's robot in its world at power-up, where its first pulses will hold it.
+
+    Raises InputError, and ToolError where MuJoCo is missing.
+    """
+    rig, step_s = rig_of(job, settings.broken), float(settings.step_s)
+    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _held_at(job))
+    world = World(made, rig.wirings, rig.supply, step_s, contacts=settings.contacts)
     _stand(world, job, rig, settings.ground)
-    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made, step).done()
+    return rig, made, world
 
 
 def _held_at(job: PlannedJob) -> float:
@@ -196,12 +209,11 @@ class _Run:
         rig: Rig,
         world: World,
         made: Bodies,
-        step: Fraction,
     ) -> None:
         self.job, self.schedule, self.settings = job, schedule, settings
         self.rig, self.world, self.bodies = rig, world, made
         self.lead_in_frames = lead_in_frames
-        self.receiver = Receiver([servo.pin for servo in rig.servos], job.clock, step)
+        self.receiver = Receiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
         self.off = unplugged(rig, settings.unplugged)
         self.sensors = [_sensor(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
@@ -210,8 +222,7 @@ class _Run:
         source = self.feed or (scripted if scripted.sources else None)
         self.machine = Machine(image, job.clock, board_of(schedule), source)
         self.chunk = settings.steps_per_ms * (1 if self.sensors else settings.chunk_ms)
-        self.every = max(1, round(SAMPLE_S / float(step)))
-        self.step = step
+        self.every = max(1, round(SAMPLE_S / float(settings.step_s)))
         self.limbs = [limb.name for limb in rig.robot.limbs if limb.mount is not None]
         self.sites = [world.model.site(f"{name}_foot").id for name in self.limbs]
         model = world.model

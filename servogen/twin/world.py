@@ -64,6 +64,18 @@ class State:
     """The step at which the next servo may be without pulses for too long."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class WorldSnapshot:
+    """All that the following steps depend on."""
+
+    step: int
+    physics: Floats
+    target: Floats
+    last: npt.NDArray[np.int64]
+    driven: Floats
+    wake: int
+
+
 @dataclass(slots=True)
 class Energies:
     """Energies so far, J: from the supply, into copper and gears, to the joints; of the work at the joints,
@@ -219,6 +231,25 @@ class World:
         account.electric += float(terminal @ amperes) * self.step_s
         account.heat += float((copper + gear).sum()) * self.step_s
         account.work += float((b.torque_constant * amperes) @ mean) * self.step_s
+
+    def snapshot(self) -> WorldSnapshot:
+        """Return the state between two steps."""
+        engine, hot = mujoco(), self.state
+        whole = engine.mjtState.mjSTATE_INTEGRATION
+        physics = np.empty(engine.mj_stateSize(self.model, whole))
+        engine.mj_getState(self.model, self.data, physics, whole)
+        return WorldSnapshot(
+            self.step, physics, hot.target.copy(), hot.last.copy(), hot.driven.copy(), hot.wake
+        )
+
+    def restore(self, kept: WorldSnapshot) -> None:
+        """Go back to a state of this world: the steps from there are the same again."""
+        engine, hot = mujoco(), self.state
+        engine.mj_setState(self.model, self.data, kept.physics, engine.mjtState.mjSTATE_INTEGRATION)
+        self.step = kept.step
+        hot.target, hot.last, hot.driven = kept.target.copy(), kept.last.copy(), kept.driven.copy()
+        hot.wake = kept.wake
+        self._set_driven()
 
     @property
     def seconds(self) -> float:

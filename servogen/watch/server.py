@@ -29,7 +29,6 @@ from servogen.engines.c_text import template_folder
 from servogen.errors import ServogenError
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.recorded_twin import recorded_twin
 from servogen.watch.session import Message, Session
 from servogen.watch.subject import Subject
 
@@ -79,7 +78,6 @@ class WatchServer:
         self._status: Message = {"is": "status", "text": "starting"}
         self._windows: dict[str, Window] = {}
         self._sending: set[asyncio.Future[None]] = set()
-        self._recording = asyncio.Lock()
         self.port = 0
 
     @property
@@ -204,8 +202,6 @@ class WatchServer:
                     continue
                 if message.get("do") in ("check", "save", "build", "record", "pose"):
                     await self._edit(window, message)
-                elif message.get("do") == "twin" and window.session is not None:
-                    await self._record_twin(window, window.session)
                 elif window.session is not None:
                     self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
         except ConnectionClosed:
@@ -258,26 +254,13 @@ class WatchServer:
         if subject is not None:
             self._show(subject)
 
-    async def _record_twin(self, window: Window, session: Session) -> None:
-        """Run the twin of what the window shows, in a thread, one at a time."""
-        inputs = session.chip.inputs if session.chip else ()
-        async with self._recording:
-            self._send(window, {"is": "twin-status", "text": "the twin is running"})
-            try:
-                answer = await asyncio.to_thread(recorded_twin, session.subject, session.now, inputs)
-            except ServogenError as error:
-                answer = {"is": "twin-status", "text": str(error)}
-            except Exception as error:
-                answer = {"is": "twin-status", "text": f"a defect of servogen: {error!r}"}
-        self._send(window, answer)
-
 
 def _guarded(session: Session, work: Callable[[Session], Iterator[Message]]) -> Iterator[Message]:
     """Yield a session's messages; where it fails, that is what the window is told, and it pauses."""
     try:
         yield from work(session)
     except Exception as error:
-        session.running = False
+        session.running, session.bodies = False, None
         yield {"is": "problem", "text": f"a defect of servogen: {error!r}"}
 
 

@@ -11,7 +11,8 @@ sockets; every message is a value that JSON can hold.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import islice, takewhile
@@ -40,6 +41,7 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import pin_number
 from servogen.watch.differences import Edge, Wanted, differing
+from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
 from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
@@ -88,6 +90,8 @@ class Session:
         self.running = False
         self.speed: float | None = 1.0
         """Simulated seconds a second; None: as fast as it goes."""
+        self.bodies: LiveBodies | None = None
+        """The physics of the robot, where the window shows it."""
         self.breakpoints: list[Breakpoint] = []
         self.outside = [UNDRIVEN] * (MCLR_PIN + 1)
         """What a person holds each pin at."""
@@ -143,7 +147,8 @@ class Session:
             "inputs": _inputs(subject),
             "serial": _serial(subject),
             "walk": _walk(subject),
-            "bodies": subject.job is not None and subject.job.robot is not None,
+            "has_bodies": subject.job is not None and subject.job.robot is not None,
+            "bodies": self.bodies.model() if self.bodies else None,
             "sources": [{"name": name, "text": text} for name, text in (listing.sources if listing else ())],
             "variables": [
                 {"address": address, "name": name, "bytes": size}
@@ -167,13 +172,21 @@ class Session:
             yield _problem(f"the request {str(message.get('do'))[:40]!r} is wrong: {error}")
 
     def tick(self, elapsed_s: float) -> Iterator[Message]:
-        """Run for the time that has passed, at the chosen speed, and yield what is to be shown of it."""
-        if not self.running:
-            return
-        self._run_on(min(elapsed_s, LONGEST_TICK_S))
-        self._since_full += elapsed_s
-        whole = self._since_full >= FULL_S or not self.running
-        yield self.shown(whole=whole)
+        """Run for the time that has passed, at the chosen speed, and yield what is to be shown of it.
+
+        The bodies follow, also after a jump or a run that was too fast for them.
+        """
+        if self.running:
+            self._run_on(min(elapsed_s, LONGEST_TICK_S))
+            self._since_full += elapsed_s
+            whole = self._since_full >= FULL_S or not self.running
+            yield self.shown(whole=whole)
+        if self.bodies is not None:
+            try:
+                yield from self.bodies.follow()
+            except ServogenError as error:
+                self.bodies = None
+                yield _without_bodies(error)
 
     def _run_on(self, elapsed_s: float) -> None:
         if self.recording is not None:
@@ -410,7 +423,7 @@ class Session:
         pin, level = pin_number(str(message["pin"])), int(message["level"])
         if level not in (0, 1, UNDRIVEN):
             raise InputError("not-allowed", f"level {level} is neither 0, 1 nor 2 (let go)")
-        self._program().apply([Change(self.now + 1, pin, level)])
+        self._apply([Change(self.now + 1, pin, level)])
         self.outside[pin] = level
         yield self.shown()
 
@@ -460,7 +473,25 @@ class Session:
         changes = [change for change in source.changes(self.subject.clock) if change.cycle > self.now]
         bits = 10 * len(data) * self.subject.clock.cycles_per_second / baud
         self._line_free = begin + int(bits) + 1
+        self._apply(changes)
+
+    def _apply(self, changes: Sequence[Change]) -> None:
+        """Do something to the pins from now on: the future that was known is another one."""
         self._program().apply(changes)
+        if self.bodies is not None:
+            self.bodies.forget(self.now)
+
+    def _do_bodies(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Let the physics follow from power-up on, or end it."""
+        if not message.get("on"):
+            self.bodies = None
+            return
+        try:
+            self.bodies = self.bodies or LiveBodies(self.subject, self._place)
+        except ServogenError as error:
+            yield _without_bodies(error)
+            return
+        yield {"is": "bodies-model", "model": self.bodies.model()}
 
     def _program(self) -> TimeMachine:
         if self.chip is None:
@@ -477,6 +508,9 @@ class Session:
         fresh.speed, fresh.running = self.speed, self.running
         fresh._place.seek(self.now)
         fresh._look_back()
+        if self.bodies is not None:
+            with suppress(ServogenError):  # a version without a robot has none
+                fresh.bodies = LiveBodies(subject, fresh._place)
         return fresh
 
 
@@ -520,6 +554,7 @@ ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]]
         "serial": Session._do_serial,
         "servo": Session._do_servo,
         "walk": Session._do_walk,
+        "bodies": Session._do_bodies,
         "explain": Session._do_explain,
     }
 )
@@ -535,6 +570,10 @@ def _period(subject: Subject) -> int:
 
 def _problem(text: str) -> Message:
     return {"is": "problem", "text": text}
+
+
+def _without_bodies(error: ServogenError) -> Message:
+    return {"is": "bodies-model", "model": None, "text": str(error)}
 
 
 def _packed(edges: Iterable[Edge], begin: int) -> list[int]:

@@ -41,8 +41,8 @@ const RECEIVE = {
   waves: message => { waiting = false; waves.take(message); },
   problem: message => say(message.text, "bad"),
   explanation: message => { $("explanation").replaceChildren(...message.lines.map(text => element("p", {}, text))); $("explanation").hidden = false; },
-  twin: message => twin.take(message),
-  "twin-status": message => twin.say(message.text),
+  bodies: message => { twin.take(message); picture(); },
+  "bodies-model": message => { twin.model(message.model, message.text); picture(); },
   editor: message => editor.open(message),
   checked: message => editor.checked(message),
   building: message => editor.say(message.text),
@@ -70,7 +70,7 @@ function start(message) {
     robot = again && robot ? robot : new RobotView($("robot"), model.robot);
     robot.model = model.robot;
     window.watched.robot = robot;
-    twin ||= new Twin({ area: $("twin"), record: $("twin-record"), show: $("twin-show"), text: $("twin-text") }, () => send({ do: "twin" }), picture);
+    twin ||= new Twin({ area: $("twin"), show: $("twin-show"), text: $("twin-text") }, on => { send({ do: "bodies", on }); picture(); });
     twin.start(model, robot);
   }
   const rows = model.channels.map(channel => {
@@ -168,7 +168,6 @@ function picture() {
     painted = time;
     if (robot && servos && latest) {
       if (latest.running) servos.follow(widthsOf(latest), passed * (latest.speed ?? 10));
-      twin.at(latest);
       robot.show(servos.angles, ghost(latest.cycle), servos.pose);
     }
     if (latest?.running) picture();

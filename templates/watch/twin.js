@@ -1,57 +1,62 @@
-// Bodies and contacts: a run of the twin that the server recorded, shown at the chip's moment.
-// In: the message of servogen/watch/recorded_twin.py, lengths in tenths of a millimetre.
+// Bodies and contacts: the physics on the server, which follows the chip's pulses in its own time.
+// In: the messages of servogen/watch/live_bodies.py, lengths in tenths of a millimetre.
 
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf"];
 const NAMED = { "tab:blue": "#1f77b4", "0.35": "#595959" };
 const mm = value => `${+(value / 10).toFixed(1)} mm`;
-const metres = point => point.map(value => value / 1e4);
 
 export class Twin {
-  constructor(places, record, changed) {
+  constructor(places, turned) {
     this.places = places;
-    places.record.addEventListener("click", record);
-    places.show.addEventListener("change", changed);
+    places.show.addEventListener("change", () => { this.now = null; this.say(places.show.checked ? "starting the physics" : ""); this.give(); turned(places.show.checked); });
   }
   start(model, robot) {
-    Object.assign(this, { model, robot, run: null });
-    this.places.area.hidden = !model.bodies;
-    this.places.show.checked = false;
-    this.places.show.disabled = true;
-    this.say("");
-    robot.bodies = null;
+    this.robot = robot;
+    this.places.area.hidden = !model.has_bodies;
+    this.model(model.bodies);
+  }
+  // Begin with what stays the same while the bodies move; null: there is no physics, for the reason in `text`.
+  model(parts, text = "") {
+    this.parts = parts;
+    this.now = null;
+    this.places.show.checked = !!parts;
+    if (parts) for (const line of parts.lines) line.paint = NAMED[line.colour] || COLOURS[+line.colour.slice(1)];
+    this.say(text);
+    this.give();
   }
   say(text) { if (this.places.text.textContent !== text) this.places.text.textContent = text; }
-  take(run) {
-    this.run = run;
-    for (const line of run.lines) line.paint = NAMED[line.colour] || COLOURS[+line.colour.slice(1)];
-    this.places.show.disabled = false;
-    this.places.show.checked = true;
-    this.places.show.dispatchEvent(new Event("change"));
+  take(moment) {
+    if (!this.parts || !this.places.show.checked) return;
+    this.now = moment;
+    this.give();
+    this.describe();
   }
-  // Give the robot's view the bodies of the moment.
-  at(latest) {
-    const { run, robot } = this;
-    if (!run || !this.places.show.checked) {
-      robot.bodies = null;
-      if (run) this.say("");
-      return;
-    }
-    const seconds = latest.cycle * this.model.cycle_us / 1e6, wanted = Math.round(seconds / run.picture_s);
-    const frame = Math.max(0, Math.min(run.count - 1, wanted));
-    const middle = run.floating ? [run.x[frame] / 1e4, run.y[frame] / 1e4] : [0, 0];
-    const height = run.floating ? run.height[0] / 1e4 : 0;
-    const here = ([x, y, z]) => [x - middle[0], y - middle[1], z - height];
-    const down = run.legs.filter((_, leg) => run.force[frame][leg] > run.touch);
+  // Give the robot's view the bodies of the latest moment.
+  give() {
+    const { parts, now, robot } = this;
+    if (!parts || !now) { robot.bodies = null; return; }
+    const middle = [now.pose[0] / 1e4, now.pose[1] / 1e4, parts.height];   // what the view turns about
+    const points = (flat, begin, count) => Array.from({ length: count }, (_, index) => middle.map((value, axis) => flat[3 * (begin + index) + axis] / 1e4 - value));
+    let begin = 0;
+    const lines = parts.lines.map(line => {
+      const at = points(now.points, begin, line.count);
+      begin += line.count;
+      return { colour: line.paint, width: line.width, points: at };
+    });
     robot.bodies = {
-      lines: run.lines.map(line => ({ colour: line.paint, width: line.width, points: line.points[frame].map(point => here(metres(point))) })),
-      feet: run.legs.map((_, leg) => ({ at: here(metres(run.feet[frame][leg])), force: run.force[frame][leg] })),
-      touch: run.touch, origin: middle, ground: -height,
+      lines,
+      feet: parts.legs.map((_, leg) => ({ at: points(now.points, parts.feet[leg], 1)[0], force: now.force[leg] })),
+      touch: parts.touch, origin: middle.slice(0, 2), ground: -middle[2],
     };
-    const said = ["recorded: a run of the twin from power-up"];
-    if (latest.inputs !== undefined && latest.inputs !== run.inputs) said.push("without what was done by hand since: record it again");
-    else if (wanted >= run.count) said.push(`it ends at ${(run.count * run.picture_s).toFixed(1)} s: record it again`);
-    if (run.floating) said.push(`body at ${mm(run.x[frame])}, ${mm(run.y[frame])}, ${mm(run.height[frame])} high, turned by ${(run.yaw[frame] * 180 / Math.PI).toFixed(1)}°`);
-    if (run.legs.length) said.push(`on the ground: ${down.join(" ") || "no foot"}`);
-    this.say(`${said.join("; ")}. ${run.ground}.`);
+  }
+  describe() {
+    const { parts, now } = this, said = [`bodies at ${now.seconds.toFixed(3)} s`];
+    if (now.behind) said[0] += `, ${now.behind.toFixed(2)} s behind the pulses: the physics is slower than this speed, and catches up`;
+    if (parts.floating) said.push(`body at ${mm(now.pose[0])}, ${mm(now.pose[1])}, ${mm(now.pose[2])} high, turned by ${(now.pose[3] * 180 / Math.PI).toFixed(1)}°`);
+    const down = parts.legs.filter((_, leg) => now.force[leg] > parts.touch);
+    if (parts.legs.length) said.push(`on the ground: ${down.join(" ") || "no foot"}`);
+    if (parts.sensors) said.push("the job's sensors are not connected to this chip");
+    said.push(`ground: ${parts.ground}`);
+    this.say(said.join("; "));
   }
 }

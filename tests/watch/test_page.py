@@ -338,29 +338,60 @@ def test_arrow_keys_walk_a_robot_on_command_and_escape_stops_it(watch: Open) -> 
     assert page.run("watched.latest.widths") == stance
 
 
-def test_bodies_and_contacts_are_recorded_and_shown_at_the_moment_of_the_chip(watch: Open) -> None:
+def bodies(page: Page) -> list[float]:
+    """Where the body is, from the text below the robot: x, y and height in mm, at the moment of the chip."""
+    page.until(
+        "document.getElementById('twin-text').textContent.startsWith("
+        "`bodies at ${(Math.floor(watched.latest.cycle / 1000) / 1000).toFixed(3)} s; `)"
+    )
+    found = re.search(r"body at (\S+) mm, (\S+) mm, (\S+) mm high", text(page, "#twin-text"))
+    assert found
+    return [float(each) for each in found.groups()]
+
+
+def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
+    watch: Open, tmp_path: Path
+) -> None:
+    """Without pulses the motors let the legs go, and the body sinks."""
     pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo")
-    page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
-    page.click("#twin-record")
-    page.until("document.getElementById('twin-text').textContent.startsWith('recorded: a run of the twin')")
-    said = []
-    for cycle in (2_000_000, 5_000_000):
-        go(page, cycle)
-        page.until("document.getElementById('twin-show').checked")
-        said.append(text(page, "#twin-text"))
-    x = [float(re.findall(r"body at (\S+) mm", each)[0]) for each in said]
-    assert x[1] > x[0] + 20, "it has walked"
-    assert all("on the ground: L" in each and "friction 0.8" in each for each in said), said
+    job = tmp_path / "stop.toml"
+    job.write_text(
+        (ROOT / "jobs" / "hexapod-tripod.toml").read_text() + 'stop_pin = "RA4"\nstop_pulses = "off"\n'
+    )
+    page = watch(job)
     page.click("#twin-show")
-    page.until("document.getElementById('twin-text').textContent === ''")
+    go(page, 2_000_000)
+    begin = bodies(page)
+    page.click("#run")
+    page.until("watched.latest.cycle > 2_500_000")
+    page.click("#run")
+    page.until("!watched.latest.running")
+    go(page, 4_000_000)
+    walked = bodies(page)
+    assert walked[0] > begin[0] + 20, "it has walked"
+    assert page.run("watched.robot.bodies.lines.length") == 7
+    said = text(page, "#twin-text")
+    assert "on the ground: L2 R1 R3; ground: friction 0.8" in said, "one of the two tripods"
+    go(page, 2_000_000)
+    assert bodies(page) == begin
+    page.run("document.querySelector('#buttons .stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    page.until("watched.latest.chip.outside[4] === 0")
+    go(page, 4_000_000)
+    stopped = bodies(page)
+    assert stopped[0] < begin[0] + 20 and stopped[2] < begin[2] - 5
+    page.call("Page.reload")
+    page.until("document.getElementById('twin-show')?.checked")
+    assert bodies(page) == stopped
+    page.click("#twin-show")
+    page.until("document.getElementById('twin-text').textContent === '' && !watched.robot.bodies")
 
 
 def test_without_mujoco_the_page_says_what_to_install(watch: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
-    page.click("#twin-record")
+    page.click("#twin-show")
     page.until("document.getElementById('twin-text').textContent.includes('servogen[twin]')")
-    assert page.run("document.getElementById('twin-show').disabled")
+    assert not page.run("document.getElementById('twin-show').checked")
 
 
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:

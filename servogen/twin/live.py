@@ -1,0 +1,189 @@
+"""`LiveTwin`: the bodies of a robot at any moment of a chip that runs, steps back and is acted upon.
+
+In: a job, and the edges that its pins made up to a moment. Out: the bodies at the step of the physics that
+begins at or before that moment.
+
+    kept    ●─────────●─────────●─────────●──── …        a snapshot every 0.1 s of simulated time
+    follow  restores the latest one before the moment and calculates from there, with the same pulses
+
+Nothing is random: the same pulses lead to the same bodies, bit by bit, whichever way a moment is reached.
+When the past is changed, `forget` drops what followed from it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from bisect import bisect_right, insort
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import EdgeChunk
+from servogen.errors import InputError
+from servogen.job import PlannedJob
+from servogen.report.film import Part
+from servogen.twin.bodies import FOOT_RADIUS_M
+from servogen.twin.pictures import lines_through
+from servogen.twin.pulses import Pulse, Receiver
+from servogen.twin.run import Settings, standing
+from servogen.twin.world import WorldSnapshot, mujoco
+from servogen.units import Clock
+
+Floats = npt.NDArray[np.float64]
+
+SPACING = 100
+"""Steps between two snapshots."""
+MAX_SNAPSHOTS = 5000
+"""What a window may hold, about 4 kB each; then the older ones are thinned out."""
+RECENT = 20_000
+"""Before and after the current step, all snapshots are kept."""
+CHUNK = 20
+"""Steps that are calculated between two looks at the clock."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """A snapshot of the world, of the wires, and the pulses that take effect in its step."""
+
+    world: WorldSnapshot
+    wires: tuple[int | None, ...]
+    waiting: tuple[Pulse, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """The bodies at a step, metres and newtons; `pose` is x, y, z and yaw of a free body, else zeros.
+
+    The last lines are the legs', from body to foot.
+    """
+
+    seconds: float
+    pose: Floats
+    lines: tuple[Part, ...]
+    feet: Floats
+    force: Floats
+
+
+class LiveTwin:
+    """A robot in its world that follows a chip; `edges` gives what the pins did from one cycle to another."""
+
+    def __init__(
+        self,
+        job: PlannedJob,
+        clock: Clock,
+        edges: Callable[[int, int], EdgeChunk],
+        settings: Settings = Settings(),  # noqa: B008 - frozen
+    ) -> None:
+        """Begin at power-up. Raises InputError, and ToolError where MuJoCo is missing."""
+        self.rig, self._bodies, self._world = standing(job, settings)
+        self.settings = settings
+        self._edges = edges
+        self._receiver = Receiver([servo.pin for servo in self.rig.servos], clock, settings.step_s)
+        self._waiting: list[Pulse] = []
+        model = self._world.model
+        self._shown = mujoco().MjData(model)
+        self.legs = [limb.name for limb in self.rig.robot.limbs if limb.mount is not None]
+        self._sites = [model.site(f"{name}_foot").id for name in self.legs]
+        self._tool = next((at for at in range(model.nsite) if model.site(at).name == "tool"), None)
+        self._names = [model.body(index).name for index in range(1, model.nbody)]
+        self.floating = bool(model.njnt) and model.joint(0).name == "body"
+        self._coarse = SPACING
+        self._kept: dict[int, _Kept] = {}
+        self._at: list[int] = []
+        self._keep()
+
+    @property
+    def step(self) -> int:
+        return self._world.step
+
+    @property
+    def cycle(self) -> int:
+        """Return the first cycle of the step that was reached."""
+        return self._receiver.cycle_of(self.step)
+
+    @property
+    def snapshots(self) -> int:
+        return len(self._at)
+
+    def follow(self, cycle: int, seconds: float = math.inf) -> bool:
+        """Go to the moment of a cycle, or calculate for about so many seconds on the way there.
+
+        Return whether it got there. The edges before the cycle have to be known. Raises InputError where the
+        physics diverges.
+        """
+        goal = self._receiver.step_of(cycle)
+        place = bisect_right(self._at, goal) - 1
+        if self.step > goal or self._at[place] > self.step:
+            self._restore(self._at[place])
+        end = time.monotonic() + seconds
+        while self.step < goal:
+            self._calculate(min(goal, self.step + CHUNK, (self.step // SPACING + 1) * SPACING))
+            if self.step % SPACING == 0 and self.step not in self._kept:
+                self._keep()
+            if time.monotonic() >= end:
+                break
+        return self.step == goal
+
+    def forget(self, cycle: int) -> None:
+        """Drop what followed from the edges of a cycle and those after it."""
+        last = bisect_right(self._at, self._receiver.step_of(cycle))
+        for step in self._at[last:]:
+            del self._kept[step]
+        del self._at[last:]
+        if self.step > self._receiver.step_of(cycle):
+            self._restore(self._at[-1])
+
+    def moment(self) -> Moment:
+        """Return the bodies at the step that was reached."""
+        engine, world, data = mujoco(), self._world, self._shown
+        whole = engine.mjtState.mjSTATE_INTEGRATION
+        engine.mj_setState(world.model, data, world.snapshot().physics, whole)
+        engine.mj_forward(world.model, data)
+        pose = np.zeros(4)
+        if self.floating:
+            w, x, y, z = data.qpos[3:7]
+            pose = np.array([*data.qpos[:3], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
+        feet = data.site_xpos[self._sites].reshape(1, -1, 3) - [0.0, 0.0, FOOT_RADIUS_M]
+        places = {name: data.xpos[[index]] for index, name in enumerate(self._names, 1)}
+        tool = np.zeros((1, 0)) if self._tool is None else data.site_xpos[[self._tool]]
+        lines = lines_through(self.rig.robot, places, feet, tool, pose[[0, 1, 3]].reshape(1, 3))
+        return Moment(world.seconds, pose, tuple(lines), feet[0], data.sensordata[: len(self._sites)].copy())
+
+    def _calculate(self, until: int) -> None:
+        world, receiver = self._world, self._receiver
+        begin, end = receiver.cycle_of(world.step), receiver.cycle_of(until)
+        self._waiting += receiver.pulses(self._edges(begin, end))
+        done = 0
+        while world.step < until:
+            while done < len(self._waiting) and self._waiting[done].step <= world.step:
+                world.pulse(self._waiting[done])
+                done += 1
+            world.advance()
+        del self._waiting[:done]
+        if not np.isfinite(world.data.qpos).all():
+            raise InputError("unstable", f"the physics diverged at {world.seconds:g} s")
+
+    def _keep(self) -> None:
+        kept = _Kept(self._world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))
+        self._kept[self.step] = kept
+        insort(self._at, self.step)
+        if len(self._at) > MAX_SNAPSHOTS:
+            self._thin()
+
+    def _thin(self) -> None:
+        """Drop snapshots that are not recent until a quarter of the room is free."""
+        while len(self._at) > MAX_SNAPSHOTS * 3 // 4:
+            self._at = [
+                step for step in self._at if step % self._coarse == 0 or abs(step - self.step) <= RECENT
+            ]
+            self._coarse *= 2
+        self._kept = {step: self._kept[step] for step in self._at}
+
+    def _restore(self, step: int) -> None:
+        kept = self._kept[step]
+        self._world.restore(kept.world)
+        self._receiver.restore(kept.wires)
+        self._waiting = list(kept.waiting)
