@@ -43,20 +43,16 @@ static __code const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 8
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
-#define BASE_HIGH 12
-#define SLOT_A 24   /* the pins that rise together in a slot */
-#define SLOT_B 31
-#define SLOT_PORT 38   /* its port's address */
-#define SLOT_TICKS 45   /* ticks from the slot before */
-#define SLOT_CHANNEL 52   /* the channel of pin A */
-#define SLOT_OTHER 59   /* and of pin B */
-#define FRAMES 66   /* of a step; 0 is 256 */
-#define SPEED_LOW 70   /* 65536ths of a step in a frame */
-#define SPEED_HIGH 74
-#define HEARING 78   /* for each state the line low, and high */
-#define PARTS 118   /* for standing and each direction, where its start, its cycle and its stop begin, and its end */
-#define LAW 138   /* weights at each sixteenth of a step */
-static __code const unsigned char CONSTANT[] = { 97, 52, 93, 218, 93, 218, 93, 218, 218, 52, 97, 52, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 1, 3, 5, 7, 9, 11, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define SLOT_A 12   /* the pins that rise together in a slot */
+#define SLOT_TICKS 19   /* ticks from the slot before */
+#define SLOT_CHANNEL 26   /* the channel of pin A */
+#define FRAMES 33   /* of a step; 0 is 256 */
+#define SPEED_LOW 37   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 41
+#define HEARING 45   /* for each state the line low, and high */
+#define PARTS 85   /* for standing and each direction, where its start, its cycle and its stop begin, and its end */
+#define LAW 105   /* weights at each sixteenth of a step */
+static __code const unsigned char CONSTANT[] = { 97, 52, 93, 218, 93, 218, 93, 218, 218, 52, 97, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -413,7 +409,7 @@ void make_width(void)
     next = ROW[next];
     blend();
     next = CONSTANT[BASE_LOW + channel];
-    key = CONSTANT[BASE_HIGH + channel];
+    key = 5;
     __asm
     bcf     STATUS, 5   // bank 0: the compiler may have left the other one selected
 // The width of a channel: base + value * steps + trim, in cycles.
@@ -447,7 +443,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 155;
+    next = 122;
     weigh();
 }
 
@@ -457,12 +453,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 172;
+        law = 139;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 138;
+        law = 105;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -601,14 +597,16 @@ void play(void)
     for (slot = 0; slot < 7; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
-        mask_b = CONSTANT[SLOT_B + slot];
-        port = CONSTANT[SLOT_PORT + slot];
+        mask_b = mask_a << 1;
+        port = 0x06;
+        if (slot >= 4)
+            port = 0x05;
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        at = CONSTANT[SLOT_OTHER + slot];
+        at++;
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

@@ -34,18 +34,14 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
-#define BASE_HIGH 12
-#define SLOT_A 24   /* the pins that rise together in a slot */
-#define SLOT_B 31
-#define SLOT_PORT 38   /* its port's address */
-#define SLOT_TICKS 45   /* ticks from the slot before */
-#define SLOT_CHANNEL 52   /* the channel of pin A */
-#define SLOT_OTHER 59   /* and of pin B */
-#define FRAMES 66   /* of a step; 0 is 256 */
-#define SPEED_LOW 68   /* 65536ths of a step in a frame */
-#define SPEED_HIGH 70
-#define LAW 72   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 86, 218, 86, 218, 86, 218, 218, 52, 218, 52, 218, 52, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 1, 3, 5, 7, 9, 11, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define SLOT_A 12   /* the pins that rise together in a slot */
+#define SLOT_TICKS 19   /* ticks from the slot before */
+#define SLOT_CHANNEL 26   /* the channel of pin A */
+#define FRAMES 33   /* of a step; 0 is 256 */
+#define SPEED_LOW 35   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 37
+#define LAW 39   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 86, 218, 86, 218, 86, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -392,7 +388,7 @@ void make_width(void)
     next = ROW[next];
     blend();
     next = CONSTANT[BASE_LOW + channel];
-    key = CONSTANT[BASE_HIGH + channel];
+    key = 5;
     // The width of a channel: base + value * steps + trim, in cycles.
     // In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
     asm("    movf    _value, W");
@@ -423,7 +419,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 89;
+    next = 56;
     weigh();
 }
 
@@ -433,12 +429,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 106;
+        law = 73;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 72;
+        law = 39;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -556,14 +552,16 @@ void play(void)
     for (slot = 0; slot < 7; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
-        mask_b = CONSTANT[SLOT_B + slot];
-        port = CONSTANT[SLOT_PORT + slot];
+        mask_b = mask_a << 1;
+        port = 0x06;
+        if (slot >= 4)
+            port = 0x05;
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        at = CONSTANT[SLOT_OTHER + slot];
+        at++;
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

@@ -26,16 +26,14 @@ const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 6, 2, 3, 3, 4, 3,
 #define BASE_LOW 0   /* the channels' base widths */
 #define BASE_HIGH 6
 #define SLOT_A 12   /* the pins that rise together in a slot */
-#define SLOT_B 17
-#define SLOT_PORT 22   /* its port's address */
-#define SLOT_TICKS 27   /* ticks from the slot before */
-#define SLOT_CHANNEL 32   /* the channel of pin A */
-#define FRAMES 37   /* of a step; 0 is 256 */
-#define SPEED_LOW 52   /* 65536ths of a step in a frame */
-#define SPEED_HIGH 67
-#define LAW 82   /* weights at each sixteenth of a step */
-#define TIMING_LAW 99   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
-const unsigned char CONSTANT[] = { 133, 222, 60, 49, 215, 77, 5, 4, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x00, 0x00, 0x02, 0x08, 0x20, 0x00, 0x00, 0x06, 0x06, 0x06, 0x06, 0x06, 188, 80, 85, 76, 196, 0, 2, 4, 0, 0, 50, 50, 1, 5, 35, 2, 9, 15, 25, 8, 37, 1, 6, 34, 2, 31, 31, 0, 51, 80, 0, 114, 17, 61, 0, 235, 0, 171, 136, 0, 5, 5, 0, 51, 7, 128, 28, 17, 10, 32, 6, 0, 42, 7, 128, 0, 3, 11, 24, 43, 65, 86, 107, 129, 150, 171, 192, 214, 233, 246, 254, 255, 255, 254, 254, 255, 255, 254, 82, 255, 82, 82, 82, 255, 255, 82, 255 };
+#define SLOT_TICKS 17   /* ticks from the slot before */
+#define SLOT_CHANNEL 22   /* the channel of pin A */
+#define FRAMES 27   /* of a step; 0 is 256 */
+#define SPEED_LOW 42   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 57
+#define LAW 72   /* weights at each sixteenth of a step */
+#define TIMING_LAW 89   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
+const unsigned char CONSTANT[] = { 133, 222, 60, 49, 215, 77, 5, 4, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x00, 0x00, 188, 80, 85, 76, 196, 0, 2, 4, 0, 0, 50, 50, 1, 5, 35, 2, 9, 15, 25, 8, 37, 1, 6, 34, 2, 31, 31, 0, 51, 80, 0, 114, 17, 61, 0, 235, 0, 171, 136, 0, 5, 5, 0, 51, 7, 128, 28, 17, 10, 32, 6, 0, 42, 7, 128, 0, 3, 11, 24, 43, 65, 86, 107, 129, 150, 171, 192, 214, 233, 246, 254, 255, 255, 254, 254, 255, 255, 254, 72, 255, 72, 72, 72, 255, 255, 72, 255 };
 
 unsigned char width_low[6], width_high[6];
 
@@ -480,15 +478,14 @@ void play(void)
     for (slot = 0; slot < 5; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
-        mask_b = CONSTANT[SLOT_B + slot];
-        port = CONSTANT[SLOT_PORT + slot];
+        mask_b = mask_a << 1;
+        port = 0x06;
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        if (mask_b != 0)
-            at++;
+        at++;
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

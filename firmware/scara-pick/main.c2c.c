@@ -24,16 +24,14 @@ const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 
 #define BASE_LOW 0   /* the channels' base widths */
 #define BASE_HIGH 4
 #define SLOT_A 8   /* the pins that rise together in a slot */
-#define SLOT_B 12
-#define SLOT_PORT 16   /* its port's address */
-#define SLOT_TICKS 20   /* ticks from the slot before */
-#define SLOT_CHANNEL 24   /* the channel of pin A */
-#define FRAMES 28   /* of a step; 0 is 256 */
-#define SPEED_LOW 39   /* 65536ths of a step in a frame */
-#define SPEED_HIGH 50
-#define LAW 61   /* weights at each sixteenth of a step */
-#define TIMING_LAW 78   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
-const unsigned char CONSTANT[] = { 168, 216, 222, 216, 5, 5, 4, 5, 0x01, 0x04, 0x00, 0x00, 0x02, 0x08, 0x00, 0x00, 0x06, 0x06, 0x06, 0x06, 150, 85, 178, 212, 0, 2, 0, 0, 50, 50, 24, 71, 25, 7, 5, 4, 6, 60, 1, 31, 31, 171, 155, 61, 146, 51, 0, 171, 68, 0, 5, 5, 10, 3, 10, 36, 51, 64, 42, 4, 0, 0, 1, 4, 13, 27, 46, 71, 99, 129, 158, 186, 211, 230, 244, 253, 255, 255, 255, 254, 254, 61, 254, 255, 255, 255, 255, 61, 254 };
+#define SLOT_TICKS 12   /* ticks from the slot before */
+#define SLOT_CHANNEL 16   /* the channel of pin A */
+#define FRAMES 20   /* of a step; 0 is 256 */
+#define SPEED_LOW 31   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 42
+#define LAW 53   /* weights at each sixteenth of a step */
+#define TIMING_LAW 70   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
+const unsigned char CONSTANT[] = { 168, 216, 222, 216, 5, 5, 4, 5, 0x01, 0x04, 0x00, 0x00, 150, 85, 178, 212, 0, 2, 0, 0, 50, 50, 24, 71, 25, 7, 5, 4, 6, 60, 1, 31, 31, 171, 155, 61, 146, 51, 0, 171, 68, 0, 5, 5, 10, 3, 10, 36, 51, 64, 42, 4, 0, 0, 1, 4, 13, 27, 46, 71, 99, 129, 158, 186, 211, 230, 244, 253, 255, 255, 255, 254, 254, 53, 254, 255, 255, 255, 255, 53, 254 };
 
 unsigned char width_low[4], width_high[4];
 
@@ -478,15 +476,14 @@ void play(void)
     for (slot = 0; slot < 4; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
-        mask_b = CONSTANT[SLOT_B + slot];
-        port = CONSTANT[SLOT_PORT + slot];
+        mask_b = mask_a << 1;
+        port = 0x06;
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        if (mask_b != 0)
-            at++;
+        at++;
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

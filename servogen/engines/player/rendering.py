@@ -31,13 +31,53 @@ OVERRUN = "overrun"
 
 
 @dataclass(frozen=True, slots=True)
-class _SlotText:
-    a: str
-    b: str
-    port: str
+class _Slot:
+    """The masks of a slot's pins, 0 for none, and the places of its channels in the order of the C."""
+
+    a: int
+    b: int
     ticks: int
     channel: int
     other: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Slots:
+    """The slots of a frame, and what the C computes from the previous value instead of a table."""
+
+    each: tuple[_Slot, ...]
+    ports: tuple[str, ...]
+    """The addresses of the ports, in the order in which slots use them."""
+    first: int
+    """The number of slots on the first port."""
+
+    @classmethod
+    def of(cls, played: Playing) -> _Slots:
+        """Return the slots of a frame: those of each port are consecutive, those without pulses come last."""
+        found = []
+        for slot in played.layout.slots:
+            masks = [1 << int(played.plan.schedule.channels[channel].pin[2]) for channel in slot.channels]
+            a, b = [*masks, 0, 0][:2]
+            places = [played.order.index(channel) for channel in slot.channels] or [0]
+            found.append(_Slot(a, b, slot.ticks, places[0], places[-1]))
+        used = [slot.port for slot in played.layout.slots if slot.channels]
+        ports = tuple(f"0x{registers()[f'PORT{name}'].address:02X}" for name in dict.fromkeys(used))
+        return cls(tuple(found), ports, used.count(used[0]))
+
+    @property
+    def b_follows(self) -> bool:
+        """Return whether pin B is everywhere the port's next pin after pin A."""
+        return all(slot.b == slot.a << 1 for slot in self.each)
+
+    @property
+    def singles(self) -> bool:
+        """Return whether a slot has one channel."""
+        return any(slot.a and not slot.b for slot in self.each)
+
+    @property
+    def other_follows(self) -> bool:
+        """Return whether the channel of pin B is everywhere the next one after that of pin A."""
+        return all(slot.other == slot.channel + 1 for slot in self.each if slot.b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +108,9 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
     tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
     shift = int(shifts.min())
     columns = len(legs.turns) if legs else len(schedule.channels)
-    constants = _constants(played)
+    slots = _Slots.of(played)
+    constants = _constants(played, slots)
+    high = sorted({int(base) >> 8 for base in encoded.scale.bases})
     spots = legs is not None and len(encoded.laws) > 2 * ENTRIES
     laws = [timing.law for timing in timings]
     return render_template(
@@ -108,7 +150,8 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         starts=any(timing.start for timing in timings),
         half=HALF,
         laws=bool(encoded.laws),
-        slot_count=len(played.layout.slots),
+        slots=slots,
+        base_high=high[0] if len(high) == 1 else None,
         places=[(name, place, note) for name, place, note in constants.places],
         constants=constants.data,
         stay=STAY,
@@ -164,20 +207,21 @@ class _Constants:
         return next(place for each, place, _ in self.places if each == name)
 
 
-def _constants(played: Playing) -> _Constants:
+def _constants(played: Playing, slots: _Slots) -> _Constants:
     encoded = played.encoded
     made = _Constants()
-    slots, timings = list(_slots(played)), encoded.script.timings
+    timings = encoded.script.timings
     bases = [int(encoded.scale.bases[channel]) for channel in played.order]
     made.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
-    made.add("BASE_HIGH", [base >> 8 for base in bases])
-    made.add("SLOT_A", [slot.a for slot in slots], "the pins that rise together in a slot")
-    made.add("SLOT_B", [slot.b for slot in slots])
-    made.add("SLOT_PORT", [slot.port for slot in slots], "its port's address")
-    made.add("SLOT_TICKS", [slot.ticks for slot in slots], "ticks from the slot before")
-    made.add("SLOT_CHANNEL", [slot.channel for slot in slots], "the channel of pin A")
-    if encoded.legs is not None:
-        made.add("SLOT_OTHER", [slot.other for slot in slots], "and of pin B")
+    if len({base >> 8 for base in bases}) > 1:
+        made.add("BASE_HIGH", [base >> 8 for base in bases])
+    made.add("SLOT_A", [f"0x{slot.a:02X}" for slot in slots.each], "the pins that rise together in a slot")
+    if not slots.b_follows:
+        made.add("SLOT_B", [f"0x{slot.b:02X}" for slot in slots.each])
+    made.add("SLOT_TICKS", [slot.ticks for slot in slots.each], "ticks from the slot before")
+    made.add("SLOT_CHANNEL", [slot.channel for slot in slots.each], "the channel of pin A")
+    if not slots.other_follows:
+        made.add("SLOT_OTHER", [slot.other for slot in slots.each], "and of pin B")
     made.add("FRAMES", [timing.frames & 0xFF for timing in timings], "of a step; 0 is 256")
     made.add("SPEED_LOW", [timing.speed & 0xFF for timing in timings], "65536ths of a step in a frame")
     made.add("SPEED_HIGH", [timing.speed >> 8 for timing in timings])
@@ -249,13 +293,3 @@ def _channel(played: Playing, channel: int) -> ChannelText:
     ends = sorted({Cycles(int(widths.min())), Cycles(int(widths.max()))})
     each = schedule.channels[channel]
     return ChannelText(each.name, each.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends))
-
-
-def _slots(played: Playing) -> Iterator[_SlotText]:
-    """Yield the masks of each slot's pins; `channel`, `other`: places in the order of the C's channels."""
-    for slot in played.layout.slots:
-        masks = [1 << int(played.plan.schedule.channels[channel].pin[2]) for channel in slot.channels]
-        a, b = [*masks, 0, 0][:2]
-        port = registers()[f"PORT{slot.port}"].address
-        places = [played.order.index(channel) for channel in slot.channels] or [0]
-        yield _SlotText(f"0x{a:02X}", f"0x{b:02X}", f"0x{port:02X}", slot.ticks, places[0], places[-1])

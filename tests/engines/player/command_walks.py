@@ -50,8 +50,13 @@ class Target:
 
 @cache
 def target() -> Target:
+    """Return the committed job with its committed schedule."""
     job = plan_job(load(ROOT / "jobs" / f"{JOB}.toml"))
-    schedule = from_json((ROOT / "firmware" / JOB / "schedule.json").read_text(), "schedule.json")
+    return target_of(job, from_json((ROOT / "firmware" / JOB / "schedule.json").read_text(), "schedule.json"))
+
+
+def target_of(job: PlannedJob, schedule: PulseSchedule) -> Target:
+    """Return a job that walks on command, with the widths of its planned angles."""
 
     def widths(angles: Floats) -> Floats:
         return np.array(
@@ -138,13 +143,18 @@ def flat(runs: tuple[Run, ...]) -> list[Run]:
     return [run for run in runs for _ in range(run.frames)]
 
 
-def problems(program: Image, line: list[int], options: Options = Options()) -> Iterator[str]:  # noqa: B008
-    """Yield what differs from the reference, frame by frame."""
-    of = target()
+def problems(
+    program: Image,
+    line: list[int],
+    options: Options = Options(),  # noqa: B008
+    of: Target | None = None,
+) -> Iterator[str]:
+    """Yield what differs from the reference, frame by frame; `of` is the committed job if it is omitted."""
+    of = of or target()
     schedule, period = of.schedule, int(of.schedule.period)
-    start = int(first_rise(program, options))
+    start = first_rise(program, options, of)
     changes = [(0, 1)] + [(start + n * period + CHANGES_AT, level) for n, level in enumerate(line)]
-    stimuli = Stimuli([Levels(PINS.index("RA4"), tuple(changes))])
+    stimuli = Stimuli([Levels(PINS.index(schedule.commands.line.pin), tuple(changes))])
     machine = Machine(program, schedule.clock, options, stimuli)
     edges = join(machine.stream(start + len(line) * period))
     parts = {
@@ -180,19 +190,11 @@ def problems(program: Image, line: list[int], options: Options = Options()) -> I
         walker.hear(level)
 
 
-@cache
-def _start(words: tuple[tuple[int, int], ...], options: Options) -> int:
-    of = target()
-    program = Image(dict(words), image().config)
-    found = Machine(program, of.schedule.clock, options).run_to_edge(
-        PINS.index("RB0"), HIGH, 50 * of.schedule.period
-    )
+def first_rise(program: Image, options: Options, of: Target) -> int:
+    machine = Machine(program, of.schedule.clock, options)
+    found = machine.run_to_edge(PINS.index("RB0"), HIGH, 50 * of.schedule.period)
     assert found is not None
     return int(found)
-
-
-def first_rise(program: Image, options: Options) -> int:
-    return _start(tuple(sorted(program.program.items())), options)
 
 
 def main(arguments: list[str]) -> int:

@@ -11,12 +11,23 @@ import pytest
 
 from servogen.build.engines import planned
 from servogen.checker.plan import read_plan
+from servogen.engines.board import board_of
+from servogen.engines.c_text import DIALECTS
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pic.image import Image
 from servogen.prove import prove_for_all
 from servogen.pulse.schedule import from_json
-from tests.engines.player.command_walks import JOB, ROOT, Walker, image, problems, random_line, target
+from tests.engines.player.command_walks import (
+    JOB,
+    ROOT,
+    Walker,
+    image,
+    problems,
+    random_line,
+    target,
+    target_of,
+)
 
 TEXT = (ROOT / "jobs" / f"{JOB}.toml").read_text()
 COMMANDS = 'commands = { forward_mm = 40, turn_deg = 20, pin = "RA4" }'
@@ -157,3 +168,28 @@ def test_a_walk_forward_and_back_alone_has_two_directions() -> None:
     assert [direction.name for direction in commands.directions] == ["forward", "back"]
     assert found.plan.schedule.plan_error is not None
     assert found.plan.schedule.plan_error.width_us <= 5
+
+
+def test_ripple_with_four_directions_fits_and_walks_as_the_reference_says() -> None:
+    """Twelve servos and four directions in at most 1000 words and 68 bytes, in every dialect."""
+    job = plan_job(loads(TEXT.replace('"tripod"', '"ripple"'), "job.toml"))
+    found = planned(job)
+    made = [found.make(dialect).compilation for dialect in DIALECTS]
+    assert max(each.words for each in made) <= 1000
+    assert max(each.ram_bytes for each in made) <= 68
+    line = [*commanded("1" * 110, "001010", "011011"), *random_line(np.random.default_rng(7), 1500)]
+    assert list(problems(made[0].image, line, of=target_of(job, found.plan.schedule))) == []
+
+
+def test_pins_in_any_order_and_servos_with_distant_widths_need_tables_and_walk_the_same() -> None:
+    """Pins that do not follow each other, and base widths with different high bytes, are read from tables."""
+    text = TEXT.replace('pin = "RA4"', 'pin = "RA1"').replace('pin = "RA1"\nmodel', 'pin = "RA4"\nmodel')
+    text = text.replace('pin = "RB1"', 'pin = "RB5" ').replace('pin = "RB5"\n', 'pin = "RB1"\n')
+    text = text.replace('name = "R2-lift"', 'name = "R2-lift"\ntrim_us = 300\nopen_drain = true')
+    job = plan_job(loads(text, "job.toml"))
+    found = planned(job)
+    made = found.make("c2c")
+    assert all(f"#define {name} " in made.text for name in ("SLOT_B", "SLOT_OTHER", "BASE_HIGH"))
+    line = commanded("1" * 110, "001010", "011011")
+    of = target_of(job, found.plan.schedule)
+    assert list(problems(made.compilation.image, line, board_of(of.schedule), of)) == []
