@@ -174,7 +174,7 @@ _ROWS = (
     Command("ED", (), _PROGRAM, "end of the program"),
     Command("EQ", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is a1"),
     Command("GS", (_LINE,), _PROGRAM, "call the subroutine at line a"),
-    Command("GT", (_LINE,), _PROGRAM, "go on at line a"),
+    Command("GT", (_LINE,), _PROGRAM, "continue at line a"),
     Command("IC", (_COUNTER,), _BOTH, "count counter a up by one"),
     Command("LG", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is larger than a1", 35),
     Command("NE", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is not a1", 36),
