@@ -118,13 +118,13 @@ class ServogenError(Exception):
     @classmethod
     def of(cls, diagnostics: Iterable[Diagnostic], source_lines: SourceLines | None = None) -> Self:
         """Return an error that carries all of `diagnostics`, at least one of them an error."""
-        found = tuple(diagnostics)
-        first = next(each for each in found if each.severity == "error")
-        made = cls.__new__(cls)
-        made.args = (first.message,)
-        made.diagnostics = found
-        made.source_lines = source_lines or {}
-        return made
+        kept = tuple(diagnostics)
+        first = next(diagnostic for diagnostic in kept if diagnostic.severity == "error")
+        error = cls.__new__(cls)
+        error.args = (first.message,)
+        error.diagnostics = kept
+        error.source_lines = source_lines or {}
+        return error
 
     @property
     def first(self) -> Diagnostic:

@@ -18,7 +18,7 @@ def components(graph: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
     low: dict[Node, int] = {}
     held: list[Node] = []
     on_hold: set[Node] = set()
-    found: list[list[Node]] = []
+    parts: list[list[Node]] = []
     for root in graph:
         if root in number:
             continue
@@ -44,8 +44,8 @@ def components(graph: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
                 if low[node] == number[node]:
                     part = _taken(held, on_hold, node)
                     if len(part) > 1 or node in followers:
-                        found.append(part)
-    return found
+                        parts.append(part)
+    return parts
 
 
 def _taken(held: list[Node], on_hold: set[Node], node: Node) -> list[Node]:

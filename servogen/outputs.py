@@ -327,10 +327,10 @@ _DESCRIPTOR = re.compile(r"/dev/(?:(stdout)|(stderr)|fd/(\d{1,6}))|/proc/self/fd
 
 def _descriptor(path: Path) -> int | None:
     """Return the descriptor of this process's open file that `path` names; opening it would truncate it."""
-    found = _DESCRIPTOR.fullmatch(str(path))
-    if found is None:
+    match = _DESCRIPTOR.fullmatch(str(path))
+    if match is None:
         return None
-    return 1 if found[1] else 2 if found[2] else int(found[3] or found[4])
+    return 1 if match[1] else 2 if match[2] else int(match[3] or match[4])
 
 
 def _target(path: Path) -> Path:

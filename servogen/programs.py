@@ -67,7 +67,10 @@ class Program:
 
     def _repr_html_(self) -> str:
         functions = self.listing.functions if self.listing else ()
-        rows = [(each.name, f"0x{each.start:03X}", each.end - each.start) for each in functions]
+        rows = [
+            (function.name, f"0x{function.start:03X}", function.end - function.start)
+            for function in functions
+        ]
         return table_html(repr(self).strip("<>"), ("function", "address", "words"), rows)
 
 
@@ -151,8 +154,8 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         names = included_names([(str(path), text)], include)
         chip, faster = devices_of(device_name, names)
         options = Options(dialect=dialect_of(names), device=chip, faster_device=faster, include=include)
-        made = compile_sources([Source(text, str(path))], options)
-        return Program(made.image, made.listing, made.clock)
+        compilation = compile_sources([Source(text, str(path))], options)
+        return Program(compilation.image, compilation.listing, compilation.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 
@@ -245,8 +248,10 @@ def dialect_of(names: set[str]) -> str:
 
 def device_of(names: set[str]) -> str | None:
     """Return the chip that the names of headers imply; None if they imply none."""
-    found = [DEVICE_HEADERS[each] for name in names if (each := name.rpartition("/")[2]) in DEVICE_HEADERS]
-    return max(found, default=None)
+    devices = [
+        DEVICE_HEADERS[header] for name in names if (header := name.rpartition("/")[2]) in DEVICE_HEADERS
+    ]
+    return max(devices, default=None)
 
 
 def devices_of(asked: str | None, names: set[str]) -> tuple[Device, Device | None]:

@@ -61,8 +61,8 @@ def advised(job: PlannedJob, error: InputError) -> InputError:
     if error.code not in CODES:
         return error
     tried = [_first_fit(job, group) for group in _groups(job, error)]
-    found = [f"{change.text} ({fit.text()})" for change, fit in filter(None, tried)]
-    sentences = [f"what fits: {'; or '.join(found)}"] if found else []
+    proposals = [f"{change.text} ({fit.text()})" for change, fit in filter(None, tried)]
+    sentences = [f"what fits: {'; or '.join(proposals)}"] if proposals else []
     parts = list(_parts(job))
     if parts:
         sentences.append(f"by segment: {'; '.join(parts)}")
@@ -121,18 +121,18 @@ def _first_fit(job: PlannedJob, group: list[Change]) -> tuple[Change, Fit] | Non
 def _fit(job: PlannedJob, change: Change) -> Fit | None:
     """Return the resources of the changed job; None if it cannot be built."""
     try:
-        made = planned(plan_job(changed(job, change.table, change.key, change.value)))
-        return _taken(made)
+        played = planned(plan_job(changed(job, change.table, change.key, change.value)))
+        return _taken(played)
     except ServogenError:
         return None
 
 
-def _taken(made: Planned) -> Fit | None:
-    firmware = made.make(made.job.firmware.dialect)
+def _taken(played: Planned) -> Fit | None:
+    firmware = played.make(played.job.firmware.dialect)
     if any(room.left is None or room.left < 0 for room in firmware.timing_budgets):
         return None
-    error = made.plan.schedule.plan_error
-    return Fit(firmware.compilation.words, made.data_bytes, 0.0 if error is None else error.width_us)
+    error = played.plan.schedule.plan_error
+    return Fit(firmware.compilation.words, played.data_bytes, 0.0 if error is None else error.width_us)
 
 
 def _parts(job: PlannedJob) -> Iterator[str]:

@@ -162,15 +162,15 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
 
 def _built(job: PlannedJob, progress: Progress) -> Build:
     progress("planning")
-    found = planned(job)
-    schedule = found.plan.schedule
+    played = planned(job)
+    schedule = played.plan.schedule
     own = job.firmware.dialect
     programs: list[Program] = []
     left_out: list[Diagnostic] = []
     for dialect in (own, *(other for other in DIALECTS if other != own)):
         progress(f"compiling {dialect}")
         try:
-            firmware = found.make(dialect)
+            firmware = played.make(dialect)
         except ResourceError as error:
             if dialect == own:
                 raise
@@ -182,9 +182,9 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
         span = checked_cycles(schedule)
         programs.append(proven(schedule, firmware, span))
     return Build(
-        job=found.job,
-        engine=found.engine,
-        plan=found.plan,
+        job=played.job,
+        engine=played.engine,
+        plan=played.plan,
         programs=tuple(programs),
         left_out=tuple(left_out),
     )
@@ -196,8 +196,8 @@ def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program
     machine = machine_of(schedule, image, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
     verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
-    found = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
-    verdict = verdict.with_warnings(found, CHIP_DEPENDENT)
+    warnings = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
+    verdict = verdict.with_warnings(warnings, CHIP_DEPENDENT)
     late = None
     if firmware.overrun is not None and _overrun(machine, firmware.overrun):
         late = machine_of(schedule, image)

@@ -52,15 +52,15 @@ def planned(job: PlannedJob) -> Planned:
 
     Raises InputError; ResourceError if no engine can hold the motion.
     """
-    found = _planned(job)
-    schedule = replace(found.plan.schedule, device=job.device.name)
-    plan = replace(found.plan, schedule=schedule)
-    if found.tour is None:
-        return replace(found, plan=with_end_error(found.job, plan))
-    motion, whole = found.tour
-    measured = with_end_error(replace(found.job, trajectory=motion), replace(plan, schedule=whole))
+    played = _planned(job)
+    schedule = replace(played.plan.schedule, device=job.device.name)
+    plan = replace(played.plan, schedule=schedule)
+    if played.tour is None:
+        return replace(played, plan=with_end_error(played.job, plan))
+    motion, whole = played.tour
+    measured = with_end_error(replace(played.job, trajectory=motion), replace(plan, schedule=whole))
     error = measured.schedule.plan_error
-    return replace(found, plan=replace(plan, schedule=replace(schedule, plan_error=error)))
+    return replace(played, plan=replace(plan, schedule=replace(schedule, plan_error=error)))
 
 
 def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
@@ -71,8 +71,8 @@ def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
     try:
         return job, nearest(job.trajectory, job.servos, job.frame)
     except InputError:
-        found = planned(job)
-        return found.job, found.plan
+        played = planned(job)
+        return played.job, played.plan
 
 
 def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
@@ -94,12 +94,12 @@ def _planned(job: PlannedJob) -> Planned:
     refused: list[InputError] = []
     for name in names:
         try:
-            found = _played_by(name, job)
-            found.make(job.firmware.dialect)
+            played = _played_by(name, job)
+            played.make(job.firmware.dialect)
         except InputError as error:
             refused.append(error)
             continue
-        return found
+        return played
     smallest, largest = refused[0], refused[-1]
     if not isinstance(smallest, ResourceError):
         raise smallest
@@ -118,8 +118,8 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
 
 
 def _played_by(name: str, job: PlannedJob) -> Planned:
-    found = engine_named(name).plan(job)
-    error, limit = found.plan.schedule.plan_error, job.firmware.max_error_us
+    played = engine_named(name).plan(job)
+    error, limit = played.plan.schedule.plan_error, job.firmware.max_error_us
     if error is not None and error.width_us > limit:
         raise ResourceError(
             "beyond-max-error",
@@ -127,5 +127,5 @@ def _played_by(name: str, job: PlannedJob) -> Planned:
             f"{error.text()} from the plan: max_error_us allows {limit:g} µs",
             job.document.place("firmware", "max_error_us"),
         )
-    motion = replace(job, trajectory=found.trajectory)
-    return Planned(motion, name, found.plan, found.make, found.data_bytes, found.tour)
+    motion = replace(job, trajectory=played.trajectory)
+    return Planned(motion, name, played.plan, played.make, played.data_bytes, played.tour)

@@ -88,8 +88,8 @@ def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
         {
             "name": shown_name(result.submission.name),
             "passed": result.grade.passed,
-            "points": number(total(found := outcomes(lab, result.grade))),
-            "max_points": number(max_total(found)),
+            "points": number(total(results := outcomes(lab, result.grade))),
+            "max_points": number(max_total(results)),
             "reason": result.grade.reasons[0] if result.grade.reasons else "",
             "page": page,
             "film": film_name(page) if result.grade.film else "",

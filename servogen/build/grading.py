@@ -138,12 +138,12 @@ def grade_submissions(
     at_once = at_once or os.cpu_count() or 1
     graded: dict[int, Graded] = {}
     if scheduler is not None:
-        found = _on_cluster(submissions, task, scheduler)
+        results = _on_cluster(submissions, task, scheduler)
     elif can_fork():
-        found = _in_forks(submissions, task, at_once)
+        results = _in_forks(submissions, task, at_once)
     else:
-        found = _in_fresh_processes(submissions, task, at_once)
-    for index, result in found:
+        results = _in_fresh_processes(submissions, task, at_once)
+    for index, result in results:
         graded[index] = result
         progress(len(graded))
     return [graded[index] for index in range(len(submissions))]

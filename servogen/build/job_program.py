@@ -23,5 +23,5 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
 
 def job_program(job: Job) -> Program:
     """Return the program of a job, in the job's dialect. Raises InputError."""
-    made = planned(plan_job(job)).make(job.firmware.dialect).compilation
-    return Program(made.image, made.listing, job.clock)
+    compilation = planned(plan_job(job)).make(job.firmware.dialect).compilation
+    return Program(compilation.image, compilation.listing, job.clock)

@@ -65,7 +65,7 @@ def measured_schedule(
 
 def _pulses(observed: EdgeTrace) -> Pulses:
     """Return the whole pulses of each pin that has one; an undriven pin is low."""
-    found: dict[int, list[tuple[int, int]]] = {}
+    pulses: dict[int, list[tuple[int, int]]] = {}
     rises: dict[int, int] = {}
     for chunk in observed.chunks:
         for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
@@ -73,8 +73,8 @@ def _pulses(observed: EdgeTrace) -> Pulses:
                 rises.setdefault(pin, cycle)
             elif pin in rises:
                 rise = rises.pop(pin)
-                found.setdefault(pin, []).append((rise, cycle - rise))
-    return found
+                pulses.setdefault(pin, []).append((rise, cycle - rise))
+    return pulses
 
 
 def _period(pulses: Pulses, begin: int, file: str) -> int:

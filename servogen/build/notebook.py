@@ -82,10 +82,10 @@ def simulate(
         span = motion_cycles(schedule) if seconds is None else _span(schedule.clock, seconds)
         board, inputs = board_of(schedule, options), stimulus or inputs_of(schedule)
         return run(program.programs[0].image, schedule.clock, span, board, inputs)
-    found = _program(program)
-    clock = clock_of(found, clock_hz)
+    loaded = _program(program)
+    clock = clock_of(loaded, clock_hz)
     span = _span(clock, SECONDS if seconds is None else seconds)
-    return run(found.image, clock, span, options, stimulus)
+    return run(loaded.image, clock, span, options, stimulus)
 
 
 def _span(clock: Clock, seconds: float) -> Cycles:
@@ -102,20 +102,26 @@ def _program(given: File | Job | Program) -> Program:
     return job_program(loaded) if isinstance(loaded, Job) else loaded
 
 
-def plot(what: Runnable | Simulation | EdgeTrace, seconds: float | None = None) -> Picture:
+def plot(source: Runnable | Simulation | EdgeTrace, seconds: float | None = None) -> Picture:
     """Return a picture of pulses: of a simulation, of recorded edges, or of a program that is run for it.
 
     Raises InputError where there are no pulses, ToolError without matplotlib.
     """
     schedule: PulseSchedule | None = None
-    if isinstance(what, EdgeTrace):
-        trace, title = what, "pulses"
-    elif isinstance(what, Simulation):
-        trace, title = what.edges, "pulses"
+    if isinstance(source, EdgeTrace):
+        trace, title = source, "pulses"
+    elif isinstance(source, Simulation):
+        trace, title = source.edges, "pulses"
     else:
-        schedule = what.plan.schedule if isinstance(what, Build) else None
-        trace = simulate(what, seconds).edges
-        title = what.job.name if isinstance(what, Build) else what.name if isinstance(what, Job) else "pulses"
+        schedule = source.plan.schedule if isinstance(source, Build) else None
+        trace = simulate(source, seconds).edges
+        title = (
+            source.job.name
+            if isinstance(source, Build)
+            else source.name
+            if isinstance(source, Job)
+            else "pulses"
+        )
     if seconds is not None:
         trace = trace.until(_span(trace.clock, seconds))
     return Picture(pulse_figure(trace, trace.end, f"{title}: from the first edge on", schedule))

@@ -153,7 +153,7 @@ def chip_warnings(
 ) -> tuple[Diagnostic, ...]:
     """Return the warnings of `machine` before cycle `end`, with source lines if a listing has them."""
     rows = {row.address: row for row in listing.rows} if listing else {}
-    found = []
+    warnings = []
     for warning in machine.state().warnings:
         if end is not None and cycle_of(warning) >= end:
             continue
@@ -161,8 +161,8 @@ def chip_warnings(
         row = rows.get(where.address) if where.address is not None else None
         if row is not None:
             warning = replace(warning, location=replace(where, file=row.file, line=row.line))
-        found.append(warning)
-    return tuple(found)
+        warnings.append(warning)
+    return tuple(warnings)
 
 
 def prove_capture(
@@ -232,7 +232,7 @@ def prove_forever(
     cycles up to it.
     """
     first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
-    found = find_repeat(
+    repeat = find_repeat(
         image,
         schedule.clock,
         pin=int(first.pin[0]),
@@ -241,11 +241,11 @@ def prove_forever(
         options=board_of(schedule, options),
         stimulus=inputs_of(schedule),
     )
-    if isinstance(found, NoRepeat):
-        span = Cycles(max(found.covered, schedule.period))
+    if isinstance(repeat, NoRepeat):
+        span = Cycles(max(repeat.covered, schedule.period))
         verdict = prove_image(schedule, image, span, listing, options)
-        return Forever(verdict, 0, 0, found.reason.replace("the pin", PINS[int(first.pin[0])]))
-    lead_in = max(found.lead_in_frames, schedule.lead_in_frames)
-    loop = lcm(found.loop_frames, schedule.loop_frames)
+        return Forever(verdict, 0, 0, repeat.reason.replace("the pin", PINS[int(first.pin[0])]))
+    lead_in = max(repeat.lead_in_frames, schedule.lead_in_frames)
+    loop = lcm(repeat.loop_frames, schedule.loop_frames)
     span = Cycles((lead_in + loop) * schedule.period)
     return Forever(prove_image(schedule, image, span, listing, options), lead_in, loop)

@@ -122,16 +122,16 @@ def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) 
     """Return the facts shown about a capture; of several in one file the longest, because its time is
     known.
     """
-    found = read_capture(path)
+    capture = read_capture(path)
     if rate is not None:
-        found = sampled_at(found, rate)
-    found = replace(found, trace=found.trace.stored())
-    verdict = _verdict(schedule, found, path)
+        capture = sampled_at(capture, rate)
+    capture = replace(capture, trace=capture.trace.stored())
+    verdict = _verdict(schedule, capture, path)
     if not verdict.pieces:
-        return CaptureFacts(path.name, found.trace, verdict)
+        return CaptureFacts(path.name, capture.trace, verdict)
     longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
     name = f"{path.name}, piece {longest + 1} of {len(verdict.pieces)}"
-    trace = tuple(split(found.trace, found.pieces))[longest]
+    trace = tuple(split(capture.trace, capture.pieces))[longest]
     return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))
 
 

@@ -78,14 +78,14 @@ def tune_to(
     Raises InputError if the HEX is not that C's, takes different times on the same path, or leaves no time
     for a delay.
     """
-    found = planned(job)
-    if found.engine != "sequence":
+    played = planned(job)
+    if played.engine != "sequence":
         raise InputError(
             "engine-unsupported",
-            f"{job.name}: its pulses come from the {found.engine}, which is exact with any compiler",
+            f"{job.name}: its pulses come from the {played.engine}, which is exact with any compiler",
             hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
         )
-    schedule, firmware = found.plan.schedule, found.make(dialect)
+    schedule, firmware = played.plan.schedule, played.make(dialect)
     source = source or Source(firmware.text, firmware.file)
     known = compile_sources([source], Options(dialect=dialect, device=job.device)).image
     program = sequence(schedule, firmware.overheads)

@@ -21,28 +21,28 @@ from servogen.toml.json_schema import Schema, json_schema
 
 def job_schema() -> Schema:
     """Return the schema of a job file; it completes names of the catalogue and allows all others."""
-    made = json_schema([JobTable], "servogen job")
+    schema = json_schema([JobTable], "servogen job")
     known = {
         ("ChipTable", "device"): tuple(each.name for each in DEVICES),
         ("ServoTable", "model"): servo_models.names(),
         ("RobotTable", "name"): catalogue.names(),
     }
     for (table, key), names in known.items():
-        made["definitions"][table]["properties"][key] |= {
+        schema["definitions"][table]["properties"][key] |= {
             "anyOf": [{"enum": list(names)}, {"type": "string"}]
         }
-    return made
+    return schema
 
 
 def robot_schema() -> Schema:
     """Return the schema of a robot file: that of the kind that its key `kind` names; without one, an arm."""
-    made = json_schema([kind.table for kind in KINDS.values()], "servogen robot")
+    schema = json_schema([kind.table for kind in KINDS.values()], "servogen robot")
     for name, kind in KINDS.items():
-        table = made["definitions"][kind.table.__name__]
+        table = schema["definitions"][kind.table.__name__]
         table["properties"]["kind"] = {"const": name, "type": "string"}
         if name != Arm.kind:
             table["required"] = [*table["required"], "kind"]
-    return made
+    return schema
 
 
 def servo_schema() -> Schema:

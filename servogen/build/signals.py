@@ -136,11 +136,11 @@ def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
 
 def measured_warnings(measurement: Measurement, models: Mapping[str, ServoModel]) -> tuple[Diagnostic, ...]:
     """Return the warnings; a pin without a model is judged by the widths that every servo accepts."""
-    found: list[Diagnostic] = []
+    warnings: list[Diagnostic] = []
     for pin in measurement.pins:
         model = models.get(PINS[pin.pin])
-        found += _of_pin(measurement, pin, model)
-    return tuple(found)
+        warnings += _of_pin(measurement, pin, model)
+    return tuple(warnings)
 
 
 def _of_pin(

@@ -25,11 +25,11 @@ def twin_of(
     progress: Progress = lambda step: None,
 ) -> Verdict:
     """Return what the robot does with the job's own program, or with the one in a file. Raises InputError."""
-    found = planned(job)
+    played = planned(job)
     progress("compiling")
-    image = _image(found, program)
+    image = _image(played, program)
     progress("moving")
-    return twin_of_image(job, found.job, found.plan.schedule, image, settings, stimuli)
+    return twin_of_image(job, played.job, played.plan.schedule, image, settings, stimuli)
 
 
 def twin_of_build(job: PlannedJob, done: Build) -> Verdict:
@@ -51,7 +51,7 @@ def twin_of_image(
     return verdict_of(record, job, planned_of(played, lead_in, settings.loops))
 
 
-def _image(found: Planned, program: Path | None) -> Image:
+def _image(played: Planned, program: Path | None) -> Image:
     if program is not None:
-        return read_program(program, found.job.device.name).image
-    return found.make(found.job.firmware.dialect).compilation.image
+        return read_program(program, played.job.device.name).image
+    return played.make(played.job.firmware.dialect).compilation.image

@@ -77,26 +77,32 @@ def flash(
     path = against or schedule_beside(file)
     checked = check(file, image, device, path, read_schedule(path) if path else None)
     order = Order(file, checked.device, port)
-    found = find(programmer)
-    command = command_of(found, order)
+    installed = find(programmer)
+    command = command_of(installed, order)
     for each in checked.warnings(force):
         warn(each)
     if dry_run:
         if json:
-            as_json({"command": list(command), "programmer": found.programmer.name})
+            as_json({"command": list(command), "programmer": installed.programmer.name})
         else:
             print(shlex.join(command))
         return
-    with status(f"programming with {found.programmer.name}"):
-        done = flashed(found, order, image, timeout)
+    with status(f"programming with {installed.programmer.name}"):
+        done = flashed(installed, order, image, timeout)
     if done.compared:
         how = f"read back and compared: {', '.join(done.compared)}"
-    elif found.programmer.verifies:
+    elif installed.programmer.verifies:
         how = "verified by the programmer, not read back"
     else:
         how = "programmed; this programmer does not show that it compared: capture and verify"
     if json:
-        as_json({"programmer": found.programmer.name, "words": image.words, "compared": list(done.compared)})
+        as_json(
+            {
+                "programmer": installed.programmer.name,
+                "words": image.words,
+                "compared": list(done.compared),
+            }
+        )
         return
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
 
@@ -174,14 +180,14 @@ def rig(
     for text in fault or ():
         options = with_fault(options, text)
     with status(f"{loaded.name}: planning and compiling"):
-        found = planned(loaded)
-        image = read_image(hex_file) if hex_file else _image(found)
-    schedule = found.plan.schedule
-    held = {pin_number(each.pin): each.level for each in schedule.inputs}
-    held.pop(options.serial_pin, None)
+        played = planned(loaded)
+        image = read_image(hex_file) if hex_file else _image(played)
+    schedule = played.plan.schedule
+    levels = {pin_number(source.pin): source.level for source in schedule.inputs}
+    levels.pop(options.serial_pin, None)
     ended = threading.Event()
     with ExitStack() as stack:
-        terminals = stack.enter_context(opened(image, loaded.clock, board_of(schedule), options, held))
+        terminals = stack.enter_context(opened(image, loaded.clock, board_of(schedule), options, levels))
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: ended.set())
         if json:
@@ -195,8 +201,8 @@ def rig(
         terminals.serve(ended.is_set)
 
 
-def _image(found: Planned) -> Image:
-    return found.make(found.job.firmware.dialect).compilation.image
+def _image(played: Planned) -> Image:
+    return played.make(played.job.firmware.dialect).compilation.image
 
 
 def _tell_sigrok(stack: ExitStack, port: str) -> None:

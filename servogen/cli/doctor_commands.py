@@ -35,8 +35,8 @@ def doctor(json: Json = False) -> None:
     from servogen.bench.programmers.table import PROGRAMMERS, installed
 
     libraries = _libraries()
-    found = [(name, use, shutil.which(name)) for name, use in TOOLS]
-    found += [
+    tools = [(name, use, shutil.which(name)) for name, use in TOOLS]
+    tools += [
         (each.name, f"programs the chip: {each.hardware} (servogen flash)", installed(each))
         for each in PROGRAMMERS
     ]
@@ -48,7 +48,7 @@ def doctor(json: Json = False) -> None:
                 "python": platform.python_version(),
                 "system": platform.platform(),
                 "libraries": libraries,
-                "tools": {name: path for name, _, path in found},
+                "tools": {name: path for name, _, path in tools},
                 "ports": [{"port": port, "description": description} for port, description in ports],
             }
         )
@@ -58,7 +58,7 @@ def doctor(json: Json = False) -> None:
         table(
             "Tools (none is needed to build and prove a job)",
             ("tool", "what for", "found"),
-            [(name, use, path or MISSING) for name, use, path in found],
+            [(name, use, path or MISSING) for name, use, path in tools],
         )
         table("Serial ports", ("port", "description"), ports or [("none", "")])
     if MISSING in libraries.values():
@@ -70,13 +70,13 @@ def _libraries() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, requires, version
 
     names = [requirement_name(line) for line in requires("servogen") or () if "extra" not in line]
-    found = {}
+    versions = {}
     for name in names:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
-            found[name] = MISSING
-    return found
+            versions[name] = MISSING
+    return versions
 
 
 def requirement_name(requirement: str) -> str:

@@ -312,8 +312,8 @@ def _log(json: bool, dry_run: bool) -> Log:
         if json:
             json_line(entry)
         elif "bytes" in entry and dry_run:
-            said = f"{entry['servo']} {entry['width_us']} µs" if "servo" in entry else "group"
-            print(f"{entry['s']:>9} s  {entry['bytes']}  {said}")
+            sent = f"{entry['servo']} {entry['width_us']} µs" if "servo" in entry else "group"
+            print(f"{entry['s']:>9} s  {entry['bytes']}  {sent}")
         elif "event" in entry and entry["event"] != "stopped":
             text = f"{entry['event']}: {entry.get('text', '')}".rstrip(": ")
             warn(Diagnostic("warning", "drive-event", text))
@@ -401,14 +401,14 @@ def calibrate(
     else:
         taken = _taken(loaded, index, (from_us, to_us, points), angles, port, (baud, range_us, first))
     usual = WHEEL_TOLERANCE_DEG if chosen.model.continuous else TOLERANCE_DEG
-    made = fit(taken, math.radians(tolerance_deg or usual), chosen.model.continuous)
-    kept = write_calibration(target, calibration_text(made, chosen))
+    fitted = fit(taken, math.radians(tolerance_deg or usual), chosen.model.continuous)
+    kept = write_calibration(target, calibration_text(fitted, chosen))
     if plot is not None:
         from servogen.report.calibration_plot import calibration_plot
 
-        calibration_plot(made, chosen, plot)
+        calibration_plot(fitted, chosen, plot)
     refused = refusals(loaded, chosen.name, target)
-    _show_calibration(job, chosen, made, (target, kept), refused, json)
+    _show_calibration(job, chosen, fitted, (target, kept), refused, json)
     if refused:
         raise typer.Exit(1)
 
@@ -478,25 +478,25 @@ def _asking(channel: Channel, count: int) -> Ask:
 def _show_calibration(
     job: Path,
     servo: Servo,
-    made: Fit,
+    fitted: Fit,
     files: tuple[Path, Path | None],
     refused: tuple[Diagnostic, ...],
     json: bool,
 ) -> None:
     """Print the fit, the file written, the file kept, and why the job cannot use the calibration."""
     (target, kept), unit = files, servo.model.unit
-    slope = made.us_per_rad * math.radians(1)
-    rms, worst = math.degrees(made.rms), math.degrees(made.residuals[made.worst])
+    slope = fitted.us_per_rad * math.radians(1)
+    rms, worst = math.degrees(fitted.rms), math.degrees(fitted.residuals[fitted.worst])
     if json:
         as_json(
             {
                 "file": str(target),
                 "kept": None if kept is None else str(kept),
-                "zero_us": made.zero_us,
+                "zero_us": fitted.zero_us,
                 "us_per_deg": slope,
                 "rms_deg": rms,
                 "worst_deg": worst,
-                "residuals_deg": [math.degrees(each) for each in made.residuals],
+                "residuals_deg": [math.degrees(residual) for residual in fitted.residuals],
                 "taken_by_job": not refused,
             },
             refused,
@@ -504,18 +504,18 @@ def _show_calibration(
         return
     rows = [
         (f"{r.width_us:z.1f}", f"{math.degrees(r.angle):z.1f}", f"{math.degrees(off):+z.2f}")
-        for r, off in zip(made.readings, made.residuals, strict=True)
+        for r, off in zip(fitted.readings, fitted.residuals, strict=True)
     ]
     table(f"{servo.name}, {servo.model.title}", ("width µs", f"seen {unit}", f"off the line {unit}"), rows)
     print(
-        f"width = {made.zero_us:.1f} µs {slope:+z.4f} µs/{unit}; "
+        f"width = {fitted.zero_us:.1f} µs {slope:+z.4f} µs/{unit}; "
         f"rms {rms:.2f}{unit}, worst {worst:+z.2f}{unit}"
     )
     print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
     if refused:
         print("the job cannot do its motion with it:", file=sys.stderr)
-        for each in refused:
-            warn(each)
+        for warning in refused:
+            warn(warning)
         return
     beside = target.resolve().parent == job.resolve().parent
     print(f'the job takes it with calibration = "{target.name if beside else target.resolve()}"')

@@ -62,12 +62,12 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
     if programs.is_job(path):
         from servogen.build.job_program import read_program as built  # loads the compiler and the engines
 
-        found = built(path)
+        program = built(path)
     else:
-        found = programs.read_program(path, device_name)
-    for remark in found.remarks:
+        program = programs.read_program(path, device_name)
+    for remark in program.remarks:
         warn(remark)
-    return found
+    return program
 
 
 def within_limits(

@@ -107,12 +107,12 @@ def grade(
         warn(Diagnostic("warning", "no-limits", sentence))
     formats = _Formats(csv, junit, gradescope, classroom)
     try:
-        found = find_submissions(files, SOURCES, IMAGES, level)
+        search = find_submissions(files, SOURCES, IMAGES, level)
     except InputError as error:
         if error.code == NO_PROGRAM:
             formats.write_without_program(task.lab, "no program was handed in")
         raise
-    for warning in found.warnings:
+    for warning in search.warnings:
         warn(
             replace(
                 warning,
@@ -121,8 +121,8 @@ def grade(
                 else None,
             )
         )
-    with progress(task.lab.title, len(found.submissions)) as tell:
-        graded = grade_submissions(found.submissions, task, scheduler, tell)
+    with progress(task.lab.title, len(search.submissions)) as tell:
+        graded = grade_submissions(search.submissions, task, scheduler, tell)
     names = page_names([each.submission.name for each in graded]) if pages else []
     failure = _write_pages(pages, names, task.lab, graded) if pages else None
     formats.write(task.lab, graded)
@@ -252,14 +252,14 @@ def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict
     return rows
 
 
-def _points(lab: Lab, each: Graded) -> dict[str, object]:
+def _points(lab: Lab, result: Graded) -> dict[str, object]:
     from servogen.grade.points import max_total, outcomes, total
 
-    found = outcomes(lab, each.grade)
+    results = outcomes(lab, result.grade)
     checks = {
-        one.key: {"state": one.state, "points": one.points, "max_points": one.max_points} for one in found
+        one.key: {"state": one.state, "points": one.points, "max_points": one.max_points} for one in results
     }
-    return {"points": total(found), "max_points": max_total(found), "checks": checks}
+    return {"points": total(results), "max_points": max_total(results), "checks": checks}
 
 
 def _show(lab: Lab, graded: Sequence[Graded]) -> None:
@@ -267,14 +267,14 @@ def _show(lab: Lab, graded: Sequence[Graded]) -> None:
     from servogen.grade.points import max_total, number, outcomes, total
 
     rows = []
-    for each in graded:
-        says = each.grade.reasons or [remark.sentence for remark in each.grade.remarks]
+    for result in graded:
+        says = result.grade.reasons or [remark.sentence for remark in result.grade.remarks]
         text = "\n".join(" ".join(line.strip() for line in one.splitlines()[:2]) for one in says)
-        verdict = "passed" if each.grade.passed else "NOT PASSED"
-        found = outcomes(lab, each.grade)
-        points = f"{number(total(found))} of {number(max_total(found))}"
-        rows.append((shown_name(each.submission.name), verdict, points, text))
+        verdict = "passed" if result.grade.passed else "NOT PASSED"
+        results = outcomes(lab, result.grade)
+        points = f"{number(total(results))} of {number(max_total(results))}"
+        rows.append((shown_name(result.submission.name), verdict, points, text))
     columns = ("program", "verdict", "points", "why, or what is good to know")
     table(f"{lab.title}: {lab.task}", columns, rows)
-    passed = sum(each.grade.passed for each in graded)
+    passed = sum(result.grade.passed for result in graded)
     print(f"{passed} of {len(graded)} passed")

@@ -66,12 +66,12 @@ def check(job: JobFile, json: Json = False) -> None:
 
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
-        found = planned_job(loaded)
-    planned = found.plan
+        as_planned = planned_job(loaded)
+    planned = as_planned.plan
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
-        as_json(found.to_json(), (*warnings, *loaded.notes))
+        as_json(as_planned.to_json(), (*warnings, *loaded.notes))
         return
     _width_table(planned.widths)
     for note in loaded.notes:
@@ -153,19 +153,21 @@ def demo(
             write(done[-1], output / loaded.name)
         checks = [] if certificates is None else _check_certificates(done, certificates, tell)
     if json:
-        found = [warning for each in done for warning in each.warnings]
-        content: dict[str, object] = {"jobs": [_build_to_json(each, output / each.job.name) for each in done]}
+        warnings = [warning for build in done for warning in build.warnings]
+        content: dict[str, object] = {
+            "jobs": [_build_to_json(build, output / build.job.name) for build in done]
+        }
         if certificates is not None:
-            content["for_all_inputs"] = [each.text for each in checks]
-        as_json(content, (*found, *refused))
+            content["for_all_inputs"] = [verdict.text for verdict in checks]
+        as_json(content, (*warnings, *refused))
     else:
-        _program_table(done, [each.text for each in checks])
+        _program_table(done, [verdict.text for verdict in checks])
         for refusal in refused:
             print(refusal.message)
-        for each in done:
-            if each.warnings:
-                print(f"{each.job.name}: {counted(len(each.warnings), 'warning')} in its report.txt")
-    fine = all(each.proven for each in done) and all(each.valid or each.missing for each in checks)
+        for build in done:
+            if build.warnings:
+                print(f"{build.job.name}: {counted(len(build.warnings), 'warning')} in its report.txt")
+    fine = all(build.proven for build in done) and all(verdict.valid or verdict.missing for verdict in checks)
     raise typer.Exit(0 if fine else 1)
 
 
@@ -176,13 +178,13 @@ def _check_certificates(
     from servogen.build.build import hex_name
     from servogen.build.certificates import certificate_file, checked
 
-    found = []
+    verdicts = []
     for done in builds:
         for program in done.programs:
             tell(f"{done.job.name}: checking the proof for all inputs, {program.firmware.dialect}")
             file = certificate_file(folder, done.job.name, hex_name(done, program))
-            found.append(checked(file, program.image, done.plan.schedule.json_text()))
-    return found
+            verdicts.append(checked(file, program.image, done.plan.schedule.json_text()))
+    return verdicts
 
 
 def _width_table(widths: Sequence[Quantised]) -> None:
@@ -274,21 +276,21 @@ def plan(
 
     with status("planning"):
         facts = plan_facts(*nearest_pulses(plan_job(load(job))))
-    loaded, made, tracks = facts.job, facts.plan, facts.tracks
+    loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
     if csv:
         with atomic_write(csv) as file:
-            file.writelines(f"{line}\n" for line in frame_lines(loaded, made.schedule, tracks))
+            file.writelines(f"{line}\n" for line in frame_lines(loaded, pulses.schedule, tracks))
     if picture:
         from servogen.report.motion_plot import motion_plot
 
-        motion_plot(loaded, made.schedule, tracks, picture)
+        motion_plot(loaded, pulses.schedule, tracks, picture)
     if animate:
         from servogen.report.film import film, job_scene
 
         with status(f"filming {animate}"):
             film(job_scene(loaded), animate)
     if json:
-        as_json(facts.to_json(), (*loaded.warnings, *made.warnings, *loaded.notes))
+        as_json(facts.to_json(), (*loaded.warnings, *pulses.warnings, *loaded.notes))
     else:
         _show_plan(facts)
 
@@ -325,20 +327,20 @@ def _show_plan(facts: PlanFacts) -> None:
 def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
     joints = {binding.servo: binding.joint for binding in job.bindings}
     rows = []
-    for each in facts:
-        model, unit = each.servo.model, each.servo.model.unit
+    for row in facts:
+        model, unit = row.servo.model, row.servo.model.unit
         rows.append(
             (
-                each.servo.name,
-                joints.get(each.servo.name, ""),
-                f"{degrees(each.minimum):z.2f} to {degrees(each.maximum):z.2f}{unit}",
-                " to ".join(f"{degrees(limit):zg}" for limit in each.servo.limits) + unit,
-                _degrees(each.speed),
+                row.servo.name,
+                joints.get(row.servo.name, ""),
+                f"{degrees(row.minimum):z.2f} to {degrees(row.maximum):z.2f}{unit}",
+                " to ".join(f"{degrees(limit):zg}" for limit in row.servo.limits) + unit,
+                _degrees(row.speed),
                 _degrees(model.speed),
-                "" if each.speed_frame is None else each.speed_frame,
-                _degrees(each.step),
-                _number(each.step_needs_s),
-                _number(each.step_s),
+                "" if row.speed_frame is None else row.speed_frame,
+                _degrees(row.step),
+                _number(row.step_needs_s),
+                _number(row.step_s),
             )
         )
     table(
@@ -425,17 +427,17 @@ def report(
         print(page.not_built.message)
         print(f"{target}: the plan; {plan_text(page.plan_error)}")
     else:
-        said = "proven" if page.programs_proven else "NOT PROVEN"
-        said = f"programs {said}" if page.capture else said
-        print(f"{target}: {said}; {plan_text(page.plan_error)}")
+        verdict = "proven" if page.programs_proven else "NOT PROVEN"
+        verdict = f"programs {verdict}" if page.capture else verdict
+        print(f"{target}: {verdict}; {plan_text(page.plan_error)}")
     if page.capture and not json:
         print(f"{capture}: {capture_lines(page.capture)[0]}")
     if page.twin and not json:
         print(f"twin: {page.twin.word}")
         for reason in page.twin.reasons():
             print(reason)
-    found = page.capture
-    right = (found is None or found.accepted(partial)) and (page.twin is None or page.twin.passed)
+    recorded = page.capture
+    right = (recorded is None or recorded.accepted(partial)) and (page.twin is None or page.twin.passed)
     raise typer.Exit(0 if right and (page.programs_proven or page.not_built) else 1)
 
 
@@ -482,30 +484,30 @@ def tune(
     )
     with status(f"{loaded.name}: measuring {hex_file.name}"):
         source = Source(text, str(c_file)) if c_file else None
-        found = tune_to(loaded, read_image(hex_file), str(hex_file), spoken, source)
+        tuned = tune_to(loaded, read_image(hex_file), str(hex_file), spoken, source)
     target = output or _next_c_file(c_file or hex_file.parent / f"main.{spoken}.c")
     keep_apart([job, hex_file, *([c_file] if c_file else [])], target)
-    if found.source:
-        write_text(target, found.source)
+    if tuned.source:
+        write_text(target, tuned.source)
     if json:
         as_json(
             {
                 "job": loaded.name,
                 "dialect": spoken,
-                "next_c": str(target) if found.source else None,
-                **found.to_json(),
+                "next_c": str(target) if tuned.source else None,
+                **tuned.to_json(),
             }
         )
     else:
-        rows = [(each.path, each.theirs, each.ours) for each in found.added]
+        rows = [(overhead.path, overhead.theirs, overhead.ours) for overhead in tuned.added]
         table("Cycles beside the delays", ("path", hex_file.name, "servogen"), rows)
-        for line in verdict_lines(found.verdict):
+        for line in verdict_lines(tuned.verdict):
             print(line)
-        if found.source:
+        if tuned.source:
             print(f"not exact yet: compile {target}, then servogen tune {job} --hex … --c {target}")
         else:
             print(f"{hex_file}: 0 cycles off")
-    raise typer.Exit(0 if found.verdict.proven else 1)
+    raise typer.Exit(0 if tuned.verdict.proven else 1)
 
 
 def _next_c_file(c_file: Path) -> Path:

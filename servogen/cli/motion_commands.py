@@ -158,7 +158,7 @@ def gait(
     frames = (
         None if cycle_s is None else -(-Fraction(cycle_s).limit_denominator(10**6) // clock.seconds(period))
     )
-    made = walk(
+    planned_walk = walk(
         walker,
         rhythm,
         [segment],
@@ -170,7 +170,7 @@ def gait(
         spring_m=_metres(spring_mm),
         allow_falling=allow_falling,
     )
-    facts, loads = facts_of(walker, made), loads_of(walker, made)
+    facts, loads = facts_of(walker, planned_walk), loads_of(walker, planned_walk)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
             "out-of-reach",
@@ -178,16 +178,16 @@ def gait(
             Location(key="--clearance-mm"),
             "raise the body, or take legs with a longer foot part",
         )
-    _write_walk(walker, rhythm, made, facts, picture, csv, animate)
-    upright = made.full_height()
+    _write_walk(walker, rhythm, planned_walk, facts, picture, csv, animate)
+    upright = planned_walk.full_height()
     warnings = [
         *check_loads(loads, walker.lifting_joint, model),
         *([Diagnostic("warning", "full-height", upright)] if upright else []),
     ]
     if json:
-        as_json(walk_to_json(walker, rhythm, made, facts, loads), warnings)
+        as_json(walk_to_json(walker, rhythm, planned_walk, facts, loads), warnings)
     else:
-        _show_walk(walker, rhythm, made, facts)
+        _show_walk(walker, rhythm, planned_walk, facts)
         warn_of_all(warnings)
 
 
@@ -200,14 +200,14 @@ def _robot(name: str) -> WalkingRobot:
     from servogen.kinematics.catalogue import robot
     from servogen.kinematics.protocol import WalkingRobot
 
-    found = robot(name)
-    if not isinstance(found, WalkingRobot):
+    walker = robot(name)
+    if not isinstance(walker, WalkingRobot):
         raise InputError(
             "wrong-robot-kind",
-            f"{found.name} does not walk",
+            f"{walker.name} does not walk",
             hint='hexapod does, and a file with kind = "hexapod"',
         )
-    return found
+    return walker
 
 
 def _gait(
@@ -256,7 +256,7 @@ def _phases(text: str) -> dict[str, float] | list[float]:
 def _write_walk(
     robot: WalkingRobot,
     rhythm: Gait,
-    made: Walk,
+    planned_walk: Walk,
     facts: GaitFacts,
     picture: Path | None,
     csv: Path | None,
@@ -267,19 +267,19 @@ def _write_walk(
     if csv:
         from servogen.report.motion_table import walk_lines
 
-        write_text(csv, "".join(f"{line}\n" for line in walk_lines(made)))
+        write_text(csv, "".join(f"{line}\n" for line in walk_lines(planned_walk)))
     if picture:
         from servogen.report.gait_plot import gait_plot
 
-        gait_plot(robot, rhythm, made, facts, picture)
+        gait_plot(robot, rhythm, planned_walk, facts, picture)
     if animate:
         from servogen.report.film import film, walk_scene
 
         with status(f"filming {animate}"):
-            film(walk_scene(robot, made), animate)
+            film(walk_scene(robot, planned_walk), animate)
 
 
-def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
+def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: GaitFacts) -> None:
     """Print the gait's table, the joints', stability and springs."""
     from servogen.report.gait_facts import diagram
 
@@ -303,9 +303,12 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) 
             for each in facts.joints
         ],
     )
-    frames, loop = len(made.trajectory.angles), len(made.trajectory.angles) - made.trajectory.loop_start
-    print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
-    for change in made.changes:
+    frames, loop = (
+        len(planned_walk.trajectory.angles),
+        len(planned_walk.trajectory.angles) - planned_walk.trajectory.loop_start,
+    )
+    print(f"a cycle: {planned_walk.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    for change in planned_walk.changes:
         print(change.text())
     again = f"the last {loop} of them repeat" if loop < frames else "start and stop included, and again"
     print(f"the walk: {frames} frames, {again}")
@@ -316,11 +319,11 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) 
     if facts.correction > 0:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
         print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
-    for _, text in made.centre_texts():
+    for _, text in planned_walk.centre_texts():
         print(text)
-    for each in made.held_back:
+    for each in planned_walk.held_back:
         print(each.text())
-    print(made.slip.text())
+    print(planned_walk.slip.text())
     print(
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
         f"{1000 * facts.clearance:z.1f} mm free under it and its legs"

@@ -243,13 +243,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         )
     chip = schedule.device or device or Options().device
     board = replace(Options(device=chip), **request.times)
-    program = read_program(file, chip)
-    if program.clock and program.clock != schedule.clock:
-        raise InputError(
-            "conflicting-options",
-            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
-            Location(str(file)),
-        )
+    program = program_for(schedule, file, chip, read_program)
     with status("looking for every state") as tell:
         proof = prove_for_all(
             program.image,
@@ -279,11 +273,11 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     return PROVEN if proof.proven else NOT_PROVEN
 
 
-def _write_stimulus(found: Counterexample, schedule: PulseSchedule, path: Path) -> None:
+def _write_stimulus(counterexample: Counterexample, schedule: PulseSchedule, path: Path) -> None:
     from servogen.outputs import write_text
 
-    if found.stimulus(schedule):
-        write_text(path, found.stimulus(schedule))
+    if counterexample.stimulus(schedule):
+        write_text(path, counterexample.stimulus(schedule))
 
 
 def _write_content(content: dict[int, int], image: Image, path: Path) -> None:
@@ -294,22 +288,22 @@ def _write_content(content: dict[int, int], image: Image, path: Path) -> None:
     write_text(path, to_hex(replace(image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), 0xFF), **content})))
 
 
-def _command(found: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
+def _command(counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
     """Return the command that shows a counterexample's edges."""
-    stimulus = ["--stimulus", str(request.counterexample)] if found.stimulus(schedule) else []
-    clock = [] if found.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
-    span = ["--cycles", str(found.cycle + EXTRA_FRAMES * schedule.period)]
-    program = file if found.eeprom is None else request.content
-    words = ["servogen", "simulate", str(program), *stimulus, *found.arguments(), *clock, *span]
+    stimulus = ["--stimulus", str(request.counterexample)] if counterexample.stimulus(schedule) else []
+    clock = [] if counterexample.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
+    span = ["--cycles", str(counterexample.cycle + EXTRA_FRAMES * schedule.period)]
+    program = file if counterexample.eeprom is None else request.content
+    words = ["servogen", "simulate", str(program), *stimulus, *counterexample.arguments(), *clock, *span]
     return shlex.join([*words, "--edges", "counterexample.csv"])
 
 
 def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> list[str]:
-    found = proof.counterexample
-    if found is not None:
+    counterexample = proof.counterexample
+    if counterexample is not None:
         return [
-            f"counterexample: {found.message}, cycle {found.cycle} from reset",
-            f"  {_command(found, file, request, schedule)}",
+            f"counterexample: {counterexample.message}, cycle {counterexample.cycle} from reset",
+            f"  {_command(counterexample, file, request, schedule)}",
         ]
     size = f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
     if not proof.proven:
@@ -335,16 +329,16 @@ def _over(proof: Proof) -> str:
 
 
 def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> dict[str, object]:
-    found = proof.counterexample
-    answer = "proven" if proof.proven else "counterexample" if found else "not decided"
+    counterexample = proof.counterexample
+    answer = "proven" if proof.proven else "counterexample" if counterexample else "not decided"
     shown = None
-    if found is not None:
+    if counterexample is not None:
         shown = {
-            "message": found.message,
-            "cycle": found.cycle,
-            "command": _command(found, file, request, schedule),
-            "stimulus": found.stimulus(schedule) or None,
-            "eeprom": found.eeprom,
+            "message": counterexample.message,
+            "cycle": counterexample.cycle,
+            "command": _command(counterexample, file, request, schedule),
+            "stimulus": counterexample.stimulus(schedule) or None,
+            "eeprom": counterexample.eeprom,
         }
     return {
         "file": str(file),
@@ -383,7 +377,7 @@ def check_certificate(
     try:
         with status(f"{hex_file.name}: checking {claim.count} states"):
             schedule = read_input(against, MAX_SCHEDULE_BYTES)
-            found = checker.check_certificate(claim, image, schedule, str(against))
+            checked = checker.check_certificate(claim, image, schedule, str(against))
     except checker.Refused as refused:
         if json:
             as_json({"valid": False, "reason": str(refused), "held": claim.held})
@@ -391,8 +385,10 @@ def check_certificate(
             print(f"{certificate}: refused: {refused}")
         raise typer.Exit(NOT_PROVEN) from None
     if json:
-        as_json({"valid": True, "held": claim.held} | asdict(found))
+        as_json({"valid": True, "held": claim.held} | asdict(checked))
         return
     print(f"{certificate}: valid{', with ' + held if held else ''}")
-    counts = f"{found.states} states, {found.frames} frames, {found.cycles} cycles, {found.forks} splits"
+    counts = (
+        f"{checked.states} states, {checked.frames} frames, {checked.cycles} cycles, {checked.forks} splits"
+    )
     print(f"  checked: {counts}")

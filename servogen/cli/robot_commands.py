@@ -57,11 +57,11 @@ def robots(
     elif mjcf is not None:
         _write_mjcf(name, mjcf)
     elif name is None:
-        found = queries.robot_list()
+        entries = queries.robot_list()
         if json:
-            as_json({"robots": found})
+            as_json({"robots": entries})
         else:
-            rows = [(each["name"], each["kind"], each["joints"], each["title"]) for each in found]
+            rows = [(entry["name"], entry["kind"], entry["joints"], entry["title"]) for entry in entries]
             table("Robots", ("name", "kind", "joints", "title"), rows)
     elif json:
         as_json(queries.robot_details(name))
@@ -95,9 +95,9 @@ def _write_mjcf(name: str | None, path: Path) -> None:
             "which robot is to be written?",
             hint="servogen robots hexapod --mjcf hexapod.xml",
         )
-    made = bodies(robot(name))
-    write_text(path, made.text)
-    for text in made.assumptions:
+    model = bodies(robot(name))
+    write_text(path, model.text)
+    for text in model.assumptions:
         print(text)
     print(path)
 

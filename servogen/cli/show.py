@@ -55,8 +55,8 @@ def as_json(value: Mapping[str, object], diagnostics: Iterable[Diagnostic] = ())
 
     It begins with `diagnostics`: all that the command has warned of, then those given here.
     """
-    found = [each.to_json() for each in dict.fromkeys((*_warned, *diagnostics))]
-    json_line({"diagnostics": found, **value})
+    listed = [diagnostic.to_json() for diagnostic in dict.fromkeys((*_warned, *diagnostics))]
+    json_line({"diagnostics": listed, **value})
 
 
 def json_line(value: object) -> None:

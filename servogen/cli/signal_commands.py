@@ -123,13 +123,13 @@ def _verify_forever(
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
     program = program_for(schedule, file, board.device, read_program)
     with status("looking for a repeat of the chip's state"):
-        found = prove_forever(schedule, program.image, limit, program.listing, board)
+        forever = prove_forever(schedule, program.image, limit, program.listing, board)
     if json:
-        as_json(found.to_json(), found.verdict.warnings)
+        as_json(forever.to_json(), forever.verdict.warnings)
     else:
-        print(found.text())
-        print("\n".join(verdict_lines(found.verdict)))
-    return 0 if found.proven else 1
+        print(forever.text())
+        print("\n".join(verdict_lines(forever.verdict)))
+    return 0 if forever.proven else 1
 
 
 def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, partial: bool, json: bool) -> int:
@@ -188,12 +188,12 @@ def measure(
         _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, device)
     with status("measuring"):
         measurement = measured(trace)
-    found = measured_warnings(measurement, models)
+    warnings = measured_warnings(measurement, models)
     if json:
-        as_json(measurement.to_json(), found)
+        as_json(measurement.to_json(), warnings)
         return
     print("\n".join(measurement_lines(measurement)))
-    warn_of_all(found)
+    warn_of_all(warnings)
 
 
 def _write_schedule(

@@ -83,21 +83,21 @@ def simulate(
     with progress("simulating", span) as tell, ExitStack() as files:
         inputs = file_inputs(stimuli, clock)
         writers = [files.enter_context(edge_writer(path, clock, inputs=inputs)) for path in paths]
-        told = EdgeTrace(clock, _told(machine.stream(span), tell), span)
-        changes = sum(len(chunk.cycle) for chunk in recorded(told, writers).driven())
+        reported = EdgeTrace(clock, _told(machine.stream(span), tell), span)
+        changes = sum(len(chunk.cycle) for chunk in recorded(reported, writers).driven())
     state = machine.state()
     if trace:
         _write_trace(trace, program, clock, board, stimuli, span)
     if eeprom:
         _write_eeprom(eeprom, program, state)
-    found = _profiled(program, clock, board, stimuli, span) if profile else None
+    counted = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
         shown = {**state.to_json(), "edges": changes}
-        as_json({**shown, **({"profile": found.to_json()} if found else {})}, state.warnings)
+        as_json({**shown, **({"profile": counted.to_json()} if counted else {})}, state.warnings)
     else:
         _print_state(state, clock, changes)
-        if found:
-            _print_profile(found)
+        if counted:
+            _print_profile(counted)
     warn_of_all(state.warnings)
 
 

@@ -88,26 +88,26 @@ _CONDITION = re.compile(
 def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
     """Return the breakpoint that a text describes. Raises InputError."""
     text = text.strip()[:200]
-    if found := _LINE.fullmatch(text):
-        return _at_line(text, found["file"], int(found["line"]), listing)
-    if found := _ADDRESS.fullmatch(text):
-        address = int(found["address"], 16)
+    if match := _LINE.fullmatch(text):
+        return _at_line(text, match["file"], int(match["line"]), listing)
+    if match := _ADDRESS.fullmatch(text):
+        address = int(match["address"], 16)
         if address >= PROGRAM_WORDS:
             raise InputError(
                 "out-of-range", f"{text}: the program's addresses end at 0x{PROGRAM_WORDS - 1:03X}"
             )
         return AtAddress(text, frozenset((address,)))
-    if found := _ROUTINE.fullmatch(text):
-        return AtAddress(text, frozenset((routine(found["name"], listing),)))
-    if found := _EDGE.fullmatch(text):
-        pin = found["pin"].upper()
+    if match := _ROUTINE.fullmatch(text):
+        return AtAddress(text, frozenset((routine(match["name"], listing),)))
+    if match := _EDGE.fullmatch(text):
+        pin = match["pin"].upper()
         if pin not in PINS:
             raise InputError("unknown-pin", f"there is no pin '{pin}'", hint=did_you_mean(pin, PINS))
-        way = (found["way"] or "").lower()
-        return AtEdge(text, PINS.index(pin), {"rise": HIGH, "fall": LOW}.get(way))
-    if found := _CONDITION.fullmatch(text):
+        direction = (match["way"] or "").lower()
+        return AtEdge(text, PINS.index(pin), {"rise": HIGH, "fall": LOW}.get(direction))
+    if match := _CONDITION.fullmatch(text):
         return AtCondition(
-            text, variable(found["name"], listing), found["comparison"], int(found["value"], 0)
+            text, variable(match["name"], listing), match["comparison"], int(match["value"], 0)
         )
     raise InputError(
         "bad-breakpoint",
@@ -136,46 +136,53 @@ def run_to(
     end: int,
     breakpoints: Sequence[Breakpoint],
     image: Image,
-    made: list[EdgeChunk] | None = None,
+    produced: list[EdgeChunk] | None = None,
 ) -> Breakpoint | None:
     """Run to the first moment that is not before `end`, or to a breakpoint, which is returned.
 
-    The edges are appended to `made`.
+    The edges are appended to `produced`.
     """
     addresses = {
-        address: each for each in breakpoints if isinstance(each, AtAddress) for address in each.addresses
+        address: breakpoint
+        for breakpoint in breakpoints
+        if isinstance(breakpoint, AtAddress)
+        for address in breakpoint.addresses
     }
-    edges = [each for each in breakpoints if isinstance(each, AtEdge)]
-    conditions = [each for each in breakpoints if isinstance(each, AtCondition)]
+    edges = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtEdge)]
+    conditions = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtCondition)]
     writers = _writers(conditions, image)
 
     def wanted(chunk: EdgeChunk) -> npt.NDArray[np.bool_]:
         marked = np.zeros(len(chunk.pin), dtype=bool)
-        for each in edges:
-            marked |= (chunk.pin == each.pin) & ((chunk.level == each.level) | (each.level is None))
+        for breakpoint in edges:
+            marked |= (chunk.pin == breakpoint.pin) & (
+                (chunk.level == breakpoint.level) | (breakpoint.level is None)
+            )
         return marked
 
     while machine.now < end:
         while machine.machine.pc in writers and not machine.machine.asleep and machine.now < end:
-            held = [each.holds(machine) for each in conditions]
+            held = [breakpoint.holds(machine) for breakpoint in conditions]
             chunk = _step(machine)
-            if made is not None:
-                made.append(chunk)
+            if produced is not None:
+                produced.append(chunk)
             if chunk.pin[wanted(chunk)].size:
                 pin, level = (int(column[wanted(chunk)][0]) for column in chunk[1:])
-                return next(each for each in edges if _is_edge(each, pin, level))
-            for each, before in zip(conditions, held, strict=True):
-                if not before and each.holds(machine):
-                    return each
+                return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, pin, level))
+            for breakpoint, before in zip(conditions, held, strict=True):
+                if not before and breakpoint.holds(machine):
+                    return breakpoint
             if machine.machine.pc in addresses:
                 return addresses[machine.machine.pc]
         if machine.now >= end:
             return None
-        stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=made)
+        stop = machine.run(
+            end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=produced
+        )
         if stop is None:
             return None
         if stop.edge is not None:
-            return next(each for each in edges if _is_edge(each, *stop.edge))
+            return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, *stop.edge))
         if machine.machine.pc in addresses:
             return addresses[machine.machine.pc]
     return None
@@ -194,11 +201,15 @@ def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:
 
 def _writers(conditions: Sequence[AtCondition], image: Image) -> frozenset[int]:
     """Return the addresses of the instructions that may write a byte of one of the conditions."""
-    bytes_of = {each.variable.address + offset for each in conditions for offset in range(each.variable.size)}
-    found = set()
+    bytes_of = {
+        condition.variable.address + offset
+        for condition in conditions
+        for offset in range(condition.variable.size)
+    }
+    addresses = set()
     for address, word in image.program.items():
         decoded = decode(word) if bytes_of else None
         writes = decoded is not None and decoded.instruction.writes_file(decoded.d)
         if writes and decoded is not None and decoded.f in {*bytes_of, INDIRECT}:
-            found.add(address)
-    return frozenset(found)
+            addresses.add(address)
+    return frozenset(addresses)

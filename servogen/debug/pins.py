@@ -49,18 +49,18 @@ def _writes_in_bank_1(chip: TimeMachine, address: int) -> bool:
 
     An address through FSR counts as a write: it may be any.
     """
-    decoded = [each for each in map(decode, chip.machine.image.program.values()) if each is not None]
-    if any(each.instruction.mnemonic == "TRIS" and each.f == address for each in decoded):
+    decoded = [word for word in map(decode, chip.machine.image.program.values()) if word is not None]
+    if any(word.instruction.mnemonic == "TRIS" and word.f == address for word in decoded):
         return True
     status, rp0, through_fsr = 0x03, 5, 0x00
     banked = any(
-        each.f == status
-        and each.instruction.writes_file(each.d)
-        and not each.instruction.tests_bit
-        and (each.b == rp0 or not each.instruction.changes_bit)
-        for each in decoded
+        word.f == status
+        and word.instruction.writes_file(word.d)
+        and not word.instruction.tests_bit
+        and (word.b == rp0 or not word.instruction.changes_bit)
+        for word in decoded
     )
     writes = any(
-        each.f in (address, through_fsr) and each.instruction.writes_file(each.d) for each in decoded
+        word.f in (address, through_fsr) and word.instruction.writes_file(word.d) for word in decoded
     )
     return banked and writes

@@ -56,7 +56,7 @@ def variable(name: str, listing: Listing | None) -> Variable:
 
 def routine(name: str, listing: Listing | None) -> int:
     """Return the address at which a function or a label of the assembly begins. Raises InputError."""
-    names = {each.name: each.start for each in (listing.functions if listing else ())}
+    names = {function.name: function.start for function in (listing.functions if listing else ())}
     names |= dict(listing.labels if listing else ())
     if name not in names:
         hint = did_you_mean(name, tuple(names)) if names else "this program has no names: 0x01F"

@@ -155,9 +155,9 @@ class TimeMachine:
         self._run(end, edges=seen)
         self.machine.restore(here[0])
         self._applied = here[1]
-        found = join(seen)
-        first, last = np.searchsorted(found.cycle, (begin, end))
-        return part(found, slice(int(first), int(last)))
+        chunk = join(seen)
+        first, last = np.searchsorted(chunk.cycle, (begin, end))
+        return part(chunk, slice(int(first), int(last)))
 
     def levels_before(self, begin: int) -> tuple[int, ...]:
         """Return the level of each pin before cycle `begin`, and come back to the current moment."""
@@ -200,14 +200,14 @@ class TimeMachine:
         """Return (cycle, address, W after, STATUS after) of the latest `limit` instructions executed."""
         end = self.now
         here = self.machine.snapshot(), self._applied
-        found: list[Rows] = []
+        parts: list[Rows] = []
         for rows in self._rows_before(end):
-            found.insert(0, rows)
-            if sum(map(len, found)) >= limit:
+            parts.insert(0, rows)
+            if sum(map(len, parts)) >= limit:
                 break
         self.machine.restore(here[0])
         self._applied = here[1]
-        return np.concatenate(found)[-limit:] if found else np.zeros((0, 4), dtype=np.int64)
+        return np.concatenate(parts)[-limit:] if parts else np.zeros((0, 4), dtype=np.int64)
 
     def _run(
         self,
@@ -312,19 +312,19 @@ class TimeMachine:
 
     def _observed(self, end: int, limit: int) -> Rows:
         """Run to `end`, or until `limit` instructions are executed, and return their rows."""
-        found: list[Rows] = []
+        parts: list[Rows] = []
         left = limit
         while self.now < end and left > 0:
             self._arrive(end)
             goal = min(end, self._next_due(end))
             observation = Observation(trace=np.zeros((min(left, ROWS), 4), dtype=np.int64))
             for _, rows in self.machine.observe(goal - self.now, observation):
-                found.append(rows)
+                parts.append(rows)
                 left -= len(rows)
                 if len(rows) == len(observation.trace):
                     break
         self._arrive(self.now)
-        return np.concatenate(found) if found else np.zeros((0, 4), dtype=np.int64)
+        return np.concatenate(parts) if parts else np.zeros((0, 4), dtype=np.int64)
 
     def _forward(self, count: int) -> int:
         return len(self._observed(self.now + self.clock.round_seconds(ASLEEP_S), count))

@@ -78,12 +78,12 @@ class Twin:
         """Compile the job's program and switch the chip on. Raises InputError."""
         _, played, _ = play(job)
         assert played.chain is not None
-        made = compiled(job, played, job.firmware.dialect).compilation
+        compilation = compiled(job, played, job.firmware.dialect).compilation
         schedule = played.plan.schedule
         self._chain: Chain = played.chain
-        self._variable = {name: made.listing.variable(name) for name in ("begun", "until")}
+        self._variable = {name: compilation.listing.variable(name) for name in ("begun", "until")}
         self._stimulus = LineStimulus(PINS.index(self._chain.line.pin), line_baud(job))
-        self._chip = VirtualChip(made.image, job.clock, board_of(schedule), stimulus=self._stimulus)
+        self._chip = VirtualChip(compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus)
         self._chip.listeners.append(self._heard)
         self._period = int(schedule.period)
         self._clock = job.clock

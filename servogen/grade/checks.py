@@ -63,11 +63,11 @@ def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
 
 def silent_reasons(lab: Lab, watched: Watched, chip: ChipFacts) -> Iterator[str]:
     """Yield why servos of the task get no pulses."""
-    for each in lab.servos:
-        numbers = [PINS.index(pin) for pin in each.pins]
+    for servo in lab.servos:
+        numbers = [PINS.index(pin) for pin in servo.pins]
         if any(number in watched.pins for number in numbers):
             continue
-        yield _silent_reason(lab, watched, chip, each.servo.name, numbers)
+        yield _silent_reason(lab, watched, chip, servo.servo.name, numbers)
 
 
 def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins: list[int]) -> str:
@@ -117,47 +117,49 @@ class Order:
     right: tuple[int, ...]
 
 
-def order(found: Sequence[Visit], solution: Solution) -> Order:
+def order(visits: Sequence[Visit], solution: Solution) -> Order:
     """Return the order with the most correct visits; a round may begin at any of its positions."""
     size = len(solution.positions)
     tries = []
     for first in range(size):
-        asked = tuple((first + index) % size for index in range(len(found)))
-        right = tuple(index for index, visit in enumerate(found) if asked[index] in visit.places)
+        asked = tuple((first + index) % size for index in range(len(visits)))
+        right = tuple(index for index, visit in enumerate(visits) if asked[index] in visit.places)
         tries.append(Order(asked, right))
-    return max(tries, key=lambda each: len(each.right))
+    return max(tries, key=lambda order: len(order.right))
 
 
-def order_faults(found: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution) -> Iterator[Fault]:
+def order_faults(
+    visits: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution
+) -> Iterator[Fault]:
     """Yield what is wrong with the order or with the positions."""
     right = set(found_order.right)
-    wrong = [index for index in range(len(found)) if index not in right]
-    strange = [index for index in wrong if not found[index].places]
-    if len(strange) == len(wrong) and len(wrong) < len(found):
+    wrong = [index for index in range(len(visits)) if index not in right]
+    strange = [index for index in wrong if not visits[index].places]
+    if len(strange) == len(wrong) and len(wrong) < len(visits):
         asked: dict[int, int] = {}
         for index in strange:
             asked.setdefault(found_order.asked[index], index)
         for position, index in sorted(asked.items()):
             name = solution.positions[position].name
-            text = f"where {name} is expected, {_strange(found[index], lab, solution, position)}"
+            text = f"where {name} is expected, {_strange(visits[index], lab, solution, position)}"
             yield Fault((Check.POSITIONS,), text)
     elif wrong:
         positions = [position.name for position in solution.positions]
-        text = f"the order is {sequence(found, solution)}; it should be {ARROW.join(positions)}, repeatedly"
+        text = f"the order is {sequence(visits, solution)}; it should be {ARROW.join(positions)}, repeatedly"
         yield Fault((Check.ORDER,), text)
         seen: set[tuple[float, ...]] = set()
         for index in strange:
-            if found[index].commanded[0].widths_us not in seen and len(seen) < len(solution.positions):
-                text = f"not a position of the task: {_strange(found[index], lab, solution, None)}"
+            if visits[index].commanded[0].widths_us not in seen and len(seen) < len(solution.positions):
+                text = f"not a position of the task: {_strange(visits[index], lab, solution, None)}"
                 yield Fault((Check.POSITIONS,), text)
-            seen.add(found[index].commanded[0].widths_us)
+            seen.add(visits[index].commanded[0].widths_us)
 
 
-def sequence(found: Sequence[Visit], solution: Solution) -> str:
+def sequence(visits: Sequence[Visit], solution: Solution) -> str:
     """Return the names of the first visits."""
     count = SHOWN_ROUNDS * len(solution.positions)
-    words = [_name(visit, solution) for visit in found[:count]]
-    return ARROW.join([*words, *(["…"] if len(found) > count else [])])
+    words = [_name(visit, solution) for visit in visits[:count]]
+    return ARROW.join([*words, *(["…"] if len(visits) > count else [])])
 
 
 def _name(visit: Visit, solution: Solution) -> str:
@@ -209,24 +211,26 @@ class Stay(NamedTuple):
 def stays(
     watched: Watched,
     pins: Sequence[PinPulses],
-    found: Sequence[Visit],
+    visits: Sequence[Visit],
     asked: Sequence[int],
     right: Sequence[int],
 ) -> list[Stay]:
     """Return the visits that are at the positions where they should be."""
     second = float(watched.clock.cycles_per_second)
-    made = []
+    stays = []
     for index in right:
-        visit = found[index]
+        visit = visits[index]
         silent = min(pin.silence(visit.begin, visit.end) for pin in pins)
-        made.append(Stay(asked[index], visit, visit.cycles / second, silent / second, index < len(found) - 1))
-    return made
+        stays.append(
+            Stay(asked[index], visit, visit.cycles / second, silent / second, index < len(visits) - 1)
+        )
+    return stays
 
 
-def pause_faults(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterator[Fault]:
+def pause_faults(lab: Lab, solution: Solution, stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield the worst pause of each position that has a wrong one."""
     for number, position in enumerate(solution.positions):
-        own = [stay for stay in found if stay.position == number and stay.whole]
+        own = [stay for stay in stays if stay.position == number and stay.whole]
         if position.pause_s is None or not own:
             continue
         worst = max(own, key=lambda stay: _pause_error(stay, position))
@@ -235,11 +239,11 @@ def pause_faults(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterato
 
 
 def first_wrong(
-    found: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, solution: Solution
+    visits: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, solution: Solution
 ) -> int | None:
     """Return the cycle in which the first visit begins, or ends, that is wrong; None if all are right."""
-    wrong = sorted(set(range(len(found))) - set(placed.right))
-    moments = [found[wrong[0]].begin] if wrong else []
+    wrong = sorted(set(range(len(visits))) - set(placed.right))
+    moments = [visits[wrong[0]].begin] if wrong else []
     for stay in right:
         position = solution.positions[stay.position]
         required = position.pause_s
@@ -270,14 +274,14 @@ def travel_faults(
     watched: Watched,
     pins: Sequence[PinPulses],
     everything: Sequence[Visit],
-    found: Sequence[Stay],
+    stays: Sequence[Stay],
     solution: Solution,
 ) -> Iterator[Fault]:
     """Yield positions that a servo cannot have reached: without pulses it does not move."""
     before = {after.begin: visit.commanded[-1].angles for visit, after in pairwise(everything)}
     named: set[tuple[int, int]] = set()
     second = float(watched.clock.cycles_per_second)
-    for stay in found:
+    for stay in stays:
         for number, (each, pin) in enumerate(zip(lab.servos, pins, strict=True)):
             speed = each.servo.model.speed
             start = before.get(stay.visit.begin)
@@ -301,14 +305,14 @@ def period_faults(
     names: Sequence[str],
     pins: Sequence[PinPulses],
     solution: Solution,
-    found: Sequence[Stay],
+    stays: Sequence[Stay],
 ) -> Iterator[Fault]:
     """Yield each pin's period farthest outside the range, and its largest change within a position."""
     ms = float(watched.clock.cycle_us) / 1000
     low, high = lab.period_ms
     for name, pin in zip(names, pins, strict=True):
         outside, changing = (0.0, ""), (0.0, "")
-        for stay in found:
+        for stay in stays:
             periods = pin.periods(stay.visit.begin, stay.visit.end) * ms
             if not len(periods):
                 continue
@@ -345,18 +349,18 @@ def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
 
 
 def end_faults(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], solution: Solution
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], solution: Solution
 ) -> Iterator[Fault]:
     """Yield why there are fewer complete rounds than required, if there are."""
-    text = _end_words(lab, watched, pins, found, solution)
+    text = _end_words(lab, watched, pins, visits, solution)
     if text:
         yield Fault((Check.REPETITION,), text)
 
 
 def _end_words(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], solution: Solution
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], solution: Solution
 ) -> str | None:
-    rounds = max(0, len(found) - 1) // len(solution.positions)
+    rounds = max(0, len(visits) - 1) // len(solution.positions)
     if rounds >= lab.rounds:
         return None
     seconds = float(watched.clock.seconds(watched.end))
@@ -368,7 +372,7 @@ def _end_words(
     if quiet > 2 * longest:
         end = float(watched.clock.seconds(last))
         return f"{text}: the pulses stop after {end:.1f} s; the motion must repeat endlessly"
-    if found and float(watched.clock.seconds(found[-1].cycles)) > 2 * longest:
-        begin = float(watched.clock.seconds(found[-1].begin))
+    if visits and float(watched.clock.seconds(visits[-1].cycles)) > 2 * longest:
+        begin = float(watched.clock.seconds(visits[-1].begin))
         return f"{text}: after {begin:.1f} s nothing moves; the motion must repeat endlessly"
     return text

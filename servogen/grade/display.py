@@ -68,13 +68,13 @@ def page_names(names: Sequence[str]) -> list[str]:
     `%` and their bytes. A digest keeps apart what a file system takes for the same, and shortens.
     """
     plain = [_page_name(name) for name in names]
-    count = Counter(unicodedata.normalize("NFKC", each).casefold() for each in plain)
+    count = Counter(unicodedata.normalize("NFKC", page).casefold() for page in plain)
     return [
-        f"{each}.md"
-        if count[unicodedata.normalize("NFKC", each).casefold()] == 1
-        and len(os.fsencode(each)) <= MAX_NAME_BYTES
-        else f"{_shortened(each)}~{hashlib.sha256(os.fsencode(name)).hexdigest()[:32]}.md"
-        for name, each in zip(names, plain, strict=True)
+        f"{page}.md"
+        if count[unicodedata.normalize("NFKC", page).casefold()] == 1
+        and len(os.fsencode(page)) <= MAX_NAME_BYTES
+        else f"{_shortened(page)}~{hashlib.sha256(os.fsencode(name)).hexdigest()[:32]}.md"
+        for name, page in zip(names, plain, strict=True)
     ]
 
 

@@ -43,10 +43,10 @@ def csv_text(lab: Lab, entries: Sequence[Entry]) -> str:
     keys = [each.value for each in lab.checks] + ([WHOLE] if lab.points_passed else [])
     writer.writerow(["program", "verdict", "points", "max_points", *(f"{key}_points" for key in keys), "why"])
     for entry in entries:
-        found = outcomes(lab, entry.grade)
+        results = outcomes(lab, entry.grade)
         verdict = "passed" if entry.grade.passed else "not passed"
-        cells = ["" if each.state is State.NOT_CHECKED else number(each.points) for each in found]
-        points = [number(total(found)), number(max_total(found))]
+        cells = ["" if each.state is State.NOT_CHECKED else number(each.points) for each in results]
+        points = [number(total(results)), number(max_total(results))]
         why = "; ".join(" ".join(visible(reason).split()) for reason in entry.grade.reasons)
         writer.writerow([_no_formula(entry.shown), verdict, *points, *cells, _no_formula(why)])
     return out.getvalue()
@@ -69,21 +69,21 @@ def junit_xml(lab: Lab, entries: Sequence[Entry]) -> str:
 
 
 def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
-    found = outcomes(lab, entry.grade)
+    results = outcomes(lab, entry.grade)
     suite = ElementTree.Element("testsuite", name=entry.shown)
     properties = ElementTree.SubElement(suite, "properties")
-    for key, value in (("points", total(found)), ("max_points", max_total(found))):
+    for key, value in (("points", total(results)), ("max_points", max_total(results))):
         ElementTree.SubElement(properties, "property", name=key, value=number(value))
-    for each in found:
+    for outcome in results:
         case = ElementTree.SubElement(suite, "testcase", classname=f"{shown_name(lab.name)}.{entry.shown}")
-        case.set("name", each.title)
-        tag = {State.FAILED: "failure", State.NOT_CHECKED: "skipped"}.get(each.state)
+        case.set("name", outcome.title)
+        tag = {State.FAILED: "failure", State.NOT_CHECKED: "skipped"}.get(outcome.state)
         if tag:
             tag = "error" if entry.defect and tag == "failure" else tag
-            text = visible(each.text)
-            ElementTree.SubElement(case, tag, message=headline(text), type=each.key).text = text
+            text = visible(outcome.text)
+            ElementTree.SubElement(case, tag, message=headline(text), type=outcome.key).text = text
     counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
-    suite.set("tests", str(len(found)))
+    suite.set("tests", str(len(results)))
     for key, tag in counts.items():
         suite.set(key, str(len(suite.findall(f"testcase/{tag}"))))
     return suite
@@ -91,7 +91,7 @@ def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
 
 def gradescope_json(lab: Lab, entry: Entry) -> str:
     """Return the results.json of one submission: Gradescope adds up the points of its tests."""
-    found = outcomes(lab, entry.grade)
+    results = outcomes(lab, entry.grade)
     verdict = "passed" if entry.grade.passed else "not passed"
     notes = [remark.sentence for remark in entry.grade.remarks]
     return _json(
@@ -102,7 +102,7 @@ def gradescope_json(lab: Lab, entry: Entry) -> str:
             "test_name_format": "text",
             "visibility": "visible",
             "stdout_visibility": "hidden",
-            "tests": [_gradescope_test(index, each) for index, each in enumerate(found, start=1)],
+            "tests": [_gradescope_test(index, outcome) for index, outcome in enumerate(results, start=1)],
         }
     )
 
@@ -130,12 +130,13 @@ def gradescope_without_program(lab: Lab, why: str) -> str:
 
 def classroom_json(lab: Lab, entry: Entry) -> str:
     """Return the result of one repository, of which GitHub Classroom's reporter reads the Base64."""
-    found = outcomes(lab, entry.grade)
+    results = outcomes(lab, entry.grade)
     status = "error" if entry.defect else "pass" if entry.grade.passed else "fail"
     tests = [
-        _classroom_test(each.title, each.state is State.PASSED, each.points, each.text) for each in found
+        _classroom_test(outcome.title, outcome.state is State.PASSED, outcome.points, outcome.text)
+        for outcome in results
     ]
-    return _json({"version": 1, "status": status, "max_score": max_total(found), "tests": tests})
+    return _json({"version": 1, "status": status, "max_score": max_total(results), "tests": tests})
 
 
 def classroom_without_program(lab: Lab, why: str) -> str:

@@ -168,15 +168,15 @@ def _judge_solution(
     names = [PINS[number] for number in numbers]
     everything = visits(watched, pins, [each.servo for each in lab.servos], solution.positions)
     longest_move = int(lab.longest_move_s * watched.clock.cycles_per_second)
-    found = without_moves(everything, longest_move)
-    placed = order(found, solution)
-    right = stays(watched, pins, found, placed.asked, placed.right)
+    settled = without_moves(everything, longest_move)
+    placed = order(settled, solution)
+    right = stays(watched, pins, settled, placed.asked, placed.right)
     faults = (
-        *order_faults(found, placed, lab, solution),
+        *order_faults(settled, placed, lab, solution),
         *pause_faults(lab, solution, right),
         *travel_faults(lab, watched, pins, everything, right, solution),
         *period_faults(lab, watched, names, pins, solution, right),
-        *end_faults(lab, watched, pins, found, solution),
+        *end_faults(lab, watched, pins, settled, solution),
     )
     clock = clock_words(lab, chip)
     if faults and clock:  # all else that is wrong is a consequence
@@ -185,24 +185,24 @@ def _judge_solution(
     return Grade(
         lab=lab.name,
         faults=faults,
-        unchecked=tuple(_unchecked(solution, found, right)),
+        unchecked=tuple(_unchecked(solution, settled, right)),
         remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
         pins=tuple((each.servo.name, name) for each, name in zip(lab.servos, names, strict=True)),
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
-        seen=sequence(found, solution),
+        seen=sequence(settled, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
         repeats=not faults and chip.repeats,
-        moment=first_wrong(found, placed, right, lab, solution) if faults else None,
+        moment=first_wrong(settled, placed, right, lab, solution) if faults else None,
     )
 
 
-def _unchecked(solution: Solution, found: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:
+def _unchecked(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:
     """Yield the checks for which too few visits were seen."""
     positions = frozenset(range(len(solution.positions)))
     whole = {stay.position for stay in right if stay.whole}
-    if not positions.issubset(place for visit in found for place in visit.places):
+    if not positions.issubset(place for visit in stops for place in visit.places):
         yield Check.POSITIONS
-    if len(found) < len(positions):
+    if len(stops) < len(positions):
         yield Check.ORDER
     if not whole.issuperset(number for number in positions if solution.positions[number].pause_s):
         yield Check.PAUSES
@@ -247,12 +247,12 @@ def _remarks(
 
 
 def _rows(
-    solution: Solution, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Stay], servos: int
+    solution: Solution, watched: Watched, pins: Sequence[PinPulses], stays: Sequence[Stay], servos: int
 ) -> Iterator[Row]:
     """Yield what was measured at each position of the task."""
     ms = float(watched.clock.cycle_us) / 1000
     for number, position in enumerate(solution.positions):
-        own = [stay for stay in found if stay.position == number]
+        own = [stay for stay in stays if stay.position == number]
         commanded = [each for stay in own for each in stay.visit.commanded]
         periods = [
             value * ms

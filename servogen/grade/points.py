@@ -43,12 +43,12 @@ class Outcome:
 
 def outcomes(lab: Lab, grade: Grade) -> tuple[Outcome, ...]:
     """Return the outcome of each check that the lab makes, then that of all together if it has points."""
-    found = [_outcome(lab, grade, check) for check in lab.checks]
+    results = [_outcome(lab, grade, check) for check in lab.checks]
     if lab.points_passed:
         state = State.PASSED if grade.passed else State.FAILED
         text = "" if grade.passed else "only for a program without any fault"
-        found.append(Outcome(WHOLE, "everything is right", state, lab.points_passed, text))
-    return tuple(found)
+        results.append(Outcome(WHOLE, "everything is right", state, lab.points_passed, text))
+    return tuple(results)
 
 
 def headline(text: str) -> str:
@@ -72,12 +72,12 @@ def _outcome(lab: Lab, grade: Grade, check: Check) -> Outcome:
 
 def total(results: Sequence[Outcome]) -> float:
     """Return the points that a program gets."""
-    return math.fsum(each.points for each in results)
+    return math.fsum(outcome.points for outcome in results)
 
 
 def max_total(results: Sequence[Outcome]) -> float:
     """Return the points that a program can get."""
-    return math.fsum(each.max_points for each in results)
+    return math.fsum(outcome.max_points for outcome in results)
 
 
 def number(points: float) -> str:

@@ -88,27 +88,27 @@ def find_submissions(
     `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
     A path that does not exist is a program that cannot be read. Raises InputError for a folder without one.
     """
-    found = Found()
+    result = Found()
     for path in given:
         if path.is_dir():
-            search = _Search(path, frozenset((*sources, *images)), level, found.warnings)
+            search = _Search(path, frozenset((*sources, *images)), level, result.warnings)
             programs = search.programs()
             if not programs:
                 raise InputError(
                     "no-program", f"holds no program ({', '.join((*sources, *images))})", Location(str(path))
                 )
-            found.submissions += _sources_first(programs, images, found.warnings)
+            result.submissions += _sources_first(programs, images, result.warnings)
         else:
             own = level == 0 or not _has_others(path, frozenset((*sources, *images)))
             folder = path.parent.resolve() if own else None
-            found.submissions.append(Submission(path.name, path, folder, given=True))
-    count = Counter(each.name for each in found.submissions)
+            result.submissions.append(Submission(path.name, path, folder, given=True))
+    count = Counter(submission.name for submission in result.submissions)
     named = (
-        each if count[each.name] == 1 else replace(each, name=each.file.as_posix())
-        for each in found.submissions
+        submission if count[submission.name] == 1 else replace(submission, name=submission.file.as_posix())
+        for submission in result.submissions
     )
-    found.submissions = list({each.name: each for each in named}.values())
-    return found
+    result.submissions = list({submission.name: submission for submission in named}.values())
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,16 +128,16 @@ class _Search:
             inside = [self._entries(folder, None) for folder in students]
             above += [file for files, _ in inside for file in files]
             students = [folder for _, folders in inside for folder in folders]
-        found = []
+        submissions = []
         for student in students:
             warned = len(self.warnings)
             files = self._of(student)
             if not (files or above or student.name.startswith(".") or len(self.warnings) > warned):
                 self._warn(student, "not graded: it holds no program")
-            found += [self._submission(file, student.resolve()) for file in files]
-        alone = len(above) == 1 and not found
-        found += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
-        return sorted(found, key=lambda each: each.file)
+            submissions += [self._submission(file, student.resolve()) for file in files]
+        alone = len(above) == 1 and not submissions
+        submissions += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
+        return sorted(submissions, key=lambda each: each.file)
 
     def _warn(self, path: Path, text: str) -> None:
         self.warnings.append(Diagnostic("warning", "not-searched", text, Location(str(path))))
@@ -147,7 +147,7 @@ class _Search:
 
     def _of(self, student: Path) -> list[Path]:
         """Return the programs in a student's folder, at any depth."""
-        found: list[Path] = []
+        programs: list[Path] = []
         waiting, searched = [student], 0
         while waiting:
             if searched == MAX_FOLDERS:
@@ -155,11 +155,11 @@ class _Search:
                 break
             files, folders = self._entries(waiting.pop(), MAX_ENTRIES)
             searched += 1
-            found += files
+            programs += files
             waiting += reversed(folders)
-        if len(found) > MAX_PROGRAMS:
-            self._warn(student, f"only the first {MAX_PROGRAMS} of {len(found)} programs are graded")
-        return found[:MAX_PROGRAMS]
+        if len(programs) > MAX_PROGRAMS:
+            self._warn(student, f"only the first {MAX_PROGRAMS} of {len(programs)} programs are graded")
+        return programs[:MAX_PROGRAMS]
 
     def _entries(self, folder: Path, limit: int | None) -> tuple[list[Path], list[Path]]:
         """Return the programs and the folders directly in `folder`, by name."""
@@ -173,7 +173,7 @@ class _Search:
             self._warn(folder, f"not searched: it holds more than {limit} files")
             return [], []
         files, folders = [], []
-        for entry in sorted(entries, key=lambda each: each.name):
+        for entry in sorted(entries, key=lambda item: item.name):
             path = folder / entry.name
             if entry.is_dir(follow_symlinks=False):
                 folders.append(path)
@@ -185,16 +185,20 @@ class _Search:
 
 
 def _sources_first(
-    found: Sequence[Submission], images: Collection[str], warnings: list[Diagnostic]
+    submissions: Sequence[Submission], images: Collection[str], warnings: list[Diagnostic]
 ) -> Iterator[Submission]:
     """Yield the programs, without images that lie beside a source of the same name."""
-    sources = {each.file.with_suffix("") for each in found if each.file.suffix.lower() not in images}
-    for each in found:
-        if each.file.suffix.lower() in images and each.file.with_suffix("") in sources:
+    sources = {
+        submission.file.with_suffix("")
+        for submission in submissions
+        if submission.file.suffix.lower() not in images
+    }
+    for submission in submissions:
+        if submission.file.suffix.lower() in images and submission.file.with_suffix("") in sources:
             text = "not graded, as its source lies beside it"
-            warnings.append(Diagnostic("warning", "not-searched", text, Location(str(each.file))))
+            warnings.append(Diagnostic("warning", "not-searched", text, Location(str(submission.file))))
         else:
-            yield each
+            yield submission
 
 
 def _has_others(path: Path, suffixes: frozenset[str]) -> bool:

@@ -130,19 +130,19 @@ def visits(
     watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo], positions: Sequence[Position]
 ) -> list[Visit]:
     """Return the visits from when every servo has had a pulse to the end of the watch."""
-    found: list[Visit] = []
+    stops: list[Visit] = []
     commands = list(_commands(watched, pins, servos))
     ends = [*(each.cycle for each in commands[1:]), watched.end]
     for each, end in zip(commands, ends, strict=True):
         if end == each.cycle:  # two servos change in one cycle: the second change is both
             continue
         places = frozenset(number for number, position in enumerate(positions) if position.holds(each.angles))
-        if found and found[-1].places == places:
-            last = found.pop()
-            found.append(Visit(last.begin, end, places, (*last.commanded, each)))
+        if stops and stops[-1].places == places:
+            last = stops.pop()
+            stops.append(Visit(last.begin, end, places, (*last.commanded, each)))
         else:
-            found.append(Visit(each.cycle, end, places, (each,)))
-    return found
+            stops.append(Visit(each.cycle, end, places, (each,)))
+    return stops
 
 
 def _commands(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo]) -> Iterator[Commanded]:
@@ -162,27 +162,27 @@ def _commands(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Serv
             yield Commanded(cycle, angles, widths)
 
 
-def without_moves(found: Sequence[Visit], longest: int) -> list[Visit]:
+def without_moves(stops: Sequence[Visit], longest: int) -> list[Visit]:
     """Return the visits without ramps: up to `longest` cycles of angles between those of two positions.
 
     Any other visit to no position is split where its angles jump: each part is a place of its own.
     """
     kept = []
-    found = _through(found, longest // 4)
-    for index, visit in enumerate(found):
-        if 0 < index < len(found) - 1 and not visit.places and visit.cycles <= longest:
-            before, after = found[index - 1].commanded[-1].angles, found[index + 1].commanded[0].angles
+    stops = _through(stops, longest // 4)
+    for index, visit in enumerate(stops):
+        if 0 < index < len(stops) - 1 and not visit.places and visit.cycles <= longest:
+            before, after = stops[index - 1].commanded[-1].angles, stops[index + 1].commanded[0].angles
             if all(_between(each.angles, before, after) for each in visit.commanded):
                 continue
         kept += [visit] if visit.places else _parts(visit)
     return kept
 
 
-def _through(found: Sequence[Visit], longest: int) -> list[Visit]:
+def _through(stops: Sequence[Visit], longest: int) -> list[Visit]:
     """Return the visits, a position that a ramp only passes through being part of that ramp."""
     joined: list[Visit] = []
-    for index, visit in enumerate(found):
-        inside = joined and not joined[-1].places and index + 1 < len(found) and not found[index + 1].places
+    for index, visit in enumerate(stops):
+        inside = joined and not joined[-1].places and index + 1 < len(stops) and not stops[index + 1].places
         goes_on = joined and not joined[-1].places and not visit.places
         if (inside and visit.cycles <= longest) or goes_on:
             last = joined.pop()

@@ -175,10 +175,10 @@ class _Walker:
 
         The middle of every swing is then at a frame, even if the walk is played backward.
         """
-        found = self.walk([segment], others, self.frames)
+        walk = self.walk([segment], others, self.frames)
         grain = 2 * self.gait.grain
-        even = -(-found.frames_per_cycle // grain) * grain
-        return found if even == found.frames_per_cycle else self.walk([segment], others, even)
+        even = -(-walk.frames_per_cycle // grain) * grain
+        return walk if even == walk.frames_per_cycle else self.walk([segment], others, even)
 
 
 def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:

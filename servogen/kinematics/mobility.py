@@ -89,7 +89,7 @@ def of_mechanism(elements: int, joints: Sequence[str], *, plane: bool = False) -
 
     Raises InputError if the joints are too few to connect the elements.
     """
-    found = (gruebler if plane else kutzbach)(elements, joints)
+    freedoms = (gruebler if plane else kutzbach)(elements, joints)
     if len(joints) < elements - 1:
         raise InputError(
             "wrong-count",
@@ -101,15 +101,15 @@ def of_mechanism(elements: int, joints: Sequence[str], *, plane: bool = False) -
     if loops:
         constraints = IN_PLANE if plane else IN_SPACE
         note = f"{counted(loops, 'closed loop')}, {constraints} constraints each"
-    if found < 1:
+    if freedoms < 1:
         note += "; rigid, unless some constraints repeat others"
         note += "" if plane else ", as those of parallel axes do: count such a mechanism in the plane"
     return Mobility(
         elements=elements,
         joints=tuple(joints),
         passive=0,
-        mobility=found,
-        manoeuvrability=manoeuvrability(found),
+        mobility=freedoms,
+        manoeuvrability=manoeuvrability(freedoms),
         note=note,
     )
 

@@ -214,11 +214,6 @@ class Travel:
     def whole_counts(self) -> int:
         return round(self.counts)
 
-    @property
-    def rounding_m(self) -> float:
-        """Return how much farther than requested the base moves with whole counts."""
-        return self.distance_m * (self.whole_counts / self.counts - 1) if self.counts else 0.0
-
 
 def circumference(base: OmniBase) -> float:
     """Return the distance in metres that a wheel rolls in one turn."""
@@ -230,12 +225,6 @@ def travel(base: OmniBase, distance_m: float) -> Travel:
     wheel = distance_m * sin(pi / 3)
     turns = base.gear * wheel / circumference(base)
     return Travel(distance_m, wheel, turns, base.counts_per_turn * turns)
-
-
-def wheel_counts(base: OmniBase, displacement: ArrayLike) -> Floats:
-    """Return the encoder counts (..., 3) of a displacement (x, y, angle) (..., 3) in metres and radians."""
-    turns = base.wheel_speeds(displacement) * base.gear / (2 * pi)
-    return np.asarray(turns * base.counts_per_turn)
 
 
 def sensor_angles(base: OmniBase) -> tuple[float, ...]:

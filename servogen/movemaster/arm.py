@@ -342,19 +342,19 @@ class Mover:
         turn.
         """
         start = np.array(self.pose.values)
-        way = np.array(pose.values) - start
-        way[3:] = np.degrees(short_way(np.radians(way[3:])))
+        path = np.array(pose.values) - start
+        path[3:] = np.degrees(short_way(np.radians(path[3:])))
         manipulator = self.manipulator
 
         def inverse(shares: Floats, near: Floats) -> Floats:
-            poses = start + shares[:, None] * way
+            poses = start + shares[:, None] * path
             poses[shares == 1.0] = pose.values
             return manipulator.solutions(poses, near)
 
         def shown(q: Floats) -> str:
             return ", ".join(joint_text(manipulator.arm, q.tolist()).split("  "))
 
-        line = Line(_metres(start), _metres(start + way))
+        line = Line(_metres(start), _metres(start + path))
         try:
             return trace(line, inverse, self.q, shown)
         except ChangesBranch as error:
@@ -368,7 +368,7 @@ class Mover:
             raise InputError(
                 "leaves-reach",
                 f"the straight line to {what} leaves what the arm reaches at {in_mm(error.point)}: "
-                f"{self._reason(Pose(*(start + error.share * way).tolist()))}",
+                f"{self._reason(Pose(*(start + error.share * path).tolist()))}",
                 hint=f"MO goes to {what} through joint space",
             ) from error
 

@@ -240,20 +240,20 @@ class Flow:
         all paths through the program regardless of its conditions. Excessive nesting is rejected at run time.
         """
         before: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        found: list[tuple[int, int]] = []
+        loops: list[tuple[int, int]] = []
         for index, line in enumerate(self._lines):
             for depth in range(1, MAX_DEPTH + 1):
                 deeper = depth + _OPENS.get(_mnemonic(line), 0)
                 if deeper == 0 or deeper > MAX_DEPTH:
-                    found.append((index, depth))
+                    loops.append((index, depth))
                 for target in self._after(index):
                     before.setdefault((target, deeper), []).append((index, depth))
-        closed = set(found)
-        while found:
-            for state in before.get(found.pop(), ()):
+        closed = set(loops)
+        while loops:
+            for state in before.get(loops.pop(), ()):
                 if state not in closed:
                     closed.add(state)
-                    found.append(state)
+                    loops.append(state)
         for index in sorted(self._run()):
             line = self._lines[index]
             if _mnemonic(line) == "RC" and (index + 1, 1) not in closed:
@@ -278,21 +278,21 @@ class Flow:
 
     def _run(self) -> set[int]:
         """Return the lines that can be reached from the beginning of the program."""
-        found = [self._next] if self._next not in (self._end, len(self._lines)) else []
-        seen = set(found)
-        while found:
-            index = found.pop()
+        waiting = [self._next] if self._next not in (self._end, len(self._lines)) else []
+        seen = set(waiting)
+        while waiting:
+            index = waiting.pop()
             line, targets = self._lines[index], self._after(index)
             if _mnemonic(line) == "GS":
                 targets.append(self._index[line.whole(JUMPS["GS"])])
             fresh = [target for target in targets if target not in seen]
             seen.update(fresh)
-            found += fresh
+            waiting += fresh
         return seen
 
     def _known(self, number: int) -> str:
         numbers = [line.number or 0 for line in self._lines]
-        near = sorted(sorted(numbers, key=lambda each: abs(each - number))[:4])
+        near = sorted(sorted(numbers, key=lambda candidate: abs(candidate - number))[:4])
         if not near:
             return "the program stands before RN in the file, each line with its number"
         return f"near it are the lines {', '.join(map(str, near))}"

@@ -186,16 +186,16 @@ _INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{
 
 def input_of(text: str, place: Location | None = None) -> Input:
     """Return an input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
-    found = _INPUT.match(text)
-    value = -1 if found is None else int(found[2], 16) if found[2] else int(found[3])
-    if found is None or not 0 <= value < 1 << PORT_BITS:
+    match = _INPUT.match(text)
+    value = -1 if match is None else int(match[2], 16) if match[2] else int(match[3])
+    if match is None or not 0 <= value < 1 << PORT_BITS:
         raise InputError(
             "bad-option",
             f"'{text}' is not an input",
             place,
             "seconds=value, such as 1.5=3 or 0=&1F; value 0 to 255 or &0 to &FF",
         )
-    return Input(Fraction(found[1]), value)
+    return Input(Fraction(match[1]), value)
 
 
 class InputPort:

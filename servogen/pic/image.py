@@ -118,7 +118,7 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
     InputError.
     """
     remarks: list[Diagnostic] = []
-    found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
+    contents: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
     for address, halves in sorted(_words(_records(text, file), file).items()):
         place = Location(file, halves.line)
         if address in RESERVED:
@@ -140,8 +140,8 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
                 )
             text = f"word 0x{address:04X} is 0x{value:04X}: its upper two bits are omitted"
             remarks.append(Diagnostic("warning", "hex-word", text, place))
-        found[region.name][address - region.start] = value & region.largest
-    image = Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])
+        contents[region.name][address - region.start] = value & region.largest
+    image = Image(contents["program"], contents["config"].get(0), contents["eeprom"], contents["ids"])
     return HexFile(image, tuple(remarks))
 
 

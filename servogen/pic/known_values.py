@@ -53,24 +53,24 @@ class Word:
 @cache
 def word_of(number: int) -> Word:
     """Return a decoded word. Raises Undefined."""
-    found = decode(number)
-    if found is None:
+    decoded = decode(number)
+    if decoded is None:
         raise Undefined
-    row = found.instruction
+    row = decoded.instruction
     return Word(
         row.mnemonic,
-        found.f,
-        found.d,
-        found.b,
-        found.k,
+        decoded.f,
+        decoded.d,
+        decoded.b,
+        decoded.k,
         row.flow,
         row.flags,
         row.reads,
         row.tests_bit,
         row.changes_bit,
         "f" in row.operands,
-        row.writes_file(found.d),
-        row.writes_w(found.d),
+        row.writes_file(decoded.d),
+        row.writes_w(decoded.d),
     )
 
 

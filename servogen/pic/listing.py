@@ -62,17 +62,17 @@ class Listing:
 
     def label(self, name: str) -> int:
         """Return the address of a label. Raises LookupError unless exactly one label has that name."""
-        found = {address for label, address in self.labels if label == name}
-        if len(found) != 1:
-            raise LookupError(f"{len(found)} labels are called {name}")
-        return found.pop()
+        addresses = {address for label, address in self.labels if label == name}
+        if len(addresses) != 1:
+            raise LookupError(f"{len(addresses)} labels are called {name}")
+        return addresses.pop()
 
     def variable(self, name: str) -> int:
         """Return the address of a global variable. Raises LookupError unless exactly one has that name."""
-        found = [address for address, variable, _ in self.variables if variable == name]
-        if len(found) != 1:
-            raise LookupError(f"{len(found)} variables are called {name}")
-        return found[0]
+        addresses = [address for address, variable, _ in self.variables if variable == name]
+        if len(addresses) != 1:
+            raise LookupError(f"{len(addresses)} variables are called {name}")
+        return addresses[0]
 
 
 def listing_text(listing: Listing) -> str:

@@ -275,17 +275,17 @@ class Program:
     def reached(self, start: int) -> frozenset[int]:
         """Return the addresses that a call of `start` may execute, without the RETLWs of tables."""
         if start not in self._reached:
-            found: set[int] = set()
+            addresses: set[int] = set()
             waiting = [start]
             while waiting:
                 at = waiting.pop()
-                if at not in found and at in self._words:
-                    found.add(at)
+                if at not in addresses and at in self._words:
+                    addresses.add(at)
                     waiting += [
                         *self._followers(at),
                         *([self.word(at).k] if self.word(at).flow == "call" else []),
                     ]
-            self._reached[start] = frozenset(found)
+            self._reached[start] = frozenset(addresses)
         return self._reached[start]
 
     def _followers(self, at: int) -> list[int]:
@@ -310,10 +310,10 @@ class Program:
     def _reads(self, start: int) -> int:
         """Return the places that a call of `start` may read, as a bit set."""
         if start not in self._read:
-            found = 0
+            places = 0
             for at in self.reached(start):
-                found |= _uses_and_kills(self.word(at))[0]
-            self._read[start] = found
+                places |= _uses_and_kills(self.word(at))[0]
+            self._read[start] = places
         return self._read[start]
 
     def _counters(self, start: int) -> frozenset[int]:
@@ -358,7 +358,7 @@ class Program:
                 continue
             if word.flow == "call":
                 after.setdefault(word.k, []).append(at + 1)
-        found: dict[int, dict[int, None]] = {}
+        callers: dict[int, dict[int, None]] = {}
         for start, returns in after.items():
             body: set[int] = set()
             waiting = [start]
@@ -367,12 +367,12 @@ class Program:
                 if at in body or at not in self._words:
                     continue
                 body.add(at)
-                found.setdefault(at, {}).update(dict.fromkeys(returns))
+                callers.setdefault(at, {}).update(dict.fromkeys(returns))
                 try:
                     waiting += self._followers(at)
                 except Undefined:
                     continue
-        return {at: tuple(returns) for at, returns in found.items()}
+        return {at: tuple(returns) for at, returns in callers.items()}
 
     def check_table(self, at: int) -> None:
         """Check that a computed jump at `at` leads to a RETLW: only RETLWs may follow it, up to the end of
@@ -495,7 +495,7 @@ class _Walk:
         if not self.complete:
             assert self.start is not None
             often = Counter(at for at, *_ in self.edges)
-            at = max(often, key=lambda each: often[each], default=self.start[0])
+            at = max(often, key=lambda address: often[address], default=self.start[0])
             return Times(shortest, None, (Unbounded("too many states", (at,)),))
         unbounded = self.unbounded
         if unbounded or shortest is None:
@@ -537,8 +537,8 @@ class _Walk:
 
     def longest(self) -> Cycles | None:
         assert self.start is not None
-        found = longest_path(self.start, self.edges)
-        return None if found is None else Cycles(found)
+        length = longest_path(self.start, self.edges)
+        return None if length is None else Cycles(length)
 
     def _shortest(self) -> Cycles | None:
         """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
@@ -620,9 +620,9 @@ class _Walk:
             state, passed = self._straight(state)
             minimum += passed
             maximum += passed
-            ways = [self._within(state, way) for way in self._steps(state)]
-            if len(ways) == 1:
-                fewest, slowest, after = ways[0]
+            steps = [self._within(state, step) for step in self._steps(state)]
+            if len(steps) == 1:
+                fewest, slowest, after = steps[0]
                 minimum += fewest
                 maximum += slowest or 0
                 unknown |= slowest is None
@@ -631,7 +631,7 @@ class _Walk:
                     return
                 state = after
                 continue
-            for fewest, slowest, after in ways:
+            for fewest, slowest, after in steps:
                 longest = None if unknown or slowest is None else maximum + slowest
                 yield minimum + fewest, longest, self._kept(after)
             return
@@ -651,15 +651,15 @@ class _Walk:
             at += 1
         return (state, 0) if at == first else ((at, home, stack, _frozen(known)), at - first)
 
-    def _within(self, before: _State, way: _Edge) -> _Edge:
+    def _within(self, before: _State, step: _Edge) -> _Edge:
         """Return the edge, ended at the boundary of the function if its code runs on into another: the
         start-up code before main.
         """
-        minimum, maximum, after = way
+        minimum, maximum, after = step
         if after is None or self.returns_to_callers or after[0] not in self.program.functions:
-            return way
+            return step
         runs_on = after[0] in (before[0] + 1, before[0] + 2) and after[0] != before[1]
-        return (minimum, maximum, None) if runs_on else way
+        return (minimum, maximum, None) if runs_on else step
 
     def _kept(self, state: _State | None) -> _State | None:
         """Return a state without the values that need not be remembered."""

@@ -20,7 +20,7 @@ class Commands:
     def __init__(self, schedule: PulseSchedule, rule: CommandRule) -> None:
         self.rule = rule
         self._codes = {direction.code: number + 1 for number, direction in enumerate(rule.directions)}
-        self._stance = at = schedule.lead_in_frames
+        at = schedule.lead_in_frames
         self._first: list[tuple[int, int, int]] = [(at, at, at)]
         self._after: dict[int, int] = {at - 1: 0, at + schedule.loop_frames - 1: 0}
         """The last frame of each part, and the direction whose start or cycle it is; 0: the robot stands."""

@@ -74,18 +74,18 @@ class Counterexample:
     def arguments(self) -> list[str]:
         """Return the options for `servogen simulate`."""
         plain = Options()
-        found = []
+        options = []
         for name in ("device", "watchdog_us", "eeprom_write_us", "floating", "start_seed", "tmr0_phase"):
             value = getattr(self.options, name)
             if value != getattr(plain, name):
-                found += [f"--{name.replace('_', '-')}", str(value)]
+                options += [f"--{name.replace('_', '-')}", str(value)]
         for name, value in self.options.start:
-            found += ["--start", f"{name}={value}"]
+            options += ["--start", f"{name}={value}"]
         if self.clock_hz is not None:
-            found += ["--clock-hz", str(self.clock_hz)]
+            options += ["--clock-hz", str(self.clock_hz)]
         if self.options.ra4_pull_up:
-            found.append("--ra4-pull-up")
-        return found
+            options.append("--ra4-pull-up")
+        return options
 
 
 def _microseconds(schedule: PulseSchedule, cycle: int) -> str:
@@ -107,17 +107,17 @@ class Case:
 
 def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
-    way = _way(nodes, finding)
-    end = way.end + (START_FRAMES if finding.silent else 2) * case.spec.period + way.waits * LONGEST_SLEEP
-    board = replace(case.board, tmr0_phase=way.tmr0_phase)
-    for trial in trials(board, case.quantifiers, way.start, case.spec.period):
+    path = _way(nodes, finding)
+    end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
+    board = replace(case.board, tmr0_phase=path.tmr0_phase)
+    for trial in trials(board, case.quantifiers, path.start, case.spec.period):
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
-        for falling in (False, True) if way.requests else (False,):
-            changes = [*way.samples, *_requesting(case, way.requests, falling)]
+        for falling in (False, True) if path.requests else (False,):
+            changes = [*path.samples, *_requesting(case, path.requests, falling)]
             levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
             edges = pin_changes(_machine(case, trial, levels), begun, begun + end)
             try:
-                _judge(case.spec, edges, way.samples, end)
+                _judge(case.spec, edges, path.samples, end)
             except Violation as violation:
                 if violation.certain:
                     cycle = begun + violation.cycle
@@ -194,53 +194,53 @@ class _Way:
 
 def _way(nodes: Sequence[Node], finding: Finding) -> _Way:
     """Return what was chosen from reset on."""
-    path = [finding.node]
-    while nodes[path[-1]].parent >= 0:
-        path.append(nodes[path[-1]].parent)
-    path.reverse()
-    way = _Way()
-    parts = [(nodes[number].cycles, nodes[number].decisions) for number in path[1:]]
+    ancestry = [finding.node]
+    while nodes[ancestry[-1]].parent >= 0:
+        ancestry.append(nodes[ancestry[-1]].parent)
+    ancestry.reverse()
+    path = _Way()
+    parts = [(nodes[number].cycles, nodes[number].decisions) for number in ancestry[1:]]
     for cycles, decisions in [*parts, (finding.cycle, finding.decisions)]:
         for decision in decisions:
             for choice in decision.choices:
-                cycle = way.end + decision.cycle
+                cycle = path.end + decision.cycle
                 if choice.field == "PINS":
                     pin = choice.bits.bit_length() - 1
-                    way.samples.append((cycle, pin, int(choice.value != 0)))
+                    path.samples.append((cycle, pin, int(choice.value != 0)))
                 elif choice.field.startswith("INTCON") and choice.value:
-                    way.requests.append((cycle + int(choice.field == "INTCON_LATE"), choice.value))
+                    path.requests.append((cycle + int(choice.field == "INTCON_LATE"), choice.value))
                 elif choice.field == "WATCHDOG":
-                    way.waits += 1
+                    path.waits += 1
                 elif choice.field == "TMR0_PHASE":
-                    way.tmr0_phase = choice.value
+                    path.tmr0_phase = choice.value
                 else:
-                    way.note_start(choice)
-        way.end += cycles
-    return way
+                    path.note_start(choice)
+        path.end += cycles
+    return path
 
 
 def levels_of(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
     """Return the pins' levels: each from the cycle of its reading on, the first from the beginning."""
-    found: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
+    levels: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
     for cycle, pin, level in sorted(samples):
-        changes = found.setdefault(pin, [(0, level)])
+        changes = levels.setdefault(pin, [(0, level)])
         if changes[-1][1] != level:
             changes.append((cycle, level))
-    return tuple((PINS[pin], tuple(changes)) for pin, changes in sorted(found.items()))
+    return tuple((PINS[pin], tuple(changes)) for pin, changes in sorted(levels.items()))
 
 
 def pin_changes(machine: Machine, begun: int, end: int) -> list[Edge]:
     """Return the changes of the pins from cycle `begun` on, in cycles since it."""
     chunk = join(machine.stream(end))
     high = 0
-    found = []
+    edges = []
     for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
         now = int(level == 1)
         if high >> pin & 1 != now:
             high ^= 1 << pin
             if cycle >= begun:
-                found.append((cycle - begun, pin, now))
-    return found
+                edges.append((cycle - begun, pin, now))
+    return edges
 
 
 def _judge(spec: Specification, edges: list[Edge], samples: Sequence[Sample], end: int) -> None:

@@ -62,12 +62,12 @@ def first_edges(
     start = machine.run_to_edge(pin, HIGH, START_FRAMES * schedule.period)
     if start is None:
         return None
-    found = {machine.pc & 0x3FF}
+    addresses = {machine.pc & 0x3FF}
     for _ in range(frames):
         if machine.run_to_edge(pin, HIGH, silence) is None:
             break
-        found.add(machine.pc & 0x3FF)
-    return int(start), found
+        addresses.add(machine.pc & 0x3FF)
+    return int(start), addresses
 
 
 def rising_addresses(image: Image, schedule: PulseSchedule) -> frozenset[int]:
@@ -76,23 +76,25 @@ def rising_addresses(image: Image, schedule: PulseSchedule) -> frozenset[int]:
     """
     pulses = next((run.pulses for run in (*schedule.lead_in, *schedule.loop) if any(run.pulses)), ())
     due = [(int(p.rise), int(p.rise + p.width), n) for n, p in enumerate(pulses) if p is not None]
-    found, free = set(), -1
+    addresses, free = set(), -1
     for rise, fall, number in sorted(due):
         if rise > free:
             machine = machine_of(schedule, image)
             pin = PINS.index(schedule.channels[number].pin)
             if machine.run_to_edge(pin, HIGH, START_FRAMES * schedule.period) is not None:
-                found.add(machine.pc - 1 & 0x3FF)
+                addresses.add(machine.pc - 1 & 0x3FF)
         free = max(free, fall)
-    return frozenset(found)
+    return frozenset(addresses)
 
 
 def once_a_frame(image: Image, schedule: PulseSchedule, start: int) -> list[int]:
     """Return the addresses that are executed once in each frame of the sample, evenly chosen."""
     machine = machine_of(schedule, image)
     machine.run(start + schedule.period // 2)
-    found = profile(machine, SAMPLE_FRAMES * schedule.period)
-    once = [address for address, spent in found.words.items() if abs(spent.executions - SAMPLE_FRAMES) <= 1]
+    profiled = profile(machine, SAMPLE_FRAMES * schedule.period)
+    once = [
+        address for address, spent in profiled.words.items() if abs(spent.executions - SAMPLE_FRAMES) <= 1
+    ]
     if len(once) <= TRIED:
         return sorted(once)
     return [sorted(once)[n] for n in np.linspace(0, len(once) - 1, TRIED).astype(int)]
@@ -106,10 +108,10 @@ def choose_cuts(
     always: frozenset[int],
 ) -> dict[int, Guess]:
     """Return the cut points with what is probably dead there; none where the program has no pulses."""
-    found = first_edges(program.image, schedule, min(spec.frames, MOTION_FRAMES), spec.longest_silence)
-    if found is None:
+    beginning = first_edges(program.image, schedule, min(spec.frames, MOTION_FRAMES), spec.longest_silence)
+    if beginning is None:
         return {}
-    start, fallback = found
+    start, fallback = beginning
     levels = {PINS.index(each.pin): each.level for each in schedule.inputs}
     best: list[int] = sorted(fallback)
     fewest = (True, 1 << 30)
@@ -143,7 +145,7 @@ def _needs_w(program: Program, pc: int) -> bool:
 def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int, Guess]:
     live = live_places(walk.reads, walk.writes, ALL_PLACES)
     half = max(1, len(live) // 2)
-    found = {}
+    guesses = {}
     for pc in cuts:
         rows = [n for n in range(half) if walk.pcs[n] == pc]
         dead = ALL_PLACES.difference(*(live[n] for n in rows)) if rows else frozenset()
@@ -157,8 +159,8 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
                 for place in sorted(ALL_PLACES - dead)
                 if follows_timer([ram[place] for ram, _ in states], timers)
             }
-        found[pc] = guess
-    return found
+        guesses[pc] = guess
+    return guesses
 
 
 def _walk(

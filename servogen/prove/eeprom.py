@@ -43,9 +43,9 @@ class TrimSearch:
     def search(self, suspect: Mapping[int, int]) -> Counterexample | None:
         """Return the first content with a wrong edge, `suspect` before all others."""
         for content, frames in self._contents(suspect):
-            found = self._compared(content, frames)
-            if found is not None:
-                cycle, message = found
+            mismatch = self._compared(content, frames)
+            if mismatch is not None:
+                cycle, message = mismatch
                 levels = levels_of((), self._held)
                 return Counterexample(message, cycle, self._board, levels, eeprom=dict(content))
         return None
@@ -59,16 +59,16 @@ class TrimSearch:
     def _probed(self, byte: int) -> list[int]:
         """Return the channels whose first pulse a byte of the EEPROM makes longer."""
         first = next((n for n, frame in enumerate(self._frames) if any(frame)), 0)
-        plain, seen = (set(self._seen(each, first + 1)) for each in ({}, {byte: PROBE}))
+        plain, seen = (set(self._seen(content, first + 1)) for content in ({}, {byte: PROBE}))
         moved = {pin for cycle, pin, level in seen - plain if not level}
         return [n for n, channel in enumerate(self._schedule.channels) if PINS.index(channel.pin) in moved]
 
     def _seen(self, content: Mapping[int, int], frames: int) -> list[Edge]:
         """Return the edges of so many frames, from the first rise on, in cycles since it."""
-        found = self._edges(content, frames)
-        begun = next((cycle for cycle, _, level in found if level), 0)
+        edges = self._edges(content, frames)
+        begun = next((cycle for cycle, _, level in edges if level), 0)
         end = (frames - 1) * self._schedule.period + self._schedule.period // 2
-        return [(cycle - begun, pin, level) for cycle, pin, level in found if begun <= cycle < begun + end]
+        return [(cycle - begun, pin, level) for cycle, pin, level in edges if begun <= cycle < begun + end]
 
     def _edges(self, content: Mapping[int, int], frames: int) -> list[Edge]:
         """Return the edges of a run that is long enough for so many frames, in cycles since power-on."""
@@ -78,12 +78,12 @@ class TrimSearch:
 
     def _compared(self, content: Mapping[int, int], frames: int) -> tuple[int, str] | None:
         """Return the cycle since power-on of the first wrong edge, and what is wrong."""
-        found = self._edges(content, frames)
-        begun = next((cycle for cycle, _, level in found if level), 0)
+        edges = self._edges(content, frames)
+        begun = next((cycle for cycle, _, level in edges if level), 0)
         trims = {channel: trim_cycles(content.get(byte, NO_TRIM)) for byte, channel in self._bytes.items()}
         wanted = sorted(self._wanted(trims, frames))
         offset = begun - wanted[0][0]
-        seen = [(cycle - offset, pin, level) for cycle, pin, level in found if cycle >= begun]
+        seen = [(cycle - offset, pin, level) for cycle, pin, level in edges if cycle >= begun]
         last = frames * self._schedule.period
         for edge in sorted({*wanted} ^ {edge for edge in seen if edge[0] < last}):
             where = "missing" if edge in wanted else "not the schedule's"

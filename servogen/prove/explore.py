@@ -100,11 +100,11 @@ class _Trail:
 
 
 def _decisions(trail: _Trail | None) -> tuple[Decision, ...]:
-    found = []
+    decisions = []
     while trail is not None:
-        found.append(trail.decision)
+        decisions.append(trail.decision)
         trail = trail.before
-    return tuple(reversed(found))
+    return tuple(reversed(decisions))
 
 
 @dataclass(slots=True)
@@ -162,12 +162,12 @@ class Explorer:
         done = 0
         while self._queue:
             number = self._queue.popleft()
-            found = self._expand(number)
+            ended = self._expand(number)
             done += 1
             if done % 500 == 0:
                 self._tell(done, len(self._nodes))
-            if found is not None:
-                return found
+            if ended is not None:
+                return ended
             if len(self._nodes) > self._max_states:
                 finding = Finding(number, (), 0, f"more than {self._max_states} states", False, 0)
                 return self._ended(Answer.UNDECIDED, finding)
@@ -205,16 +205,16 @@ class Explorer:
             self._work += 1
             if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
                 return self._stuck(number, point, "too many ways between two frames")
-            undecided = all(each == ALONE for each in point.chosen)
+            undecided = all(choice == ALONE for choice in point.chosen)
             if point.use is not None and undecided and self._blamed(number, point, point.use):
                 return self._ended(Answer.REFINE, None)
             ways = self._ways(point)
             if ways is None:
                 return self._stuck(number, point, "what decides is not known", point.use)
             for choices in ways:
-                found = self._follow(number, point, choices, points)
-                if found is not None:
-                    return found
+                ended = self._follow(number, point, choices, points)
+                if ended is not None:
+                    return ended
         return None
 
     def _ways(self, point: _Point) -> list[Choices] | None:
@@ -298,9 +298,9 @@ class Explorer:
         wakes += [Choice("WATCHDOG", 0, 0)] if watchdog else []
         wakes += [Choice("EE_DONE", 0, 0)] if intcon & EEIE and rest["EE_DONE_AT"] != NEVER else []
         for wake in wakes:
-            found = self._follow(number, point, (wake,), points)
-            if found is not None:
-                return found
+            ended = self._follow(number, point, (wake,), points)
+            if ended is not None:
+                return ended
         return None
 
     def _blamed(self, number: int, point: _Point, use: Use) -> bool:

@@ -57,18 +57,18 @@ class Program:
 
     def port_reads(self) -> frozenset[int]:
         """Return the addresses of instructions that read a port without writing it."""
-        found = set()
+        addresses = set()
         for address in self.image.program:
             decoded = self.at(address)
             if decoded is None or decoded.f not in (PORTA, PORTB) or "f" not in decoded.instruction.reads:
                 continue
             if decoded.instruction.writes == "" or (decoded.instruction.writes == "d" and not decoded.d):
-                found.add(address)
-        return frozenset(found)
+                addresses.add(address)
+        return frozenset(addresses)
 
     def option_writes(self) -> frozenset[int]:
         """Return the addresses of instructions that may write OPTION_REG, except through INDF."""
-        found = set()
+        addresses = set()
         for address in self.image.program:
             decoded = self.at(address)
             if decoded is None:
@@ -76,8 +76,8 @@ class Program:
             row = decoded.instruction
             writes = row.writes == "f" or (row.writes == "d" and decoded.d)
             if row.mnemonic == "OPTION" or (writes and "f" in row.operands and decoded.f == TMR0):
-                found.add(address)
-        return frozenset(found)
+                addresses.add(address)
+        return frozenset(addresses)
 
     @cached_property
     def sleeps(self) -> frozenset[int]:
@@ -222,14 +222,14 @@ def _operands(decoded: Decoded, state: ChipState, use: Use) -> list[str]:
     if use.kind == layout.USE_POINTER:
         return ["FSR"]
     row = decoded.instruction
-    found = []
+    names = []
     if "f" in row.operands and "f" in row.reads:
-        found += _field_of(decoded.f, state)
+        names += _field_of(decoded.f, state)
     if "W" in row.reads:
-        found.append("W")
+        names.append("W")
     if "C" in row.reads:
-        found.append("STATUS")
-    return found
+        names.append("STATUS")
+    return names
 
 
 def _field_of(f: int, state: ChipState) -> list[str]:

@@ -48,13 +48,13 @@ class Guess:
     """Places in the RAM whose distance from TMR0 counts, not they themselves; None: TMR0 is kept as it is."""
     registers: set[str] = field(default_factory=lambda: set(REGISTERS))
 
-    def drop(self, what: str) -> None:
-        if what == PHASE:
+    def drop(self, place: str) -> None:
+        if place == PHASE:
             self.phased = None
-        elif what.startswith("0x"):
-            self.dead.discard(int(what, 16))
+        elif place.startswith("0x"):
+            self.dead.discard(int(place, 16))
         else:
-            self.registers.discard(what)
+            self.registers.discard(place)
 
 
 class Generaliser:
@@ -77,10 +77,10 @@ class Generaliser:
     def generalised(self, ram: Ram, rest: int) -> tuple[Ram, int]:
         """Return a state that covers this one."""
         guess = self.guesses[self._transitions.pc(rest)]
-        found = self._rests.get(rest)
-        if found is None:
-            found = self._rests[rest] = self._general_rest(rest, guess)
-        general, timer, moved = found
+        generalised = self._rests.get(rest)
+        if generalised is None:
+            generalised = self._rests[rest] = self._general_rest(rest, guess)
+        general, timer, moved = generalised
         cells = list(ram)
         for place in guess.dead:
             cells[place] = ALL_UNKNOWN
@@ -208,11 +208,11 @@ def live_places(
 ) -> list[frozenset[int]]:
     """Return the places that are live before each of consecutive runs; after the last, all are."""
     live = all_places
-    found = []
+    places = []
     for read, written in zip(reversed(reads), reversed(writes), strict=True):
         live = read | (live - written)
-        found.append(live)
-    return found[::-1]
+        places.append(live)
+    return places[::-1]
 
 
 def follows_timer(cells: list[int], timers: list[int]) -> bool:

@@ -165,15 +165,17 @@ class _Prover:
         if plain.asynchronous:
             return replace(plain, proven=False, reason="any EEPROM: something other than TMR0 interrupts")
         try:
-            found = search.prove(starts)
+            trimmed = search.prove(starts)
         except Undecided as undecided:
             reason = f"any EEPROM: {undecided}"
         except Wrong as wrong:
             suspect, reason = wrong.content, f"any EEPROM: {wrong.message} (frame {wrong.frame})"
         else:
-            assumptions = tuple(each for each in plain.assumptions if each != AS_IN_THE_FILE)
-            said = _trims_text(self._schedule, found.bytes)
-            return replace(plain, assumptions=(*assumptions, said), runs=plain.runs + found.runs)
+            assumptions = tuple(
+                assumption for assumption in plain.assumptions if assumption != AS_IN_THE_FILE
+            )
+            trims = _trims_text(self._schedule, trimmed.bytes)
+            return replace(plain, assumptions=(*assumptions, trims), runs=plain.runs + trimmed.runs)
         shown = TrimSearch(self._image, self._schedule, self._board, self._held).search(suspect)
         return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
 
@@ -187,8 +189,8 @@ class _Prover:
     def _unfit_oscillator(self) -> Proof | None:
         """Return the answer where the configuration word says that the clock is not the schedule's."""
         machine = Machine(self._image, self._schedule.clock, self._board, tracked=True)
-        found = machine.chip_dependent
-        if not found:
+        warnings = machine.chip_dependent
+        if not warnings:
             return None
         config = self._image.config
         if config is None or config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"]:
@@ -196,7 +198,7 @@ class _Prover:
             shown = slow_oscillator(case)
             if shown is not None:
                 return self._result(None, shown, "")
-        return self._result(None, None, "; ".join(each.message for each in found))
+        return self._result(None, None, "; ".join(warning.message for warning in warnings))
 
     def _answer(self, search: Search) -> Proof:
         if search.answer is Answer.CLOSED:
@@ -233,7 +235,7 @@ class _Prover:
         )
 
     def _assumptions(self) -> tuple[str, ...]:
-        found = [
+        assumptions = [
             "the instruction set's table, servogen/pic/isa.py",
             "timers, ports and resets as docs/simulator.md lists them, with the data sheet's sections",
             "no servo responds to a pulse of at most 10 cycles before the first frame",
@@ -244,18 +246,20 @@ class _Prover:
             AS_IN_THE_FILE,
         ]
         if self._chip.watchdog and self._quantifiers.watchdog:
-            found.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
+            assumptions.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
         elif self._chip.watchdog:
-            found.append(f"the watchdog's period is {self._board.watchdog_us / 1000:g} ms")
+            assumptions.append(f"the watchdog's period is {self._board.watchdog_us / 1000:g} ms")
         if self._program.eeprom_accesses:
             write = "at most " if self._quantifiers.eeprom_write else ""
-            found.append(f"an EEPROM write takes {write}{self._write_us / 1000:g} ms")
-        found += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
+            assumptions.append(f"an EEPROM write takes {write}{self._write_us / 1000:g} ms")
+        assumptions += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
         for pin, level in sorted(self._held.items()):
-            found.append(f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}")
+            assumptions.append(
+                f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}"
+            )
         if not self._quantifiers.tmr0_phase:
-            found.append("TMR0 counts from the cycle after OPTION_REG is written")
-        return tuple(found)
+            assumptions.append("TMR0 counts from the cycle after OPTION_REG is written")
+        return tuple(assumptions)
 
 
 def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
@@ -263,10 +267,10 @@ def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
     trims = [(byte, schedule.channels[channel].pin) for channel, byte in bytes_of.items() if byte >= 0]
     if not trims:
         return "the EEPROM holds anything: no pulse depends on it"
-    said = ", ".join(f"{byte} of {pin}" for byte, pin in sorted(trims))
+    named = ", ".join(f"{byte} of {pin}" for byte, pin in sorted(trims))
     return (
         "the EEPROM holds anything; each pulse is longer than the schedule's by the byte that is its trim, "
-        f"in two's complement, 0xFF being none: byte {said}"
+        f"in two's complement, 0xFF being none: byte {named}"
     )
 
 
@@ -287,5 +291,5 @@ def _waits_for_ever(search: Search) -> int | None:
     for before, after in search.waits:
         graph.setdefault(before, []).append(after)
         graph.setdefault(after, [])
-    found = components(graph)
-    return found[0][0] if found else None
+    cycles = components(graph)
+    return cycles[0][0] if cycles else None

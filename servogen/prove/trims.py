@@ -147,17 +147,17 @@ class _Ways:
             if ((column >= 0) & (column < VALUES)).all() and (column != column[0]).any()
         ]
 
-    def add(self, classes: Ints, found: Lanes) -> None:
+    def add(self, classes: Ints, lanes: Lanes) -> None:
         """Note the ways of `classes`."""
         before = len(self.cycles)
         self.row_of[classes] = before + np.arange(len(classes))
-        self.cycles = np.concatenate([self.cycles, found.cycles])
-        written = {int(place): found.ram[:, place] for place in np.flatnonzero((found.ram >= 0).any(axis=0))}
+        self.cycles = np.concatenate([self.cycles, lanes.cycles])
+        written = {int(place): lanes.ram[:, place] for place in np.flatnonzero((lanes.ram >= 0).any(axis=0))}
         _append(self.ram, written, before, len(classes))
-        _append(self.edges, found.edges, before, len(classes))
-        self.fit = self.fit and bool(found.fit.all())
-        self.read |= frozenset(found.read)
-        for rest in found.rests:
+        _append(self.edges, lanes.edges, before, len(classes))
+        self.fit = self.fit and bool(lanes.fit.all())
+        self.read |= frozenset(lanes.read)
+        for rest in lanes.rests:
             self.rest = _joined(self.rest, rest) if self.rest else rest
             self.single = self.single and bool(self.rest)
 
@@ -269,7 +269,7 @@ class TrimProof:
             self._steps += 1
             if self._steps > MAX_STEPS:
                 raise Undecided(f"more than {MAX_STEPS} steps")
-            waiting += [found for each in self._step(state) for found in self._settled(each)]
+            waiting += [settled for following in self._step(state) for settled in self._settled(following)]
         if len(set(self._byte_of.values())) < len(self._byte_of):
             raise Undecided("two channels have their trims in one byte of the EEPROM")
         return Trimmed(dict(self._byte_of), self._runs, len(self._played))
@@ -283,19 +283,19 @@ class TrimProof:
         if pc in self._always:
             ways = before_instruction(self._program, chip, frozenset(), self._phases)
             if ways != [()]:
-                return [found for way in ways for found in self._each_time(state, way)]
+                return [successor for choices in ways for successor in self._each_time(state, choices)]
         if pc in self._reads and self._program.reads_eeprom(chip):
             return [self._eeprom_read(state)]
         if pc in self._timer:
             return self._each_time(state, ())
         return [self._together(state)]
 
-    def _each_time(self, state: _State, way: Choices) -> list[_State]:
+    def _each_time(self, state: _State, choices: Choices) -> list[_State]:
         """Return where the chips of each time come, one time after the other."""
-        found: dict[tuple[object, ...], _State] = {}
+        states: dict[tuple[object, ...], _State] = {}
         for late in state.times:
             rest = self._later(state, late)
-            outcome = self._alone.run(state.ram, self._alone.number(rest), way)
+            outcome = self._alone.run(state.ram, self._alone.number(rest), choices)
             written = {place for place, _ in outcome.written}
             if outcome.reason is not Reason.STOP:
                 why = "; ".join(outcome.warnings) or "an unknown bit decides"
@@ -310,8 +310,8 @@ class TrimProof:
             ram, after = applied(state.ram, outcome), outcome.rest
             moved = self._moved(state, state.time + late, outcome.cycles, 0, frozenset())
             one = replace(state, ram=ram, rest=after, tables=tables, times=(0,), **moved)
-            found.setdefault((ram, after, one.frame, one.time), one)
-        return list(found.values())
+            states.setdefault((ram, after, one.frame, one.time), one)
+        return list(states.values())
 
     def _eeprom_read(self, state: _State) -> _State:
         """Return the state after the instruction that reads a byte of the EEPROM: it may be any."""
@@ -342,8 +342,8 @@ class TrimProof:
             if taken and (not ways.fit or any((column >= VALUES).any() for column in ways.ram.values())):
                 ways, rows, cells = self._ways(state, taken)
             if ways.fit and ways.single:
-                found = self._arrived(state, ways, rows, cells, taken)
-                return self._refined(state, found, ways)
+                arrived = self._arrived(state, ways, rows, cells, taken)
+                return self._refined(state, arrived, ways)
             more = taken | {place for place in ways.read if place in state.tables}
             if more == taken and EEDATA in state.tables:
                 more = taken | {EEDATA}
@@ -353,15 +353,15 @@ class TrimProof:
                 raise Undecided(self._place("an unknown bit decides", state))
             taken = more
 
-    def _refined(self, state: _State, found: _State, ways: _Ways) -> _State:
+    def _refined(self, state: _State, arrived: _State, ways: _Ways) -> _State:
         """Return a state with tables for the bytes that were copied, or computed, from one table without
         deciding anything.
         """
-        vague = {p for p in ways.ram if found.ram[p] == ALL_UNKNOWN and p not in found.tables}
+        vague = {p for p in ways.ram if arrived.ram[p] == ALL_UNKNOWN and p not in arrived.tables}
         used: set[Place] = {place for place in ways.read if place in state.tables}
         if not used and EEDATA in state.tables:
             used = {EEDATA}
-        ram, tables = list(found.ram), dict(found.tables)
+        ram, tables = list(arrived.ram), dict(arrived.tables)
         for cell in sorted(
             {table.cells[0] for place in used if (table := state.tables[place]).source is None}
         ):
@@ -379,7 +379,7 @@ class TrimProof:
                         ram[place] = int(values[0])
                     else:
                         tables[place] = Table(cells, values)
-        return replace(found, ram=tuple(ram), tables=tables)
+        return replace(arrived, ram=tuple(ram), tables=tables)
 
     def _ways(self, state: _State, taken: frozenset[Place]) -> tuple[_Ways, Ints, tuple[int, ...]]:
         """Return the ways from a state with the tables of `taken` apart, the way of each value or pair of
@@ -450,16 +450,16 @@ class TrimProof:
         stops, runs = self._stops | self._timer, []
         for begin in range(0, len(new), CHUNK):
             part = slice(begin, begin + CHUNK)
-            found = self._chip.run_lanes(start, tuple(taken), values[part], stops, self._limit)
-            runs.append((new[part], found))
+            lanes = self._chip.run_lanes(start, tuple(taken), values[part], stops, self._limit)
+            runs.append((new[part], lanes))
             self._runs += len(values[part])
-            if not found.fit.all():
+            if not lanes.fit.all():
                 break
-        read = {place for _, found in runs for place in found.read} - {*taken}
+        read = {place for _, lanes in runs for place in lanes.read} - {*taken}
         if any(ways.example[place] != start.ram[place] for place in read):
             ways = ways.copied(start.ram)
-        for each, found in runs:
-            ways.add(each, found)
+        for numbers, lanes in runs:
+            ways.add(numbers, lanes)
         memory.note(frozenset(read))
         memory.found[memory.key(start.ram)] = ways
         return ways
@@ -472,7 +472,7 @@ class TrimProof:
         first, last = int(cycles.min()), int(cycles.max())
         moved = self._judged(state, ways, rows, cells, first, last)
         ram, tables = list(state.ram), dict(state.tables)
-        made: dict[Place, Table] = {}
+        new_tables: dict[Place, Table] = {}
         for place, column in ways.ram.items():
             values = column[rows]
             kept = values < 0
@@ -486,14 +486,14 @@ class TrimProof:
             if (values != ram[place]).any():
                 ram[place] = ALL_UNKNOWN
                 if (values < VALUES).all():
-                    made[place] = _table(values, cells, ways, rows)
-        if any(table.source is ways for table in made.values()):
-            made = {}
+                    new_tables[place] = _table(values, cells, ways, rows)
+        if any(table.source is ways for table in new_tables.values()):
+            new_tables = {}
             for place in ways.differing():
-                made[place] = Table(cells, ways.ram[place][rows], ways, rows)
+                new_tables[place] = Table(cells, ways.ram[place][rows], ways, rows)
                 tables.pop(place, None)
                 ram[place] = ALL_UNKNOWN
-        tables |= made
+        tables |= new_tables
         rest = self._at(state, ways.rest, first)
         late = np.unique(cycles) - first
         times = tuple(sorted({time + more for time in state.times for more in late.tolist()}))
@@ -506,15 +506,15 @@ class TrimProof:
         if not cycles:
             return state.rest
         key = state.rest, cycles
-        found = self._aged.get(key)
-        if found is None:
+        later = self._aged.get(key)
+        if later is None:
             outcome = self._idle.run(ChipState(state.ram, state.rest), frozenset(), cycles)
             if outcome.reason is not Reason.LIMIT or outcome.cycles != cycles or outcome.edges:
                 raise Undecided(self._place("something happens by itself", state))
             rest = list(outcome.rest)
             rest[FIELD["PC"]] = state.rest[FIELD["PC"]]
-            found = self._aged[key] = tuple(rest)
-        return found
+            later = self._aged[key] = tuple(rest)
+        return later
 
     def _at(self, state: _State, rest: Rest, cycles: int) -> Rest:
         """Return `rest`, but TMR0 as it is `cycles` after `state`."""
@@ -570,7 +570,7 @@ class TrimProof:
         for axis, cell in enumerate(cells):
             differs[cell] = longer != _along(TRIMS, axis, len(cells))
         options = [known if known in differs else NO_BYTE] if known is not None else [*differs]
-        fewest, cell = min((int(np.count_nonzero(differs[each])), each) for each in options)
+        fewest, cell = min((int(np.count_nonzero(differs[option])), option) for option in options)
         wrong = differs[cell]
         if fewest:
             pin = PINS[self._channels[channel]]
@@ -626,13 +626,13 @@ class TrimProof:
                 if place == EEDATA or (ram[int(place)] == ALL_UNKNOWN and not self._dead(state, place))
             }
             state = replace(state, ram=ram, rest=self._transitions.rest(general), tables=tables)
-            said = tuple((place, table.cells, table.values.tobytes()) for place, table in tables.items())
+            contents = tuple((place, table.cells, table.values.tobytes()) for place, table in tables.items())
             state = _rephased(state)
             silent = state.silent + 1 if state.frame < 0 else 0
             if silent > START_FRAMES:
                 raise Undecided(self._place("no pulse comes", state))
             state.silent = silent
-            key = (state.ram, state.rest, state.times, state.frame, state.time, state.done, silent, said)
+            key = (state.ram, state.rest, state.times, state.frame, state.time, state.done, silent, contents)
             if key in self._visited:
                 return
             self._visited.add(key)

@@ -214,8 +214,8 @@ class PulseSchedule:
 
     def _inputs_text(self) -> str:
         """Return the JSON line of the inputs, empty if the program reads no pin."""
-        each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
-        return f'  "inputs": {json.dumps(each)},\n' if each else ""
+        levels = [{"pin": one.pin, "level": one.level} for one in self.inputs]
+        return f'  "inputs": {json.dumps(levels)},\n' if levels else ""
 
     def _buttons_text(self) -> str:
         return "" if self.buttons is None else f'  "buttons": {json.dumps(self.buttons.to_json())},\n'

@@ -31,11 +31,11 @@ def calibration_plot(fit: Fit, servo: Servo, path: Path) -> None:
     panes[0].plot(angles, widths, "ko", ms=5, label="read")
     panes[0].set_ylabel("pulse width, µs")
     panes[0].legend(frameon=False)
-    residuals = [math.degrees(each) for each in fit.residuals]
+    residuals = [math.degrees(residual) for residual in fit.residuals]
     panes[1].axhline(0, color="C0", lw=1)
     panes[1].vlines(angles, 0, residuals, color="k", lw=1)
     panes[1].plot(angles, residuals, "ko", ms=5)
-    most = 1.2 * max(0.5, *(abs(each) for each in residuals))
+    most = 1.2 * max(0.5, *(abs(residual) for residual in residuals))
     panes[1].set_ylim(-most, most)
     panes[1].set_ylabel(f"residual, {unit}")
     panes[1].set_xlabel(f"speed, {unit}" if servo.model.continuous else f"angle seen, {unit}")

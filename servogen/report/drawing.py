@@ -173,7 +173,7 @@ def path_chart(
     tracks: Sequence[tuple[str, Floats, Floats]], x_label: str, y_label: str, largest: float = 400.0
 ) -> Chart:
     """Return a chart of paths in a plane, to one scale: (name, planned (n, 2), made (n, 2)) each."""
-    every = np.vstack([points for _, planned, made in tracks for points in (planned, made)])
+    every = np.vstack([points for _, planned, achieved in tracks for points in (planned, achieved)])
     ends = [_around(every[:, column]) for column in (0, 1)]
     spans = [high - low for low, high in ends]
     scale = largest / max(spans)
@@ -181,10 +181,10 @@ def path_chart(
     x = Axis(*_widened(ends[0], width / scale), LEFT, LEFT + width)
     y = Axis(*_widened(ends[1], height / scale), TOP + height, TOP)
     lines = []
-    for index, (name, planned, made) in enumerate(tracks):
+    for index, (name, planned, achieved) in enumerate(tracks):
         colour = PALETTE[index % len(PALETTE)]
         lines.append(Line(points_path(x.at(planned[:, 0]), y.at(planned[:, 1])), colour, name))
-        lines.append(Line(dots_path(x.at(made[:, 0]), y.at(made[:, 1])), colour, "", "dots"))
+        lines.append(Line(dots_path(x.at(achieved[:, 0]), y.at(achieved[:, 1])), colour, "", "dots"))
     return Chart(
         px(width + LEFT + RIGHT),
         px(height + TOP + BOTTOM),

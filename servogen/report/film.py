@@ -63,34 +63,34 @@ class Scene:
         return len(self.parts[0].frames)
 
 
-def walk_scene(robot: WalkingRobot, made: Walk) -> Scene:
+def walk_scene(robot: WalkingRobot, planned: Walk) -> Scene:
     """Return the loop of a walk: the body, its legs, and the support polygon on the ground."""
-    step = _step(len(made.ground) - made.trajectory.loop_start)
-    shown = slice(made.trajectory.loop_start, None, step)
-    legs = [part[shown] for part in leg_sticks(robot, made)]
-    stand, down = (made.feet + made.corrections)[shown], made.ground[shown]
+    step = _step(len(planned.ground) - planned.trajectory.loop_start)
+    shown = slice(planned.trajectory.loop_start, None, step)
+    legs = [part[shown] for part in leg_sticks(robot, planned)]
+    stand, down = (planned.feet + planned.corrections)[shown], planned.ground[shown]
     parts = _body(robot.limbs, len(down))
     if len(robot.limbs) > 2:
         parts.append(
             Part([_polygon(feet[on]) for feet, on in zip(stand, down, strict=True)], "tab:green", 1.5)
         )
     parts += [Part(list(leg), f"C{index % 10}") for index, leg in enumerate(legs)]
-    frame_s = float(made.trajectory.clock.seconds(made.trajectory.period))
+    frame_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     return Scene(f"{robot.name}, x forward", tuple(parts), step * frame_s)
 
 
 def job_scene(job: PlannedJob) -> Scene:
     """Return the loop of a job's robot, or all of a motion that ends. Raises InputError without a robot."""
-    made = job.trajectory
-    start = made.loop_start if len(made.angles) - made.loop_start > 1 else 0
-    angles = _held(made.angles)[start:]
-    frame_s, step = float(made.clock.seconds(made.period)), _step(len(angles))
+    trajectory = job.trajectory
+    start = trajectory.loop_start if len(trajectory.angles) - trajectory.loop_start > 1 else 0
+    angles = _held(trajectory.angles)[start:]
+    frame_s, step = float(trajectory.clock.seconds(trajectory.period)), _step(len(angles))
     if job.base is not None:
         at = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)[1:]
         outline = base_outline(job.base, at[::step])
         parts = [
             _trace(at * [1, 1, 0], step),
-            *(Part(list(each), "tab:blue", marks=False) for each in outline),
+            *(Part(list(line), "tab:blue", marks=False) for line in outline),
         ]
         return Scene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))
     ends = ends_of(job)
@@ -113,14 +113,14 @@ def _step(frames: int) -> int:
 
 def _held(angles: Floats) -> Floats:
     """Return angles without gaps: a servo without pulses keeps its angle, and begins at its first one."""
-    held = angles.copy()
-    for column in held.T:
+    filled = angles.copy()
+    for column in filled.T:
         known = np.flatnonzero(~np.isnan(column))
         if len(known):
             column[:] = column[
                 known[np.maximum(np.searchsorted(known, np.arange(len(column)), "right") - 1, 0)]
             ]
-    return held
+    return filled
 
 
 def _links(end: End, angles: Floats) -> Floats:
@@ -169,13 +169,13 @@ def film(scene: Scene, path: Path) -> None:
         clock.set_text(f"{frame * scene.picture_s:.2f} s")
         return [*lines, clock]
 
-    made = animation.FuncAnimation(figure, show, frames=scene.count, init_func=lambda: lines)
+    animated = animation.FuncAnimation(figure, show, frames=scene.count, init_func=lambda: lines)
     rate: Any = 1 / scene.picture_s
     writer: Any = animation.PillowWriter(fps=rate) if kind == ".gif" else animation.FFMpegWriter(fps=rate)
     with tempfile.TemporaryDirectory() as folder:
         # The writers take a name, not a file: the film is whole before it takes the name that was asked for.
         file = Path(folder) / f"film{kind}"
-        made.save(str(file), writer=writer, dpi=DOTS_PER_INCH)
+        animated.save(str(file), writer=writer, dpi=DOTS_PER_INCH)
         write_bytes(path, file.read_bytes())
 
 

@@ -65,36 +65,36 @@ class GaitFacts:
     joints: tuple[JointFacts, ...]
 
 
-def facts_of(robot: WalkingRobot, made: Walk) -> GaitFacts:
+def facts_of(robot: WalkingRobot, planned: Walk) -> GaitFacts:
     """Return the facts of a whole walk, including its start and stop."""
-    frame_s = float(made.trajectory.clock.seconds(made.trajectory.period))
-    worst = int(np.argmin(np.round(made.margins, SAME_DIGITS)))
-    springs = np.linalg.norm(made.corrections, axis=2)
+    frame_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
+    worst = int(np.argmin(np.round(planned.margins, SAME_DIGITS)))
+    springs = np.linalg.norm(planned.corrections, axis=2)
     at, leg = np.unravel_index(int(np.argmax(np.round(springs, SAME_DIGITS))), springs.shape)
-    ground = float(made.feet[:, :, 2].min())
-    higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, made))
+    ground = float(planned.feet[:, :, 2].min())
+    higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, planned))
     return GaitFacts(
-        frame_s * made.frames_per_cycle,
-        None if made.minimum_margin_m == math.inf else made.minimum_margin_m,
+        frame_s * planned.frames_per_cycle,
+        None if planned.minimum_margin_m == math.inf else planned.minimum_margin_m,
         worst,
-        tuple(name for name, down in zip(made.legs, made.ground[worst], strict=True) if down),
-        made.largest_correction_m,
-        made.legs[int(leg)],
+        tuple(name for name, down in zip(planned.legs, planned.ground[worst], strict=True) if down),
+        planned.largest_correction_m,
+        planned.legs[int(leg)],
         int(at),
-        made.lift_m,
+        planned.lift_m,
         higher - ground,
         -ground,
-        _joints(robot, made, frame_s),
+        _joints(robot, planned, frame_s),
     )
 
 
-def _joints(robot: WalkingRobot, made: Walk, frame_s: float) -> tuple[JointFacts, ...]:
-    angles, loop = made.trajectory.angles, made.trajectory.loop_start
+def _joints(robot: WalkingRobot, planned: Walk, frame_s: float) -> tuple[JointFacts, ...]:
+    angles, loop = planned.trajectory.angles, planned.trajectory.loop_start
     speeds = np.abs(np.diff(angles, axis=0, append=angles[loop : loop + 1])).max(axis=0) / frame_s
     own = [joint for leg in robot.limbs for joint in leg.joints.values()]
     return tuple(
         JointFacts(name, float(column.min()), float(column.max()), (joint.lower, joint.upper), float(speed))
-        for name, column, joint, speed in zip(made.trajectory.joints, angles.T, own, speeds, strict=True)
+        for name, column, joint, speed in zip(planned.trajectory.joints, angles.T, own, speeds, strict=True)
     )
 
 
@@ -111,18 +111,18 @@ def diagram(gait: Gait) -> dict[str, str]:
 
 
 def walk_to_json(
-    robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
+    robot: WalkingRobot, rhythm: Gait, planned: Walk, facts: GaitFacts, loads: Loads | None
 ) -> dict[str, object]:
     """Return the walk in metres, radians, seconds and N·m."""
-    worst, slip = loads.worst if loads else None, made.slip
+    worst, slip = loads.worst if loads else None, planned.slip
     return {
         "robot": robot.name,
         "gait": rhythm.name,
         "duty": float(rhythm.duty),
         "lifts": {leg: float(lift) for leg, lift in rhythm.lifts},
-        "frames": len(made.trajectory.angles),
-        "loop_start": made.trajectory.loop_start,
-        "frames_per_cycle": made.frames_per_cycle,
+        "frames": len(planned.trajectory.angles),
+        "loop_start": planned.trajectory.loop_start,
+        "frames_per_cycle": planned.frames_per_cycle,
         "cycle_s": facts.cycle_s,
         "phase_changes": [
             {
@@ -131,7 +131,7 @@ def walk_to_json(
                 "used": float(each.used),
                 "frames": float(each.frames),
             }
-            for each in made.changes
+            for each in planned.changes
         ],
         "stability": None
         if facts.margin is None
@@ -146,9 +146,9 @@ def walk_to_json(
             "frame": facts.correction_frame,
         },
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
-        "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in made.centres],
-        "held_back": [{"leg": each.leg, "angle": each.angle} for each in made.held_back],
-        "first_millimetre_m": made.liftoff_slide_m,
+        "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in planned.centres],
+        "held_back": [{"leg": each.leg, "angle": each.angle} for each in planned.held_back],
+        "first_millimetre_m": planned.liftoff_slide_m,
         "torque": None
         if loads is None or worst is None
         else {

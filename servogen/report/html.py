@@ -348,14 +348,14 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
 def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
     """Yield one row per function, the longest first."""
     functions = listing.functions if listing else ()
-    for each in sorted(functions, key=lambda each: (each.start - each.end, each.start)):
+    for function in sorted(functions, key=lambda function: (function.start - function.end, function.start)):
         yield (
-            _spoken(each.name),
-            f"{each.start:04X}",
-            str(each.end - each.start),
-            str(each.ram_bytes),
-            str(each.deepest_calls),
-            _cycles(each),
+            _spoken(function.name),
+            f"{function.start:04X}",
+            str(function.end - function.start),
+            str(function.ram_bytes),
+            str(function.deepest_calls),
+            _cycles(function),
         )
 
 

@@ -107,9 +107,9 @@ def _draw_planes(figure: SubFigure, tracks: Sequence[Track], loop_start: int) ->
         for index, track in enumerate(tracks):
             # The loop's end leads back to its beginning.
             around = np.vstack((track.planned, track.planned[loop_start : loop_start + 1]))
-            planned, made = (1000 * points[:, columns] for points in (around, track.made))
+            planned, achieved = (1000 * points[:, columns] for points in (around, track.made))
             axes.plot(*planned.T, "-", color=f"C{index}", lw=1.5, label=track.name)
             label = "with whole cycles" if index == len(tracks) - 1 else None
-            axes.plot(*made.T, ".", color="k", ms=2, zorder=3, label=label)
+            axes.plot(*achieved.T, ".", color="k", ms=2, zorder=3, label=label)
         plane(axes, x, y, title)
     panels[0].legend(fontsize=8, loc="best")

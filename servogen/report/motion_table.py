@@ -63,15 +63,15 @@ def joint_lines(trajectory: JointTrajectory, arm: Arm) -> Iterator[str]:
         yield ",".join((f"{float(frame * frame_s):.6g}", *(f"{value:z.6f}" for value in row)))
 
 
-def walk_lines(made: Walk) -> Iterator[str]:
+def walk_lines(planned: Walk) -> Iterator[str]:
     """Yield the header, then one line per frame; the margin is empty for a robot of one or two legs."""
-    trajectory = made.trajectory
+    trajectory = planned.trajectory
     angles = [f"{joint}_deg" for joint in trajectory.joints]
-    feet = [f"{leg}_{axis}_mm" for leg in made.legs for axis in "xyz"]
-    yield ",".join(("time_s", *angles, *feet, *(f"{leg}_ground" for leg in made.legs), "margin_mm"))
+    feet = [f"{leg}_{axis}_mm" for leg in planned.legs for axis in "xyz"]
+    yield ",".join(("time_s", *angles, *feet, *(f"{leg}_ground" for leg in planned.legs), "margin_mm"))
     frame_s = trajectory.clock.seconds(trajectory.period)
-    numbers = np.hstack((np.degrees(trajectory.angles), 1000 * made.feet.reshape(len(made.feet), -1)))
-    rows = zip(numbers.tolist(), made.ground.tolist(), made.margins.tolist(), strict=True)
+    numbers = np.hstack((np.degrees(trajectory.angles), 1000 * planned.feet.reshape(len(planned.feet), -1)))
+    rows = zip(numbers.tolist(), planned.ground.tolist(), planned.margins.tolist(), strict=True)
     for frame, (row, ground, margin) in enumerate(rows):
         cells = [f"{value:z.4f}" for value in row]
         cells += ["1" if down else "0" for down in ground]

@@ -73,11 +73,11 @@ class ServoFacts:
 
 def servo_facts(job: PlannedJob) -> tuple[ServoFacts, ...]:
     """Return facts in the order of the servos, without those that never have a pulse."""
-    made = job.trajectory
-    frame_s = float(made.clock.seconds(made.period))
+    trajectory = job.trajectory
+    frame_s = float(trajectory.clock.seconds(trajectory.period))
     return tuple(
-        _of_servo(servo, column, made.loop_start, frame_s)
-        for servo, column in zip(job.servos, made.angles.T, strict=True)
+        _of_servo(servo, column, trajectory.loop_start, frame_s)
+        for servo, column in zip(job.servos, trajectory.angles.T, strict=True)
         if not np.isnan(column).all()
     )
 

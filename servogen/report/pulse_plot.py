@@ -86,7 +86,7 @@ def pulse_figure(trace: EdgeTrace, span: int, title: str, schedule: PulseSchedul
     Raises InputError where there are no pulses, ToolError without matplotlib.
     """
     channels = observed_pulses(trace, span, schedule)
-    if not any(len(each.rise) for each in channels):
+    if not any(len(channel.rise) for channel in channels):
         raise InputError("no-pulses", "there are no pulses to draw", hint="measure says what the pins do")
     period = float(schedule.clock.us(schedule.period)) if schedule else _period(channels)
     frames = distinct_frames(channels, _starts(channels, period, schedule is None), period)
@@ -97,7 +97,7 @@ def pulse_figure(trace: EdgeTrace, span: int, title: str, schedule: PulseSchedul
     axes = figure.subplots(1 + len(frames), 1, height_ratios=ratios, squeeze=False)[:, 0]
     _draw_widths(axes[0], channels, period)
     for panel, frame in zip(axes[1:], frames, strict=True):
-        _draw_frame(panel, channels, lanes, frame, max(_length(channels, each) for each in frames))
+        _draw_frame(panel, channels, lanes, frame, max(_length(channels, channel) for channel in frames))
         panel.tick_params(labelbottom=panel is axes[-1])
     axes[-1].set_xlabel("time in the frame, ms")
     return figure
@@ -111,9 +111,9 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
     named = (
         {pin: pin for pin in PINS}
         if schedule is None
-        else {each.pin: each.name for each in schedule.channels}
+        else {channel.pin: channel.name for channel in schedule.channels}
     )
-    found: list[Pulses] = []
+    observed: list[Pulses] = []
     for pin, name in named.items():
         mine = edges.pin == PINS.index(pin)
         cycle, level = edges.cycle[mine], edges.level[mine]
@@ -124,23 +124,23 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
             continue
         label = pin if name == pin else f"{name} ({pin})"
         times, widths = (rise[:whole] - zero) * us, (fall[:whole] - rise[:whole]) * us
-        found.append(Pulses(label, PALETTE[len(found) % len(PALETTE)], times, widths))
-    return found
+        observed.append(Pulses(label, PALETTE[len(observed) % len(PALETTE)], times, widths))
+    return observed
 
 
 def _period(channels: Sequence[Pulses]) -> float:
     """Return the median time from pulse to pulse."""
-    gaps = np.concatenate([np.diff(each.rise) for each in channels])
+    gaps = np.concatenate([np.diff(channel.rise) for channel in channels])
     return (
         float(np.median(gaps))
         if len(gaps)
-        else max(float(each.width.max(initial=0)) for each in channels) * 2
+        else max(float(channel.width.max(initial=0)) for channel in channels) * 2
     )
 
 
 def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
     """Return when frames with pulses begin; `free`: at a pulse half a period or more after the last one."""
-    rises = np.sort(np.concatenate([each.rise for each in channels]))
+    rises = np.sort(np.concatenate([channel.rise for channel in channels]))
     if not free:
         return np.asarray(np.unique(np.floor(rises / period + 1e-9)) * period)
     starts: list[float] = []
@@ -156,7 +156,9 @@ def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -
     ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
     seen: dict[tuple[float, ...], Frame] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        widths = tuple(round(pulse[1], 3) if (pulse := each.within(start, end)) else 0.0 for each in channels)
+        widths = tuple(
+            round(pulse[1], 3) if (pulse := channel.within(start, end)) else 0.0 for channel in channels
+        )
         seen.setdefault(widths, Frame(start, end))
     frames = list(seen.values())
     if len(frames) <= MAX_FRAMES_SHOWN:
@@ -168,12 +170,14 @@ def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -
 def _lanes(channels: Sequence[Pulses], frames: Sequence[Frame]) -> list[int]:
     """Return each channel's row, 0 at the top: channels whose pulses overlap get rows of their own."""
     lanes: list[int] = []
-    for index, each in enumerate(channels):
+    for index, channel in enumerate(channels):
         taken = {
             lanes[other]
             for other in range(index)
             for frame in frames
-            if _overlap(each.within(frame.start, frame.end), channels[other].within(frame.start, frame.end))
+            if _overlap(
+                channel.within(frame.start, frame.end), channels[other].within(frame.start, frame.end)
+            )
         }
         lanes.append(next(lane for lane in range(len(channels)) if lane not in taken))
     return lanes
@@ -185,16 +189,16 @@ def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None)
 
 def _length(channels: Sequence[Pulses], frame: Frame) -> float:
     """Return the time from the frame's beginning to its last falling edge."""
-    pulses = [each.within(frame.start, frame.end) for each in channels]
+    pulses = [channel.within(frame.start, frame.end) for channel in channels]
     return max(sum(pulse) - frame.start for pulse in pulses if pulse)
 
 
 def _draw_widths(axes: Axes, channels: Sequence[Pulses], period: float) -> None:
-    for each in channels:
+    for channel in channels:
         # A gap of more than a period and a half has no pulses: the line stops there.
-        breaks = np.flatnonzero(np.diff(each.rise) > 1.5 * period) + 1
-        times, widths = (np.insert(values, breaks, np.nan) for values in (each.rise / 1e6, each.width))
-        axes.step(times, widths, where="post", label=each.label, color=each.colour)
+        breaks = np.flatnonzero(np.diff(channel.rise) > 1.5 * period) + 1
+        times, widths = (np.insert(values, breaks, np.nan) for values in (channel.rise / 1e6, channel.width))
+        axes.step(times, widths, where="post", label=channel.label, color=channel.colour)
     axes.set_xlabel("time, s")
     axes.set_ylabel("pulse width, µs")
     axes.ticklabel_format(axis="y", style="plain", useOffset=False)
@@ -209,13 +213,13 @@ def _draw_frame(
     first, last = -MARGIN * length, (1 + MARGIN) * length
     for lane in set(lanes):
         axes.axhline(-LANE * lane, color="0.6", lw=1, zorder=0)
-    for each, lane in zip(channels, lanes, strict=True):
-        pulse = each.within(frame.start, frame.end)
+    for channel, lane in zip(channels, lanes, strict=True):
+        pulse = channel.within(frame.start, frame.end)
         if pulse is None:
             continue
         rise, width = pulse[0] - frame.start, pulse[1]
         corners = np.array([rise, rise, rise + width, rise + width]) / 1000
-        axes.plot(corners, np.array([0, 1, 1, 0]) - LANE * lane, color=each.colour)
+        axes.plot(corners, np.array([0, 1, 1, 0]) - LANE * lane, color=channel.colour)
         middle = (rise + width / 2) / 1000
         axes.text(middle, 0.45 - LANE * lane, f"{width:g} µs", ha="center", va="center", fontsize=8)
     axes.set_xlim(first / 1000, last / 1000)

@@ -78,17 +78,17 @@ def planned(schedule: PulseSchedule) -> tuple[Signal, ...]:
     us, runs = float(schedule.clock.cycle_us), (*schedule.lead_in, *schedule.loop)
     lengths = np.array([run.frames for run in runs])
     span = shown_us(schedule)
-    made = []
+    signals = []
     for number, channel in enumerate(schedule.channels):
         pulses = [run.pulses[number] for run in runs]
         width = np.repeat([pulse.width if pulse else 0 for pulse in pulses], lengths)
         offset = np.repeat([pulse.rise if pulse else 0 for pulse in pulses], lengths)
         rise = np.arange(len(width)) * schedule.period + offset
         there = width > 0
-        made.append(
+        signals.append(
             _signal(channel.name, channel.pin, "planned", number, rise[there] * us, width[there] * us, span)
         )
-    return tuple(made)
+    return tuple(signals)
 
 
 def simulated(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[Signal, ...]:
@@ -158,7 +158,7 @@ def _endless(schedule: PulseSchedule) -> Iterator[Run]:
 def _pulses(trace: EdgeTrace, schedule: PulseSchedule) -> list[tuple[Floats, Floats]]:
     """Return (rises, widths) of each channel's whole pulses, in the trace's cycles."""
     edges = join(trace.driven())
-    found = []
+    pulses = []
     for channel in schedule.channels:
         own = edges.pin == PINS.index(channel.pin)
         cycle, level = edges.cycle[own], edges.level[own]
@@ -168,8 +168,8 @@ def _pulses(trace: EdgeTrace, schedule: PulseSchedule) -> list[tuple[Floats, Flo
             fall = fall[1:]
         whole = min(len(rise), len(fall))
         rise, fall = rise[:whole].astype(np.float64), fall[:whole].astype(np.float64)
-        found.append((rise, fall - rise))
-    return found
+        pulses.append((rise, fall - rise))
+    return pulses
 
 
 def _signal(
@@ -208,12 +208,12 @@ def pose_frames(job: PlannedJob) -> tuple[int, ...]:
     A pose without pulses, and a motion whose servos never have pulses together, have none.
     """
     angles = job.trajectory.angles
-    found = []
+    starts = []
     for pose in job.poses:
         away = np.abs(angles - np.array(pose.angles)).max(axis=1)
         if not np.isnan(away).all():
-            found.append(int(np.nanargmin(np.round(away, SAME_DIGITS))))
-    return tuple(found)
+            starts.append(int(np.nanargmin(np.round(away, SAME_DIGITS))))
+    return tuple(starts)
 
 
 def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:

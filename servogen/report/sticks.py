@@ -46,30 +46,30 @@ def _rows(arm: Arm, joints: Floats) -> Floats:
     points = [np.zeros((len(joints), 3)), frames[:, 0, :3, 3]]
     for index in range(len(arm.rows)):
         before, after = frames[:, index], frames[:, index + 1]
-        way = after[:, :3, 3] - before[:, :3, 3]
+        step = after[:, :3, 3] - before[:, :3, 3]
         if arm.convention == "modified":
             axis = after[:, :3, 2]
-            corner = after[:, :3, 3] - (way * axis).sum(axis=1, keepdims=True) * axis
+            corner = after[:, :3, 3] - (step * axis).sum(axis=1, keepdims=True) * axis
         else:
             axis = before[:, :3, 2]
-            corner = before[:, :3, 3] + (way * axis).sum(axis=1, keepdims=True) * axis
+            corner = before[:, :3, 3] + (step * axis).sum(axis=1, keepdims=True) * axis
         points += [corner, after[:, :3, 3]]
     return np.stack([*points, frames[:, -1, :3, 3]], axis=1)
 
 
-def leg_sticks(robot: WalkingRobot, made: Walk) -> tuple[Floats, ...]:
+def leg_sticks(robot: WalkingRobot, planned: Walk) -> tuple[Floats, ...]:
     """Return the corners (frames, n, 3) of each leg in the body's frame."""
     return tuple(
-        to_place(mount_matrix(leg.mount), stick(leg.arm, made.leg_angles[:, index]))
+        to_place(mount_matrix(leg.mount), stick(leg.arm, planned.leg_angles[:, index]))
         for index, leg in enumerate(robot.limbs)
         if leg.mount is not None
     )
 
 
-def base_outline(base: DrivingRobot, at: Floats) -> tuple[Floats, ...]:
+def base_outline(base: DrivingRobot, pose: Floats) -> tuple[Floats, ...]:
     """Return the outline of a base at poses (n, 3), x, y and heading, as lines of (n, corners, 3) each."""
-    found = []
+    outline = []
     for shape in base.outline():
-        points = np.exp(1j * at[:, 2:]) * shape + at[:, :1] + 1j * at[:, 1:2]
-        found.append(np.stack([points.real, points.imag, np.zeros(points.shape)], axis=-1))
-    return tuple(found)
+        points = np.exp(1j * pose[:, 2:]) * shape + pose[:, :1] + 1j * pose[:, 1:2]
+        outline.append(np.stack([points.real, points.imag, np.zeros(points.shape)], axis=-1))
+    return tuple(outline)

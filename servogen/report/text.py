@@ -149,8 +149,8 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
 def _motion(facts: BuildFacts) -> Iterator[str]:
     schedule = facts.plan.schedule
     if schedule.inputs:
-        held = ", ".join(f"{each.pin} {'high' if each.level else 'low'}" for each in schedule.inputs)
-        yield f"with {held} from power-up on:"
+        levels = ", ".join(f"{each.pin} {'high' if each.level else 'low'}" for each in schedule.inputs)
+        yield f"with {levels} from power-up on:"
     for name, frames in (("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)):
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))

@@ -115,12 +115,12 @@ def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
     ends = ends_of(job)
     if not ends and not job.wheels:
         return ()
-    made = made_angles(schedule, job.servos)
+    achieved = made_angles(schedule, job.servos)
     if job.base is not None:
         wheels = job.wheel_columns
         frame_s = float(schedule.clock.seconds(schedule.period))
-        return (_base(job.base, asked[:, wheels], made[:, wheels], frame_s),)
-    return tuple(_track(end, asked, made) for end in ends)
+        return (_base(job.base, asked[:, wheels], achieved[:, wheels], frame_s),)
+    return tuple(_track(end, asked, achieved) for end in ends)
 
 
 def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
@@ -138,25 +138,25 @@ def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
     return angles
 
 
-def _track(end: End, asked: Floats, made: Floats) -> Track:
+def _track(end: End, asked: Floats, achieved: Floats) -> Track:
     """Return the track of a foot or tool, calculating each distinct pose once: a job may rest for hours."""
     mine = list(end.columns)
     pulsed = ~np.isnan(asked[:, mine]).any(axis=1)
     _, first, back = np.unique(asked[pulsed][:, mine], axis=0, return_index=True, return_inverse=True)
-    before, after = asked[pulsed][first], made[pulsed][first]
-    found = [np.full((len(asked), 3), np.nan) for _ in range(3)]
+    before, after = asked[pulsed][first], achieved[pulsed][first]
+    paths = [np.full((len(asked), 3), np.nan) for _ in range(3)]
     points = end.points(before), end.points(after), end.shift(before, after - before)
-    for whole, part in zip(found, points, strict=True):
+    for whole, part in zip(paths, points, strict=True):
         whole[pulsed] = part[back.reshape(-1)]
-    return Track(end.name, end.kind, *found)
+    return Track(end.name, end.kind, *paths)
 
 
-def _base(base: DrivingRobot, asked: Floats, made: Floats, period_s: float) -> Track:
+def _base(base: DrivingRobot, asked: Floats, achieved: Floats, period_s: float) -> Track:
     """Return the base after each frame; a wheel without a pulse stands. Its shift assumes heading 0."""
-    asked, made = np.nan_to_num(asked), np.nan_to_num(made)
-    planned, driven = (positions(base, speeds, period_s)[1:] for speeds in (asked, made))
+    asked, achieved = np.nan_to_num(asked), np.nan_to_num(achieved)
+    planned, driven = (positions(base, speeds, period_s)[1:] for speeds in (asked, achieved))
     vx, vy, _ = np.moveaxis(base.body_speed(asked), -1, 0) * period_s
-    dx, dy, turn = np.moveaxis(base.body_speed(made - asked), -1, 0) * period_s
+    dx, dy, turn = np.moveaxis(base.body_speed(achieved - asked), -1, 0) * period_s
     heading = np.cumsum(turn) - turn / 2
     moved = np.cumsum(np.stack([dx - heading * vy, dy + heading * vx], axis=1), axis=0)
     flat = [np.column_stack([part[:, :2], np.zeros(len(part))]) for part in (planned, driven, moved)]
@@ -193,7 +193,7 @@ def errors_of(tracks: Sequence[Track]) -> tuple[EndError, ...]:
 
 def worst_of(errors: Sequence[EndError]) -> EndError:
     """Return the end with the largest error."""
-    return max(errors, key=lambda each: round(each.worst_m, SAME_DIGITS))
+    return max(errors, key=lambda error: round(error.worst_m, SAME_DIGITS))
 
 
 def _error(track: Track) -> EndError:
@@ -215,13 +215,13 @@ def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
 
 def error_rows(errors: Sequence[EndError], frame_s: float) -> Iterator[tuple[str, ...]]:
     """Yield the cells of `ERROR_COLUMNS` for each end."""
-    for each in errors:
+    for error in errors:
         yield (
-            each.name,
-            f"{1000 * each.worst_m:z.4f}",
-            f"{1000 * each.rms_m:z.4f}",
-            str(each.frame),
-            f"{each.frame * frame_s:.6g}",
-            f"{1000 * each.first_order_worst_m:z.4f}",
-            f"{1000 * each.first_order_rms_m:z.4f}",
+            error.name,
+            f"{1000 * error.worst_m:z.4f}",
+            f"{1000 * error.rms_m:z.4f}",
+            str(error.frame),
+            f"{error.frame * frame_s:.6g}",
+            f"{1000 * error.first_order_worst_m:z.4f}",
+            f"{1000 * error.first_order_rms_m:z.4f}",
         )

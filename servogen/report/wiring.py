@@ -90,12 +90,12 @@ class PackagePin:
 def package(servos: Sequence[Servo]) -> tuple[PackagePin, ...]:
     """Return the DIP from above: pins 1 to 9 down the left side, 18 to 10 down the right."""
     index = {servo.pin: number for number, servo in enumerate(servos)}
-    made = []
+    pins = []
     for pin in PACKAGE:
         left = pin.number <= PACKAGE_ROWS
         row = pin.number - 1 if left else len(PACKAGE) - pin.number
         number = index.get(pin.name)
         servo = "" if number is None else servos[number].name
         colour = "" if number is None else PALETTE[number % len(PALETTE)]
-        made.append(PackagePin(pin.number, pin.name, servo, colour, TOP + ROW * row, left))
-    return tuple(made)
+        pins.append(PackagePin(pin.number, pin.name, servo, colour, TOP + ROW * row, left))
+    return tuple(pins)

@@ -404,7 +404,7 @@ class AbstractChip:
         self, count: Packed, changes: Packed, fit: npt.NDArray[np.bool_]
     ) -> dict[tuple[int, int], Packed]:
         """Return the edges of every row, as `_changes` does for one; clear `fit` where there are too many."""
-        found: dict[tuple[int, int], Packed] = {}
+        columns: dict[tuple[int, int], Packed] = {}
         high = np.full(len(count), self._high, dtype=np.int64)
         for number in range(int(count.max(initial=0)) if fit.any() else 0):
             if number >= MAX_LANE_EDGES:
@@ -416,10 +416,10 @@ class AbstractChip:
             high = np.where(changed, high ^ (1 << pins), high)
             for pin, now in sorted({*zip(pins[changed].tolist(), level[changed].tolist(), strict=True)}):
                 rows = changed & (pins == pin) & (level == now)
-                column = found.setdefault((pin, now), np.full(len(count), -1, dtype=np.int64))
+                column = columns.setdefault((pin, now), np.full(len(count), -1, dtype=np.int64))
                 fit &= ~(rows & (column >= 0))
                 column[rows] = (packed[rows] >> at.PACK_CYCLE) - BASE
-        return found
+        return columns
 
     def _lane_rests(
         self, ends: Packed, fit: npt.NDArray[np.bool_]
@@ -436,7 +436,7 @@ class AbstractChip:
         else:
             _, which = np.unique(parts, axis=0, return_inverse=True)
             groups = [rows[which.ravel() == number] for number in range(int(which.max()) + 1)]
-        found: dict[tuple[int, ...], npt.NDArray[np.intp]] = {}
+        lanes_of: dict[tuple[int, ...], npt.NDArray[np.intp]] = {}
         for group in groups:
             self._s[:] = ends[group[0]]
             for value, mask in _MERGED:
@@ -445,8 +445,8 @@ class AbstractChip:
                     differs = np.bitwise_or.reduce(known ^ known[0]) | np.bitwise_or.reduce(doubt & 0x1FFF)
                     self._s[mask] = int(differs) & (0x1FFF if value == at.RB_OLD else 0xFF)
             rest = self._canonical().rest
-            found[rest] = np.concatenate([found[rest], group]) if rest in found else group
-        return found
+            lanes_of[rest] = np.concatenate([lanes_of[rest], group]) if rest in lanes_of else group
+        return lanes_of
 
     def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[Choice, ...]) -> None:
         s = self._load(state)
@@ -626,18 +626,18 @@ class AbstractChip:
 
     def _warnings(self, choices: tuple[Choice, ...]) -> tuple[str, ...]:
         s = self._s
-        found: list[str] = []
+        warnings: list[str] = []
         if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
             every = warnings_of(s, self.image, self.clock)
-            found += [
+            warnings += [
                 warning.message
                 for warning in every
                 if warning.code in CHIP_DEPENDENT and warning.location is not None and warning.location.cycle
             ]
         expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
         if s[at.OPTION_WRITES] > expected:
-            found.append("OPTION_REG is written through INDF")
-        return tuple(found)
+            warnings.append("OPTION_REG is written through INDF")
+        return tuple(warnings)
 
     def _outcome(self, reason: Reason, use: Use | None, warnings: tuple[str, ...]) -> Outcome:
         s = self._s
@@ -653,13 +653,13 @@ class AbstractChip:
     def _changes(self) -> tuple[tuple[int, int, int], ...]:
         count = int(self._s[at.EDGE_COUNT])
         high = self._high
-        found = []
+        changes = []
         for packed in self._edges[:count].tolist():
             pin, level = packed >> at.PACK_PIN & 0x3F, int(packed & at.PACK_LEVELS == 1)
             if high >> pin & 1 != level:
                 high ^= 1 << pin
-                found.append(((packed >> at.PACK_CYCLE) - BASE, pin, level))
-        return tuple(found)
+                changes.append(((packed >> at.PACK_CYCLE) - BASE, pin, level))
+        return tuple(changes)
 
     def _canonical(self) -> ChipState:
         s = self._s

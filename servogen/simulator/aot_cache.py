@@ -104,10 +104,10 @@ def _only_ours(path: Path) -> bool:
         return False
     path = path.resolve(strict=True)
     for component in (path, *path.parents):
-        found = component.stat()
-        shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        if found.st_uid not in (0, os.geteuid()) or (
-            shared and (component == path or not found.st_mode & stat.S_ISVTX)
+        status = component.stat()
+        shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if status.st_uid not in (0, os.geteuid()) or (
+            shared and (component == path or not status.st_mode & stat.S_ISVTX)
         ):
             return False
     return True
@@ -150,8 +150,8 @@ def compile_loop(observed: bool = False, tracked: bool = False, visits: bool = F
 
     kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
     signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
-    made = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked, visits))
-    text = _alone(made.inspect_llvm(), made.native_name.removeprefix("cfunc."))
+    compiled = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked, visits))
+    text = _alone(compiled.inspect_llvm(), compiled.native_name.removeprefix("cfunc."))
     module = llvm.parse_assembly(text)
     return bytes(_target().emit_object(module))
 

@@ -212,8 +212,8 @@ class Machine:
     @property
     def chip_dependent(self) -> tuple[Diagnostic, ...]:
         """Return the warnings that other chips may behave differently, in order of cycles."""
-        found = warnings_of(self._s, self.image, self.clock)
-        return tuple(warning for warning in found if warning.code in CHIP_DEPENDENT)
+        warnings = warnings_of(self._s, self.image, self.clock)
+        return tuple(warning for warning in warnings if warning.code in CHIP_DEPENDENT)
 
     def state(self) -> State:
         return state_of(self._s, warnings_of(self._s, self.image, self.clock))
@@ -243,9 +243,9 @@ class Machine:
         self._s[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
         try:
             for chunk in self._advance(self.cycles + limit, fast=True, breakpoints=frozenset()):
-                found = (chunk.pin == pin) & (chunk.level == level)
-                if found.any():
-                    return Cycles(int(chunk.cycle[found][-1]))
+                matches = (chunk.pin == pin) & (chunk.level == level)
+                if matches.any():
+                    return Cycles(int(chunk.cycle[matches][-1]))
         finally:
             self._s[at.EDGE_LIMIT] = EDGE_ROOM
         return None

@@ -99,19 +99,19 @@ _SOURCES = {
 
 def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Diagnostic, ...]:
     """Return the warnings in a state vector; pins affected by the same instruction share one warning."""
-    told: dict[tuple[int, int, int, int], list[str]] = {}
+    places: dict[tuple[int, int, int, int], list[str]] = {}
     for code, subject, cycle, place in noted(s):
         if code in _OF_PINS:
-            told.setdefault((code, cycle, place, 0), []).append(PINS[subject])
+            places.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
-            told[code, cycle, place, subject] = []
-    found = [(0, warning) for warning in _oscillator(image, clock)]
-    found += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
-    for (code, cycle, place, subject), pins in told.items():
+            places[code, cycle, place, subject] = []
+    dated = [(0, warning) for warning in _oscillator(image, clock)]
+    dated += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
+    for (code, cycle, place, subject), pins in places.items():
         kind, text = _WORDS[code]
         message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")
-        found.append((cycle, Diagnostic("warning", kind, message, _at(cycle, place))))
-    return tuple(diagnostic for _, diagnostic in sorted(found, key=lambda each: each[0]))
+        dated.append((cycle, Diagnostic("warning", kind, message, _at(cycle, place))))
+    return tuple(diagnostic for _, diagnostic in sorted(dated, key=lambda dated_warning: dated_warning[0]))
 
 
 def _at(cycle: int, address: int) -> Location:
@@ -122,16 +122,16 @@ def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
     """Return what a vector has recorded: (code, subject, cycle, address)."""
     end = at.WARNINGS + at.WARNING_FIELDS * int(s[at.WARN_COUNT])
     rows = s[at.WARNINGS : end].reshape(-1, at.WARNING_FIELDS)
-    found = [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
+    notes = [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
     for pin in range(len(PINS)):
         since, place = (int(value) for value in s[at.DRIVEN_FROM + 2 * pin : at.DRIVEN_FROM + 2 * pin + 2])
         late = int(s[at.CYCLE]) - since > GLITCH
         noted_before = any(
-            (code, subject) == (at.WARN_DRIVEN_UNWRITTEN, pin) for code, subject, _, _ in found
+            (code, subject) == (at.WARN_DRIVEN_UNWRITTEN, pin) for code, subject, _, _ in notes
         )
         if s[at.DRIVEN_UNKNOWN] >> pin & 1 and late and not noted_before:
-            found.append((at.WARN_DRIVEN_UNWRITTEN, pin, since, place))
-    return found
+            notes.append((at.WARN_DRIVEN_UNWRITTEN, pin, since, place))
+    return notes
 
 
 def subjects(s: npt.NDArray[np.int64], code: int) -> tuple[int, ...]:

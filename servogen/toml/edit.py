@@ -82,7 +82,7 @@ def set_in_element(text: str, key: Key, index: int, name: str, value: str | None
     if table.type != "inline_table":
         raise ValueError(f"element {index} is not an inline table")
     pairs = [child for child in table.named_children if child.type == "pair"]
-    place = next((at for at, each in enumerate(pairs) if _name_of(each) == name), None)
+    place = next((number for number, pair in enumerate(pairs) if _name_of(pair) == name), None)
     if place is None and value is None:
         return text
     if place is None:
@@ -157,12 +157,12 @@ def _elements(text: str, key: Key) -> _Elements:
         if child.type in (",", "comment"):
             continue
         end, trail, comma = child.end_byte, "", False
-        for each in children[place + 1 :]:
-            on_line = each.type == "comment" and each.start_point[0] == child.end_point[0]
-            if not on_line and (each.type != "," or comma):
+        for node in children[place + 1 :]:
+            on_line = node.type == "comment" and node.start_point[0] == child.end_point[0]
+            if not on_line and (node.type != "," or comma):
                 break
-            trail += raw[end : each.start_byte if each.type == "," else each.end_byte].decode()
-            end, comma = each.end_byte, comma or each.type == ","
+            trail += raw[end : node.start_byte if node.type == "," else node.end_byte].decode()
+            end, comma = node.end_byte, comma or node.type == ","
         lead, body = raw[begin : child.start_byte].decode(), raw[child.start_byte : child.end_byte].decode()
         parts.append(_Part(lead, body, trail.rstrip()))
         begin = end

@@ -179,10 +179,10 @@ def _frozen(value: Any) -> Any:
 
 
 def _syntax_error(text: str, file: str, detail: str) -> InputError:
-    found = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", detail)
-    message = detail[: found.start()] if found else detail
-    if found and found[1]:
-        line, column = int(found[1]), int(found[2])
+    match = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", detail)
+    message = detail[: match.start()] if match else detail
+    if match and match[1]:
+        line, column = int(match[1]), int(match[2])
     else:
         line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
     shown = text.splitlines()[line - 1].strip() if line <= len(text.splitlines()) else ""
@@ -325,8 +325,10 @@ def _tables(model: type[Table], where: Key) -> list[type[BaseModel]]:
     tables: list[type[BaseModel]] = [model]
     for step in where:
         if isinstance(step, str):
-            found = [table.model_fields[step].annotation for table in tables if step in table.model_fields]
-            tables = [inner for annotation in found for inner in _models(annotation)] or tables
+            annotations = [
+                table.model_fields[step].annotation for table in tables if step in table.model_fields
+            ]
+            tables = [inner for annotation in annotations for inner in _models(annotation)] or tables
     return tables
 
 

@@ -43,27 +43,27 @@ class _Generator(GenerateJsonSchema):
     """Adds the docstrings below fields, which pydantic would only read while the model is made."""
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        made = super().model_schema(schema)
+        schema_of_model = super().model_schema(schema)
         for name, text in field_docstrings(schema["cls"]).items():
-            if name in made.get("properties", {}):
-                made["properties"][name].setdefault("description", text)
-        return made
+            if name in schema_of_model.get("properties", {}):
+                schema_of_model["properties"][name].setdefault("description", text)
+        return schema_of_model
 
 
 def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
     """Return the docstrings below the fields of a model and of those that it inherits from."""
-    found: dict[str, str] = {}
-    for each in reversed(model.__mro__):
-        if not issubclass(each, Table) or each is Table:
+    texts: dict[str, str] = {}
+    for base in reversed(model.__mro__):
+        if not issubclass(base, Table) or base is Table:
             continue
-        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(each))).body
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
         body = definition.body if isinstance(definition, ast.ClassDef) else []
         for field, below in pairwise(body):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                 match below:
                     case ast.Expr(ast.Constant(str(text))):
-                        found[field.target.id] = inspect.cleandoc(text)
-    return found
+                        texts[field.target.id] = inspect.cleandoc(text)
+    return texts
 
 
 def _plain(schema: Any) -> Any:
@@ -72,18 +72,18 @@ def _plain(schema: Any) -> Any:
         return [_plain(each) for each in schema]
     if not isinstance(schema, dict):
         return schema
-    made = {key: _plain(value) for key, value in schema.items()}
-    if isinstance(made.get("title"), str):
-        del made["title"]  # the key again, in other letters
-    if made.get("default", 0) is None or isinstance(made.get("default"), dict):
-        del made["default"]
-    if "prefixItems" in made:
-        made["items"] = made.pop("prefixItems")
-        made["additionalItems"] = False
-    choices = [each for each in made.get("anyOf", []) if each != {"type": "null"}]
+    plain = {key: _plain(value) for key, value in schema.items()}
+    if isinstance(plain.get("title"), str):
+        del plain["title"]  # the key again, in other letters
+    if plain.get("default", 0) is None or isinstance(plain.get("default"), dict):
+        del plain["default"]
+    if "prefixItems" in plain:
+        plain["items"] = plain.pop("prefixItems")
+        plain["additionalItems"] = False
+    choices = [each for each in plain.get("anyOf", []) if each != {"type": "null"}]
     if len(choices) == 1:
-        del made["anyOf"]
-        made = {**choices[0], **made}
-    if "$ref" in made and len(made) > 1:  # in draft 7 a reference stands alone
-        made["allOf"] = [{"$ref": made.pop("$ref")}]
-    return made
+        del plain["anyOf"]
+        plain = {**choices[0], **plain}
+    if "$ref" in plain and len(plain) > 1:  # in draft 7 a reference stands alone
+        plain["allOf"] = [{"$ref": plain.pop("$ref")}]
+    return plain

@@ -136,8 +136,8 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
 
 def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:
     """Return the beginning and end of each piece, in time steps, of which `steps` make a sample."""
-    found = next((match for text in comments if (match := _PIECES.search(text))), None)
-    if found is None:
+    stated = next((match for text in comments if (match := _PIECES.search(text))), None)
+    if stated is None:
         return ()
-    ranges = (tuple(map(int, span.split("-"))) for span in found.group(1).split())
+    ranges = (tuple(map(int, span.split("-"))) for span in stated.group(1).split())
     return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

@@ -75,8 +75,8 @@ _FACTOR = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 
 def rate_in(text: str) -> Fraction | None:
     """Return the sampling rate in hertz given in `text`: `200 kHz`, `1.5 MHz`."""
-    found = _RATE.search(text)
-    return Fraction(found.group(1)) * _FACTOR[found.group(2)] if found else None
+    stated = _RATE.search(text)
+    return Fraction(stated.group(1)) * _FACTOR[stated.group(2)] if stated else None
 
 
 def step_clock(steps_per_second: Fraction, place: Location) -> Clock:

@@ -186,7 +186,7 @@ def _device(metadata: str, place: Location) -> Mapping[str, str]:
 def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
     """Return (name, bit) of each probe in a sample of `size` bytes."""
     numbered = ((name, re.fullmatch(r"probe([1-9]\d?)", key)) for key, name in device.items())
-    probes = [(name, int(found.group(1)) - 1) for name, found in numbered if found]
+    probes = [(name, int(match.group(1)) - 1) for name, match in numbered if match]
     return [(name, bit) for name, bit in probes if bit < 8 * size]
 
 

@@ -432,9 +432,11 @@ class _Parser:
         return True
 
     def _complain(self, block: bytes, index: int, path: Path, line: int, time: int) -> NoReturn:
-        found = next(token for number, token in enumerate(re.finditer(rb"\S+", block)) if number == index)
-        place = Location(str(path), line + block.count(b"\n", 0, found.start()))
-        token = found.group()[:40].decode("ascii", "replace")
+        token_match = next(
+            token for number, token in enumerate(re.finditer(rb"\S+", block)) if number == index
+        )
+        place = Location(str(path), line + block.count(b"\n", 0, token_match.start()))
+        token = token_match.group()[:40].decode("ascii", "replace")
         if token.startswith("#"):
             raise InputError(
                 "time-order",

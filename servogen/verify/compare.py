@@ -70,11 +70,11 @@ def verify(
     trace = Windows(start.edges)
     seen = Seen.at_start()
     stretch = _compare(schedule, trace, reach, start.cycle, seen)
-    found = None if stretch is None else diagnose(stretch, expected, glitch)
+    fault = None if stretch is None else diagnose(stretch, expected, glitch)
     span = _span(expected, asked, reach if stretch is None else stretch.end)
     covered = coverage(motion, expected, compared_frames(motion, expected, span.compared))
     short = [] if reach >= asked else [short_reason(asked - reach, observed.end, expected.clock)]
-    return _verdict(expected, start, span, seen, found, short, covered)
+    return _verdict(expected, start, span, seen, fault, short, covered)
 
 
 def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Seen) -> Stretch | None:
@@ -106,23 +106,23 @@ def _verdict(
     start: Start,
     span: Span,
     seen: Seen,
-    found: Found | None,
+    fault: Found | None,
     short: list[str],
     covered: Coverage,
 ) -> Verdict:
     """Return the verdict on a trace in which a scheduled pin rises; `short` says what the trace lacks."""
-    stray = _merged(start.stray, found.stray if found else ())
+    stray = _merged(start.stray, fault.stray if fault else ())
     early = _first(start.stray)
-    difference = early or (found.difference if found else None)
-    channels = found.channels if found else _exact(expected, seen)
+    difference = early or (fault.difference if fault else None)
+    channels = fault.channels if fault else _exact(expected, seen)
     why = [difference_reason(difference, expected)] if difference else []
     why += channel_reasons(channels, expected)
-    if found and found.overlap:
-        why.append(overlap_reason(found.overlap))
+    if fault and fault.overlap:
+        why.append(overlap_reason(fault.overlap))
     why += [stray_reason(pin) for pin in stray]
     unseen = () if why else tuple(short)
     why += short
-    overlap = found.overlap if found else None
+    overlap = fault.overlap if fault else None
     cycle = None if start.cycle is None else Cycles(start.cycle)
     return Verdict(
         not why,

@@ -71,12 +71,12 @@ def coverage(scheduled: Edges, expected: Expected, frames: range) -> Coverage:
     compared[frames.start : min(frames.stop, expected.lead_in)] = True
     late = np.arange(max(frames.start, expected.lead_in), frames.stop)[: expected.loop]
     compared[expected.lead_in + (late - expected.lead_in) % max(expected.loop, 1)] = True
-    found = frozenset(same[compared].tolist())
+    seen = frozenset(same[compared].tolist())
     return Coverage(
         different=counted,
-        seen=found & counted,
+        seen=seen & counted,
         lead_in=aside,
-        lead_in_seen=found & aside,
+        lead_in_seen=seen & aside,
         loop_frames=expected.loop,
         loop_seen=frozenset(np.flatnonzero(compared[expected.lead_in :]).tolist()),
         once=once,
@@ -123,12 +123,12 @@ def same_frames(scheduled: Edges, expected: Expected) -> Ints:
     since = cycle - frame * int(expected.period)
     starts = np.searchsorted(frame, np.arange(total + 1))
     known: dict[bytes, int] = {}
-    found = np.full(total, -1, dtype=np.int64)
+    numbers = np.full(total, -1, dtype=np.int64)
     first = int(frame[0]) if len(frame) else total
     for number in (*range(expected.lead_in, total), *range(expected.lead_in)):
         if number < first:
             continue
         rows = slice(starts[number], starts[number + 1])
         edges = since[rows].tobytes() + pin[rows].tobytes() + level[rows].tobytes()
-        found[number] = known.setdefault(edges, number)
-    return found
+        numbers[number] = known.setdefault(edges, number)
+    return numbers

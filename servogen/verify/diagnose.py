@@ -83,11 +83,14 @@ def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Found:
     stray.add(stretch.observed.cycle[other] + stretch.start, stretch.observed.pin[other])
     level = stretch.seen.level
     allowed = stretch.seen.together | together(stretch.scheduled, level, pins)
-    found = overlap(stretch.observed, allowed, level, pins, stretch.end)
+    overlapping = overlap(stretch.observed, allowed, level, pins, stretch.end)
     return Found(
         first_difference(stretch, expected),
         tuple(_channel(stretch, channel, expected.period, glitch) for channel in expected.channels),
-        found and Overlap(found.count, found.longest, stretch.cycle(found.first), found.pins),
+        overlapping
+        and Overlap(
+            overlapping.count, overlapping.longest, stretch.cycle(overlapping.first), overlapping.pins
+        ),
         stray.pins(),
     )
 

@@ -79,10 +79,10 @@ def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
     try:
         solutions = ik_all(free, position, turn)
     except Unreachable:
-        found = numerical.search(free, position, turn)
-        if not (found.distance_m[0] <= TYPED_M and found.angle[0] <= TYPED_RAD):
+        solution = numerical.search(free, position, turn)
+        if not (solution.distance_m[0] <= TYPED_M and solution.angle[0] <= TYPED_RAD):
             raise
-        pose = fk(free, found.q[0])
+        pose = fk(free, solution.q[0])
         solutions = ik_all(free, pose[:3, 3], pose[:3, :3])
     solutions[:, -1] = roll
     return sorted_without_doubles(arm, solutions, None)

@@ -77,9 +77,9 @@ def search(
     left = starts
     while left > 0 and len(open_):
         # The first start for all; then, for those still open, as many at a time as fill a batch
-        each = 1 if left == starts else min(left, max(1, BATCH // len(open_)))
-        left -= each
-        which = np.repeat(open_, each)
+        starts_at_once = 1 if left == starts else min(left, max(1, BATCH // len(open_)))
+        left -= starts_at_once
+        which = np.repeat(open_, starts_at_once)
         guess = np.array(start[which])
         if left < starts - 1:
             spread = random.uniform(lower, upper, guess.shape)
@@ -87,7 +87,9 @@ def search(
         turn = None if rotation is None else rotation[which]
         q = _descend(arm, guess, position[which], turn, tolerance)
         error = _errors(arm, q, position[which], turn)
-        first = np.argmin(error.sum(axis=0).reshape(-1, each), axis=1) + each * np.arange(len(open_))
+        first = np.argmin(error.sum(axis=0).reshape(-1, starts_at_once), axis=1) + starts_at_once * np.arange(
+            len(open_)
+        )
         q, error = q[first], error[:, first]
         better = error.sum(axis=0) < best_error[:, open_].sum(axis=0)
         best[open_[better]] = q[better]

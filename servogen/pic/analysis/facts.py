@@ -161,7 +161,7 @@ class Facts:
         depth = max(paths.depth, interrupted)
         findings = [
             self._finding(at, "a call pushes a ninth return address; the calls before it are at "
-                          + ", ".join(f"0x{(each - 1) % PROGRAM_WORDS:03X}" for each in stack if each >= 0))
+                          + ", ".join(f"0x{(back - 1) % PROGRAM_WORDS:03X}" for back in stack if back >= 0))
             for at, stack in sorted(paths.overflows.items())
         ]  # fmt: skip
         findings += [self._finding(at, "a return finds the stack empty") for at in sorted(paths.underflows)]
@@ -281,10 +281,10 @@ class Facts:
         return Answer(question, status, text, over, numbers=(("cycles", span.maximum),))
 
     def _conditional(self) -> list[str]:
-        found = [f"paths beyond 0x{at:03X} were not followed" for at in sorted(self.paths.lost)]
+        conditions = [f"paths beyond 0x{at:03X} were not followed" for at in sorted(self.paths.lost)]
         if self.paths.not_restored:
-            found.append("the interrupt does not restore every register that it changes")
-        return found
+            conditions.append("the interrupt does not restore every register that it changes")
+        return conditions
 
     def time(self, start: str, end: str, *, interrupts: bool) -> Answer:
         """Return the best and the worst time between two marks. Raises InputError for an unknown mark."""
@@ -343,14 +343,14 @@ class Facts:
     def _line_starts(self, file: str, number: int) -> list[int]:
         """Return where the words of a source line begin; a loop's line may have several beginnings."""
         assert self._listing is not None
-        found: list[int] = []
+        starts: list[int] = []
         last: int | None = None
         for row in self._listing.rows:
             if row.line == number and row.file is not None and (not file or row.file.endswith(file)):
                 if last != row.address - 1:
-                    found.append(row.address)
+                    starts.append(row.address)
                 last = row.address
-        return found
+        return starts
 
 
 def _address(text: str) -> int:
@@ -375,8 +375,8 @@ def _pins_by_address(writes: Iterable[PinWrite]) -> list[tuple[int, str]]:
 
 def _clears_watchdog(number: int | None) -> bool:
     """Return whether a word is CLRWDT or SLEEP: both set TO (DS35007 section 6.12)."""
-    found = None if number is None else decode(number)
-    return found is not None and "T" in found.instruction.flags
+    decoded = None if number is None else decode(number)
+    return decoded is not None and "T" in decoded.instruction.flags
 
 
 def _ranges(numbers: list[int]) -> Iterable[tuple[int, int]]:

@@ -94,7 +94,7 @@ class Paths:
     """Returns that find the stack empty."""
     nested_interrupts: set[int] = field(default_factory=set)
     """Addresses in the interrupt's code where another interrupt may come."""
-    deepest_call: tuple[int, ...] = ()
+
     unwritten_reads: set[tuple[int, Place]] = field(default_factory=set)
     input_writes: set[PinWrite] = field(default_factory=set)
     """Writes of pins that may be inputs then, and whose directions the program has set before."""
@@ -336,13 +336,13 @@ class Explorer:
 
     def _after_interrupt(self, state: State) -> None:
         """Add to a state in which an interrupt may come what it may be afterwards."""
-        found = self._interrupt
-        for place in found.changes:
+        interrupt = self._interrupt
+        for place in interrupt.changes:
             if RAM_FIRST <= place <= RAM_LAST:
                 _forget(state, place)
-        for place in found.not_restored:
+        for place in interrupt.not_restored:
             _forget(state, place)
-        for place, value in found.exits.items():
+        for place, value in interrupt.exits.items():
             if place in state.values:
                 state.values[place] |= value
                 state.unrelate(place)
@@ -398,7 +398,7 @@ class Explorer:
         if deeper[0] == IN_INTERRUPT:
             paths.depth_of_interrupt = max(paths.depth_of_interrupt, len(deeper))
         elif len(deeper) > paths.depth:
-            paths.depth, paths.deepest_call = len(deeper), deeper
+            paths.depth = len(deeper)
         return [(target, deeper, state)]
 
     def _return(
@@ -420,14 +420,14 @@ class Explorer:
         return [(stack[-1], stack[:-1], state)]
 
     def _end_interrupt(self, state: State) -> None:
-        found = self._interrupt
+        interrupt = self._interrupt
         for place in PRESERVED:
             if state.saved.get(place) != (place, False):
-                found.not_restored.add(place)
+                interrupt.not_restored.add(place)
         for place in _SPECIAL:
-            if place in found.changes or place == INTCON:
+            if place in interrupt.changes or place == INTCON:
                 value = state.get(place)
-                found.exits[place] = found.exits[place] | value if place in found.exits else value
+                interrupt.exits[place] = interrupt.exits[place] | value if place in interrupt.exits else value
 
     def _computed_jump(
         self, at: int, stack: tuple[int, ...], state: State, word: Word
@@ -457,21 +457,21 @@ class Explorer:
 
     def _table(self, at: int) -> list[int]:
         """Return the RETLWs or GOTOs that follow a computed jump without a gap."""
-        found = []
+        addresses = []
         for following in range(at + 1, PROGRAM_WORDS):
-            number = decode(self._words[following])
-            if number is None or not (number.instruction.flow == "jump" or _is_retlw(number.instruction)):
+            decoded = decode(self._words[following])
+            if decoded is None or not (decoded.instruction.flow == "jump" or _is_retlw(decoded.instruction)):
                 break
-            found.append(following)
-        return found
+            addresses.append(following)
+        return addresses
 
 
 def in_memory(number: int) -> int:
     """Return a word whose jump or call leads into the 1024 words that the chip has; they repeat (DS35007
     section 2.1).
     """
-    found = decode(number)
-    if found is None or found.instruction.flow not in ("jump", "call"):
+    decoded = decode(number)
+    if decoded is None or decoded.instruction.flow not in ("jump", "call"):
         return number
     return number & ~PROGRAM_WORDS
 

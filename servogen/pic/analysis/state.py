@@ -56,10 +56,10 @@ def bit(place: Place) -> int:
 
 def bits(places: Iterable[Place]) -> int:
     """Return a bit set of places."""
-    found = 0
+    bit_set = 0
     for place in places:
-        found |= bit(place)
-    return found
+        bit_set |= bit(place)
+    return bit_set
 
 
 @dataclass(slots=True)
@@ -272,15 +272,15 @@ def _special(state: State, place: int, at: int) -> Value:
 
 
 def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, list[_Operand], bool]:
-    found, any_byte = operands(state, word.f)
+    addressed, any_byte = operands(state, word.f)
     reads = "f" in word.reads
     modifies_bit = word.name in ("BSF", "BCF")
     if reads and any_byte:
         effects.any_byte = True
     value: Value | None = None
-    for operand in found:
+    for operand in addressed:
         if operand.special is not None:
-            one = _special(state, operand.special, at)
+            single = _special(state, operand.special, at)
             if reads and operand.special == TMR0 and not state.has_written(TMR0):
                 effects.unwritten.add(TMR0)
             if reads and operand.special == STATUS and not modifies_bit:
@@ -288,16 +288,16 @@ def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, l
                 flags = {_FLAG_PLACES[number] for number in numbers if number in _FLAG_PLACES}
                 effects.unwritten |= {flag for flag in flags if not state.has_written(flag)}
         elif operand.place is None:
-            one = ANY if operand.port is not None else values.constant(0)
-            one = ANY if word.f in (EEDATA, EEDATA + 1) or word.f == INDF else one
+            single = ANY if operand.port is not None else values.constant(0)
+            single = ANY if word.f in (EEDATA, EEDATA + 1) or word.f == INDF else single
         else:
-            one = state.get(operand.place)
+            single = state.get(operand.place)
             if reads and not any_byte and not state.has_written(operand.place):
                 effects.unwritten.add(operand.place)
-        value = one if value is None else value | one
+        value = single if value is None else value | single
     if word.f == INDF and not state.has_written(FSR):
         effects.unwritten.add(FSR)
-    return value or ANY, found, any_byte
+    return value or ANY, addressed, any_byte
 
 
 def computed(word: Word, w: Value, f: Value, carry: Value) -> tuple[Value, Value | None, Value | None]:
@@ -350,18 +350,18 @@ def _computed(
     )
 
 
-def _preserving(state: State, word: Word, found: list[_Operand]) -> tuple[Place, bool] | None:
+def _preserving(state: State, word: Word, addressed: list[_Operand]) -> tuple[Place, bool] | None:
     """Return what a move or swap of nibbles copies of the registers at the interrupt; None if nothing."""
     source: tuple[Place, bool] | None = None
     if word.name == "MOVWF":
         return state.saved.get(W)
-    if word.name not in ("MOVF", "SWAPF") or len(found) != 1:
+    if word.name not in ("MOVF", "SWAPF") or len(addressed) != 1:
         return None
-    if found[0].special == STATUS:
+    if addressed[0].special == STATUS:
         if all(state.saved.get(place) == (place, False) for place in _STATUS_PLACES):
             source = (_SAVED_STATUS, False)
-    elif found[0].place is not None:
-        source = state.saved.get(found[0].place)
+    elif addressed[0].place is not None:
+        source = state.saved.get(addressed[0].place)
     if source is None or word.name == "MOVF":
         return source
     return source[0], not source[1]
@@ -382,10 +382,10 @@ def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
         if word.name == "RETLW":
             _write_place(state, W, values.constant(word.k), effects, definitely=True)
         return state, effects
-    f, found, any_byte = _read(before, word, at, effects) if word.has_f else (ANY, [], False)
+    f, addressed, any_byte = _read(before, word, at, effects) if word.has_f else (ANY, [], False)
     if word.name in ("BTFSC", "BTFSS"):
         return state, effects
-    copied = _preserving(before, word, found)
+    copied = _preserving(before, word, addressed)
     if copied:
         effects.unwritten.clear()  # the interrupt saves or restores a register: that uses nothing of it
     result, carry, zero = computed(word, before.get(W), f, before.get(CARRY))
@@ -402,14 +402,14 @@ def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
         if copied:
             state.saved[W] = copied
     elif word.writes_f and not word.writes_pcl:
-        _write(before, state, word, found, any_byte, result, copied, effects)
-    _relate(before, state, word, found)
+        _write(before, state, word, addressed, any_byte, result, copied, effects)
+    _relate(before, state, word, addressed)
     return state, effects
 
 
-def _relate(before: State, state: State, word: Word, found: list[_Operand]) -> None:
+def _relate(before: State, state: State, word: Word, addressed: list[_Operand]) -> None:
     """Note the relations of the instruction's flags, and of its result in W, to the byte that it read."""
-    place = found[0].place if len(found) == 1 else None
+    place = addressed[0].place if len(addressed) == 1 else None
     if word.name == "MOVF" and place is not None:
         if place in state.values or RAM_FIRST <= place <= RAM_LAST:
             state.facts[ZERO] = (place, "==", 0)
@@ -443,16 +443,16 @@ def _write(
     before: State,
     state: State,
     word: Word,
-    found: list[_Operand],
+    addressed: list[_Operand],
     any_byte: bool,
     result: Value,
     copied: tuple[Place, bool] | None,
     effects: Effects,
 ) -> None:
-    definitely = len(found) == 1
+    definitely = len(addressed) == 1
     if any_byte:
         effects.wild = True
-    for operand in found:
+    for operand in addressed:
         if operand.port is not None:
             may, must = _pins_meant(word, result)
             effects.pins.append((operand.port, may, must if definitely else 0))
@@ -536,10 +536,10 @@ def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[in
     """Return (words to go on by, state) for each way that a skip may take; `before` is what it tested."""
     if word.name in ("BTFSC", "BTFSS"):
         skip_level = int(word.name == "BTFSS")
-        found, _ = operands(before, word.f)
+        addressed, _ = operands(before, word.f)
         ways = []
         for level in (0, 1):
-            refined = _refined(state, before, word, found, level, at)
+            refined = _refined(state, before, word, addressed, level, at)
             if refined is not None:
                 ways.append((2 if level == skip_level else 1, refined))
         return ways
@@ -547,8 +547,8 @@ def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[in
     if word.writes_w:
         place: Place | None = W
     else:
-        found, _ = operands(before, word.f)
-        place = found[0].place if len(found) == 1 else None
+        addressed, _ = operands(before, word.f)
+        place = addressed[0].place if len(addressed) == 1 else None
         if place in _FIVE_BITS:
             place = None  # its byte is not the result
     result = ANY if place is None else state.get(place)
@@ -568,18 +568,18 @@ def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[in
 
 
 def _refined(
-    state: State, before: State, word: Word, found: list[_Operand], level: int, at: int
+    state: State, before: State, word: Word, addressed: list[_Operand], level: int, at: int
 ) -> State | None:
     """Return the state in which the tested bit has that level; None if it cannot."""
     place: Place | None = None
     tested = word.b
-    if len(found) == 1:
-        if found[0].special == STATUS:
+    if len(addressed) == 1:
+        if addressed[0].special == STATUS:
             place, tested = _FLAG_PLACES.get(word.b), 0
-        elif found[0].special == INTCON and word.b > 2:
+        elif addressed[0].special == INTCON and word.b > 2:
             place = INTCON
         else:
-            place = found[0].place
+            place = addressed[0].place
     if place is None:
         return state.copy()
     value = before.get(place)
@@ -600,9 +600,9 @@ def _refined(
     after.values[place] = kept
     fact = before.facts.get(place)
     if fact is not None:
-        told = values.where(before.get(fact[0]), lambda member: _satisfies(fact, member) == bool(level))
-        if told is None:
+        possible = values.where(before.get(fact[0]), lambda member: _satisfies(fact, member) == bool(level))
+        if possible is None:
             return None
-        if told is not values.ANY:
-            after.values[fact[0]] = told
+        if possible is not values.ANY:
+            after.values[fact[0]] = possible
     return after

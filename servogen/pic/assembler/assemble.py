@@ -86,13 +86,13 @@ def assemble(
 
 def _lines_of(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> SourceLines:
     """Return the source lines that the diagnostics point to."""
-    found = {}
+    source_lines = {}
     rows = {file: [line.text.chars for line in lines_of(text, file)] for file, text in sources.items()}
     for diagnostic in diagnostics:
         place = diagnostic.location or Location()
         if place.file in rows and place.line and place.line <= len(rows[place.file]):
-            found[place.file, place.line] = rows[place.file][place.line - 1]
-    return found
+            source_lines[place.file, place.line] = rows[place.file][place.line - 1]
+    return source_lines
 
 
 def beside(directory: Path) -> Include:
@@ -101,10 +101,12 @@ def beside(directory: Path) -> Include:
     def read(name: str) -> str | None:
         wanted = directory / name.replace("\\", "/")
         if not wanted.is_file():
-            found = [entry for entry in wanted.parent.glob("*") if entry.name.lower() == wanted.name.lower()]
-            if not found:
+            same_names = [
+                entry for entry in wanted.parent.glob("*") if entry.name.lower() == wanted.name.lower()
+            ]
+            if not same_names:
                 return None
-            wanted = found[0]
+            wanted = same_names[0]
         return read_input(wanted).decode("latin-1")
 
     return read

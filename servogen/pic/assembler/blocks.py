@@ -76,8 +76,8 @@ class Reader:
         depth = 1
         pattern = re.compile(rf"(?:[^\s;\"']+\s+|\s+)?({begin}|{end})\b(?!\s*[:=])", re.IGNORECASE)
         while (line := self.next()) is not None:
-            if found := pattern.match(line.text.chars):
-                depth += 1 if found[1].lower() == begin else -1
+            if bracket := pattern.match(line.text.chars):
+                depth += 1 if bracket[1].lower() == begin else -1
                 if depth == 0:
                     return taken
             taken.append(line)

@@ -13,44 +13,46 @@ from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import IDENTIFIER
 
 
-def _open(state: Pass, found: Statement, holds: bool) -> None:
-    state.conditions.append(Condition(holds, holds, found.place))
+def _open(state: Pass, statement: Statement, holds: bool) -> None:
+    state.conditions.append(Condition(holds, holds, statement.place))
 
 
-def _open_closed(state: Pass, found: Statement) -> bool:
+def _open_closed(state: Pass, statement: Statement) -> bool:
     """Open an IF inside lines that are not assembled: it is not assembled either, whatever its condition."""
     if state.active:
         return False
-    state.conditions.append(Condition(False, True, found.place))
+    state.conditions.append(Condition(False, True, statement.place))
     return True
 
 
-def _if(state: Pass, found: Statement) -> None:
-    if not _open_closed(state, found):
-        _open(state, found, False)
-        holds = state.one(found) != 0
-        state.conditions[-1] = Condition(holds, holds, found.place)
+def _if(state: Pass, statement: Statement) -> None:
+    if not _open_closed(state, statement):
+        _open(state, statement, False)
+        holds = state.one(statement) != 0
+        state.conditions[-1] = Condition(holds, holds, statement.place)
 
 
-def _ifdef(state: Pass, found: Statement) -> None:
-    if not _open_closed(state, found):
-        _open(state, found, _asks_defined(state, found))
+def _ifdef(state: Pass, statement: Statement) -> None:
+    if not _open_closed(state, statement):
+        _open(state, statement, _asks_defined(state, statement))
 
 
-def _ifndef(state: Pass, found: Statement) -> None:
-    if not _open_closed(state, found):
-        _open(state, found, not _asks_defined(state, found))
+def _ifndef(state: Pass, statement: Statement) -> None:
+    if not _open_closed(state, statement):
+        _open(state, statement, not _asks_defined(state, statement))
 
 
-def _asks_defined(state: Pass, found: Statement) -> bool:
+def _asks_defined(state: Pass, statement: Statement) -> bool:
     """Return whether the name has a value or a replacement.
 
     As in MPASM and gpasm, the second pass knows every name of the first; if that changes the answer, the
     lines of the two passes differ, which is reported.
     """
-    match = IDENTIFIER.match(found.rest.chars)
+    match = IDENTIFIER.match(statement.rest.chars)
     if match is None:
-        raise SourceError("asm-missing-argument", f"{found.operation.upper()} needs a name", found.column)
+        raise SourceError(
+            "asm-missing-argument", f"{statement.operation.upper()} needs a name", statement.column
+        )
     name = match[0]
     symbol = state.symbols.find(name)
     known = name in state.definitions or symbol is not None
@@ -64,29 +66,31 @@ def _asks_defined(state: Pass, found: Statement) -> bool:
             "warning",
             "asm-defined-later",
             f"'{name}' is defined further below: in the second pass the answer is another",
-            found.line,
-            found.rest.column(0),
+            statement.line,
+            statement.rest.column(0),
             "define it before, or with #define",
         )
     return known
 
 
-def _top(state: Pass, found: Statement) -> Condition:
+def _top(state: Pass, statement: Statement) -> Condition:
     if not state.conditions:
-        raise SourceError("asm-unexpected-directive", f"{found.operation.upper()} without IF", found.column)
+        raise SourceError(
+            "asm-unexpected-directive", f"{statement.operation.upper()} without IF", statement.column
+        )
     return state.conditions[-1]
 
 
-def _else(state: Pass, found: Statement) -> None:
-    condition = _top(state, found)
+def _else(state: Pass, statement: Statement) -> None:
+    condition = _top(state, statement)
     if condition.seen_else:
-        raise SourceError("asm-unexpected-directive", "a second ELSE of the same IF", found.column)
+        raise SourceError("asm-unexpected-directive", "a second ELSE of the same IF", statement.column)
     condition.seen_else = True
     condition.active, condition.taken = not condition.taken, True
 
 
-def _endif(state: Pass, found: Statement) -> None:
-    _top(state, found)
+def _endif(state: Pass, statement: Statement) -> None:
+    _top(state, statement)
     state.conditions.pop()
 
 
@@ -95,9 +99,9 @@ MAX_TOTAL_TURNS = 16384
 """The maximum number of turns of one WHILE, and of all in a pass; more are assumed to be endless."""
 
 
-def _while(state: Pass, found: Statement) -> None:
-    condition = state.expression(found.rest)
-    body = state.readers[-1].block("while", "endw", found)
+def _while(state: Pass, statement: Statement) -> None:
+    condition = state.expression(statement.rest)
+    body = state.readers[-1].block("while", "endw", statement)
     state.spend(len(body))
     for _ in range(MAX_TURNS):
         if not state.evaluate(condition):
@@ -110,52 +114,52 @@ def _while(state: Pass, found: Statement) -> None:
             state.run(body)
         finally:
             state.turning -= 1
-    raise SourceError("asm-endless-loop", "this WHILE does not end", found.column)
+    raise SourceError("asm-endless-loop", "this WHILE does not end", statement.column)
 
 
-def _macro(state: Pass, found: Statement) -> None:
-    body = state.readers[-1].block("macro", "endm", found)
+def _macro(state: Pass, statement: Statement) -> None:
+    body = state.readers[-1].block("macro", "endm", statement)
     state.spend(len(body))
-    if found.label is None:
-        raise SourceError("asm-missing-name", "MACRO needs a name in front of it", found.column)
-    if found.label in state.macros:
+    if statement.label is None:
+        raise SourceError("asm-missing-name", "MACRO needs a name in front of it", statement.column)
+    if statement.label in state.macros:
         raise SourceError(
-            "asm-duplicate-symbol", f"macro '{found.label}' is defined already", found.label_column
+            "asm-duplicate-symbol", f"macro '{statement.label}' is defined already", statement.label_column
         )
-    names = tuple(part.chars for part in found.rest.split(",")) if found.rest else ()
+    names = tuple(part.chars for part in statement.rest.split(",")) if statement.rest else ()
     for name in names:
         if not IDENTIFIER.fullmatch(name):
             raise SourceError(
-                "asm-bad-argument", f"'{name}' is not a name for a parameter", found.rest.column(0)
+                "asm-bad-argument", f"'{name}' is not a name for a parameter", statement.rest.column(0)
             )
-    state.macros[found.label] = Macro(found.label, names, tuple(body))
+    state.macros[statement.label] = Macro(statement.label, names, tuple(body))
 
 
-def _exitm(state: Pass, found: Statement) -> None:
-    if not found.line.within:
-        raise SourceError("asm-unexpected-directive", "EXITM outside a macro", found.column)
+def _exitm(state: Pass, statement: Statement) -> None:
+    if not statement.line.within:
+        raise SourceError("asm-unexpected-directive", "EXITM outside a macro", statement.column)
     raise ExitMacro
 
 
-def _unmatched(state: Pass, found: Statement) -> None:
+def _unmatched(state: Pass, statement: Statement) -> None:
     raise SourceError(
-        "asm-unexpected-directive", f"{found.operation.upper()} without its beginning", found.column
+        "asm-unexpected-directive", f"{statement.operation.upper()} without its beginning", statement.column
     )
 
 
 _FILE = re.compile(r'<([^>]*)>|"([^"]*)"|(\S+)')
 
 
-def _include(state: Pass, found: Statement) -> None:
-    match = _FILE.match(found.rest.chars)
+def _include(state: Pass, statement: Statement) -> None:
+    match = _FILE.match(statement.rest.chars)
     if match is None:
-        raise SourceError("asm-missing-argument", "INCLUDE needs a file name", found.column)
+        raise SourceError("asm-missing-argument", "INCLUDE needs a file name", statement.column)
     name = match[1] or match[2] or match[3]
     try:
         text = state.include(name)
     except InputError as refusal:
         raise SourceError(
-            "asm-include", f"include file '{name}' {refusal.message}", found.rest.column(0), refusal.hint
+            "asm-include", f"include file '{name}' {refusal.message}", statement.rest.column(0), refusal.hint
         ) from refusal
     if text is None:
         chip = header_device(name)
@@ -163,7 +167,7 @@ def _include(state: Pass, found: Statement) -> None:
             raise SourceError(
                 "asm-include",
                 f"include file '{name}' not found",
-                found.rest.column(0),
+                statement.rest.column(0),
                 f"built in: {', '.join(HEADERS)}; others lie beside the source",
             )
         if state.device is None:
@@ -174,9 +178,9 @@ def _include(state: Pass, found: Statement) -> None:
     state.run(lines_of(text, name))
 
 
-def _end(state: Pass, found: Statement) -> None:
+def _end(state: Pass, statement: Statement) -> None:
     if state.turning:
-        raise SourceError("asm-unclosed-block", "END within a WHILE", found.column)
+        raise SourceError("asm-unclosed-block", "END within a WHILE", statement.column)
     for condition in state.conditions:
         state.log.add(
             Diagnostic("warning", "asm-unclosed-if", "this IF has no ENDIF before END", condition.place)

@@ -13,47 +13,49 @@ from servogen.pic.assembler.symbols import Kind
 from servogen.pic.assembler.text import IDENTIFIER, Text
 
 
-def _label(found: Statement) -> str:
-    if found.label is None:
+def _label(statement: Statement) -> str:
+    if statement.label is None:
         raise SourceError(
-            "asm-missing-argument", f"{found.operation.upper()} needs a name in front of it", found.column
+            "asm-missing-argument",
+            f"{statement.operation.upper()} needs a name in front of it",
+            statement.column,
         )
-    return found.label
+    return statement.label
 
 
-def _equ(state: Pass, found: Statement) -> None:
-    state.symbols.define(_label(found), state.one(found), "constant", found.label_column)
+def _equ(state: Pass, statement: Statement) -> None:
+    state.symbols.define(_label(statement), state.one(statement), "constant", statement.label_column)
 
 
-def _set(state: Pass, found: Statement) -> None:
-    state.symbols.define(_label(found), state.one(found), "variable", found.label_column)
+def _set(state: Pass, statement: Statement) -> None:
+    state.symbols.define(_label(statement), state.one(statement), "variable", statement.label_column)
 
 
-def _assign(state: Pass, found: Statement) -> None:
+def _assign(state: Pass, statement: Statement) -> None:
     """Process `name op= expression`, `name++` and `name--`."""
-    name = _label(found)
+    name = _label(statement)
     old = state.value(name)
     if old is None:
         raise SourceError(
-            "asm-undefined-symbol", f"symbol not previously defined: '{name}'", found.label_column
+            "asm-undefined-symbol", f"symbol not previously defined: '{name}'", statement.label_column
         )
-    if found.operation in ("++", "--"):
+    if statement.operation in ("++", "--"):
         step = 1
-        if found.rest:
+        if statement.rest:
             raise SourceError(
-                "asm-syntax", f"'{found.rest.chars}' is not expected here", found.rest.column(0)
+                "asm-syntax", f"'{statement.rest.chars}' is not expected here", statement.rest.column(0)
             )
     else:
-        step = state.one(found)
-    sign = found.operation[0] if found.operation in ("++", "--") else found.operation[:-1]
+        step = state.one(statement)
+    sign = statement.operation[0] if statement.operation in ("++", "--") else statement.operation[:-1]
     if sign in "/%" and step == 0:
-        raise SourceError("asm-divide-by-zero", "divide by zero", found.column)
-    state.symbols.define(name, BINARY[sign][1](old, step), "variable", found.label_column)
+        raise SourceError("asm-divide-by-zero", "divide by zero", statement.column)
+    state.symbols.define(name, BINARY[sign][1](old, step), "variable", statement.label_column)
 
 
-def _named_values(state: Pass, found: Statement, kind: Kind, default: int | None) -> None:
+def _named_values(state: Pass, statement: Statement, kind: Kind, default: int | None) -> None:
     """Process `name = expression, name, …`."""
-    for part in found.rest.split(","):
+    for part in statement.rest.split(","):
         name, value = _name_and_value(state, part)
         if value is None:
             if default is None:
@@ -75,16 +77,16 @@ def _name_and_value(state: Pass, part: Text) -> tuple[str, int | None]:
     return match[0], state.evaluate(parse_expression(rest[1:], state.radix))
 
 
-def _variable(state: Pass, found: Statement) -> None:
-    _named_values(state, found, "variable", 0)
+def _variable(state: Pass, statement: Statement) -> None:
+    _named_values(state, statement, "variable", 0)
 
 
-def _constant(state: Pass, found: Statement) -> None:
-    _named_values(state, found, "constant", None)
+def _constant(state: Pass, statement: Statement) -> None:
+    _named_values(state, statement, "constant", None)
 
 
-def _local(state: Pass, found: Statement) -> None:
-    for part in found.rest.split(","):
+def _local(state: Pass, statement: Statement) -> None:
+    for part in statement.rest.split(","):
         match = IDENTIFIER.match(part.chars)
         if match is not None:
             state.symbols.declare_local(match[0])
@@ -93,11 +95,11 @@ def _local(state: Pass, found: Statement) -> None:
             state.symbols.define(name, value, "variable", part.column(0))
 
 
-def _cblock(state: Pass, found: Statement) -> None:
+def _cblock(state: Pass, statement: Statement) -> None:
     """Define consecutive names, `name` or `name:size`, up to ENDC."""
-    if found.rest:
-        state.cblock = state.one(found)
-    for raw in state.readers[-1].block("cblock", "endc", found):
+    if statement.rest:
+        state.cblock = state.one(statement)
+    for raw in state.readers[-1].block("cblock", "endc", statement):
         state.line = raw
         state.spend()
         try:
@@ -127,26 +129,26 @@ def _cblock_entry(state: Pass, part: Text) -> None:
 _DEFINE = re.compile(rf"({IDENTIFIER.pattern})(?:\(([^)]*)\))?")
 
 
-def _define(state: Pass, found: Statement) -> None:
-    match = _DEFINE.match(found.rest.chars)
+def _define(state: Pass, statement: Statement) -> None:
+    match = _DEFINE.match(statement.rest.chars)
     if match is None:
-        raise SourceError("asm-missing-argument", "#DEFINE needs a name", found.column)
+        raise SourceError("asm-missing-argument", "#DEFINE needs a name", statement.column)
     if match[1] in state.definitions:
         raise SourceError(
             "asm-duplicate-symbol",
             f"'{match[1]}' is defined already",
-            found.rest.column(0),
+            statement.rest.column(0),
             "#undefine it first",
         )
     names = tuple(name.strip() for name in (match[2] or "").split(",") if name.strip())
-    state.definitions[match[1]] = Definition(found.rest.chars[match.end() :].strip(), names)
+    state.definitions[match[1]] = Definition(statement.rest.chars[match.end() :].strip(), names)
 
 
-def _undefine(state: Pass, found: Statement) -> None:
-    name = found.rest.chars.strip()
+def _undefine(state: Pass, statement: Statement) -> None:
+    name = statement.rest.chars.strip()
     if state.definitions.pop(name, None) is None:
         text = f"'{name}' was not defined by #define"
-        state.report("warning", "asm-unknown-symbol", text, found.line, found.rest.column(0))
+        state.report("warning", "asm-unknown-symbol", text, statement.line, statement.rest.column(0))
 
 
 DEFINITIONS: dict[str, Directive] = {

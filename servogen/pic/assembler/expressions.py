@@ -142,8 +142,8 @@ MAX_OPERATORS = 200
 class Parser:
     """Parses expressions from tokens; the fields between commas are separate expressions."""
 
-    def __init__(self, found: tuple[Token, ...], end_column: int) -> None:
-        self._tokens = found
+    def __init__(self, scanned: tuple[Token, ...], end_column: int) -> None:
+        self._tokens = scanned
         self._index = 0
         self._end_column = end_column
         self._depth = 0
@@ -168,13 +168,13 @@ class Parser:
         """Return the expressions between commas up to the end of the line; None for an empty field."""
         if self.at_end():
             return ()
-        found: list[Expression | None] = []
+        expressions: list[Expression | None] = []
         while True:
             token = self._peek()
             empty = token is None or (token.kind == "operator" and token.text == ",")
-            found.append(None if empty else self.expression())
+            expressions.append(None if empty else self.expression())
             if self.at_end():
-                return tuple(found)
+                return tuple(expressions)
             if not self.take(","):
                 raise self._unexpected()
 
@@ -243,10 +243,10 @@ class Parser:
 def parse_expression(text: Text, radix: int) -> Expression:
     """Return the single expression in a text. Raises SourceError."""
     parser = Parser.of(text, radix)
-    found = parser.expression()
+    expression = parser.expression()
     if not parser.at_end():
         raise parser._unexpected()
-    return found
+    return expression
 
 
 def suggestion(word: str, known: Iterable[str]) -> str | None:
@@ -286,11 +286,11 @@ def evaluate(expression: Expression, scope: Scope) -> int:
         case String():
             return _character(expression)
         case Name(name, column):
-            found = scope.value(name)
-            if found is None:
+            defined = scope.value(name)
+            if defined is None:
                 text = f"symbol not previously defined: '{name}'"
                 raise SourceError("asm-undefined-symbol", text, column, scope.hint(name))
-            return found
+            return defined
         case Unary(sign, operand):
             return _wrap(UNARY[sign](evaluate(operand, scope)))
         case Binary(sign, left, right, column):

@@ -14,47 +14,47 @@ from servogen.pic.device import EEPROM_ADDRESS, EEPROM_BYTES, register_bits
 from servogen.pic.isa import WORD_MASK, encode
 
 
-def _org(state: Pass, found: Statement) -> None:
-    state.location = state.one(found)
-    if found.label is not None:
-        state.symbols.define(found.label, state.location, "label", found.label_column)
+def _org(state: Pass, statement: Statement) -> None:
+    state.location = state.one(statement)
+    if statement.label is not None:
+        state.symbols.define(statement.label, state.location, "label", statement.label_column)
 
 
-def _res(state: Pass, found: Statement) -> None:
+def _res(state: Pass, statement: Statement) -> None:
     """Reserve words, which stay erased."""
-    for _ in range(_counted(state.one(found), found)):
-        state.emit(WORD_MASK, found)
+    for _ in range(_counted(state.one(statement), statement)):
+        state.emit(WORD_MASK, statement)
 
 
 MAX_COUNT = 0x2200
 """Of FILL and RES: more words than there are addresses."""
 
 
-def _counted(count: int, found: Statement) -> int:
+def _counted(count: int, statement: Statement) -> int:
     """Return the number of words that a line places. Raises SourceError for a number that no chip has."""
     if not 0 <= count <= MAX_COUNT:
         raise SourceError(
             "asm-argument-range",
-            f"{found.operation.upper()} of {count} words",
-            found.column,
+            f"{statement.operation.upper()} of {count} words",
+            statement.column,
             f"0 to {MAX_COUNT} words",
         )
     return count
 
 
-def _fill(state: Pass, found: Statement) -> None:
+def _fill(state: Pass, statement: Statement) -> None:
     """Process `fill value, count`, or `fill (instruction), count`; the value is evaluated at each address."""
-    bracketed = _BRACKETED.match(found.rest.chars)
+    bracketed = _BRACKETED.match(statement.rest.chars)
     if bracketed is None or bracketed[1].upper() not in instructions.mnemonics():
-        value, count = state.fields(found, 2, 2)
-        for _ in range(_counted(state.evaluate(count), found)):
-            state.emit(state.evaluate(value), found)
+        value, count = state.fields(statement, 2, 2)
+        for _ in range(_counted(state.evaluate(count), statement)):
+            state.emit(state.evaluate(value), statement)
         return
-    fields = state.parser(found.rest[bracketed.end(1) : bracketed.end(2)]).fields()
-    count = state.expression(found.rest[bracketed.end() :])
-    for _ in range(_counted(state.evaluate(count), found)):
-        for instruction in instructions.instructions(bracketed[1], fields, found.place):
-            state.encode(instruction, found)
+    fields = state.parser(statement.rest[bracketed.end(1) : bracketed.end(2)]).fields()
+    count = state.expression(statement.rest[bracketed.end() :])
+    for _ in range(_counted(state.evaluate(count), statement)):
+        for instruction in instructions.instructions(bracketed[1], fields, statement.place):
+            state.encode(instruction, statement)
 
 
 _BRACKETED = re.compile(r"\(\s*(\w+)(.*)\)\s*,")
@@ -69,98 +69,102 @@ def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
             yield state.evaluate(field)
 
 
-def _data(state: Pass, found: Statement) -> None:
+def _data(state: Pass, statement: Statement) -> None:
     """Place words; strings are packed two characters per word, the first in the high byte; a last single one
     goes in the low byte.
     """
-    for field in state.fields(found, 1):
+    for field in state.fields(statement, 1):
         if not isinstance(field, String):
-            state.emit(state.evaluate(field), found)
+            state.emit(state.evaluate(field), statement)
             continue
         codes = [*field.codes, 0]
         for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
-            state.emit(high << 8 | low, found)
+            state.emit(high << 8 | low, statement)
 
 
-def _db(state: Pass, found: Statement) -> None:
+def _db(state: Pass, statement: Statement) -> None:
     """Place bytes packed two per word, the first in the high byte; in the data EEPROM, one per address."""
-    values = [_byte(state, value, found) for value in _bytes(state, state.fields(found, 1))]
+    values = [_byte(state, value, statement) for value in _bytes(state, state.fields(statement, 1))]
     if EEPROM_ADDRESS <= state.location < EEPROM_ADDRESS + EEPROM_BYTES:
         for value in values:
-            state.emit(value, found)
+            state.emit(value, statement)
         return
     if len(values) % 2:
         values.append(0)
     for high, low in zip(values[::2], values[1::2], strict=True):
-        state.emit(high << 8 | low, found)
+        state.emit(high << 8 | low, statement)
 
 
-def _byte(state: Pass, value: int, found: Statement) -> int:
+def _byte(state: Pass, value: int, statement: Statement) -> int:
     if not -128 <= value <= 0xFF:
         state.report(
             "warning",
             "asm-argument-truncated",
             f"{value} does not fit 8 bits: the lowest are used",
-            found.line,
-            found.column,
+            statement.line,
+            statement.column,
         )
     return value & 0xFF
 
 
-def _de(state: Pass, found: Statement) -> None:
-    for value in _bytes(state, state.fields(found, 1)):
-        state.emit(value & 0xFF, found)
+def _de(state: Pass, statement: Statement) -> None:
+    for value in _bytes(state, state.fields(statement, 1)):
+        state.emit(value & 0xFF, statement)
 
 
-def _dt(state: Pass, found: Statement) -> None:
+def _dt(state: Pass, statement: Statement) -> None:
     """Place a table: one RETLW per byte."""
-    for value in _bytes(state, state.fields(found, 1)):
-        state.emit(encode("RETLW", k=value & 0xFF), found, is_code=True)
+    for value in _bytes(state, state.fields(statement, 1)):
+        state.emit(encode("RETLW", k=value & 0xFF), statement, is_code=True)
 
 
-def _da(state: Pass, found: Statement) -> None:
+def _da(state: Pass, statement: Statement) -> None:
     """Place 7-bit characters, two per word."""
-    for field in state.fields(found, 1):
+    for field in state.fields(statement, 1):
         if not isinstance(field, String):
-            state.emit(state.evaluate(field), found)
+            state.emit(state.evaluate(field), statement)
             continue
         codes = [*field.codes, 0]
         for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
-            state.emit((high & 0x7F) << 7 | low & 0x7F, found)
+            state.emit((high & 0x7F) << 7 | low & 0x7F, statement)
 
 
-def _select(state: Pass, found: Statement, bit_name: str, is_set: bool) -> None:
+def _select(state: Pass, statement: Statement, bit_name: str, is_set: bool) -> None:
     register, bit = register_bits()[bit_name]
     fields = (Number(register.address), Number(bit))
-    for instruction in instructions.instructions("BSF" if is_set else "BCF", fields, found.place):
-        state.encode(instruction, found)
+    for instruction in instructions.instructions("BSF" if is_set else "BCF", fields, statement.place):
+        state.encode(instruction, statement)
 
 
-def _banksel(state: Pass, found: Statement) -> None:
+def _banksel(state: Pass, statement: Statement) -> None:
     """Select a register bank with RP0; the chip has two (DS35007 section 2.2)."""
-    _select(state, found, "RP0", bool(state.one(found) & 0x80))
+    _select(state, statement, "RP0", bool(state.one(statement) & 0x80))
 
 
-def _bankisel(state: Pass, found: Statement) -> None:
+def _bankisel(state: Pass, statement: Statement) -> None:
     """Set IRP, which selects indirect addresses above 0xFF (DS35007 section 2.5); the chip implements the bit
     but has no such addresses.
     """
-    _select(state, found, "IRP", state.one(found) > 0xFF)
+    _select(state, statement, "IRP", state.one(statement) > 0xFF)
 
 
-def _pagesel(state: Pass, found: Statement) -> None:
+def _pagesel(state: Pass, statement: Statement) -> None:
     """Do nothing: the chip has one page of program memory."""
-    state.one(found)
+    state.one(statement)
     state.report(
-        "note", "asm-page", "the chip has one page: no page selection is needed", found.line, found.column
+        "note",
+        "asm-page",
+        "the chip has one page: no page selection is needed",
+        statement.line,
+        statement.column,
     )
 
 
-def _relocatable(state: Pass, found: Statement) -> None:
+def _relocatable(state: Pass, statement: Statement) -> None:
     raise SourceError(
         "asm-relocatable",
-        f"{found.operation.upper()} is for relocatable code, which needs a linker",
-        found.column,
+        f"{statement.operation.upper()} is for relocatable code, which needs a linker",
+        statement.column,
         "use org and cblock",
     )
 

@@ -42,15 +42,15 @@ ESCAPES = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13}
 
 def tokens(text: Text, radix: int) -> tuple[Token, ...]:
     """Return the tokens of an operand field. Raises SourceError at a character that starts no token."""
-    found: list[Token] = []
+    scanned: list[Token] = []
     index = 0
     while index < len(text.chars):
         if text.chars[index].isspace():
             index += 1
             continue
         token, index = _token(text, index, radix)
-        found.append(token)
-    return tuple(found)
+        scanned.append(token)
+    return tuple(scanned)
 
 
 def characters(body: str) -> tuple[int, ...]:

@@ -42,9 +42,9 @@ class Memory:
         self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
 
     def image(self) -> Image:
-        found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
+        words: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
         for address, word in self._words.items():
             part = region(address)
             if part is not None:
-                found[part.name][address - part.start] = word
-        return Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])
+                words[part.name][address - part.start] = word
+        return Image(words["program"], words["config"].get(0), words["eeprom"], words["ids"])

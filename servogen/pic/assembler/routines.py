@@ -21,13 +21,13 @@ def routines(rows: Sequence[ListingRow], labels: Mapping[int, str]) -> tuple[Lis
     """
     words = {row.address: row.word for row in rows if row.cycles}
     starts = {address: name for address, name in _starts(words, labels).items() if address in words}
-    found = []
+    listed = []
     for start, name in sorted(starts.items()):
         end = start + 1
         while end in words and end not in starts:
             end += 1
-        found.append(ListedFunction(name, start, end))
-    return tuple(found)
+        listed.append(ListedFunction(name, start, end))
+    return tuple(listed)
 
 
 def _starts(words: Mapping[int, int], labels: Mapping[int, str]) -> dict[int, str]:

@@ -30,8 +30,8 @@ RADICES = {"hexadecimal": 16, "decimal": 10, "octal": 8}
 """Any beginning of these words."""
 
 
-def _radix(state: Pass, found: Statement) -> None:
-    _set_radix(state, found.rest)
+def _radix(state: Pass, statement: Statement) -> None:
+    _set_radix(state, statement.rest)
 
 
 def _set_radix(state: Pass, name: Text) -> None:
@@ -44,24 +44,24 @@ def _set_radix(state: Pass, name: Text) -> None:
     state.radix = radix
 
 
-def _list(state: Pass, found: Statement) -> None:
+def _list(state: Pass, statement: Statement) -> None:
     """Process `list p=16f84, r=dec, …`: processor and radix are used; the rest concerns the printed
     listing.
     """
-    for part in found.rest.split(","):
+    for part in statement.rest.split(","):
         key = part.chars.partition("=")[0]
         field = part[len(key) + 1 :].strip()
         if key.strip().lower() in ("p", "pe"):
-            _set_processor(state, field, found)
+            _set_processor(state, field, statement)
         elif key.strip().lower() == "r":
             _set_radix(state, field)
 
 
-def _processor(state: Pass, found: Statement) -> None:
-    _set_processor(state, found.rest, found)
+def _processor(state: Pass, statement: Statement) -> None:
+    _set_processor(state, statement.rest, statement)
 
 
-def _set_processor(state: Pass, name: Text, found: Statement) -> None:
+def _set_processor(state: Pass, name: Text, statement: Statement) -> None:
     try:
         chosen = device(name.chars, ASSEMBLED_DEVICES)
     except InputError as error:
@@ -70,12 +70,12 @@ def _set_processor(state: Pass, name: Text, found: Statement) -> None:
         state.choose(chosen)
     elif chosen != state.device:
         text = f"processor {chosen.name} is superseded by {state.device.name}, which was asked for"
-        state.report("warning", "asm-processor", text, found.line, found.column)
+        state.report("warning", "asm-processor", text, statement.line, statement.column)
 
 
-def _errorlevel(state: Pass, found: Statement) -> None:
+def _errorlevel(state: Pass, statement: Statement) -> None:
     """Process `errorlevel 0|1|2, -302, +302`, which selects the diagnostics that are kept."""
-    for part in found.rest.split(","):
+    for part in statement.rest.split(","):
         match = re.fullmatch(r"([-+]?)\s*(\d+)", part.chars)
         if match is None:
             raise SourceError(
@@ -93,32 +93,36 @@ def _errorlevel(state: Pass, found: Statement) -> None:
             state.log.muted -= muted_by(number)
 
 
-def _said(found: Statement) -> str:
-    return found.rest.chars.strip().strip('"')
+def _said(statement: Statement) -> str:
+    return statement.rest.chars.strip().strip('"')
 
 
-def _messg(state: Pass, found: Statement) -> None:
-    _say(state, found, "note", "asm-user-message")
+def _messg(state: Pass, statement: Statement) -> None:
+    _say(state, statement, "note", "asm-user-message")
 
 
-def _error(state: Pass, found: Statement) -> None:
-    _say(state, found, "error", "asm-user-error")
+def _error(state: Pass, statement: Statement) -> None:
+    _say(state, statement, "error", "asm-user-error")
 
 
-def _say(state: Pass, found: Statement, severity: Severity, code: str) -> None:
-    if not found.rest:
-        raise SourceError("asm-missing-argument", f"{found.operation.upper()} needs a text", found.column)
-    state.report(severity, code, _said(found), found.line, found.column)
+def _say(state: Pass, statement: Statement, severity: Severity, code: str) -> None:
+    if not statement.rest:
+        raise SourceError(
+            "asm-missing-argument", f"{statement.operation.upper()} needs a text", statement.column
+        )
+    state.report(severity, code, _said(statement), statement.line, statement.column)
 
 
-def _config(state: Pass, found: Statement) -> None:
+def _config(state: Pass, statement: Statement) -> None:
     """Process `__config word`, or `__config 0x2007, word`."""
-    fields = state.fields(found, 1, 2)
+    fields = state.fields(statement, 1, 2)
     if len(fields) == 2 and state.evaluate(fields[0]) != CONFIG_ADDRESS:
         raise SourceError(
-            "asm-argument-range", f"the configuration word is at 0x{CONFIG_ADDRESS:04X}", found.rest.column(0)
+            "asm-argument-range",
+            f"the configuration word is at 0x{CONFIG_ADDRESS:04X}",
+            statement.rest.column(0),
         )
-    state.put(CONFIG_ADDRESS, state.evaluate(fields[-1]), found)
+    state.put(CONFIG_ADDRESS, state.evaluate(fields[-1]), statement)
 
 
 CONFIG_SETTINGS = {
@@ -130,12 +134,12 @@ CONFIG_SETTINGS = {
 """The settings of CONFIG: their bits, and the values that they take; the same on all `DEVICES`."""
 
 
-def _config_settings(state: Pass, found: Statement) -> None:
+def _config_settings(state: Pass, statement: Statement) -> None:
     """Process `config FOSC=XT, WDTE=OFF, …`; unspecified bits stay erased, that is, 1."""
     if state.device == PIC16C84:  # as in gpasm, which has no names for its settings
         hint = "__config, with the names of p16c84.inc, works"
-        raise SourceError("asm-config", "CONFIG does not know the PIC16C84", found.column, hint)
-    for part in found.rest.split(","):
+        raise SourceError("asm-config", "CONFIG does not know the PIC16C84", statement.column, hint)
+    for part in statement.rest.split(","):
         name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
         if name not in CONFIG_SETTINGS:
             raise SourceError(
@@ -156,24 +160,24 @@ def _config_settings(state: Pass, found: Statement) -> None:
             state.memory.change(CONFIG_ADDRESS, mask, values[value])
 
 
-def _idlocs(state: Pass, found: Statement) -> None:
+def _idlocs(state: Pass, statement: Statement) -> None:
     """Place the four hexadecimal digits of one value, one in each ID word."""
-    value = state.one(found)
+    value = state.one(statement)
     if value & ~0xFFFF:
         text = f"0x{value & 0xFFFFFFFF:X} has more than four digits: the last four are used"
-        state.report("note", "asm-id-truncated", text, found.line, found.column)
+        state.report("note", "asm-id-truncated", text, statement.line, statement.column)
     for index, shift in enumerate((12, 8, 4, 0)):
-        state.put(ID_ADDRESS + index, value >> shift & 0xF, found)
+        state.put(ID_ADDRESS + index, value >> shift & 0xF, statement)
 
 
-def _maxram(state: Pass, found: Statement) -> None:
-    state.ram_last = state.one(found)
+def _maxram(state: Pass, statement: Statement) -> None:
+    state.ram_last = state.one(statement)
     state.bad_ram.clear()
 
 
-def _badram(state: Pass, found: Statement) -> None:
+def _badram(state: Pass, statement: Statement) -> None:
     """Process addresses and ranges `first-last` that are not RAM."""
-    for field in state.fields(found, 1):
+    for field in state.fields(statement, 1):
         if isinstance(field, Binary) and field.operator == "-":
             first, last = state.evaluate(field.left), state.evaluate(field.right)
             state.bad_ram.update(range(max(first, 0), min(last, WORD_MASK) + 1))
@@ -181,7 +185,7 @@ def _badram(state: Pass, found: Statement) -> None:
             state.bad_ram.add(state.evaluate(field))
 
 
-def _nothing(state: Pass, found: Statement) -> None:
+def _nothing(state: Pass, statement: Statement) -> None:
     """Ignore a directive about the printed listing, or about memory that the chip has anyway."""
 
 

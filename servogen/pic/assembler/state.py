@@ -147,57 +147,59 @@ class Pass:
         if self.active:
             self._statement(statement(self.substituted(line), self))
             return
-        found = statement(line, self)
-        if found.operation in CONDITIONAL:
-            self.directives[found.operation](self, found)
-        elif found.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
-            text = f"{found.word.upper()} is not a directive: it is left out with the lines around it"
-            self.report("warning", "asm-else-if", text, line, found.column, ELSE_IF_HINT)
+        parsed = statement(line, self)
+        if parsed.operation in CONDITIONAL:
+            self.directives[parsed.operation](self, parsed)
+        elif parsed.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
+            text = f"{parsed.word.upper()} is not a directive: it is left out with the lines around it"
+            self.report("warning", "asm-else-if", text, line, parsed.column, ELSE_IF_HINT)
 
     def substituted(self, line: SourceLine) -> SourceLine:
         """Return the line after expansion of `#define` and `#v`."""
         text = substitute(line.text, self.definitions, self.spend)
         return replace(line, text=paste(text, lambda part: self.evaluate(self.expression(part))))
 
-    def _statement(self, found: Statement) -> None:
-        operation = found.operation
-        unclosed = found.rest.unclosed()
+    def _statement(self, statement: Statement) -> None:
+        operation = statement.operation
+        unclosed = statement.rest.unclosed()
         if unclosed is not None:
             self.report(
                 "warning",
                 "asm-unclosed-quote",
                 "the quote is not closed: the string goes to the line's end",
-                found.line,
+                statement.line,
                 unclosed,
             )
-        if found.label is not None:
-            if found.label_column > 1 and operation not in OWN_LABEL:
+        if statement.label is not None:
+            if statement.label_column > 1 and operation not in OWN_LABEL:
                 self.report(
                     "warning",
                     "asm-label-column",
-                    f"label '{found.label}' after column 1",
-                    found.line,
-                    found.label_column,
+                    f"label '{statement.label}' after column 1",
+                    statement.line,
+                    statement.label_column,
                 )
             if operation in CONDITIONAL:
                 raise SourceError(
-                    "asm-label", f"a label cannot stand before {operation.upper()}", found.label_column
+                    "asm-label", f"a label cannot stand before {operation.upper()}", statement.label_column
                 )
             if operation not in OWN_LABEL:
-                self.symbols.define(found.label, self.location, "label", found.label_column)
-        elif found.column == 1 and operation.upper() in instructions.mnemonics():
-            self.report("warning", "asm-opcode-column", f"opcode '{found.word}' in column 1", found.line, 1)
+                self.symbols.define(statement.label, self.location, "label", statement.label_column)
+        elif statement.column == 1 and operation.upper() in instructions.mnemonics():
+            self.report(
+                "warning", "asm-opcode-column", f"opcode '{statement.word}' in column 1", statement.line, 1
+            )
         if operation in self.directives:
-            self.directives[operation](self, found)
+            self.directives[operation](self, statement)
         elif operation.upper() in instructions.mnemonics():
-            self._instruction(found)
-        elif found.word in self.macros:
-            self._call(self.macros[found.word], found)
+            self._instruction(statement)
+        elif statement.word in self.macros:
+            self._call(self.macros[statement.word], statement)
         elif operation:
             known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
-            hint = ELSE_IF_HINT if operation in ELSE_IF else suggestion(found.word, known)
+            hint = ELSE_IF_HINT if operation in ELSE_IF else suggestion(statement.word, known)
             raise SourceError(
-                "asm-unknown-operation", f"unknown operation '{found.word}'", found.column, hint
+                "asm-unknown-operation", f"unknown operation '{statement.word}'", statement.column, hint
             )
 
     @property
@@ -217,13 +219,13 @@ class Pass:
 
     # -- instructions and macro calls -----------------------------------------------------------------
 
-    def _instruction(self, found: Statement) -> None:
+    def _instruction(self, statement: Statement) -> None:
         for instruction in instructions.instructions(
-            found.word, self.parser(found.rest).fields(), found.place
+            statement.word, self.parser(statement.rest).fields(), statement.place
         ):
-            self.encode(instruction, found)
+            self.encode(instruction, statement)
 
-    def encode(self, instruction: instructions.ParsedInstruction, found: Statement) -> None:
+    def encode(self, instruction: instructions.ParsedInstruction, statement: Statement) -> None:
         """Place an instruction; the first pass only reserves its words, because operands may still be
         unknown.
         """
@@ -234,34 +236,34 @@ class Pass:
         try:
             word, remarks = instructions.encode_instruction(instruction, self)
             for remark in remarks:
-                self.report(remark.severity, remark.code, remark.message, found.line, found.column)
+                self.report(remark.severity, remark.code, remark.message, statement.line, statement.column)
             if instruction.f is not None and not self._is_ram(self.evaluate(instruction.f)):
                 self.report(
                     "warning",
                     "asm-no-register",
                     "there is no register at this address",
-                    found.line,
-                    found.column,
+                    statement.line,
+                    statement.column,
                 )
         except SourceError:
             self.location += 1
             raise
-        self.emit(word, found, is_code=True)
+        self.emit(word, statement, is_code=True)
 
     def _is_ram(self, address: int) -> bool:
         return self.ram_last is None or (address <= self.ram_last and address not in self.bad_ram)
 
-    def _call(self, macro: Macro, found: Statement) -> None:
-        arguments = [part.chars for part in found.rest.split(",")] if found.rest else []
+    def _call(self, macro: Macro, statement: Statement) -> None:
+        arguments = [part.chars for part in statement.rest.split(",")] if statement.rest else []
         if len(arguments) != len(macro.parameters):
             raise SourceError(
                 "asm-macro-arguments",
                 f"macro '{macro.name}' takes {len(macro.parameters)} arguments, not {len(arguments)}",
-                found.column,
+                statement.column,
             )
         values = dict(zip(macro.parameters, arguments, strict=True))
-        note = f"in macro '{macro.name}', called at {found.line.file}:{found.line.number}"
-        within = (note, *found.line.within)
+        note = f"in macro '{macro.name}', called at {statement.line.file}:{statement.line.number}"
+        within = (note, *statement.line.within)
         opened = len(self.conditions)
         self.symbols.enter()
         try:
@@ -287,43 +289,45 @@ class Pass:
     def evaluate(self, expression: Expression) -> int:
         return evaluate(expression, self)
 
-    def fields(self, found: Statement, minimum: int = 0, maximum: int | None = None) -> list[Expression]:
+    def fields(self, statement: Statement, minimum: int = 0, maximum: int | None = None) -> list[Expression]:
         """Return the operands of a directive, checked for number; none may be empty."""
-        fields = self.parser(found.rest).fields()
-        name = found.operation.upper()
+        fields = self.parser(statement.rest).fields()
+        name = statement.operation.upper()
         if len(fields) < minimum or None in fields:
             raise SourceError(
-                "asm-missing-argument", f"{name} lacks an operand", found.rest.column(len(found.rest.chars))
+                "asm-missing-argument",
+                f"{name} lacks an operand",
+                statement.rest.column(len(statement.rest.chars)),
             )
         if maximum is not None and len(fields) > maximum:
             raise SourceError(
                 "asm-too-many-arguments",
                 f"{name} takes at most {maximum} operands, not {len(fields)}",
-                found.column,
+                statement.column,
             )
-        return [each for each in fields if each is not None]
+        return [field for field in fields if field is not None]
 
-    def one(self, found: Statement) -> int:
+    def one(self, statement: Statement) -> int:
         """Return the value of a directive's only operand."""
-        return self.evaluate(self.fields(found, 1, 1)[0])
+        return self.evaluate(self.fields(statement, 1, 1)[0])
 
-    def emit(self, word: int, found: Statement, *, is_code: bool = False) -> None:
+    def emit(self, word: int, statement: Statement, *, is_code: bool = False) -> None:
         """Place a word at the current location and advance it."""
         self.spend()
         address = self.location
         self.location += 1
-        self.put(address, word, found, is_code=is_code)
+        self.put(address, word, statement, is_code=is_code)
 
-    def put(self, address: int, word: int, found: Statement, *, is_code: bool = False) -> None:
+    def put(self, address: int, word: int, statement: Statement, *, is_code: bool = False) -> None:
         """Place a word at any address of the chip, in the second pass."""
         if self.first:
             return
         if word & ~WORD_MASK:
             word &= 0xFFFF
             text = f"0x{word:04X} does not fit a program word: its lowest 14 bits are used"
-            self.report("note", "asm-word-truncated", text, found.line, found.column)
+            self.report("note", "asm-word-truncated", text, statement.line, statement.column)
         self.memory.put(address, word & WORD_MASK)
-        self.placed.append(Placed(address, word & WORD_MASK, found.line, is_code))
+        self.placed.append(Placed(address, word & WORD_MASK, statement.line, is_code))
 
     def report(
         self,

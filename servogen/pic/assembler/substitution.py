@@ -47,9 +47,9 @@ def substitute(
     if len(within) > DEEPEST_DEFINITIONS:
         raise SourceError("asm-too-complex", "definitions are nested too deeply", text.column(0))
     index = 0
-    while found := _next_name(text, index, definitions, within):
+    while span := _next_name(text, index, definitions, within):
         spend()
-        start, end = found
+        start, end = span
         name = text.chars[start:end]
         definition = definitions[name]
         body = Text(definition.body, (text.column(start),) * len(definition.body))
@@ -84,8 +84,8 @@ def _next_name(
 def parameters(text: Text, values: Mapping[str, str]) -> Text:
     """Return the text with the names of parameters replaced by their arguments."""
     index = 0
-    while found := _next_name(text, index, values):
-        start, end = found
+    while span := _next_name(text, index, values):
+        start, end = span
         value = values[text.chars[start:end]]
         text = text.replace(start, end, value)
         index = start + len(value)

@@ -122,7 +122,7 @@ def align(signals: Signals) -> Line | None:
     anchors = signals.captured[main].rise[:ANCHORS]
     slope = _slope(signals)
     best = min(
-        (found for anchor in anchors.tolist() if (found := _phase(signals, main, anchor, slope))),
+        (phase for anchor in anchors.tolist() if (phase := _phase(signals, main, anchor, slope))),
         default=None,
     )
     if best is None:

@@ -279,10 +279,10 @@ def _overlap_us(setup: _Setup, line: Line | None) -> float:
     """
     pins = np.array([channel.pin for channel in setup.expected.channels], dtype=np.uint8)
     allowed = together(setup.scheduled, np.zeros(16, dtype=np.uint8), pins)
-    found = overlap(setup.captured, allowed, setup.level, pins, setup.end)
-    if found is None or line is None:
+    overlapping = overlap(setup.captured, allowed, setup.level, pins, setup.end)
+    if overlapping is None or line is None:
         return 0.0
-    longest = found.longest * setup.step_us
+    longest = overlapping.longest * setup.step_us
     return longest if longest > setup.signals.quantum * setup.step_us + setup.allowed.width_us else 0.0
 
 

@@ -239,9 +239,9 @@ def _cut(
             place = "beginning" if step == 0 else "end"
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
             time_us = (step if edge is None else edge) * scale.step_us
-            found = Diagnostic("error", "wrong-pulse", f"{where}: {text}")
+            diagnostic = Diagnostic("error", "wrong-pulse", f"{where}: {text}")
             yield Mismatch(
-                time_us=time_us, pin=channel.pin, channel=channel.name, frame=None, diagnostic=found
+                time_us=time_us, pin=channel.pin, channel=channel.name, frame=None, diagnostic=diagnostic
             )
 
 

@@ -212,49 +212,49 @@ CLOCK_PPM = 5.0
 """The allowed difference between the clocks of several captures, in addition to four standard errors."""
 
 
-def with_reasons(found: CaptureVerdict) -> CaptureVerdict:
+def with_reasons(verdict: CaptureVerdict) -> CaptureVerdict:
     """Return the verdict: proven if nothing speaks against it and every different frame was seen."""
-    why = tuple(_reasons(found))
-    unseen = () if why or found.coverage.complete else (unseen_reason(found.coverage),)
-    return replace(found, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
+    why = tuple(_reasons(verdict))
+    unseen = () if why or verdict.coverage.complete else (unseen_reason(verdict.coverage),)
+    return replace(verdict, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
 
 
-def _reasons(found: CaptureVerdict) -> Iterator[str]:
-    if found.pieces:
-        for number, piece in enumerate(found.pieces, 1):
+def _reasons(verdict: CaptureVerdict) -> Iterator[str]:
+    if verdict.pieces:
+        for number, piece in enumerate(verdict.pieces, 1):
             if not piece.paired:
                 yield f"piece {number} holds none of the schedule's pulses"
-    elif found.paired < MIN_PULSES:
+    elif verdict.paired < MIN_PULSES:
         yield "the capture holds too few of the schedule's pulses to be judged"
-    if found.first_mismatch:
-        first = found.first_mismatch
-        yield f"first at {first.time_us / 1e6:z.6f} s{_of_piece(found)}, {first.diagnostic.message}"
-    for channel in found.channels:
+    if verdict.first_mismatch:
+        first = verdict.first_mismatch
+        yield f"first at {first.time_us / 1e6:z.6f} s{_of_piece(verdict)}, {first.diagnostic.message}"
+    for channel in verdict.channels:
         yield from _channel_reasons(channel)
-    if found.overlap_us:
-        yield f"pulses overlap where the schedule has none together, for at most {found.overlap_us:z.2f} µs"
-    for stray in found.stray:
+    if verdict.overlap_us:
+        yield f"pulses overlap where the schedule has none together, for at most {verdict.overlap_us:z.2f} µs"
+    for stray in verdict.stray:
         name = PINS[stray.pin]
         yield f"{name}, which the schedule does not drive, changes {counted(stray.edges, 'time')}"
-    if found.ppm is None or found.ppm_error is None:
+    if verdict.ppm is None or verdict.ppm_error is None:
         return
-    allowed = found.tolerances.crystal_ppm
-    if abs(found.ppm) > allowed + 2 * found.ppm_error:
-        yield f"the chip's clock is off by {found.ppm:+z.1f} ppm, allowed ±{allowed:g} ppm"
-    for number, piece in enumerate(found.pieces, 1):
-        if _differs(piece, found.ppm):
+    allowed = verdict.tolerances.crystal_ppm
+    if abs(verdict.ppm) > allowed + 2 * verdict.ppm_error:
+        yield f"the chip's clock is off by {verdict.ppm:+z.1f} ppm, allowed ±{allowed:g} ppm"
+    for number, piece in enumerate(verdict.pieces, 1):
+        if _differs(piece, verdict.ppm):
             yield (
                 f"by piece {number} alone the chip's clock is off by {piece.ppm:+z.1f} ppm, "
-                f"by all {found.ppm:+z.1f} ppm: its periods are not those of the others"
+                f"by all {verdict.ppm:+z.1f} ppm: its periods are not those of the others"
             )
 
 
-def _of_piece(found: CaptureVerdict) -> str:
+def _of_piece(verdict: CaptureVerdict) -> str:
     """Return which piece the first mismatch is in."""
-    if not found.pieces or found.first_mismatch is None:
+    if not verdict.pieces or verdict.first_mismatch is None:
         return ""
-    time = found.first_mismatch.time_us
-    return f" (piece {sum(piece.begin_us <= time for piece in found.pieces)})"
+    time = verdict.first_mismatch.time_us
+    return f" (piece {sum(piece.begin_us <= time for piece in verdict.pieces)})"
 
 
 def _differs(piece: CapturePiece, ppm: float) -> bool:
