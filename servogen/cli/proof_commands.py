@@ -221,6 +221,7 @@ class Request:
 
 def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
+    from servogen.build.signals import device_for, program_for
     from servogen.inputs import read_input
     from servogen.prove import certificate, prove_for_all
     from servogen.prove.prover import MAX_STATES
@@ -235,13 +236,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     content = request.content if request.over.any_eeprom else None
     keep_apart([file, request.against], request.certificate, request.counterexample, content)
     schedule = read_schedule(request.against)
-    if schedule.device is not None and device is not None and schedule.device != device:
-        raise InputError(
-            "conflicting-options",
-            f"was built for a {schedule.device}, --device is {device}",
-            Location(str(request.against)),
-        )
-    chip = schedule.device or device or Options().device
+    chip = device_for(schedule, request.against, device)
     board = replace(Options(device=chip), **request.times)
     program = program_for(schedule, file, chip, read_program)
     with status("looking for every state") as tell:
