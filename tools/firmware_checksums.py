@@ -3,8 +3,8 @@
 Run by `make firmware`: `python tools/firmware_checksums.py firmware [JOB ...]`. With jobs, the lines of the
 others stay as they are. `sha256sum --check SHA256SUMS` inside firmware/ reads the file.
 
-The edges, listings and VCD files are six times as long as all else under firmware/, and follow from it, as does
-the C for SDCC, a third spelling of the same program. Their checksums are enough to notice a change;
+The edges, listings and VCD files are six times as long as all else under firmware/, and follow from it, as
+does the C for SDCC, a third spelling of the same program. Their checksums are enough to notice a change;
 `make firmware` writes the files themselves to look at.
 """
 

@@ -15,7 +15,7 @@ from math import lcm
 
 import numpy as np
 
-from servogen.edges import PINS, EdgeTrace, Expected
+from servogen.edges import EdgeTrace, Expected
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
@@ -244,7 +244,7 @@ def prove_forever(
     if isinstance(repeat, NoRepeat):
         span = Cycles(max(repeat.covered, schedule.period))
         verdict = prove_image(schedule, image, span, listing, options)
-        return Forever(verdict, 0, 0, repeat.reason.replace("the pin", PINS[int(first.pin[0])]))
+        return Forever(verdict, 0, 0, repeat.reason)
     lead_in = max(repeat.lead_in_frames, schedule.lead_in_frames)
     loop = lcm(repeat.loop_frames, schedule.loop_frames)
     span = Cycles((lead_in + loop) * schedule.period)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import blake2b
 
-from servogen.edges import HIGH
+from servogen.edges import HIGH, PINS
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
 from servogen.simulator.options import Options
@@ -59,7 +59,7 @@ def find_repeat(
     seen: dict[bytes, int] = {}
     while True:
         if not walk.step():
-            few = ("the pin never rises", "the pin rises only once")
+            few = (f"{PINS[pin]} never rises", f"{PINS[pin]} rises only once")
             reason = few[walk.frames] if walk.frames < len(few) else "no state was found that repeats"
             return NoRepeat(reason, walk.machine.cycles)
         dependent = walk.machine.chip_dependent

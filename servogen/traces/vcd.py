@@ -278,7 +278,7 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
             elif token.kind in (TokenKind.COMMENT, TokenKind.VERSION):
                 comments.append(str(token.data).strip())
     except VCDParseError as error:
-        message = str(error).partition(": ")[2]
+        message = str(error).removeprefix(f"{error.loc.line}:{error.loc.column}: ")
         raise InputError(
             "vcd-syntax",
             f"is not a VCD file: {message}",

@@ -67,7 +67,7 @@ def test_a_counter_out_of_reach_is_reported_with_the_time_covered() -> None:
 
 @pytest.mark.parametrize(
     ("source", "reason"),
-    [(" goto $\n", "the pin never rises"), (SET_UP + PULSE + " goto $\n", "the pin rises only once")],
+    [(" goto $\n", "RB0 never rises"), (SET_UP + PULSE + " goto $\n", "RB0 rises only once")],
 )
 def test_pins_that_rest_are_no_pulse_train(source: str, reason: str) -> None:
     found = search(source, limit=10_000)
