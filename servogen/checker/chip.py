@@ -423,7 +423,7 @@ def ask(s: Ints, slot: int, bits: int) -> int:
 
 @compiled
 def attend(s: Ints, parameters: Ints, edge_at: Ints) -> int:
-    """Do what is due between two instructions; return why to stop."""
+    """Process the events due between two instructions; return the reason to stop."""
     now = s[CYCLE]
     if now >= s[T0_DUE]:
         s[INTCON] |= T0IF

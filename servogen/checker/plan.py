@@ -92,13 +92,13 @@ class Plan:
 
     @cached_property
     def start_up(self) -> Position:
-        """The position before the first pulse."""
+        """Return the position before the first pulse."""
         heard = POWER_UP if self.line else 0
         return Position(self.waiting, running=int(self.start is None), heard=heard)
 
     @cached_property
     def first(self) -> Position:
-        """The position at the first pulse."""
+        """Return the position at the first pulse."""
         run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
         return self.start_up._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
 

@@ -162,7 +162,7 @@ class _Formats:
         return any(path is not None and path.suffix == ".json" for path in (self.gradescope, self.classroom))
 
     def write(self, lab: Lab, graded: Sequence[Graded]) -> None:
-        """Write what is wanted."""
+        """Write the requested files."""
         from servogen.grade.formats import Entry, classroom_json, csv_text, gradescope_json, junit_xml
         from servogen.outputs import write_text
 

@@ -313,7 +313,7 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
 
 
 def _over(proof: Proof) -> str:
-    """Return what a proof is about; what is missing is among its assumptions."""
+    """Return what a proof is quantified over; everything else is among its assumptions."""
     over = proof.quantifiers
     parts = ["power-up"] if over.resets and not over.start else []
     parts += [] if proof.held else ["input"]

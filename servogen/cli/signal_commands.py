@@ -238,7 +238,7 @@ def plot(
     elif clock_hz is not None:
         raise InputError(
             "conflicting-options",
-            "the schedule says the clock",
+            "the clock is that of the schedule",
             Location(key="--clock-hz"),
             "give one of the two",
         )

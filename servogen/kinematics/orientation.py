@@ -184,7 +184,7 @@ def from_configuration_vector(vector: ArrayLike) -> tuple[Floats, Floats, Floats
 
 
 def orientation_names(arm: Arm) -> tuple[str, ...]:
-    """Name what a target may give beside x, y, z, one name for each number."""
+    """Return the names of what a target may give beside x, y, z, one for each number."""
     return ("phi", "theta", "eta") if arm.orientation == ("rpy",) else arm.orientation
 
 

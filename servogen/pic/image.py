@@ -242,7 +242,7 @@ def _not_hex(line: str, begun: bool) -> str:
 
 
 def _defect(line: str) -> str | None:
-    """Return one sentence that says what is wrong with a record; None if nothing is."""
+    """Return one sentence that describes the error in a record; None if it has none."""
     for column, char in enumerate(line[1:], 2):
         if char not in string.hexdigits:
             return f"'{char}' in column {column} is not a hexadecimal digit"

@@ -107,6 +107,8 @@ class Case:
 
 def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
+    # The search knows only some bits of the chip. Those that it chose are set; what it left open is tried
+    # with several values, and a plain run of the simulator decides whether an edge is wrong.
     path = _way(nodes, finding)
     end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=path.tmr0_phase)

@@ -181,7 +181,7 @@ class Explorer:
         self, ram: Ram, rest: int, spec: SpecState, parent: int, cycles: int, decisions: tuple[Decision, ...]
     ) -> None:
         raw = (ram, rest)
-        if parent >= 0:
+        if parent >= 0:  # a start is not at a cut, and is as general as the quantifiers make it
             ram, rest = self._generaliser.generalised(ram, rest)
         key = (ram, rest, spec)
         if key not in self._known:
@@ -189,6 +189,8 @@ class Explorer:
             self._queue.append(len(self._nodes))
             self._nodes.append(Node(ram, rest, spec, parent, cycles, decisions, raw))
         if spec.phase == BEFORE and parent >= 0:
+            # The time before the first pulse is no part of a state, so a program that waits endlessly closes
+            # the search. It is found as a circle of these pairs.
             self._waits.append((parent, self._known[key]))
 
     def _expand(self, number: int) -> Search | None:
@@ -205,6 +207,8 @@ class Explorer:
             self._work += 1
             if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
                 return self._stuck(number, point, "too many ways between two frames")
+            # A bit that only the generalisation made unknown is restored, not split: the ways with its
+            # other value would be those of chips that do not exist.
             undecided = all(choice == ALONE for choice in point.chosen)
             if point.use is not None and undecided and self._blamed(number, point, point.use):
                 return self._ended(Answer.REFINE, None)
@@ -233,6 +237,7 @@ class Explorer:
         transitions = self._transitions
         outcome = transitions.run(point.ram, point.rest, choices)
         if outcome.reason is Reason.USE and outcome.cycles == 0:
+            # Nothing was executed: the same instruction needs more choices.
             points.append(
                 _Point(point.ram, point.rest, point.spec, point.cycle, point.trail, choices, outcome.use)
             )
@@ -262,6 +267,7 @@ class Explorer:
             return self._ended(Answer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
+        # A state does not hold the EEPROM's cells: a read gives what the file says, not what was written.
         if outcome.rest[_EE_DONE_AT] != NEVER:
             self._asynchronous = self._writes_eeprom = True
         if self._writes_eeprom and (self._reads_eeprom or not self._program.eeprom_accesses):
@@ -272,7 +278,7 @@ class Explorer:
         if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
             finding = Finding(number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest))
             return self._ended(Answer.VIOLATED, finding)
-        if outcome.reason is Reason.LIMIT:
+        if outcome.reason is Reason.LIMIT:  # a loop without a cut, which would be followed endlessly
             return self._ended(Answer.CUT, None, transitions.pc(rest))
         if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
             self._store(ram, rest, spec, number, cycle, _decisions(trail))
@@ -292,6 +298,7 @@ class Explorer:
             pc = self._transitions.pc(point.rest)
             finding = Finding(number, _decisions(point.trail), point.cycle, why, True, pc, silent=True)
             return self._ended(Answer.VIOLATED, finding)
+        # An enable bit is three places above its flag; a flag that is known needs no choice.
         intcon = rest["INTCON"]
         flags = [1 << bit for bit in range(3) if (intcon >> 3 & rest["INTCON_UNKNOWN"]) >> bit & 1]
         wakes = [Choice("INTCON", flag, flag) for flag in flags]

@@ -104,7 +104,7 @@ class Program:
     def entries(self) -> frozenset[int]:
         """Return the addresses of subroutines, and those to which they return."""
         calls = [(a, decoded.k) for a, decoded in self._words() if decoded.instruction.mnemonic == "CALL"]
-        return frozenset(each & 0x3FF for a, k in calls for each in (a + 1, k))
+        return frozenset(target & 0x3FF for a, k in calls for target in (a + 1, k))
 
     def reads_eeprom(self, state: ChipState) -> bool:
         """Return whether the next instruction may set RD of EECON1."""
@@ -187,7 +187,7 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
     if len(chosen) >= MAX_CHOICES:
         return None
     if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["T0_UNKNOWN"]:
-        return None
+        return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
@@ -207,6 +207,7 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
             continue
         if decoded.instruction.writes and field.startswith("0x") and use.kind == layout.USE_SKIP:
             return _counted(decoded, state, field, chosen)
+        # One bit at a time: often the first one decides alone, and otherwise the run stops here again.
         bit = mask & -mask
         return [(*chosen, Choice(field, bit, value)) for value in (0, bit)]
     return None

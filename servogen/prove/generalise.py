@@ -115,6 +115,8 @@ class Generaliser:
         if "PIN_FLAGS" in guess.registers:
             flags = (0 if get("INTCON") & INTE else INTF) | (0 if get("INTCON") & RBIE else RBIF)
             put(INTCON=get("INTCON") & ~flags, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | flags)
+        # Only without its interrupt may the time of an overflow be forgotten: otherwise it decides when
+        # the program is interrupted.
         quiet = not get("INTCON") & T0IE
         if "TIMER" in guess.registers and quiet and get("T0_UNKNOWN") == 0xFF:
             put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
@@ -127,6 +129,8 @@ class Generaliser:
         if guess.phased is not None and quiet and not get("T0_UNKNOWN") and not get("OPTION") & T0CS:
             timer = get("T0_VALUE")
             put(T0_VALUE=0, T0_UNKNOWN=layout.PHASED, T0_FLAGGED=-1)
+        # φ becomes what TMR0 reads now. Everything relative to the old φ is moved by the difference, so
+        # that states that differ in the phase only become the same.
         moved = 0
         if get("T0_UNKNOWN") == layout.PHASED:
             moved = get("T0_VALUE")

@@ -161,6 +161,8 @@ class Specification:
         while state.phase == IN_FRAME:
             left = cycles - begun
             span = min(left, self.period - state.time)
+            # The two lists are compared from their beginnings: with as many edges as are due, all equal, one
+            # more within the span is the only fault that is left.
             due = self._due(state.frame if state.on else -1, state.time, state.time + span)
             seen = edges[place : place + len(due)]
             if not self._same(seen, due, begun) or self._more(edges, place + len(due), begun + span):
@@ -189,7 +191,7 @@ class Specification:
 
     @staticmethod
     def _same(seen: Sequence[Edge], due: tuple[Edge, ...], begun: int) -> bool:
-        if not begun:
+        if not begun:  # most runs lie within one frame: there is no offset to subtract
             return tuple(seen) == due
         return len(seen) == len(due) and all(
             (cycle - begun, pin, level) == wanted

@@ -97,6 +97,8 @@ def fast_code(plain: Code) -> FastCode:
     regions = list(_regions(words, graph, pure, entered))
     marks = {head: LOOP | n << F_SHIFT for n, region in enumerate(regions) for head in region.heads}
     rows = [[waits.get(a, marks.get(a, words[a])) for a in range(_N)]]
+    # A region is recorded while its own row runs: its heads are plain words there, or it would enter itself,
+    # the regions nested in it keep their marks, and every other address ends the recording.
     for region in regions:
         inner = {a: words[a] if a in region.heads else marks.get(a, words[a]) for a in region.members}
         rows.append([inner.get(a, EXIT) for a in range(_N)])
@@ -119,6 +121,7 @@ def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
     for address in breakpoints:
         if not 0 <= address < _N:
             raise InputError("out-of-range", f"breakpoint at 0x{address:04X}: the program has {_N} words")
+        # A region that contains the address runs word by word, from wherever it is entered.
         for region in np.flatnonzero(rows[1:, address] != EXIT):
             heads = rows == (LOOP | region << F_SHIFT)
             rows[heads] = np.broadcast_to(plain, rows.shape)[heads]
@@ -203,7 +206,8 @@ def _waits(words: list[int]) -> dict[int, int]:
         if not 0 <= length < LONGEST_WAIT:
             continue
         body = [_name(words[a]) for a in range(target, address)]
-        period = length + 2
+        period = length + 2  # each word of the body takes one cycle, GOTO two
+        # The cycle of a turn in which the last CLRWDT executes, counted from 1; 0: there is none.
         clears = max((n + 1 for n, name in enumerate(body) if name == "CLRWDT"), default=0)
         tested = words[address - 1]
         if all(name in _IDLE for name in body):
@@ -250,6 +254,8 @@ def _regions(
     if level == DEEPEST_RECORDING:
         return
     for members in _components(graph, nodes):
+        # Without a way in, a region is dead code, or a reset, an interrupt or a computed jump enters it.
+        # Then any head will do: until execution comes to it, the words run one by one.
         heads = frozenset(a for a in members if before[a] - members) or frozenset({min(members)})
         ram = tuple(
             sorted({_file(words[a]) for a in members if words[a] >> DIRECT_BIT & 1 and _uses_file(words[a])})

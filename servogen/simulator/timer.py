@@ -134,6 +134,7 @@ def t0_write(s: Vector, at: int, value: int, unknown: int) -> None:
     t0_sync(s, at)
     s[T0_VALUE] = value
     s[T0_UNKNOWN] = unknown
+    # An anchor in the future: until then the timer reads the written value and counts nothing.
     s[T0_AT] = at + INHIBITED
     s[T0_HELD] = at + INHIBITED
     if not s[OPTION] & PSA:
@@ -228,6 +229,7 @@ def option_write(s: Vector, at: int, value: int) -> None:
     The count of a prescaler assigned to the watchdog is unknown once the shortest period is over.
     """
     s[OPTION_WRITES] += 1
+    # Everything is counted by the old clock up to `at`, then the new one takes over.
     t0_sync(s, at - 1)
     t0_advance(s, at)
     wdt_sync(s, at - 1)
@@ -238,6 +240,7 @@ def option_write(s: Vector, at: int, value: int) -> None:
             foresee(s)
         else:
             s[WDT_EARLIEST] = at
+    # The timer's prescaler divides by twice as much as the watchdog's (DS35007 register 2-2).
     division = 1 << (value & PS) if value & PSA else 2 << (value & PS)
     if s[PRESCALER_UNKNOWN] & (division - 1) and value & PSA and s[WDT_SHORTEST]:
         s[WDT_EARLIEST] = at

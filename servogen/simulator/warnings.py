@@ -159,7 +159,7 @@ def _register(address: int) -> str:
 
 
 def _source(source: int) -> str:
-    """Return a text that says what is unknown, and why."""
+    """Return a text that names what is unknown, and why."""
     if RAM_FIRST <= source <= RAM_LAST:
         return f"RAM 0x{source:02X} was not written since power-up"
     if at.FLOATING_PIN <= source < at.FLOATING_PIN + len(PINS):

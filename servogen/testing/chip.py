@@ -166,7 +166,7 @@ class Chip(Signals):
         return self._machine.machine.levels[pin_index(pin)] != UNDRIVEN
 
     def drive(self, pin: str, level: int | None) -> None:
-        """Drive a pin from outside to 0 or 1 from now on; None: let it go."""
+        """Drive a pin from outside to 0 or 1 from now on; None releases it."""
         self._apply(pin, [(self.cycle, UNDRIVEN if level is None else _level(pin, level))])
 
     def press(

@@ -69,7 +69,7 @@ def assert_pulses(
     *,
     partial: bool = False,
 ) -> None:
-    """Assert that the pins did what the schedule says.
+    """Assert that the pins followed the schedule.
 
     In simulation that is to the cycle, on the bench within `tolerances`. Where not every different
     frame of the schedule was seen, that fails as well, unless the test allows a `partial` look.
@@ -260,7 +260,7 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
 def servogen_machine(
     request: pytest.FixtureRequest, servogen_target: Target
 ) -> Generator[Callable[..., Chip]]:
-    """A function that returns a chip with a program: `servogen_machine("blink.c")`.
+    """Return a function that returns a chip with a program: `servogen_machine("blink.c")`.
 
     Its other arguments: `clock_hz` and `device`, by default what the program's source says; `inputs`, levels
     that pins are held at from power-up on; `stimulus`, a file or its text; `options`, those of the simulator.
@@ -319,7 +319,7 @@ def servogen_machine(
 
 @pytest.fixture
 def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., Verdict]:
-    """A function that runs a job's program in its robot: `servogen_twin("my.toml")` returns the verdict.
+    """Return a function that runs a job's program in its robot: `servogen_twin("my.toml")` is the verdict.
 
     Its other arguments are those of `servogen.twin.Settings`, and `program`, a HEX, C or assembly file. The
     test is skipped where MuJoCo is not installed.

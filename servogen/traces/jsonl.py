@@ -107,7 +107,7 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
 
 
 def _check(text: str, last: int, place: Location) -> int:
-    """Return the cycle of one line. Raises InputError that says what is wrong with it."""
+    """Return the cycle of one line. Raises InputError with the reason if the line is not valid."""
     try:
         edge = json.loads(text)
     except (ValueError, RecursionError) as error:

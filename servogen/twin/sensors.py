@@ -45,7 +45,7 @@ class Feed:
         """All changes of sensors so far."""
 
     def push(self, cycle: int, pin: int, level: int) -> None:
-        """Drive a pin from a cycle on; what changes nothing is dropped."""
+        """Drive a pin from a cycle on; a level that it already has is dropped."""
         if self._levels.get(pin) != level:
             self._levels[pin] = level
             change = Change(cycle, pin, level)
@@ -53,7 +53,7 @@ class Feed:
             self.seen.append(change)
 
     def know(self, cycle: int) -> None:
-        """Say that nothing but what was pushed happens before a cycle."""
+        """Declare that every change before a cycle has been pushed."""
         self._known = cycle
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, Packed]]:

@@ -155,7 +155,7 @@ def _pose(job: Job, angles: Sequence[float]) -> str:
 
 
 def _found(job: PlannedJob) -> Message:
-    """Return what is said of a job that can be built, with its poses: seconds and radians."""
+    """Return the diagnostics of a job that can be built, with its poses in seconds and radians."""
     tables = job.section.poses if isinstance(job.section, MotionTable) else ()
     poses = [
         {
@@ -169,7 +169,7 @@ def _found(job: PlannedJob) -> Message:
 
 
 def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:
-    """Return what is said of the text; it can be built if none of it is an error."""
+    """Return the diagnostics of the text; it can be built if none of them is an error."""
     return {
         "is": "checked",
         "diagnostics": [diagnostic.to_json() for diagnostic in diagnostics],

@@ -256,7 +256,7 @@ class WatchServer:
 
 
 def _guarded(session: Session, work: Callable[[Session], Iterator[Message]]) -> Iterator[Message]:
-    """Yield a session's messages; where it fails, that is what the window is told, and it pauses."""
+    """Yield a session's messages; if the session fails, report that to the window and pause."""
     try:
         yield from work(session)
     except Exception as error:

@@ -222,7 +222,7 @@ class Session:
         self._due = 0.0
 
     def _look_back(self) -> None:
-        """Find out what the pulses are after a jump: those of the frames just before."""
+        """Determine the pulses after a jump: those of the frames just before."""
         begin = max(0, self.now - (SILENT_FRAMES + 1) * self._period)
         self._pulses = Pulses()
         self._pulses.add(self._place.edges(begin, self.now))
@@ -419,7 +419,7 @@ class Session:
         return [(change.cycle, change.pin, change.level) for change in shown]
 
     def _do_pin(self, message: Mapping[str, Any]) -> Iterator[Message]:
-        """Hold a pin (or MCLR) at a level from outside, or let it go."""
+        """Hold a pin (or MCLR) at a level from outside, or release it."""
         pin, level = pin_number(str(message["pin"])), int(message["level"])
         if level not in (0, 1, UNDRIVEN):
             raise InputError("not-allowed", f"level {level} is neither 0, 1 nor 2 (let go)")

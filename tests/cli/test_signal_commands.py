@@ -217,7 +217,7 @@ def test_a_picture_of_a_program_needs_no_schedule(run: Run, lab8: Path, tmp_path
 def test_the_clock_of_a_picture_is_said_once(run: Run, lab8: Path, tmp_path: Path) -> None:
     schedule = lab8 / "schedule.json"
     ran = run("plot", lab8 / "main.hex", "--against", schedule, "--clock-hz", 1, "-o", tmp_path / "p.png")
-    assert ran.code == 2 and "the schedule says the clock" in ran.err
+    assert ran.code == 2 and "the clock is that of the schedule" in ran.err
 
 
 def test_a_proof_of_nothing_is_refused(run: Run, lab8: Path) -> None:

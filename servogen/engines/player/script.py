@@ -184,6 +184,7 @@ def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
                     assert last is not None
                     wanted[last, entry.row] += 1
                 last = None if entry.spot else entry.row
+    # Greedy: the most frequent pairs first, each unless a row would get two followers or a chain would close.
     after: dict[int, int] = {}
     for (one, other), _ in sorted(wanted.items(), key=lambda each: (-each[1], each[0])):
         end = other

@@ -177,6 +177,7 @@ class Explorer:
         try:
             while True:
                 before = self._interrupt.signature()
+                # What the last round found is discarded, because it assumed that the interrupt changes less.
                 self.paths = Paths()
                 self._interrupt.entry = None
                 self._follow(0, (), at_reset())
@@ -229,6 +230,8 @@ class Explorer:
                     frozenset(state.facts.items()),
                     state.w_of,
                 )
+                # `written` is not part of the key: states that differ only in it are joined, and keep
+                # what both have written.
                 kept = node.apart.get(key)
                 if kept is not None:
                     if kept.written & ~state.written:

@@ -93,7 +93,7 @@ def _errorlevel(state: Pass, statement: Statement) -> None:
             state.log.muted -= muted_by(number)
 
 
-def _said(statement: Statement) -> str:
+def _text_of(statement: Statement) -> str:
     return statement.rest.chars.strip().strip('"')
 
 
@@ -110,7 +110,7 @@ def _say(state: Pass, statement: Statement, severity: Severity, code: str) -> No
         raise SourceError(
             "asm-missing-argument", f"{statement.operation.upper()} needs a text", statement.column
         )
-    state.report(severity, code, _said(statement), statement.line, statement.column)
+    state.report(severity, code, _text_of(statement), statement.line, statement.column)
 
 
 def _config(state: Pass, statement: Statement) -> None:
