@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -124,6 +124,7 @@ class Program:
         targets: Mapping[int, Collection[int]] | None = None,
     ) -> None:
         self._words = words
+        self._decoded: dict[int, Word] = {}
         self._targets = targets or {}
         self.functions = {function.start: function for function in functions}
         self.changing = frozenset(changing)
@@ -138,7 +139,11 @@ class Program:
         self._states_left = MAX_PROGRAM_STATES
 
     def word(self, at: int) -> Word:
-        return word_of(self._words.get(at, ERASED))
+        """Return the instruction at an address. Raises Undefined."""
+        found = self._decoded.get(at)
+        if found is None:
+            found = self._decoded[at] = word_of(self._words.get(at, ERASED))
+        return found
 
     @cached_property
     def plain(self) -> frozenset[int]:
@@ -392,32 +397,36 @@ class Program:
         """
         at_return = 0
         live: dict[int, int] = dict.fromkeys(self._words, 0)
-        order = sorted(self._words, reverse=True)
+        facts = [(at, *fact) for at in sorted(self._words, reverse=True) if (fact := self._live_fact(at))]
         changed = True
         while changed:
             changed = False
             returned = at_return
-            for at in order:
-                try:
-                    word = self.word(at)
-                except Undefined:
-                    continue
-                if word.flow == "call":
-                    after = live.get(word.k, 0)
+            for at, followers, returns, uses, kills in facts:
+                after = at_return if returns else 0
+                for follower in followers:
+                    after |= live.get(follower, 0)
+                if returns is None:  # a call: what it returns to
                     at_return |= live.get(at + 1, 0)
-                elif word.flow == "return" or word.writes_pcl:
-                    after = at_return if word.name != "RETFIE" else 0
-                else:
-                    after = 0
-                    for follower in self._followers(at):
-                        after |= live.get(follower, 0)
-                uses, kills = _uses_and_kills(word)
                 before = uses | after & ~kills
                 if before != live[at]:
                     live[at] = before
                     changed = True
             changed |= returned != at_return
         return live
+
+    def _live_fact(self, at: int) -> tuple[Sequence[int], bool | None, int, int] | None:
+        """Return where an instruction leads, whether it returns (None: it calls), what it uses and kills."""
+        try:
+            word = self.word(at)
+        except Undefined:
+            return None
+        uses, kills = _uses_and_kills(word)
+        if word.flow == "call":
+            return (word.k,), None, uses, kills
+        if word.flow == "return" or word.writes_pcl:
+            return (), word.name != "RETFIE", uses, kills
+        return self._followers(at), False, uses, kills
 
 
 def _bit(place: int) -> int:
@@ -426,7 +435,7 @@ def _bit(place: int) -> int:
 
 def is_live(place: int, live: int) -> bool:
     """Return whether a place is in one of the bit sets of `Program.live`."""
-    return place >= _PASSES or bool(live & _bit(place))
+    return place >= _PASSES or bool(live >> _BITS.get(place, place) & 1)
 
 
 def _uses_and_kills(word: Word) -> tuple[int, int]:

@@ -12,8 +12,7 @@ Nothing changes in loops whose variable the body may change, or that may be ente
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import (
     AddressOf,
@@ -38,15 +37,13 @@ from servogen.compiler.ast.nodes import (
     Update,
 )
 from servogen.compiler.ast.types import U8, U16, IntType
+from servogen.compiler.ast.walk import CHILD_FIELDS, nodes
 
 MAX_TRIPS = 256
 """A counter of one byte that begins with 0 reaches 0 again after 256."""
 
 MAX_WIDE_TRIPS = 0xFF00
 """The greatest number for which the high byte of a counter of two bytes, rounded up, is at most 255."""
-
-_AST = (Symbol,)
-"""What belongs to several nodes and is no part of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +61,7 @@ def simplify_counters(function: FunctionDefinition) -> None:
     """Rewrite the counting loops of a function."""
     if function.body is None or _is_entered_in_the_middle(function.body):
         return
-    for block in [each for each in _nodes(function.body) if isinstance(each, Block)]:
+    for block in [each for each in nodes(function.body) if isinstance(each, Block)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             counting = _counting(before, loop)
             if counting is not None and not _may_change(counting):
@@ -139,11 +136,11 @@ def _narrow_reads(body: Stmt, variable: Ref) -> None:
         low = Ref(value.symbol, value.offset, None, U8, value.place)
         return Cast(low, value.type, value.place)
 
-    for node in list(_nodes(body)):
-        for field in fields(node):  # type: ignore[arg-type]
-            value = getattr(node, field.name)
-            if isinstance(value, Ref | list) and not isinstance(node, Symbol):
-                setattr(node, field.name, narrow(value))
+    for node in list(nodes(body)):
+        for name in CHILD_FIELDS[node.__class__]:
+            value = getattr(node, name)
+            if isinstance(value, Ref | list):
+                setattr(node, name, narrow(value))
 
 
 def _counting(before: Stmt, loop: Stmt) -> _Counting | None:
@@ -199,11 +196,11 @@ def _is_same(expr: object, variable: Ref) -> bool:
 
 def _is_entered_in_the_middle(body: Block) -> bool:
     """Return whether a `goto`, assembly or a `case` may lead into a loop."""
-    nodes = list(_nodes(body))
-    if any(isinstance(each, Asm | LabelStmt) for each in nodes):
+    below = list(nodes(body))
+    if any(isinstance(each, Asm | LabelStmt) for each in below):
         return True
-    for loop in [each for each in nodes if isinstance(each, Loop)]:
-        inside = list(_nodes(loop.body))
+    for loop in [each for each in below if isinstance(each, Loop)]:
+        inside = list(nodes(loop.body))
         own = {id(label) for each in inside if isinstance(each, Switch) for label in _labels(each)}
         if any(isinstance(each, CaseLabel) and id(each) not in own for each in inside):
             return True
@@ -215,7 +212,7 @@ def _may_change(counting: _Counting) -> bool:
     symbol = counting.variable.symbol
     return any(
         isinstance(each, Assign | Update | AddressOf) and getattr(each.target, "symbol", None) is symbol
-        for each in _nodes(counting.loop.body)
+        for each in nodes(counting.loop.body)
     )
 
 
@@ -234,10 +231,10 @@ def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
         return False
     assert function.body is not None
     own: set[int] = set()
-    for block in [each for each in _nodes(function.body) if isinstance(each, Block)]:
+    for block in [each for each in nodes(function.body) if isinstance(each, Block)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             if isinstance(before, ExprStmt) and isinstance(loop, Loop) and _assigns(before.expr, symbol):
-                if loop is not counting.loop and any(each is counting.loop for each in _nodes(loop)):
+                if loop is not counting.loop and any(each is counting.loop for each in nodes(loop)):
                     return False
                 own |= _uses(before, symbol) | _uses(loop, symbol)
     return _uses(function.body, symbol) <= own
@@ -256,18 +253,4 @@ def _assigns(expr: Expr, symbol: Symbol) -> bool:
 
 def _uses(node: object, symbol: Symbol) -> set[int]:
     """Return the identities of the nodes below a node that name a variable."""
-    return {id(each) for each in _nodes(node) if isinstance(each, Ref) and each.symbol is symbol}
-
-
-def _nodes(node: object) -> Iterator[object]:
-    """Yield a node and all below it."""
-    waiting = [node]
-    while waiting:
-        each = waiting.pop()
-        if isinstance(each, list | tuple):
-            waiting += each
-        elif (
-            is_dataclass(each) and not isinstance(each, _AST) and type(each).__module__.endswith("ast.nodes")
-        ):
-            yield each
-            waiting += [getattr(each, field.name) for field in fields(each)]
+    return {id(each) for each in nodes(node) if isinstance(each, Ref) and each.symbol is symbol}

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from servogen.compiler.ast.constant_folding import interval
 from servogen.compiler.ast.nodes import Binary, Expr, FunctionDefinition, Num, Update
+from servogen.compiler.ast.walk import expressions
 from servogen.compiler.codegen.effects import stripped, updated, width_of
-from servogen.compiler.sema.call_graph import expressions
 
 MAX_SHIFT_WORDS = 24
 """Of the shifts of a signed division by a power of 2; more would be longer than calling the division."""

@@ -91,25 +91,26 @@ class Function:
 
     def append(self, line: Line) -> None:
         """Append a label or an instruction, starting a new block where necessary."""
-        here = self.blocks[-1] if self.blocks else None
-        if isinstance(line, Label):
-            if here is None or here.instructions:
-                self.blocks.append(Block())
-            self.blocks[-1].labels.append(line)
-            return
-        if here is None or self._is_closed(here):
-            self.blocks.append(Block())
-        self.blocks[-1].instructions.append(line)
+        self.extend((line,))
 
     def extend(self, lines: Iterable[Line]) -> None:
+        """Append labels and instructions, starting new blocks where necessary."""
+        blocks = self.blocks
+        here = blocks[-1] if blocks else None
         for line in lines:
-            self.append(line)
+            if here is None or (here.instructions if isinstance(line, Label) else self._is_closed(here)):
+                here = Block()
+                blocks.append(here)
+            if isinstance(line, Label):
+                here.labels.append(line)
+            else:
+                here.instructions.append(line)
 
-    def _is_closed(self, block: Block) -> bool:
-        """Return whether a block is complete: by its last instruction, or because a skip leads over it."""
-        if block.last is None:
+    def _is_closed(self, last: Block) -> bool:
+        """Return whether the last block is complete: by its end, or because a skip leads over it."""
+        if not last.instructions:
             return False
-        return block.last.ends_block or (len(self.blocks) > 1 and self.blocks[-2].skips)
+        return last.instructions[-1].ends_block or (len(self.blocks) > 1 and self.blocks[-2].skips)
 
     def replace(self, lines: Iterable[Line]) -> None:
         """Replace the contents, and divide them into blocks again."""

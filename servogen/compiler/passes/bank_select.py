@@ -89,9 +89,10 @@ def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instructi
     found = {
         name for name, function in functions.items() if any(wanted(ins) for ins in function.instructions())
     }
+    calls = {name: function.calls() for name, function in functions.items()}
     grown = True
     while grown:
-        more = {name for name, function in functions.items() if found & set(function.calls())} - found
+        more = {name for name, called in calls.items() if not found.isdisjoint(called)} - found
         grown = bool(more)
         found |= more
     return found

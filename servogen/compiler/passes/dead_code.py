@@ -40,7 +40,8 @@ def drop_unreachable(function: Function) -> bool:
     used = {each.target for each in lines if isinstance(each, Instruction) and each.op in TARGETED}
     kept = [each for each in lines if not isinstance(each, Label) or each.fixed or each.name in used]
     changed = len(kept) != sum(1 for _ in function.lines())
-    function.replace(kept)
+    if changed:
+        function.replace(kept)
     return changed
 
 

@@ -73,12 +73,21 @@ class PassManager:
             if function.table is None:
                 self.finished(name, function)
 
-    def run(self, passes: Mapping[str, Pass], function: Function) -> bool:
-        """Run each pass once; return whether one of them changed something."""
+    def run(self, passes: Mapping[str, Pass], function: Function, settled: set[str]) -> bool:
+        """Run each pass once; return whether one of them changed something.
+
+        `settled` holds the passes that would change nothing, because nothing has changed since they ran.
+        """
         changed = False
         for name, transform in passes.items():
+            if name in settled:
+                continue
             before = function.size
-            changed |= transform(function)
+            if transform(function):
+                changed = True
+                settled.clear()
+            else:
+                settled.add(name)
             self.saved[name] += before - function.size
             self.runs[name] += 1
             self.finished(name, function)
@@ -87,14 +96,15 @@ class PassManager:
     def optimise(self, function: Function) -> None:
         """Run the passes until nothing changes."""
         follows_values = not function.name.startswith("__") and not _jumps_by_hand(function)
+        settled: set[str] = set()
         for _ in range(_MAX_ROUNDS):
-            changed = self.run(JUMPS, function)
+            changed = self.run(JUMPS, function, settled)
             if follows_values:
-                changed |= self.run(VALUES, function)
-            if not changed and not (follows_values and self.run(TAILS, function)):
+                changed |= self.run(VALUES, function, settled)
+            if not changed and not (follows_values and self.run(TAILS, function, settled)):
                 break
         if follows_values and function.name != "main":
-            self.run(RETURNS, function)
+            self.run(RETURNS, function, settled)
 
 
 def _jumps_by_hand(function: Function) -> bool:

@@ -13,8 +13,6 @@ from servogen.compiler.ast.nodes import (
     Asm,
     Block,
     Call,
-    Expr,
-    ExprStmt,
     FunctionDefinition,
     If,
     Loop,
@@ -25,10 +23,9 @@ from servogen.compiler.ast.nodes import (
     Symbol,
 )
 from servogen.compiler.ast.types import VoidType
+from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
 from servogen.errors import Location
-
-_TREE = "servogen.compiler.ast.nodes"
 
 
 def called(function: FunctionDefinition) -> dict[str, Call]:
@@ -39,21 +36,6 @@ def called(function: FunctionDefinition) -> dict[str, Call]:
             if isinstance(expr, Call):
                 found.setdefault(expr.function, expr)
     return found
-
-
-def expressions(node: object) -> Iterator[Expr]:
-    """Yield every expression in a statement or expression, including itself."""
-    if isinstance(node, (list, tuple)):
-        for each in node:
-            yield from expressions(each)
-    elif isinstance(node, (Symbol, str, int)) or node is None:
-        return
-    elif hasattr(node, "__dataclass_fields__") and node.__class__.__module__ == _TREE:
-        if not isinstance(node, (Block, ExprStmt, Asm)) and hasattr(node, "type"):
-            yield node  # type: ignore[misc]
-        for name in node.__dataclass_fields__:
-            if name not in ("type", "place", "work", "symbol", "names"):
-                yield from expressions(getattr(node, name))
 
 
 def statements(node: Stmt) -> Iterator[Stmt]:

@@ -30,8 +30,9 @@ from servogen.compiler.ast.nodes import (
     Update,
 )
 from servogen.compiler.ast.types import VoidType
+from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.sema.call_graph import CallGraph, expressions, has_assembly, statements
+from servogen.compiler.sema.call_graph import CallGraph, has_assembly, statements
 from servogen.compiler.sema.function_pointers import DISPATCHER
 
 _PORTS = {"PORTA": "TRISA", "PORTB": "TRISB"}

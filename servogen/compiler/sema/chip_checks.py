@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import AddressOf, Assign, Builtin, Deref, Expr, Num, Ref, Update
+from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.sema.call_graph import CallGraph, expressions
+from servogen.compiler.sema.call_graph import CallGraph
 from servogen.errors import Location
 from servogen.pic.device import register_bits
 

@@ -6,7 +6,6 @@ In: pycparser's tree of a function definition. Out: warnings: constants as opera
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from pycparser import c_ast
@@ -14,6 +13,7 @@ from pycparser import c_ast
 from servogen.compiler.ast.constant_folding import COMPARISONS, compare
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import FloatType
+from servogen.compiler.ast.walk import syntax_nodes
 from servogen.compiler.frontend.dialects import chip_bits, chip_registers
 from servogen.compiler.sema.analyser import Analyser
 
@@ -24,7 +24,7 @@ _STEPS = ("++", "--", "p++", "p--")
 def check_conditions(analyser: Analyser, function: Any) -> None:
     """Report what is suspicious in the conditions of a function definition."""
     changing = _volatile_names(function)
-    for node in _nodes(function.body):
+    for node in syntax_nodes(function.body):
         match node:
             case c_ast.BinaryOp(op="&&" | "||"):
                 _logical_constant(analyser, node)
@@ -42,19 +42,13 @@ def check_conditions(analyser: Analyser, function: Any) -> None:
             _negated_mask(analyser, node.right)
 
 
-def _nodes(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _nodes(child)
-
-
 def _volatile_names(function: Any) -> set[str]:
     """Return the names that a function declares volatile, or with a floating-point type: a NaN differs from
     itself.
     """
     return {
         node.declname
-        for node in _nodes(function)
+        for node in syntax_nodes(function)
         if isinstance(node, c_ast.TypeDecl) and node.declname and ("volatile" in node.quals or _floats(node))
     }
 
@@ -109,7 +103,9 @@ def _negated_mask(analyser: Analyser, node: Any) -> None:
 
 
 def _constant(node: Any) -> bool:
-    return all(isinstance(each, (c_ast.Constant, c_ast.BinaryOp, c_ast.UnaryOp)) for each in _nodes(node))
+    return all(
+        isinstance(each, (c_ast.Constant, c_ast.BinaryOp, c_ast.UnaryOp)) for each in syntax_nodes(node)
+    )
 
 
 # comparisons that are decided
@@ -175,11 +171,11 @@ def _unchanged(analyser: Analyser, node: Any, function: Any, changing: set[str])
     """Warn about `for (i = 0; i < 8; j++)`: nothing in the loop changes what its condition reads."""
     if node.cond is None or node.next is None:
         return
-    parts = list(_nodes(node.cond))
+    parts = syntax_nodes(node.cond)
     if not all(isinstance(each, (c_ast.ID, c_ast.Constant, c_ast.BinaryOp)) for each in parts):
         return
     read = {each.name for each in parts if isinstance(each, c_ast.ID)}
-    inside = [*_nodes(node.next), *_nodes(node.stmt)]
+    inside = [*syntax_nodes(node.next), *syntax_nodes(node.stmt)]
     leaves = (c_ast.Break, c_ast.Return, c_ast.Goto)
     if not read or any(isinstance(each, leaves) for each in inside) or not read <= _locals(function):
         return
@@ -194,7 +190,7 @@ def _unchanged(analyser: Analyser, node: Any, function: Any, changing: set[str])
 
 
 def _locals(function: Any) -> set[str]:
-    return {node.name for node in _nodes(function) if isinstance(node, c_ast.Decl) and node.name}
+    return {node.name for node in syntax_nodes(function) if isinstance(node, c_ast.Decl) and node.name}
 
 
 def _changed(nodes: list[Any]) -> set[str]:
@@ -217,10 +213,10 @@ def enumerated_names(units: list[Any]) -> dict[str, list[str]]:
     """Return the enumerators of each variable, parameter and member that a file declares with an `enum`."""
     known: dict[str, list[str]] = {}
     variables: dict[str, list[str]] = {}
-    for node in (each for unit in units for each in _nodes(unit)):
+    for node in (each for unit in units for each in syntax_nodes(unit)):
         if isinstance(node, c_ast.Enum) and node.values is not None and node.name:
             known[f"enum {node.name}"] = [each.name for each in node.values.enumerators]
-    for node in (each for unit in units for each in _nodes(unit)):
+    for node in (each for unit in units for each in syntax_nodes(unit)):
         if not isinstance(node, (c_ast.Decl, c_ast.Typedef)) or not isinstance(node.type, c_ast.TypeDecl):
             continue
         kind = node.type.type
@@ -244,7 +240,7 @@ def _missing_cases(analyser: Analyser, node: Any) -> None:
     values = analyser.enumerated.get(place.name) if isinstance(place, c_ast.ID) else None
     if values is None:
         return
-    labels = [each for each in _nodes(node.stmt) if isinstance(each, (c_ast.Case, c_ast.Default))]
+    labels = [each for each in syntax_nodes(node.stmt) if isinstance(each, (c_ast.Case, c_ast.Default))]
     if any(isinstance(each, c_ast.Default) for each in labels):
         return
     named = {each.expr.name for each in labels if isinstance(each.expr, c_ast.ID)}

@@ -32,8 +32,9 @@ from servogen.compiler.ast.nodes import (
     Update,
 )
 from servogen.compiler.ast.types import VoidType
+from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.sema.call_graph import expressions, has_assembly, statements
+from servogen.compiler.sema.call_graph import has_assembly, statements
 
 
 def check_flow(

@@ -15,6 +15,7 @@ from pycparser import c_ast
 
 from servogen.compiler.ast.constant_folding import COMPARISONS
 from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
+from servogen.compiler.ast.walk import syntax_nodes
 from servogen.compiler.sema.analyser import Analyser
 
 _BITWISE = ("&", "|", "^")
@@ -30,7 +31,7 @@ _LOOSER = {
 
 def check_syntax(analyser: Analyser, function: Any) -> None:
     """Report what is suspicious in a function definition."""
-    for node in _nodes(function.body):
+    for node in syntax_nodes(function.body):
         match node:
             case c_ast.BinaryOp():
                 _precedence(analyser, node)
@@ -45,12 +46,6 @@ def check_syntax(analyser: Analyser, function: Any) -> None:
                 _sizeof_parameter(analyser, node, function)
     for expression in _full_expressions(function.body):
         _Order(analyser).of(expression)
-
-
-def _nodes(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _nodes(child)
 
 
 # precedence
@@ -203,7 +198,7 @@ def check_statics(analyser: Analyser, units: list[Any]) -> None:
     """Report static functions and variables of a file that nothing in it names; headers may hold more than is
     used.
     """
-    used = {node.name for unit in units for node in _nodes(unit) if isinstance(node, c_ast.ID)}
+    used = {node.name for unit in units for node in syntax_nodes(unit) if isinstance(node, c_ast.ID)}
     assembly = "\n".join(text for block in analyser.asm_blocks for _, text in block.lines)
     for unit in units:
         decl = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
@@ -236,7 +231,7 @@ def used_names(node: Any) -> set[str]:
     alone += [node.stmt] if isinstance(node, (c_ast.For, c_ast.While, c_ast.DoWhile)) else []
     alone += [node.iftrue, node.iffalse] if isinstance(node, c_ast.If) else []
     found: set[str] = set()
-    for _, child in node.children():
+    for child in node:
         counted = isinstance(child, c_ast.UnaryOp) and child.op in _STEPS and child in alone
         if not (counted and isinstance(child.expr, c_ast.ID)):
             found |= used_names(child)
@@ -251,7 +246,7 @@ _STEPS = ("++", "--", "p++", "p--")
 
 def _full_expressions(node: Any) -> Iterator[Any]:
     """Yield the expressions of statements, initialisers and conditions, each as a whole (ISO C 6.8)."""
-    for _, child in node.children():
+    for child in node:
         if isinstance(child, _EXPRESSIONS):
             yield child
         else:
@@ -316,7 +311,7 @@ class _Order:
                 return self.of(node.name)
             case c_ast.Cast():
                 return self.of(node.expr)
-        return self._unordered([child for _, child in node.children()], node)
+        return self._unordered([*node], node)
 
     def _unordered(self, parts: list[Any], node: Any) -> _Effects:
         effects = [self.of(each) for each in parts]

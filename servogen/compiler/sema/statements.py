@@ -105,7 +105,7 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
             continue
         if len(out) > before and _leaves(out[-1]):
             ended = True
-        elif _can_be_reached(node):
+        elif ended and _can_be_reached(node):
             ended = False
 
 
@@ -222,9 +222,7 @@ def _can_be_reached(node: Any) -> bool:
     if isinstance(node, (c_ast.Label, c_ast.Case, c_ast.Default, c_ast.Decl, c_ast.Typedef)):
         return True
     if isinstance(node, c_ast.Node):
-        return any(
-            _can_be_reached(child) for _, child in node.children() if not isinstance(child, c_ast.Decl)
-        )
+        return any(_can_be_reached(child) for child in node if not isinstance(child, c_ast.Decl))
     return False
 
 

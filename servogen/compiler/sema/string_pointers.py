@@ -15,6 +15,7 @@ from typing import Any
 
 from pycparser import c_ast
 
+from servogen.compiler.ast.walk import syntax_nodes
 from servogen.compiler.diagnostics import is_own_file
 from servogen.compiler.frontend.syntax_errors import place_of
 
@@ -117,7 +118,7 @@ class _Pointers:
             self.locals = {
                 each.name for each in (arguments.params if arguments else []) if hasattr(each, "name")
             }
-            for node in _nodes(unit.body):
+            for node in syntax_nodes(unit.body):
                 if isinstance(node, c_ast.Decl) and node.name is not None:
                     self.locals.add(node.name)
                     self.variable(node, self.function)
@@ -147,7 +148,7 @@ class _Pointers:
                 self.call(node)
             case c_ast.ID(name=name) if name in self.parameters and name not in self.locals:
                 self.taken(name)
-        for _, child in node.children():
+        for child in node:
             self.visit(child)
 
     def call(self, node: Any) -> None:
@@ -296,12 +297,6 @@ def _indices(value: Any) -> int:
 
 def _members(kind: Any) -> Iterator[Any]:
     """Yield the members of the structures that a declaration defines."""
-    for node in _nodes(kind):
+    for node in syntax_nodes(kind):
         if isinstance(node, (c_ast.Struct, c_ast.Union)):
             yield from (each for each in node.decls or [] if isinstance(each, c_ast.Decl))
-
-
-def _nodes(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _nodes(child)
