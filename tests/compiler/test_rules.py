@@ -18,8 +18,9 @@ from servogen.pic.image import Image
 from servogen.pic.isa import by_mnemonic, encode
 from servogen.simulator import Machine
 from servogen.units import Clock
+from tools.superoptimiser.enumeration import ALL
 from tools.superoptimiser.machine import NAMES, run
-from tools.superoptimiser.search import ALL, differing
+from tools.superoptimiser.proof import differing
 
 A, B = 0x0C, 0x0D
 STATUS = 3

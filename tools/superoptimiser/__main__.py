@@ -1,54 +1,102 @@
 """python -m tools.superoptimiser FOLDER …: find shorter sequences for the windows of C programs.
 
-Adds what it finds to servogen/compiler/passes/rules.json.
+Adds what it finds to servogen/compiler/passes/rules.json, and removes the rules that none of the programs
+has a place for.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from servogen.compiler.passes import rules as rule_file
 from servogen.compiler.passes import superoptimise
 from servogen.compiler.passes.rules import Rule
-from tools.superoptimiser.corpus import collected, files_in
-from tools.superoptimiser.search import Finder, catalogue, differing, twins
+from tools.superoptimiser.corpus import collected, compile_all, files_in
+from tools.superoptimiser.enumeration import Behaviours, Enumeration, Sequence_, Sought
+from tools.superoptimiser.proof import can_be_proven, differing, holds, names_in
 
 TARGET = Path(rule_file.__file__).with_name("rules.json")
 
 
-def main(folders: list[Path], longest_new: int = 3, longest_old: int = 6, fewest: int = 1) -> None:
-    began = time.monotonic()
-    all_sequences = catalogue(longest_new)
-    for length, count, doubled in twins(all_sequences):
-        share = f"{100 * doubled / count:.0f} %"
-        print(f"{length} instructions: {count} sequences, {share} have a twin that is no longer")
-    print(f"{time.monotonic() - began:.0f} s", flush=True)
-    finder, sources = Finder.of(all_sequences), files_in(folders)
-    found = list(rule_file.rules())
+def main(
+    folders: list[Path],
+    longest_new: int = 4,
+    longest_old: int = 8,
+    minutes: float = 60,
+    fewest: int = 1,
+) -> None:
+    began = time.process_time()
+    sources, found = files_in(folders), list(rule_file.rules())
+    windows = collected(sources, longest_old)
+    sought = [each for each, count in windows.items() if count >= fewest]
+    behaviours = Behaviours(sought)
+    print(f"{len(sources)} programs, {len(sought)} different windows; {time.process_time() - began:.0f} s")
+    Enumeration(longest_new, behaviours, minutes * 60, frequencies(windows), say).run()
     for size in range(2, longest_old + 1):  # short rules first: they also shorten what longer ones would
-        windows = collected(sources, size)
-        for (old, dead), count in windows.most_common():
-            if len(old) != size or count < fewest:
+        for each, _ in collected(sources, size).most_common():
+            if len(each.old) != size or any(covers(rule, each) for rule in found):
                 continue
-            new = finder.proven(old, dead)
-            if new is None:
-                continue
-            needed = differing(old, new)
-            if not any(covers(rule, old, needed) for rule in found):
-                found.append(Rule(old, new, frozenset(needed)))
+            new = proven(each, behaviours.candidates.get(each, ()))
+            if new is not None:
+                found.append(Rule(each.old, new, frozenset(differing(each.old, new))))
         found = without_special_cases(found)
         write(found)
-        print(f"up to {size} instructions: {len(found)} rules, {time.monotonic() - began:.0f} s", flush=True)
+        say(f"up to {size} instructions: {len(found)} rules; {time.process_time() - began:.0f} s")
+    uses = applied(sources)
+    write([rule for rule in found if rule in uses])
+    say(f"{len(uses)} of them apply, at {uses.total()} places; {time.process_time() - began:.0f} s")
 
 
-def covers(rule: Rule, old: Sequence[object], dead: Iterable[str]) -> bool:
-    """Return whether a rule already applies wherever one for `old` with `dead` would."""
-    return rule.old == old and rule.dead <= set(dead)
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+def frequencies(windows: Mapping[Sought, int]) -> Counter[Sequence_]:
+    """Return how often each part of a window occurs."""
+    found: Counter[Sequence_] = Counter()
+    for each, count in windows.items():
+        found[each.old] += count
+    return found
+
+
+def proven(sought: Sought, candidates: Iterable[Sequence_]) -> Sequence_ | None:
+    """Return the first candidate, shortest first, that does the same for all values; None if none does."""
+    known = names_in(sought.old)
+    for new in sorted(candidates, key=len):
+        if names_in(new) <= known and can_be_proven(sought.old, new) and holds(sought.old, new, sought.dead):
+            return new
+    return None
+
+
+def applied(sources: Sequence[tuple[str, str, str]]) -> Counter[Rule]:
+    """Return how often each rule is applied in programs."""
+    found: Counter[Rule] = Counter()
+    best_match = superoptimise.best_match
+
+    def observed(*arguments: Any) -> superoptimise.Match | None:
+        match = best_match(*arguments)
+        if match is not None:
+            found[match.rule] += 1
+        return match
+
+    superoptimise.best_match = observed
+    try:
+        compile_all(sources)
+    finally:
+        superoptimise.best_match = best_match
+    return found
+
+
+def covers(rule: Rule, sought: Sought) -> bool:
+    """Return whether a rule already applies wherever one for what is sought would."""
+    return rule.old == sought.old and rule.dead <= sought.dead
 
 
 def without_special_cases(found: Sequence[Rule]) -> list[Rule]:
@@ -79,7 +127,7 @@ def write(found: Sequence[Rule]) -> None:
     ]
     TARGET.write_text("[\n" + ",\n".join(rows) + "\n]\n")
     rule_file.rules.cache_clear()
-    superoptimise._table.cache_clear()
+    superoptimise._tree.cache_clear()
 
 
 if __name__ == "__main__":

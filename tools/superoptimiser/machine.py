@@ -29,7 +29,10 @@ def run(sequence: Iterable[RuleInstruction], state: Mapping[str, Values]) -> Sta
         after, skips = step(each, here)
         if skipped is not None:
             taken = skipped.astype(bool)
-            after = {name: np.where(taken, here[name], value) for name, value in after.items()}
+            after = {
+                name: value if value is here[name] else np.where(taken, here[name], value)
+                for name, value in after.items()
+            }
             assert skips is None, "a skip over a skip is not modelled"
         here, skipped = after, skips
     assert skipped is None, "a sequence ends with a skip"
@@ -42,7 +45,6 @@ def step(ins: RuleInstruction, state: Mapping[str, Values]) -> tuple[State, Valu
     literal = state["k"] if ins.k == "k" else np.uint8(ins.k or 0)
     w = state["W"]
     f = state[ins.f] if ins.f in ("a", "b") else w
-    wide = f.astype(np.uint16)
     skips: Values | None = None
     value: Values | None = None
     match ins.op:
@@ -88,7 +90,7 @@ def step(ins: RuleInstruction, state: Mapping[str, Values]) -> tuple[State, Valu
         case "RLF":
             carry = state["C"]
             out["C"] = f >> np.uint8(7)
-            _store(out, ins, ((wide << 1) & 0xFF).astype(np.uint8) | carry)
+            _store(out, ins, (f << np.uint8(1)) | carry)
         case "RRF":
             carry = state["C"]
             out["C"] = f & np.uint8(1)

@@ -6,8 +6,8 @@ nothing jumps, an instruction takes one cycle whether it is skipped or not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 
 from servogen.compiler.ir.function import Function, Line, is_skipped
@@ -24,51 +24,31 @@ _LIVE = {"W": W_BIT, "C": C_BIT, "D": D_BIT, "Z": Z_BIT}
 _BY_BIT = {bit: flag for flag, bit in FLAGS.items()}
 
 
+Names = dict[Byte, str]
+
+
 @dataclass(slots=True)
-class Window:
-    """Instructions as a rule would write them, and what its names stand for."""
+class _Node:
+    """The rules that begin with certain instructions, as a tree: what may follow, and which end here."""
 
-    instructions: tuple[RuleInstruction, ...]
-    bytes: dict[str, Byte]
-    literal: int | None = None
-
-    def general(self) -> Window | None:
-        """Return the window with its literal replaced by "k"; None if it has none, or several."""
-        values = {each.k for each in self.instructions if each.k is not None}
-        if len(values) != 1:
-            return None
-        (value,) = values
-        assert isinstance(value, int)
-        changed = tuple(
-            each if each.k is None else RuleInstruction(each.op, k="k") for each in self.instructions
-        )
-        return Window(changed, self.bytes, value)
+    following: dict[RuleInstruction, _Node] = field(default_factory=dict)
+    rules: list[Rule] = field(default_factory=list)
 
 
-def windows(lines: Sequence[Line], at: int, longest: int) -> Iterator[Window]:
-    """Yield the windows that begin at a line, from one instruction to `longest`.
+@dataclass(slots=True)
+class Match:
+    """A rule, and what its names stand for."""
 
-    They contain no label, are not entered or left by a skip, and change nothing that others can see.
+    rule: Rule
+    names: Names
+    literal: int | None
+
+
+def rule_instruction(ins: Instruction, names: Names) -> RuleInstruction | None:
+    """Return an instruction as rules write it; None for one that rules do not change.
+
+    A byte that has no name yet is given the next one.
     """
-    if is_skipped(lines, at):
-        return
-    names: dict[Byte, str] = {}
-    found: list[RuleInstruction] = []
-    skips = False
-    for line in lines[at : at + longest]:
-        if not isinstance(line, Instruction) or (skips and line.skips):
-            return
-        each = _as_rule(line, names)
-        if each is None:
-            return
-        found.append(each)
-        skips = line.skips
-        if not skips:
-            yield Window(tuple(found), {name: byte for byte, name in names.items()})
-
-
-def _as_rule(ins: Instruction, names: dict[Byte, str]) -> RuleInstruction | None:
-    """Return an instruction as rules write it; None for one that rules do not change."""
     if ins.fixed or ins.op not in OPERATIONS:
         return None
     if ins.op in LITERALS:
@@ -89,81 +69,99 @@ def _as_rule(ins: Instruction, names: dict[Byte, str]) -> RuleInstruction | None
 
 def superoptimise(function: Function) -> bool:
     """Run the pass once; return whether something changed."""
-    table = _table()
-    if not table:
-        return False
-    longest = max(map(len, table))
-    live = Liveness(function)
+    tree = _tree()
+    first = {each.op for each in tree.following}
+    live = cache(lambda: Liveness(function))  # most functions have no place for any rule
     lines = list(function.lines())
     out: list[Line] = []
     at, changed = 0, False
     while at < len(lines):
-        found = _match(lines, at, longest, table, live)
-        if found is None:
-            out.append(lines[at])
-            at += 1
-            continue
-        new, count = found
-        out += new
-        at += count
-        changed = True
-        out += lines[at : at + 1]  # liveness behind the window is as before, within it is not
+        line = lines[at]
+        found = None
+        if isinstance(line, Instruction) and line.op in first:
+            found = best_match(lines, at, tree, live)
+        if found is not None:
+            assert isinstance(line, Instruction)
+            out += [_instruction(each, found, line) for each in found.rule.new]
+            at += len(found.rule.old)
+            changed = True
+        # liveness behind a match is as before, within it is not: the next match begins one line later
+        out += lines[at : at + 1]
         at += 1
     if changed:
         function.replace(out)
     return changed
 
 
-def _match(
-    lines: Sequence[Line],
-    at: int,
-    longest: int,
-    table: dict[tuple[RuleInstruction, ...], list[Rule]],
-    live: Liveness,
-) -> tuple[list[Line], int] | None:
-    """Return the best replacement of the lines from `at` on, and how many it replaces."""
-    best: tuple[Rule, Window] | None = None
-    for window in windows(lines, at, longest):
-        for form in (window, window.general()):
-            for rule in table.get(form.instructions, ()) if form else ():
-                assert form is not None
-                last = lines[at + len(rule.old) - 1]
-                assert isinstance(last, Instruction)
-                if best is not None and _saved(rule) <= _saved(best[0]):
-                    continue
-                if rule.dead <= dead_after(last, form.bytes, live):
-                    best = rule, form
-    if best is None:
+def best_match(lines: Sequence[Line], at: int, tree: _Node, live: Callable[[], Liveness]) -> Match | None:
+    """Return the rule that saves most of the lines from `at` on.
+
+    What it replaces contains no label, is not entered or left by a skip, and others cannot see it.
+    """
+    if is_skipped(lines, at):
         return None
-    rule, window = best
-    first = lines[at]
-    assert isinstance(first, Instruction)
-    return [_instruction(each, window, first) for each in rule.new], len(rule.old)
+    best: Match | None = None
+    names: Names = {}
+    reached: list[tuple[_Node, int | None]] = [(tree, None)]
+    while reached and at < len(lines):
+        line = lines[at]
+        if not isinstance(line, Instruction) or (each := rule_instruction(line, names)) is None:
+            break
+        reached = list(_steps(reached, each))
+        for node, literal in reached:
+            for rule in node.rules:
+                better = best is None or _saved(rule) > _saved(best.rule)
+                if better and rule.dead <= dead_after(line, names, live()):
+                    best = Match(rule, dict(names), literal)
+        at += 1
+    return best
+
+
+def _steps(
+    reached: Iterable[tuple[_Node, int | None]], each: RuleInstruction
+) -> Iterator[tuple[_Node, int | None]]:
+    """Yield where an instruction leads in the tree, and what `k` then stands for."""
+    for node, literal in reached:
+        if each in node.following:
+            yield node.following[each], literal
+        if isinstance(each.k, int) and literal in (None, each.k):
+            general = RuleInstruction(each.op, k="k")
+            if general in node.following:
+                yield node.following[general], each.k
 
 
 def _saved(rule: Rule) -> int:
     return len(rule.old) - len(rule.new)
 
 
-def dead_after(last: Instruction, names: dict[str, Byte], live: Liveness) -> set[str]:
-    """Return which of W, the flags and the bytes of a window are not needed behind its last instruction."""
+def dead_after(last: Instruction, names: Names, live: Liveness) -> set[str]:
+    """Return which of W, the flags and the bytes with names are not needed behind an instruction."""
     after = live.after[last]
     dead = {name for name, bit in _LIVE.items() if not after & bit}
-    return dead | {name for name, byte in names.items() if is_private(byte) and not after & live.bit(byte)}
+    return dead | {name for byte, name in names.items() if is_private(byte) and not after & live.bit(byte)}
 
 
-def _instruction(each: RuleInstruction, window: Window, first: Instruction) -> Instruction:
-    """Return an instruction of a rule for the bytes and the literal of a window."""
-    f = window.bytes.get(each.f, STATUS if each.f in FLAGS else None)
-    b = FLAGS.get(each.f, each.b)
-    k = window.literal if each.k == "k" else each.k
-    return Instruction(each.op, f, each.d, b, int(k or 0), place=first.place)
+def _instruction(each: RuleInstruction, match: Match, first: Instruction) -> Instruction:
+    """Return an instruction of a rule for the bytes and the literal of a match."""
+    f = next((byte for byte, name in match.names.items() if name == each.f), None)
+    k = match.literal if each.k == "k" else each.k
+    return Instruction(
+        each.op,
+        STATUS if each.f in FLAGS else f,
+        each.d,
+        FLAGS.get(each.f, each.b),
+        int(k or 0),
+        place=first.place,
+    )
 
 
 @cache
-def _table() -> dict[tuple[RuleInstruction, ...], list[Rule]]:
-    """Return the rules by what they replace."""
-    found: dict[tuple[RuleInstruction, ...], list[Rule]] = {}
+def _tree() -> _Node:
+    """Return the rules, by what they replace."""
+    root = _Node()
     for rule in rules():
-        found.setdefault(rule.old, []).append(rule)
-    return found
+        node = root
+        for each in rule.old:
+            node = node.following.setdefault(each, _Node())
+        node.rules.append(rule)
+    return root
