@@ -38,8 +38,12 @@ def watch_command(lab: Lab, submission: Submission, grade: Grade) -> str:
     return f"servogen watch {file} --clock-hz {lab.clock.hz} --ra4-pull-up --at-cycle {cycle}"
 
 
-def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
-    """Return the film of a program that failed. It has to have a film."""
+def film_page(lab: Lab, submission: Submission, grade: Grade, link: str = "", nonce: str = "") -> str:
+    """Return the film of a program that failed. It has to have a film.
+
+    A page of the class's server has a `link` that opens the program in `servogen watch`, and its own script
+    and style carry the `nonce`; one that opens from disk has the command line.
+    """
     film, name = grade.film, submission.name
     assert film is not None
     servos = [
@@ -79,11 +83,19 @@ def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
         data=embedded_json(data),
         script=viewer_script(),
         colours=viewer_colours(),
+        link=link,
+        nonce=nonce,
     )
 
 
-def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
-    """Return the page with all programs: points, verdict or first reason, links to page and film."""
+def class_page(
+    lab: Lab, names: Sequence[str], graded: Sequence[Graded], links: Sequence[str] = (), nonce: str = ""
+) -> str:
+    """Return the page with all programs: points, verdict or first reason, links to page and film.
+
+    A page of the class's server also has `links` that open the programs in `servogen watch` ("": this one
+    cannot be run), and its style carries the `nonce`.
+    """
     rows = [
         {
             "name": shown_name(result.submission.name),
@@ -93,8 +105,9 @@ def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
             "reason": result.grade.reasons[0] if result.grade.reasons else "",
             "page": page,
             "film": film_name(page) if result.grade.film else "",
+            "link": link,
         }
-        for page, result in zip(names, graded, strict=True)
+        for page, result, link in zip(names, graded, links or [""] * len(graded), strict=True)
     ]
     return _rendered(
         "class.html.j2",
@@ -102,6 +115,8 @@ def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
         passed=sum(result.grade.passed for result in graded),
         count=len(graded),
         rows=rows,
+        served=bool(links),
+        nonce=nonce,
     )
 
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import keep_apart
-from servogen.cli.options import Json, MemoryLimit
+from servogen.cli.options import Json, MemoryLimit, OpensBrowser, ServerPort
+from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import Diagnostic, InputError, Location, ServogenError
 from servogen.isolation import COMPILING, missing_limits
@@ -20,7 +21,7 @@ from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from servogen.build.grading import Graded
+    from servogen.build.grading import Graded, Task
     from servogen.grade import Lab
     from servogen.grade.formats import Entry
 
@@ -95,9 +96,25 @@ def grade(
         ),
     ] = 120.0,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch",
+            help="Then serve the pages on this machine until Ctrl-C: each program opens in the browser with "
+            "a click, at the moment that is wrong.",
+        ),
+    ] = False,
+    port: ServerPort = 0,
+    browser: OpensBrowser = True,
     json: Json = False,
 ) -> None:
     """Check programs against a lab's task and report what is wrong with each."""
+    if watch:
+        if json:
+            raise InputError("conflicting-options", "--watch prints an address: without --json")
+        require_server()
+    elif port:
+        raise InputError("conflicting-options", "--port is for --watch")
     from servogen.build.grading import Task, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
 
@@ -123,7 +140,7 @@ def grade(
         )
     with progress(task.lab.title, len(search.submissions)) as tell:
         graded = grade_submissions(search.submissions, task, scheduler, tell)
-    names = page_names([each.submission.name for each in graded]) if pages else []
+    names = page_names([each.submission.name for each in graded]) if pages or watch else []
     failure = _write_pages(pages, names, task.lab, graded) if pages else None
     formats.write(task.lab, graded)
     if json:
@@ -131,6 +148,8 @@ def grade(
         as_json({**what, "programs": _rows(task.lab, graded, names)})
     else:
         _show(task.lab, graded)
+    if watch:
+        _serve(task, names, graded, port, browser)
     if failure:
         raise failure
     if formats.wants_one and len(graded) > 1:
@@ -138,6 +157,15 @@ def grade(
     if any(each.defect for each in graded):
         raise typer.Exit(3)
     raise typer.Exit(0 if all(each.grade.passed for each in graded) else 1)
+
+
+def _serve(task: Task, names: Sequence[str], graded: Sequence[Graded], port: int, browser: bool) -> None:
+    """Serve the class's pages until Ctrl-C."""
+    from servogen.watch.graded import class_pages, class_rooms
+    from servogen.watch.server import WatchServer
+
+    server = WatchServer(class_rooms(task, graded), class_pages(task, names, graded))
+    serve_until_ctrl_c(server, task.lab.name, port, browser)
 
 
 def _several(graded: Sequence[Graded]) -> str:

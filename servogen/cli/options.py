@@ -34,6 +34,10 @@ def number(text: str) -> float:
 
 JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+ServerPort = Annotated[
+    int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")
+]
+OpensBrowser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")]
 DeviceName = Annotated[str, typer.Option("--device", help="The chip: PIC16F84 or PIC16F84A.")]
 
 

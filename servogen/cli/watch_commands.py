@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from servogen.cli.options import ChipOptions, ClockHz, DeviceName, takes_chip_options
-from servogen.errors import InputError, Location, ToolError
+from servogen.cli.options import (
+    ChipOptions,
+    ClockHz,
+    DeviceName,
+    OpensBrowser,
+    ServerPort,
+    takes_chip_options,
+)
+from servogen.cli.page_server import require_server, serve_until_ctrl_c
+from servogen.errors import InputError, Location
 
 MAX_BEGIN = 3600 * 5_000_000
 """Cycles: the longest that a lab may watch a program, an hour, at 20 MHz."""
@@ -52,12 +60,8 @@ def watch(
             "--robot", help="The serial port of a real robot, which the sliders of a stream job move too."
         ),
     ] = None,
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")
-    ] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
-    ] = True,
+    port: ServerPort = 0,
+    browser: OpensBrowser = True,
     clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",
 ) -> None:
@@ -65,22 +69,13 @@ def watch(
 
     The page is on this machine only, at an address that is printed; the command ends with Ctrl-C.
     """
-    import asyncio
-    import webbrowser
-
-    try:
-        from servogen.watch.server import WatchServer
-    except ModuleNotFoundError as error:
-        raise ToolError(
-            "tool-missing",
-            f"watching needs the package {error.name}, which is not installed",
-            hint="pip install 'servogen[watch]'",
-        ) from error
+    require_server()
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
     from servogen.programs import is_job, read_schedule
     from servogen.watch.editing import Editor
     from servogen.watch.live_line import LiveLine
+    from servogen.watch.server import Room, WatchServer
     from servogen.watch.subject import Setting, check, load_subject
 
     check(file)
@@ -110,22 +105,14 @@ def watch(
             Location(str(file), key="--robot"),
         )
 
-    def ready(url: str) -> None:
-        print(f"{file.name}: {url}  (Ctrl-C ends)", flush=True)
-        if browser:
-            webbrowser.open(url)
-
-    try:
-        with ExitStack() as open_until_the_end, suppress(KeyboardInterrupt):
-            live = None
-            if robot is not None and stream is not None:
-                live = LiveLine(open_until_the_end.enter_context(port_opener(robot, stream.baud)()))
-                open_until_the_end.callback(live.close)
-            server = WatchServer(
-                lambda progress: load_subject(file, setting, progress),
-                Editor(file, setting) if watches_job else None,
-                live,
-            )
-            asyncio.run(server.run(port, ready))
-    except OSError as error:
-        raise ToolError("port-in-use", f"port {port} cannot be opened: {error.strerror}") from error
+    with ExitStack() as open_until_the_end:
+        live = None
+        if robot is not None and stream is not None:
+            live = LiveLine(open_until_the_end.enter_context(port_opener(robot, stream.baud)()))
+            open_until_the_end.callback(live.close)
+        room = Room(
+            lambda progress: load_subject(file, setting, progress),
+            Editor(file, setting) if watches_job else None,
+            live,
+        )
+        serve_until_ctrl_c(WatchServer({"": room}), file.name, port, browser)

@@ -1,10 +1,12 @@
-"""The web server of `servogen watch`: the page's files and a socket for each window, on this machine only.
+"""The web server of `servogen watch`: pages and a socket for each window, on this machine only.
 
-In: what loads the subject. Out: pages at http://127.0.0.1:PORT/TOKEN/, until the command ends.
+In: rooms, each with what loads its subject, and finished pages of a class. Out: pages at
+http://127.0.0.1:PORT/TOKEN/, until the command ends.
 
 Whoever may not see the job is answered 403 before anything of it is read: a request without the token, with
 the Host or the Origin of another site (a name that leads here, a page elsewhere), and one that says neither
-that it comes from this page nor that a person typed it. Files come from `templates/watch/` alone, by name.
+that it comes from this page nor that a person typed it. What may be asked for is in tables: the files of
+`templates/watch/`, by name, in the folder of each room, and the pages; no path reaches the disk.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any
+from urllib.parse import unquote
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
@@ -36,6 +39,8 @@ LOOPBACK = "127.0.0.1"
 PICTURES_PER_S = 30
 MAX_SESSIONS = 16
 """Kept for windows that were closed or are being loaded again; then the oldest of these is dropped."""
+MAX_ROOMS = 8
+"""Of a class, that are loaded at a time; those without a window are emptied first."""
 MAX_REQUEST_BYTES = 2 << 20
 """A job with all its text."""
 
@@ -50,12 +55,20 @@ FILES: Mapping[str, str] = MappingProxyType(
         },
     }
 )
-"""What may be asked for below the token, and its file in `templates/watch/`."""
+"""What may be asked for in a room's folder, and its file in `templates/watch/`."""
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
 Load = Callable[[Callable[[str], None]], Subject]
 """Loads the subject, telling what it is doing. Raises ServogenError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A finished page: its type, and its text, whose own scripts and styles carry the nonce given."""
+
+    kind: str
+    text: Callable[[str], str]
 
 
 @dataclass(slots=True)
@@ -66,43 +79,46 @@ class Window:
     socket: ServerConnection | None = None
 
 
-class WatchServer:
-    """The server's state: what is watched, the windows, and the page's address."""
+class Room:
+    """What is watched, once it is loaded, and the windows that show it."""
 
     def __init__(self, load: Load, editor: Editor | None = None, live: LiveLine | None = None) -> None:
         self._load = load
         self._editor = editor
         self._live = live
-        self._token = secrets.token_urlsafe(24)
         self._subject: Subject | None = None
         self._status: Message = {"is": "status", "text": "starting"}
         self._windows: dict[str, Window] = {}
         self._sending: set[asyncio.Future[None]] = set()
-        self.port = 0
+        self._loading: asyncio.Task[None] | None = None
+        self.used = 0.0
+        """When a window was last opened."""
 
     @property
-    def url(self) -> str:
-        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+    def started(self) -> bool:
+        return self._loading is not None
 
-    async def run(self, port: int, ready: Callable[[str], None]) -> None:
-        """Serve until it is cancelled; `ready` is called with the page's address."""
-        async with serve(
-            self._window,
-            LOOPBACK,
-            port,
-            process_request=self._respond,
-            max_size=MAX_REQUEST_BYTES,
-            server_header=None,
-        ) as server:
-            self.port = next(iter(server.sockets)).getsockname()[1]
-            ready(self.url)
-            loading = asyncio.create_task(self._loading(self._load))
-            try:
-                await self._ticking()
-            finally:
-                loading.cancel()
+    @property
+    def watched(self) -> bool:
+        """Return whether a window is open."""
+        return any(window.socket is not None for window in self._windows.values())
 
-    async def _loading(self, load: Load) -> None:
+    def start(self) -> None:
+        """Begin to load the subject."""
+        if self._loading is None:
+            self._loading = asyncio.create_task(self._load_subject())
+
+    def stop(self) -> None:
+        """Forget the subject and the windows; the room can be started again."""
+        if self._loading is not None:
+            self._loading.cancel()
+        self._loading, self._subject, self._windows = None, None, {}
+
+    def refuse(self, window: ServerConnection, text: str) -> None:
+        """Say why nothing is shown."""
+        self._send(Window(None, window), {"is": "status", "failed": True, "text": text})
+
+    async def _load_subject(self) -> None:
         """Load the subject in a thread, so that the page can say what is being done."""
         loop = asyncio.get_running_loop()
 
@@ -110,7 +126,7 @@ class WatchServer:
             loop.call_soon_threadsafe(self._say, {"is": "status", "text": text})
 
         try:
-            subject = await asyncio.to_thread(load, progress)
+            subject = await asyncio.to_thread(self._load, progress)
         except ServogenError as error:
             self._say({"is": "status", "failed": True, "text": str(error)})
             return
@@ -144,54 +160,17 @@ class WatchServer:
             self._sending.add(task)
             task.add_done_callback(self._sending.discard)
 
-    async def _ticking(self) -> None:
+    def tick(self, elapsed: float) -> None:
         """Let the simulated time of every running window pass."""
-        last = time.monotonic()
-        while True:
-            await asyncio.sleep(1 / PICTURES_PER_S)
-            now = time.monotonic()
-            elapsed, last = now - last, now
-            for window in list(self._windows.values()):
-                if window.session is not None and window.socket is not None:
-                    self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))  # noqa: B023
+        for window in list(self._windows.values()):
+            if window.session is not None and window.socket is not None:
+                self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))
 
     def _answer(self, window: Window, messages: Iterator[Message]) -> None:
         for message in messages:
             self._send(window, message)
 
-    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request with a file of the page, with 403, or with None: a socket may be opened."""
-        path, _, _ = request.path.partition("?")
-        token, _, name = path.removeprefix("/").partition("/")
-        socket = request.headers.get("Upgrade", "").lower() == "websocket"
-        if not self._may(request.headers, token, socket):
-            return _plain(connection, HTTPStatus.FORBIDDEN, "This page is for the one who started it.\n")
-        if socket:
-            return (
-                None
-                if name == "socket"
-                else _plain(connection, HTTPStatus.NOT_FOUND, "There is no such socket.\n")
-            )
-        file = FILES.get(name)
-        if file is None:
-            return _plain(connection, HTTPStatus.NOT_FOUND, "There is no such file.\n")
-        return _file(file, (template_folder() / "watch" / file).read_bytes(), self.port)
-
-    def _may(self, headers: Headers, token: str, socket: bool) -> bool:
-        """Return whether a request comes from the page itself, or from the person who was given its address.
-
-        A browser states the origin of every socket. Of a page that is typed, and of its own files, it states
-        with Sec-Fetch-Site that no other site asked for them.
-        """
-        hosts = (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
-        host, origin = headers.get("Host"), headers.get("Origin")
-        if host not in hosts or not secrets.compare_digest(token.encode(), self._token.encode()):
-            return False
-        if origin is not None:
-            return origin == f"http://{host}"
-        return not socket and headers.get("Sec-Fetch-Site") in ("none", "same-origin")
-
-    async def _window(self, socket: ServerConnection) -> None:
+    async def serve(self, socket: ServerConnection) -> None:
         """Serve one window until it is closed. Its session stays, for when it is loaded again."""
         window = None
         try:
@@ -255,6 +234,110 @@ class WatchServer:
             self._show(subject)
 
 
+class WatchServer:
+    """The server's state: its rooms and pages, each by its place below the token."""
+
+    def __init__(self, rooms: Mapping[str, Room], pages: Mapping[str, Page] = MappingProxyType({})) -> None:
+        """Serve each room's page in the folder that it is named by; "": right below the token."""
+        self._rooms = rooms
+        self._pages = pages
+        self._token = secrets.token_urlsafe(24)
+        self.port = 0
+
+    @property
+    def url(self) -> str:
+        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+
+    async def run(self, port: int, ready: Callable[[str], None]) -> None:
+        """Serve until it is cancelled; `ready` is called with the page's address."""
+        async with serve(
+            self._window,
+            LOOPBACK,
+            port,
+            process_request=self._respond,
+            max_size=MAX_REQUEST_BYTES,
+            server_header=None,
+        ) as server:
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            ready(self.url)
+            if "" in self._rooms:
+                self._rooms[""].start()
+            try:
+                await self._ticking()
+            finally:
+                for room in self._rooms.values():
+                    room.stop()
+
+    async def _ticking(self) -> None:
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(1 / PICTURES_PER_S)
+            now = time.monotonic()
+            elapsed, last = now - last, now
+            for room in self._rooms.values():
+                room.tick(elapsed)
+
+    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request with a file or a page, with 403, or with None: a socket may be opened."""
+        path, _, _ = request.path.partition("?")
+        token, _, name = path.removeprefix("/").partition("/")
+        socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if not self._may(request.headers, token, socket):
+            return _plain(connection, HTTPStatus.FORBIDDEN, "This page is for the one who started it.\n")
+        folder, _, file = name.rpartition("/")
+        if socket:
+            return (
+                None
+                if file == "socket" and folder in self._rooms
+                else _plain(connection, HTTPStatus.NOT_FOUND, "There is no such socket.\n")
+            )
+        page = self._pages.get(unquote(name))
+        if page is not None:
+            nonce = secrets.token_urlsafe(16)
+            return _answer(page.kind, page.text(nonce).encode(), f"'nonce-{nonce}'", f"'nonce-{nonce}'")
+        if folder in self._rooms and file in FILES:
+            return _file(FILES[file], self.port)
+        return _plain(connection, HTTPStatus.NOT_FOUND, "There is no such file.\n")
+
+    def _may(self, headers: Headers, token: str, socket: bool) -> bool:
+        """Return whether a request comes from the page itself, or from the person who was given its address.
+
+        A browser states the origin of every socket. Of a page that is typed, and of its own files, it states
+        with Sec-Fetch-Site that no other site asked for them.
+        """
+        hosts = (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
+        host, origin = headers.get("Host"), headers.get("Origin")
+        if host not in hosts or not secrets.compare_digest(token.encode(), self._token.encode()):
+            return False
+        if origin is not None:
+            return origin == f"http://{host}"
+        return not socket and headers.get("Sec-Fetch-Site") in ("none", "same-origin")
+
+    async def _window(self, socket: ServerConnection) -> None:
+        """Serve one window of a room, which is loaded when the first one is opened."""
+        assert socket.request is not None
+        path, _, _ = socket.request.path.partition("?")
+        room = self._rooms[path.removeprefix("/").partition("/")[2].rpartition("/")[0]]
+        if not room.started and not self._may_start():
+            room.refuse(socket, f"{MAX_ROOMS} programs are open: close one of them and load this page again")
+            await socket.wait_closed()
+            return
+        room.used = time.monotonic()
+        room.start()
+        await room.serve(socket)
+
+    def _may_start(self) -> bool:
+        """Return whether another room may be loaded; empty the one that was left first, if there is one."""
+        started = [room for room in self._rooms.values() if room.started]
+        if len(started) < MAX_ROOMS:
+            return True
+        left = [room for room in started if not room.watched]
+        if not left:
+            return False
+        min(left, key=lambda room: room.used).stop()
+        return True
+
+
 def _guarded(session: Session, work: Callable[[Session], Iterator[Message]]) -> Iterator[Message]:
     """Yield a session's messages; if the session fails, report that to the window and pause."""
     try:
@@ -282,16 +365,22 @@ def _plain(connection: ServerConnection, status: HTTPStatus, text: str) -> Respo
     return connection.respond(status, text)
 
 
-def _file(name: str, body: bytes, port: int) -> Response:
-    """Return a file of the page. Its policy lets nothing run or load that is not from here."""
+def _file(name: str, port: int) -> Response:
+    """Return a file of the watch page, which may open sockets to this server."""
     sockets = " ".join(f"ws://{host}:{port}" for host in (LOOPBACK, "localhost"))
+    body = (template_folder() / "watch" / name).read_bytes()
+    return _answer(TYPES[name.rpartition(".")[2]], body, "'self'", "'self'", f"'self' {sockets}")
+
+
+def _answer(kind: str, body: bytes, scripts: str, styles: str, connections: str = "'none'") -> Response:
+    """Return a page or a file. Its policy lets nothing run or load that is not from here."""
     policy = (
-        f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-        f"connect-src 'self' {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src 'self' data:; "
+        f"connect-src {connections}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
     headers = Headers(
         {
-            "Content-Type": f"{TYPES[name.rpartition('.')[2]]}; charset=utf-8",
+            "Content-Type": f"{kind}; charset=utf-8",
             "Content-Length": str(len(body)),
             "Content-Security-Policy": policy,
             "X-Content-Type-Options": "nosniff",

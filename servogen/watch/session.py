@@ -56,6 +56,8 @@ MAX_EDGES = 20_000
 """In one answer; a window with more is shown up to there."""
 SILENT_FRAMES = 2
 """A servo that has no pulse for so long is not driven."""
+HELD_S = (1, 10)
+"""How far back the pulses are searched that turned servos to where they still are without pulses."""
 FRAME_S = Fraction(20, 1000)
 """Of a program without a schedule."""
 FULL_S = 0.2
@@ -101,6 +103,7 @@ class Session:
         self._line_free = 0
         self._period = _period(subject)
         self._pulses = Pulses()
+        self._servo_pins = _servo_pins(subject)
         if subject.begin:
             self._place.seek(subject.begin)
             self._look_back()
@@ -119,6 +122,7 @@ class Session:
         """Return what does not change while it is watched."""
         subject = self.subject
         schedule, listing, placed = subject.schedule, subject.listing, subject.wanted
+        robot = _robot(subject)
         return {
             "is": "model",
             "name": subject.name,
@@ -133,7 +137,8 @@ class Session:
             "channels": [
                 {"name": channel.name, "pin": PINS.index(channel.pin)}
                 for channel in (schedule.channels if schedule else ())
-            ],
+            ]
+            or [{"name": servo["name"], "pin": servo["pin"]} for servo in (robot or {}).get("servos", ())],
             "schedule": None
             if schedule is None
             else {"lead_in": _runs(schedule.lead_in), "loop": _runs(schedule.loop)},
@@ -142,7 +147,7 @@ class Session:
             "compared": bool(placed),
             "verdict": subject.verdict,
             "first_difference": subject.first_difference,
-            "robot": _robot(subject),
+            "robot": robot,
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,
             "inputs": _inputs(subject),
             "serial": _serial(subject),
@@ -222,10 +227,14 @@ class Session:
         self._due = 0.0
 
     def _look_back(self) -> None:
-        """Determine the pulses after a jump: those of the frames just before."""
-        begin = max(0, self.now - (SILENT_FRAMES + 1) * self._period)
-        self._pulses = Pulses()
-        self._pulses.add(self._place.edges(begin, self.now))
+        """Determine the pulses after a jump: those of the frames just before, or the latest before a silence."""
+        frames = (SILENT_FRAMES + 1) * self._period
+        for span in (frames, *(int(self.subject.clock.round_seconds(each)) for each in HELD_S)):
+            begin = max(0, self.now - span)
+            self._pulses = Pulses()
+            self._pulses.add(self._place.edges(begin, self.now))
+            if begin == 0 or all(self._pulses.held[pin] for pin in self._servo_pins):
+                break
 
     def shown(self, *, whole: bool = True) -> Message:
         """Return the moment: pins and pulses, and with `whole` everything in the chip."""
@@ -238,6 +247,8 @@ class Session:
             "levels": self._levels(),
             "planned": self.now < self._commanded_at(),
         }
+        if not self.running:
+            message["held"] = self._pulses.held
         if whole:
             self._since_full = 0.0
             message |= {
@@ -519,8 +530,9 @@ class Pulses:
 
     def __init__(self) -> None:
         self.levels = [UNDRIVEN] * len(PINS)
+        self.held = [0] * len(PINS)
+        """The width of the latest pulse of each pin, however long ago it was; 0: none is known."""
         self._rise: list[int | None] = [None] * len(PINS)
-        self._width = [0] * len(PINS)
         self._fall = [0] * len(PINS)
 
     def add(self, chunk: EdgeChunk) -> None:
@@ -530,14 +542,14 @@ class Pulses:
             if level == HIGH:
                 self._rise[pin] = cycle
             elif rise is not None:
-                self._width[pin], self._fall[pin], self._rise[pin] = cycle - rise, cycle, None
+                self.held[pin], self._fall[pin], self._rise[pin] = cycle - rise, cycle, None
             self.levels[pin] = level
 
     def widths(self, now: int, silence: int) -> list[int]:
         """Return the width of the latest pulse of each pin; 0 where the latest is older than `silence`."""
         return [
             width if width and now - fall <= silence else 0
-            for width, fall in zip(self._width, self._fall, strict=True)
+            for width, fall in zip(self.held, self._fall, strict=True)
         ]
 
 
@@ -604,11 +616,18 @@ def _runs(runs: tuple[Run, ...]) -> list[list[Any]]:
     ]
 
 
-def _robot(subject: Subject) -> Mapping[str, object] | None:
+def _robot(subject: Subject) -> Mapping[str, Any] | None:
     """Return what the pulses move: the robot of the job, or only the servos that the schedule names."""
+    if subject.robot is not None:
+        return subject.robot
     if subject.job is not None:
         return robot_model(subject.job)
     return None if subject.schedule is None else schedule_model(subject.schedule)
+
+
+def _servo_pins(subject: Subject) -> list[int]:
+    robot = _robot(subject)
+    return [servo["pin"] for servo in robot["servos"]] if robot else []
 
 
 def _inputs(subject: Subject) -> list[Message]:

@@ -6,7 +6,7 @@ takes seconds; `check` is quick, and raises what can be known at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
@@ -84,10 +84,14 @@ class Subject:
     verdict: str = ""
     """How a capture compares with the schedule, as `verify` judges it."""
     begin: Cycles = Cycles(0)  # noqa: RUF009 - an integer
+    title: str = ""
+    """The name that is shown, where it is not the file's."""
+    robot: Mapping[str, object] | None = None
+    """What the pulses move; None: what the job or the schedule states."""
 
     @property
     def name(self) -> str:
-        return self.path.name
+        return self.title or self.path.name
 
 
 def check(path: Path) -> None:

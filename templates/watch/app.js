@@ -10,6 +10,7 @@ import { timeText, Waves } from "./waves.js";
 
 const $ = id => document.getElementById(id);
 const WAVES_MS = 250;   // between two requests for edges while it runs
+const PLACE = `window of ${location.pathname}`;   // where a tab keeps which window of the server's it is
 const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
 const AROUND_US = 2000;   // of a difference, shown on both sides
 const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
@@ -28,13 +29,13 @@ const timeline = new Timeline(
 
 function connect() {
   socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*$/, "")}socket`);
-  socket.addEventListener("open", () => { $("link").textContent = ""; send({ window: sessionStorage.getItem("window") || "" }); });
+  socket.addEventListener("open", () => { $("link").textContent = ""; send({ window: sessionStorage.getItem(PLACE) || "" }); });
   socket.addEventListener("message", event => receive(JSON.parse(event.data)));
   socket.addEventListener("close", () => { $("link").textContent = "The server has ended: start servogen watch again."; setTimeout(connect, 2000); });
 }
 
 const RECEIVE = {
-  window: message => sessionStorage.setItem("window", message.name),
+  window: message => sessionStorage.setItem(PLACE, message.name),
   status: message => { $("status").textContent = message.text; $("status").classList.toggle("bad", !!message.failed); },
   model: start,
   now: show,
@@ -129,7 +130,7 @@ function show(message) {
   latest = window.watched.latest = { ...latest, ...message };
   if (servos) {
     const widths = widthsOf(message);
-    if (!message.running) servos.jump(widths);
+    if (!message.running) servos.jump(model.robot.servos.map((servo, index) => widths[index] || (servo.continuous ? 0 : message.held[servo.pin] * model.cycle_us)));
     hands.follow(widths);
   }
   const time = performance.now();

@@ -60,6 +60,19 @@ class Browser:
         page.call("Emulation.setEmulatedMedia", features=features)
         return page
 
+    def adopt(self, url: str) -> Page:
+        """Return the tab that a page has opened at a URL, as soon as it is there."""
+        found: list[dict[str, str]] = []
+
+        def opened() -> bool:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list") as answer:
+                found[:] = [each for each in json.load(answer) if each["url"] == url]
+            return bool(found)
+
+        wait(opened)
+        address = found[0]["webSocketDebuggerUrl"]
+        return Page(self._sockets.enter_context(connect(address, max_size=None, proxy=None)), found[0]["id"])
+
     def close(self) -> None:
         self._sockets.close()
         self._process.terminate()

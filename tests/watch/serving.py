@@ -10,14 +10,17 @@ from urllib.parse import urlsplit
 from websockets.sync.client import ClientConnection, connect
 
 from servogen.watch.editing import Editor
-from servogen.watch.server import Load, WatchServer
+from servogen.watch.server import Load, Room, WatchServer
 
 
 class Running:
-    """A server in a thread of its own."""
+    """A server in a thread of its own: of one subject, or of what `server` has."""
 
-    def __init__(self, load: Load, editor: Editor | None = None) -> None:
-        self.server = WatchServer(load, editor)
+    def __init__(
+        self, load: Load | None = None, editor: Editor | None = None, server: WatchServer | None = None
+    ) -> None:
+        assert (load is None) != (server is None)
+        self.server = server or WatchServer({"": Room(load, editor)} if load else {})
         self._loop = asyncio.new_event_loop()
         ready = threading.Event()
         self._task = self._loop.create_task(self.server.run(0, lambda url: ready.set()))
@@ -53,11 +56,11 @@ class Running:
         answer = connection.getresponse()
         return answer.status, answer.read().decode(), dict(answer.getheaders())
 
-    def socket(self, token: str | None = None, **headers: str | None) -> ClientConnection:
-        """Open a socket as the page does."""
+    def socket(self, token: str | None = None, room: str = "", **headers: str | None) -> ClientConnection:
+        """Open a socket as the page in a room's folder does."""
         asked = {"Origin": f"http://{self.host}"} | headers
         return connect(
-            f"ws://{self.host}/{self.token if token is None else token}/socket",
+            f"ws://{self.host}/{self.token if token is None else token}/{room}socket",
             additional_headers={name: value for name, value in asked.items() if value},
             proxy=None,
         )

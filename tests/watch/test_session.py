@@ -54,6 +54,23 @@ def test_widths_are_those_of_the_schedule_in_every_pose(lab8: Subject) -> None:
         assert answer(session, do="seek", cycle=cycle)["widths"][RB0] == width
 
 
+def test_a_servo_without_pulses_stays_where_the_latest_one_has_turned_it(tmp_path: Path) -> None:
+    """Pulses of 2000 µs, then 5 s of silence."""
+    program = tmp_path / "pause.c"
+    program.write_text(
+        "#pragma CLOCK_FREQ 4000000\nvoid main(void)\n{\n    char i;\n    trisb = 0;\n    while (1) {\n"
+        "        for (i = 0; i < 20; i++) {\n            set_bit(portb, 0);\n            delay_ms(2);\n"
+        "            clear_bit(portb, 0);\n            delay_ms(18);\n"
+        "        }\n        delay_s(5);\n    }\n}\n"
+    )
+    session = Session(load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json"))))
+    for cycle, driven in ((300_000, True), (600_000, False), (4_000_000, False)):
+        shown = answer(session, do="seek", cycle=cycle)
+        assert shown["held"][RB0] == pytest.approx(2000, abs=20)
+        assert bool(shown["widths"][RB0]) == driven
+        answer(session, do="seek", cycle=0)
+
+
 def test_frames_are_counted_from_the_first_pulse(lab8: Subject) -> None:
     session = Session(lab8)
     (wanted,) = lab8.wanted

@@ -1,0 +1,85 @@
+"""A graded class as pages and rooms of the server: "open in watch" beside each program that could be run.
+
+In: a lab, grades, the names of their pages. Out: the tables of a `WatchServer`. When a program's page is
+opened, it is compiled again, within the limits of its grading and from its student's own files only, and runs
+on the simulated chip. Of what students wrote, nothing but escaped text gets into a page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from servogen.build.films import class_page, film_name, film_page
+from servogen.build.grading import BOARD, Graded, Task
+from servogen.edges import PINS
+from servogen.grade import page, shown_name
+from servogen.programs import within_limits
+from servogen.report.robot_model import servo_model
+from servogen.units import Cycles
+from servogen.watch.server import Page, Room
+from servogen.watch.subject import Subject
+
+HTML, TEXT = "text/html", "text/plain"
+"""A page in Markdown is shown as the text that it is."""
+
+
+def class_pages(task: Task, names: Sequence[str], graded: Sequence[Graded]) -> dict[str, Page]:
+    """Return the page of the class and those of the programs, by their names below the token."""
+    lab = task.lab
+    links = [f"{_folder(number)}/" if _ran(each) else "" for number, each in enumerate(graded)]
+    pages = {"": Page(HTML, lambda nonce: class_page(lab, names, graded, links, nonce))}
+    for name, each, link in zip(names, graded, links, strict=True):
+        film = film_name(name) if each.grade.film else ""
+        pages[name] = Page(TEXT, partial(_plain, task, each, film))
+        if film:
+            pages[film] = Page(HTML, partial(_film, task, each, link))
+    return pages
+
+
+def class_rooms(task: Task, graded: Sequence[Graded]) -> dict[str, Room]:
+    """Return a room for each program that could be run, by its folder below the token."""
+    return {
+        _folder(number): Room(partial(_subject, task, each))
+        for number, each in enumerate(graded)
+        if _ran(each)
+    }
+
+
+def _folder(number: int) -> str:
+    return f"watch/{number}"
+
+
+def _ran(each: Graded) -> bool:
+    return each.grade.passed or each.grade.film is not None
+
+
+def _plain(task: Task, each: Graded, film: str, nonce: str) -> str:
+    return page(task.lab, each.submission.name, each.grade, film)
+
+
+def _film(task: Task, each: Graded, link: str, nonce: str) -> str:
+    return film_page(task.lab, each.submission, each.grade, link, nonce)
+
+
+def _subject(task: Task, each: Graded, progress: Callable[[str], None]) -> Subject:
+    """Return a program on the lab's board, at the moment of its film. Raises InputError."""
+    lab, submission, film = task.lab, each.submission, each.grade.film
+    progress("compiling")
+    submission.require_readable()
+    program = within_limits(lambda: task.read(submission), submission.file, task.compiling)
+    pins = dict(each.grade.pins)
+    servos = [
+        {**servo_model(one.servo, index), "pin": PINS.index(pins.get(one.servo.name, one.servo.pin))}
+        for index, one in enumerate(lab.servos)
+    ]
+    return Subject(
+        submission.file,
+        lab.clock,
+        BOARD,
+        program.image,
+        program.listing,
+        begin=Cycles(0 if film is None else round(film.moment_us / float(lab.clock.cycle_us))),
+        title=shown_name(submission.name),
+        robot={"servos": servos, "ends": [], "body": [], "base": None},
+    )
