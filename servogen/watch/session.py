@@ -227,7 +227,7 @@ class Session:
         self._due = 0.0
 
     def _look_back(self) -> None:
-        """Determine the pulses after a jump: those of the frames just before, or the latest before a silence."""
+        """Determine the pulses after a jump: those just before, or the latest before a silence."""
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(each)) for each in HELD_S)):
             begin = max(0, self.now - span)
