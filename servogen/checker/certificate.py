@@ -36,7 +36,7 @@ RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1F
           "watchdog_age": 1 << 40, "irq": 8, "glitch": 0x1FFF, "glitch_age": 10,
           "sleeping": 1, "spec.phase": 2, "spec.time": 1 << 30, "spec.frame": 1 << 30, "spec.running": 1,
           "spec.on": 1, "spec.start_seen": 255, "spec.stop_seen": 255, "spec.start_sample": 1,
-          "spec.stop_sample": 1, "spec.heard": 255, "spec.wanted": 255, "spec.line_read": 1,
+          "spec.stop_sample": 1, "spec.heard": 255, "spec.wanted": 255, "spec.line_read": 511,
           **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
 """The other columns, and their largest values; the least is 0, but for `LEAST`."""
 PLACED = ["spec.phase", "spec.start_sample", "spec.stop_sample", "spec.line_read",
@@ -161,9 +161,13 @@ def _place(key: tuple[int, ...], plan: Plan) -> Place | None:
     position = Position(*fields)
     if position.frame >= plan.ends[-1] or (phase == 0 and position != plan.start_up):
         return None
-    if (plan.line and position.wanted >= len(plan.line.parts)) or (line_read and not plan.line):
+    if plan.directions and position.wanted >= len(plan.directions.parts):
+        return None
+    if line_read > (1 if plan.line else 511 if plan.pushed else 0):
         return None
     levels, sampled = 0, line_read << plan.line.pin if plan.line else 0
+    if plan.pushed:
+        levels, sampled = plan.pushed.read(line_read)
     for button, level in ((plan.start, start_sample), (plan.stop, stop_sample)):
         if level != -1:
             if button is None:

@@ -62,8 +62,8 @@ class Checker:
 
     def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
         held = certificate.held
-        if plan.line and PINS[plan.line.pin] in held:
-            plan = replace(plan, line=None)
+        if plan.directions and any(plan.buttons >> PINS.index(pin) & 1 for pin in held):
+            plan = replace(plan, line=None, pushed=None, directions=None)
         self._plan, self._certificate = plan, certificate
         self._code = chip.program_code(image, certificate.cuts)
         self._parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)

@@ -1,8 +1,9 @@
-"""What a line commands, by "Walk on command" of docs/firmware.md: the direction and the next frame.
+"""What a line or buttons command, by "Walk on command" of docs/firmware.md: the direction and the next frame.
 
-In: the commands of schedule.json. Out: a `Line`. What was heard is a number, as docs/proof.md lists them: 0
-at rest; a 1 before the levels since a start, as a binary number; 64 + n or 128 + n after n equal levels that
-are no code, off rest or at rest.
+In: the commands of schedule.json. Out: a `Line` or `DirectionButtons`, and the `Directions`. What was heard
+is a number, as docs/proof.md lists them. Of a line: 0 at rest; a 1 before the levels since a start, as a
+binary number; 64 + n or 128 + n after n equal levels that are not a code, off rest or at rest. Of buttons:
+the direction whose button alone is pressed, 0 for none, plus 8 for each frame in which it was the same.
 """
 
 from __future__ import annotations
@@ -22,8 +23,6 @@ class Line:
     stop_frames: int
     codes: list[str]
     """Of the directions, which are numbered from 1 on."""
-    parts: list[tuple[int, int, int, int]]
-    """Of the stance and each direction: the first frames of start, cycle and stop, and the frame after."""
 
     def hear(self, heard: int, wanted: int, level: int) -> tuple[int, int]:
         """Return what is heard, and what is commanded, after another level."""
@@ -51,6 +50,42 @@ class Line:
         if run >= self.stop_frames:
             return OFF + self.stop_frames - 1, 0
         return OFF + run, wanted
+
+
+@dataclass(frozen=True)
+class DirectionButtons:
+    pins: list[tuple[int, int]]
+    """Of each direction, the pin of its button and the level while it is pressed."""
+    frames: int
+    """The frames in a row in which the same must be seen."""
+
+    def word(self) -> int:
+        """Return the pins."""
+        return sum(1 << pin for pin, _ in self.pins)
+
+    def read(self, line_read: int) -> tuple[int, int]:
+        """Return the levels and the pins that a certificate says were read: two bits for each button."""
+        levels = sampled = 0
+        for number, (pin, pressed) in enumerate(self.pins):
+            was_read, was_pressed = line_read >> 2 * number + 1 & 1, line_read >> 2 * number + 2 & 1
+            sampled |= was_read << pin
+            levels |= (pressed if was_pressed else 1 - pressed) * was_read << pin
+        return levels, sampled
+
+    def hear(self, heard: int, wanted: int, levels: int) -> tuple[int, int]:
+        """Return what is heard, and what is commanded, after a frame."""
+        down = [number for number, (pin, level) in enumerate(self.pins, 1) if levels >> pin & 1 == level]
+        now = down[0] if len(down) == 1 else 0
+        count = heard // 8 + 1 if heard % 8 == now else 1
+        if count < self.frames:
+            return count * 8 + now, wanted
+        return self.frames * 8 + now, now
+
+
+@dataclass(frozen=True)
+class Directions:
+    parts: list[tuple[int, int, int, int]]
+    """Of the stance and each direction: the first frames of start, cycle and stop, and the frame after."""
 
     def after(self, frame: int, wanted: int) -> int:
         """Return the frame that follows, whose part is the next one where `frame` is the last of its part."""

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker.line import OFF, POWER_UP, Line
+from servogen.checker.line import OFF, POWER_UP, DirectionButtons, Directions, Line
 from servogen.errors import InputError, Location
 
 Ints = npt.NDArray[np.int64]
@@ -79,11 +79,16 @@ class Plan:
     """The frames in a row in which a button must be pressed."""
     line: Line | None
     """The line that commands the motion."""
+    pushed: DirectionButtons | None
+    """The buttons that command the motion."""
+    directions: Directions | None
+    """What is commanded."""
 
     @property
     def buttons(self) -> int:
         """Return the pins that are read once in each frame."""
-        return sum(1 << each.pin for each in (self.start, self.stop, self.line) if each)
+        pushed = self.pushed.word() if self.pushed else 0
+        return pushed + sum(1 << each.pin for each in (self.start, self.stop, self.line) if each)
 
     @property
     def waiting(self) -> int:
@@ -127,8 +132,11 @@ class Plan:
     def after(self, position: Position, levels: int) -> Position:
         """Return the position of the next frame, if the buttons were read as `levels` after this one."""
         frame, running, on, start_seen, stop_seen, heard, wanted = position
-        if self.line:
-            return position._replace(frame=self.line.after(frame, wanted))
+        if self.pushed:
+            heard, wanted = self.pushed.hear(heard, wanted, levels)
+        if self.directions:
+            frame = self.directions.after(frame, wanted)
+            return position._replace(frame=frame, heard=heard, wanted=wanted)
         if self.start:
             before, start_seen = start_seen, self._count(self.start, start_seen, levels)
             if start_seen == self.seen > before:
@@ -184,7 +192,9 @@ def read_plan(text: bytes, file: str) -> Plan:
             stop=_button(buttons["stop"]),
             off=buttons["pulses"] == "off",
             seen=_number(buttons["pressed_frames"], 1),
-            line=_line(commands, loop, end) if commands else None,
+            line=_line(commands) if commands and "pressed_frames" not in commands else None,
+            pushed=_pushed(commands) if commands and "pressed_frames" in commands else None,
+            directions=_directions(commands, loop, end) if commands else None,
         )
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         message = f"not a schedule: {type(error).__name__}: {error}"
@@ -201,18 +211,32 @@ def _button(data: Any) -> Button | None:
     return None if data is None else Button(PINS.index(data["pin"]), _number(data["level"], 0, 1))
 
 
-def _line(data: dict[str, Any], loop: int, at: int) -> Line:
-    """Return the line of a schedule whose loop are the frames from `loop` up to `at`."""
+def _directions(data: dict[str, Any], loop: int, at: int) -> Directions:
+    """Return the directions of a schedule whose loop are the frames from `loop` up to `at`."""
     parts = [(loop, at, at, at)]
     for direction in data["directions"]:
         lengths = [
             sum(_number(run["frames"], 1) for run in direction[part]) for part in ("start", "cycle", "stop")
         ]
         start, cycle, stop, at = accumulate((at, *lengths))
-        if not all(lengths) or not direction["code"] or set(direction["code"]) - set("01"):
-            raise ValueError("a direction needs a code of levels, a start, a cycle and a stop")
+        if not all(lengths):
+            raise ValueError("a direction needs a start, a cycle and a stop")
         parts.append((start, cycle, stop, at))
+    return Directions(parts)
+
+
+def _pushed(data: dict[str, Any]) -> DirectionButtons:
+    pins = [_button(direction) for direction in data["directions"]]
+    buttons = [(button.pin, button.pressed) for button in pins if button]
+    if not 0 < len({pin for pin, _ in buttons}) == len(buttons) < 8:
+        raise ValueError("the directions need buttons of different pins")
+    return DirectionButtons(buttons, _number(data["pressed_frames"], 1, 31))
+
+
+def _line(data: dict[str, Any]) -> Line:
     codes = [direction["code"] for direction in data["directions"]]
+    if not all(codes) or set("".join(codes)) - set("01"):
+        raise ValueError("a direction needs a code of levels")
     if not codes or len(set(codes)) < len(codes):
         raise ValueError("a line needs directions of different codes")
     if 1 << max(map(len, codes)) > OFF:
@@ -223,7 +247,6 @@ def _line(data: dict[str, Any], loop: int, at: int) -> Line:
         _number(data["rest_frames"], 1, OFF - 1),
         _number(data["stop_frames"], 1, OFF - 1),
         codes,
-        parts,
     )
 
 

@@ -159,13 +159,14 @@ def rig(
     from servogen.build import planned
     from servogen.drive.on_command import line_baud
     from servogen.engines.board import board_of
+    from servogen.engines.player.commands import CommandLine
     from servogen.engines.stream.settings import Stream
     from servogen.job import load, plan_job
     from servogen.simulator.sources import pin_number
 
     loaded = plan_job(load(job))
     line = loaded.stream or Stream(receive_pin="RB7")
-    if loaded.firmware.commands is not None:
+    if isinstance(loaded.firmware.commands, CommandLine):
         line = Stream(line_baud(loaded), loaded.firmware.commands.pin)
     out = serial_out or line.transmit_pin
     options = RigOptions(

@@ -199,7 +199,16 @@ def _walk_on_command(
     from servogen.drive.commands import WALK_KEYS
     from servogen.drive.on_command import CommandedDrive, State, Twin, line_baud
     from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
+    from servogen.engines.player.commands import CommandLine
+    from servogen.errors import InputError, Location
 
+    if port is not None and not isinstance(job.firmware.commands, CommandLine):
+        raise InputError(
+            "conflicting-options",
+            "--port: the robot is commanded by buttons, not by codes",
+            Location(job.file),
+            "without --port, a simulated chip is steered",
+        )
     single = sys.stdin.isatty() and not dry_run
     real = single or (port is not None and not dry_run)
     time = Time() if real else VirtualTime().time()

@@ -1,10 +1,11 @@
-"""Steering a walk on command: codes for the line of its chip, and the behaviour of a chip that hears them.
+"""Steering a walk on command: codes for the line of its chip, or its buttons; what a chip does with them.
 
 In: a job whose robot walks on command, a source of commands, and the port of a real chip, if there is one.
 Out: the codes on the port, and a `State` for each frame.
 
     command ─▶ byte ─▶ port, at one bit per frame
                  ╰───▶ a simulated chip with the job's program ─▶ direction, part, frame, widths
+    command ─▶ button held ─▶ the same
 
 The state is always that of the simulated chip: a real chip sends nothing back, but does the same as long as
 it hears the same and stood at the beginning.
@@ -16,12 +17,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from servogen.bench.virtual.chip import Levels, VirtualChip
+from servogen.bench.virtual.held_buttons import HeldButtons
 from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.commands import QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS
 from servogen.engines.board import board_of
-from servogen.engines.player.commands import Chain, uart_byte
+from servogen.engines.player.commands import Chain, CommandLine, uart_byte
 from servogen.engines.player.engine import compiled, play
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
@@ -72,7 +74,7 @@ class State:
 
 
 class Twin:
-    """A simulated chip with the job's program, and the line that it hears."""
+    """A simulated chip with the job's program, and the line that it hears or its buttons."""
 
     def __init__(self, job: PlannedJob) -> None:
         """Compile the job's program and switch the chip on. Raises InputError."""
@@ -82,7 +84,7 @@ class Twin:
         schedule = played.plan.schedule
         self._chain: Chain = played.chain
         self._variable = {name: compilation.listing.variable(name) for name in ("begun", "until")}
-        self._stimulus = LineStimulus(PINS.index(self._chain.line.pin), line_baud(job))
+        self._stimulus = _stimulus_of(job, self._chain, int(schedule.period))
         self._chip = VirtualChip(compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus)
         self._chip.listeners.append(self._heard)
         self._period = int(schedule.period)
@@ -96,16 +98,23 @@ class Twin:
     @property
     def directions(self) -> tuple[str, ...]:
         """Return the names of the directions that can be commanded."""
-        return self._chain.names
+        read, names = self._chain.read, self._chain.names
+        return names if isinstance(read, CommandLine) else tuple(read.buttons)
 
     @property
     def seconds(self) -> float:
         """Return the time since power-up."""
         return float(self._clock.seconds(self._chip.now))
 
-    def hear(self, byte: int) -> None:
-        """Put a byte on the line, after those that are still to be sent."""
-        self._stimulus.waiting.append(byte)
+    def command(self, command: str) -> bytes:
+        """Give a command to the chip; return the bytes that were put on its line, none if it has buttons."""
+        direction = None if command == STOP else command
+        if isinstance(self._stimulus, HeldButtons):
+            self._stimulus.held = direction or ""
+            return b""
+        code = bytes([uart_byte(direction)] * REPEATS)
+        self._stimulus.waiting.extend(code)
+        return code
 
     def frame(self) -> State:
         """Run the chip for one frame and return its state at the end."""
@@ -131,6 +140,14 @@ class Twin:
                     self._rises[pin] = cycle
                 elif changed >> pin & 1 and pin in self._rises:
                     self._widths[name] = float(self._clock.us(cycle - self._rises.pop(pin)))
+
+
+def _stimulus_of(job: PlannedJob, chain: Chain, period: int) -> LineStimulus | HeldButtons:
+    """Return the line at rest, or the buttons, none of them pressed."""
+    if isinstance(chain.read, CommandLine):
+        return LineStimulus(PINS.index(chain.read.pin), line_baud(job))
+    buttons = {name: (PINS.index(each.pin), each.level) for name, each in chain.read.buttons.items()}
+    return HeldButtons(buttons, period)
 
 
 @dataclass(slots=True)
@@ -175,10 +192,8 @@ class CommandedDrive:
             if self.single_keys:
                 return
             raise InputError("bad-command", f"unknown command '{command}'", hint=did_you_mean(command, known))
-        byte = uart_byte(None if command == STOP else command)
         self.commanded = command
         self.sent += 1
-        for _ in range(REPEATS):
-            self.twin.hear(byte)
+        code = self.twin.command(command)
         if self.link is not None:
-            self.link.send(bytes([byte] * REPEATS))
+            self.link.send(code)

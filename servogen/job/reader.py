@@ -7,21 +7,31 @@ at its clock, and combinations that no engine supports.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
-from servogen.engines.player.commands import CommandLine
+from servogen.engines.player.commands import CommandButtons, CommandLine
 from servogen.engines.registry import ENGINES, suitable
 from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.job import Firmware, Job
 from servogen.job.rig import rig_of, servos_of
-from servogen.job.schema import SECTIONS, FirmwareTable, JobTable, Section, SensorTable, StreamTable
+from servogen.job.schema import (
+    SECTIONS,
+    CommandsTable,
+    DirectionPins,
+    FirmwareTable,
+    JobTable,
+    Section,
+    SensorTable,
+    StreamTable,
+)
+from servogen.motion.gait.commands import STRAIGHT, TURN
 from servogen.pic.device import OPEN_DRAIN_PIN, Device, device
 from servogen.pulse.slots import Frame
 from servogen.robot.model import Robot
@@ -106,8 +116,8 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
 
 def _commands(
     document: Document, table: JobTable, servos: Sequence[Servo], buttons: Buttons
-) -> CommandLine | None:
-    """Return the input for commands of a walk. Raises InputError."""
+) -> CommandLine | CommandButtons | None:
+    """Return the inputs for commands of a walk. Raises InputError."""
     asked = table.walk.commands if table.walk else None
     if asked is None:
         return None
@@ -126,21 +136,64 @@ def _commands(
             "engine-unsupported",
             key,
             "a walk on command has no start_pin and no stop_pin",
-            "remove them: codes start and stop the walk",
+            "remove them: commands start and stop the walk",
         )
-    if asked.pin not in PINS:
+    if asked.buttons is None:
+        if "button_level" in document.data["walk"]["commands"]:
+            raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
+        pin = asked.pin or "RA4"
+        _free_input(document, (*key, "pin"), pin, {servo.pin: servo.name for servo in servos})
+        return CommandLine(pin)
+    if asked.pin is not None:
         raise document.error(
-            "unknown-pin", (*key, "pin"), f"unknown pin '{asked.pin}'", did_you_mean(asked.pin, PINS)
+            "conflicting-keys", (*key, "pin"), "a walk has either buttons or a pin for codes", "remove one"
         )
+    return _direction_buttons(document, asked, asked.buttons, servos)
+
+
+def _direction_buttons(
+    document: Document, asked: CommandsTable, wanted: DirectionPins, servos: Sequence[Servo]
+) -> CommandButtons:
+    """Return the buttons of a walk's directions. Raises InputError."""
+    key = ("walk", "commands", "buttons")
+    pins = {name: pin for name, pin in wanted.model_dump().items() if pin is not None}
+    if not pins:
+        raise document.error("missing-key", key, "no direction has a button", 'add forward = "RA4"')
+    for names, value, what in (
+        (STRAIGHT, asked.forward_mm, "forward_mm = 40"),
+        (TURN, asked.turn_deg, "turn_deg = 20"),
+    ):
+        named = [name for name in names if name in pins]
+        if named and value is None:
+            raise document.error(
+                "missing-key", (*key, named[0]), f"{named[0]} has a button but no step", f"add {what}"
+            )
+        if value is not None and not named:
+            unused = what.split()[0]
+            raise document.error(
+                "missing-key",
+                ("walk", "commands", unused),
+                f"neither {names[0]} nor {names[1]} has a button",
+                f"remove {unused}, or add a button",
+            )
+    level = int(asked.button_level == "high")
     taken = {servo.pin: servo.name for servo in servos}
-    if asked.pin in taken:
+    buttons = {}
+    for name, pin in pins.items():
+        _free_input(document, (*key, name), pin, taken)
+        taken[pin] = f"the button of {name}"
+        buttons[name] = Button(pin, level, document.place(*key, name))
+    return CommandButtons(buttons)
+
+
+def _free_input(document: Document, key: tuple[str | int, ...], pin: str, taken: Mapping[str, str]) -> None:
+    """Raise InputError if `pin` is unknown or `taken`."""
+    if pin not in PINS:
+        raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
+    if pin in taken:
         raise document.error(
-            "pin-in-use",
-            (*key, "pin"),
-            f"{asked.pin} is in use: {taken[asked.pin]}",
-            "commands need a free pin",
+            "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "commands need a pin of their own"
         )
-    return CommandLine(asked.pin)
 
 
 def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock: Clock) -> Stream | None:

@@ -130,13 +130,26 @@ class SegmentTable(Table):
     cycles: float | None = Field(default=None, gt=0, le=10_000)
 
 
+class DirectionPins(Table):
+    """[walk] commands buttons: the pin of the button of each direction, at least of one."""
+
+    forward: PinName | None = None
+    back: PinName | None = None
+    left: PinName | None = None
+    right: PinName | None = None
+
+
 class CommandsTable(Table):
-    """[walk] commands: the body's motion per cycle, and the input that selects the direction."""
+    """[walk] commands: the body's motion per cycle, and the inputs that select the direction."""
 
     forward_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     turn_deg: float | None = Field(default=None, gt=0, le=360)
-    pin: PinName = "RA4"
-    """The input for the codes."""
+    pin: PinName | None = None
+    """The input for the codes; None: RA4, unless there are buttons."""
+    buttons: DirectionPins | None = None
+    """Instead of `pin`: the robot walks in a direction while its button is held."""
+    button_level: Literal["low", "high"] = "low"
+    """The level of a pressed button."""
 
 
 class WalkTable(Table):

@@ -47,14 +47,16 @@ class SpecState(NamedTuple):
     """The level that was read in this frame; -1: not yet."""
     heard: int = 0
     wanted: int = 0
-    """Of a line that commands a walk: see `prove.commands`."""
+    """Of what commands a walk: see `prove.commands`."""
     line_read: int = 0
-    """Whether the line was read in this frame: what is heard takes it in at once."""
+    """Whether the line was read in this frame, 1: what is heard takes it in at once; or what was read of the
+    buttons.
+    """
 
     @property
     def is_sampled(self) -> bool:
         """Return whether a button's level is kept until the frame ends."""
-        return max(self.start_sample, self.stop_sample) >= 0
+        return max(self.start_sample, self.stop_sample) >= 0 or self.line_read > 1
 
 
 @dataclass(slots=True)
@@ -69,7 +71,7 @@ class Violation(Exception):
 
 
 class Specification:
-    """A schedule with its buttons, or with the line that commands it."""
+    """A schedule with its buttons, or with the line or the buttons that command it."""
 
     def __init__(
         self, schedule: PulseSchedule, rule: ButtonRule | None, commands: CommandRule | None = None
@@ -96,8 +98,8 @@ class Specification:
             self._pins[PINS.index(rule.start.pin)] = "start_sample"
         if rule and rule.stop:
             self._pins[PINS.index(rule.stop.pin)] = "stop_sample"
-        if commands is not None:
-            self._pins[PINS.index(commands.line.pin)] = "line_read"
+        if self._commands is not None:
+            self._pins |= dict.fromkeys(self._commands.reader.pins, "line_read")
 
     @property
     def frames(self) -> int:
@@ -119,7 +121,7 @@ class Specification:
 
     def start(self) -> SpecState:
         running = 0 if self.rule and self.rule.start else 1
-        heard = self._commands.at_power_up if self._commands else 0
+        heard = self._commands.reader.at_power_up if self._commands else 0
         return SpecState(BEFORE, 0, self._waiting, running, heard=heard)
 
     def at_rest(self, state: SpecState) -> SpecState:
@@ -137,11 +139,10 @@ class Specification:
         if field is None or state.phase != IN_FRAME:
             return state
         if self._commands is not None:
-            if state.line_read:
+            now = self._commands.reader.sampled(state.heard, state.wanted, state.line_read, pin, level)
+            if now is None:
                 raise Violation(f"{PINS[pin]} is read twice in a frame", 0, certain=False)
-            heard, direction = self._commands.heard(state.heard, level)
-            wanted = state.wanted if direction is None else direction
-            return state._replace(heard=heard, wanted=wanted, line_read=1)
+            return state._replace(heard=now[0], wanted=now[1], line_read=now[2])
         known = getattr(state, field)
         if known not in (-1, level):
             raise Violation(f"{PINS[pin]} is read twice in a frame, at different levels", 0, certain=False)
@@ -218,10 +219,11 @@ class Specification:
 
     @staticmethod
     def _commanded(state: SpecState, commands: Commands, cycle: int) -> SpecState:
-        if not state.line_read:
-            raise Violation(f"{commands.rule.line.pin} is not read in a frame", cycle, certain=False)
-        frame = commands.following(state.frame, state.wanted)
-        return SpecState(IN_FRAME, 0, frame, heard=state.heard, wanted=state.wanted)
+        unread = commands.reader.unread(state.line_read)
+        if unread is not None:
+            raise Violation(f"{PINS[unread]} is not read in a frame", cycle, certain=False)
+        heard, wanted = commands.reader.ended(state.heard, state.wanted, state.line_read)
+        return SpecState(IN_FRAME, 0, commands.following(state.frame, wanted), heard=heard, wanted=wanted)
 
     def _pressed(self, state: SpecState, rule: ButtonRule, cycle: int) -> SpecState:
         frame, running, on = state.frame, state.running, state.on

@@ -99,13 +99,11 @@ class ButtonRule:
 
 @dataclass(frozen=True, slots=True)
 class DirectionRuns:
-    """The frames of a commanded direction: `start` once, `cycle` repeatedly, `stop` once.
-
-    `code` is the levels that command it, without the start.
-    """
+    """The frames of a commanded direction: `start` once, `cycle` repeatedly, `stop` once."""
 
     name: str
-    code: str
+    selector: str | Input
+    """The levels of its code, without the start; or its button, with the level while it is pressed."""
     start: tuple[Run, ...]
     cycle: tuple[Run, ...]
     stop: tuple[Run, ...]
@@ -116,32 +114,57 @@ class DirectionRuns:
             f'"{name}": {_runs_text(runs)}'
             for name, runs in (("start", self.start), ("cycle", self.cycle), ("stop", self.stop))
         )
-        return f'{{"name": {json.dumps(self.name)}, "code": {json.dumps(self.code)}, {parts}}}'
+        if isinstance(self.selector, str):
+            selector = f'"code": {json.dumps(self.selector)}'
+        else:
+            selector = f'"pin": {json.dumps(self.selector.pin)}, "level": {self.selector.level}'
+        return f'{{"name": {json.dumps(self.name)}, {selector}, {parts}}}'
 
 
 @dataclass(frozen=True, slots=True)
-class CommandRule:
-    """How a line commands the motion: see "Walk on command" in docs/firmware.md.
-
-    The level of `line` is that at rest. The schedule itself assumes a line at rest from power-up on: its loop
-    is the frame of the stance.
-    """
+class CodeLine:
+    """A line that carries the codes of directions; its level is that at rest."""
 
     line: Input
     rest_frames: int
     """The number of frames for which the line must be at rest before a code."""
     stop_frames: int
     """The number of frames at the other level that command a stop."""
+
+    def to_json_text(self) -> str:
+        return (
+            f'"pin": {json.dumps(self.line.pin)}, "rest_level": {self.line.level}, '
+            f'"rest_frames": {self.rest_frames}, "stop_frames": {self.stop_frames}'
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionButtons:
+    """A button for each direction; none pressed, or several, commands a stop."""
+
+    pressed_frames: int
+    """The number of consecutive frames in which the same must be seen to count."""
+
+    def to_json_text(self) -> str:
+        return f'"pressed_frames": {self.pressed_frames}'
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRule:
+    """How a line or buttons command the motion: see "Walk on command" in docs/firmware.md.
+
+    The schedule itself assumes a line at rest, or no button pressed, from power-up on: its loop is the frame
+    of the stance.
+    """
+
+    read: CodeLine | DirectionButtons
+    """What the program reads in each frame."""
     directions: tuple[DirectionRuns, ...]
 
     def to_json_text(self) -> str:
         """Return the rule as text."""
         directions = ",\n    ".join(direction.to_json_text() for direction in self.directions)
-        return (
-            f'{{"pin": {json.dumps(self.line.pin)}, "rest_level": {self.line.level}, '
-            f'"rest_frames": {self.rest_frames}, "stop_frames": {self.stop_frames}, '
-            f'"directions": [\n    {directions}\n  ]}}'
-        )
+        return f'{{{self.read.to_json_text()}, "directions": [\n    {directions}\n  ]}}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +187,7 @@ class PulseSchedule:
     buttons: ButtonRule | None = None
     """The effect of buttons that are not pressed as `inputs` states; None if it is not known."""
     commands: CommandRule | None = None
-    """The effect of a line that is not at rest as `inputs` states; None if there is no such line."""
+    """The effect of a line, or of buttons, at other levels than `inputs` states; None if there are none."""
 
     def __repr__(self) -> str:
         channels = ", ".join(f"{each.name} on {each.pin}" for each in self.channels)
@@ -349,41 +372,60 @@ class _Reader:
         )
 
     def _commands(self, data: Any, channels: tuple[Channel, ...], period: int) -> CommandRule:
-        names = ("pin", "rest_level", "rest_frames", "stop_frames", "directions")
-        pin, level, rest, stop, directions = self._table(data, "commands", names)
-        read = tuple(
-            self._direction(entry, f"commands.directions[{index}]", len(channels), period)
+        read: CodeLine | DirectionButtons
+        if isinstance(data, dict) and "pressed_frames" in data:
+            pressed, directions = self._table(data, "commands", ("pressed_frames", "directions"))
+            read = DirectionButtons(self._whole(pressed, "commands.pressed_frames", 1))
+        else:
+            names = ("pin", "rest_level", "rest_frames", "stop_frames", "directions")
+            pin, level, rest, stop, directions = self._table(data, "commands", names)
+            read = CodeLine(
+                self._input({"pin": pin, "level": level}, "commands", channels),
+                self._whole(rest, "commands.rest_frames", 1),
+                self._whole(stop, "commands.stop_frames", 1),
+            )
+        by_code = isinstance(read, CodeLine)
+        found = tuple(
+            self._direction(entry, f"commands.directions[{index}]", channels, period, by_code=by_code)
             for index, entry in enumerate(self._array(directions, "commands.directions"))
         )
-        if not read:
+        if not found:
             raise self._error(
                 "json-value", "commands.directions", "is empty: at least one direction can be commanded"
             )
-        if len({direction.code for direction in read}) < len(read):
-            raise self._error("json-value", "commands.directions", "two directions have the same code")
-        return CommandRule(
-            self._input({"pin": pin, "level": level}, "commands", channels),
-            self._whole(rest, "commands.rest_frames", 1),
-            self._whole(stop, "commands.stop_frames", 1),
-            read,
-        )
+        own = {each.selector.pin if isinstance(each.selector, Input) else each.selector for each in found}
+        if len(own) < len(found):
+            what = "code" if by_code else "pin"
+            raise self._error("json-value", "commands.directions", f"two directions have the same {what}")
+        return CommandRule(read, found)
 
-    def _direction(self, data: Any, key: str, channels: int, period: int) -> DirectionRuns:
-        name, code, *parts = self._table(data, key, ("name", "code", "start", "cycle", "stop"))
-        if not self._text(code, f"{key}.code") or code.strip("01"):
-            raise self._error("json-value", f"{key}.code", f"is not a string of 0 and 1: {_shown(code)}")
+    def _direction(
+        self, data: Any, key: str, channels: tuple[Channel, ...], period: int, *, by_code: bool
+    ) -> DirectionRuns:
+        parts_of = ("start", "cycle", "stop")
+        selector: str | Input
+        if by_code:
+            name, code, *parts = self._table(data, key, ("name", "code", *parts_of))
+            selector = self._text(code, f"{key}.code")
+            if not selector or selector.strip("01"):
+                raise self._error("json-value", f"{key}.code", f"is not a string of 0 and 1: {_shown(code)}")
+        else:
+            name, pin, level, *parts = self._table(data, key, ("name", "pin", "level", *parts_of))
+            selector = self._input({"pin": pin, "level": level}, key, channels)
         runs = []
-        for part, value in zip(("start", "cycle", "stop"), parts, strict=True):
+        for part, value in zip(parts_of, parts, strict=True):
             where = f"{key}.{part}"
             entries = enumerate(self._array(value, where))
             runs.append(
-                tuple(self._run(entry, f"{where}[{index}]", channels, period) for index, entry in entries)
+                tuple(
+                    self._run(entry, f"{where}[{index}]", len(channels), period) for index, entry in entries
+                )
             )
             if not runs[-1]:
                 raise self._error("json-value", where, "is empty: at least one frame is needed")
             if sum(run.frames for run in runs[-1]) > MAX_FRAMES:
                 raise self._error("json-value", where, "has too many frames", f"at most {MAX_FRAMES}")
-        return DirectionRuns(self._text(name, f"{key}.name"), code, *runs)
+        return DirectionRuns(self._text(name, f"{key}.name"), selector, *runs)
 
     def _plan_error(self, data: Any) -> PlanError:
         keys = ("width_us", "angle_deg", "speed_deg_s", "end", "end_mm")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from servogen.engines.player.commands import CommandLine
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
 from servogen.report.drawing import PALETTE
@@ -37,9 +38,12 @@ def wires(job: Job) -> Iterator[Wire]:
     for name, button in (("start", buttons.start), ("stop", buttons.stop)):
         if button:
             yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")
-    if job.firmware.commands:
-        pin = job.firmware.commands.pin
-        yield Wire(numbers[pin], pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
+    commands = job.firmware.commands
+    if isinstance(commands, CommandLine):
+        yield Wire(numbers[commands.pin], commands.pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
+    elif commands:
+        for name, button in commands.buttons.items():
+            yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")
     if stream:
         pin = stream.receive_pin
         yield Wire(numbers[pin], pin, f"serial line in, {stream.baud} baud, 5 V, idle high")

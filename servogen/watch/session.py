@@ -29,7 +29,7 @@ from servogen.debug.time_machine import TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
-from servogen.engines.player.commands import uart_byte
+from servogen.engines.player.commands import CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
@@ -396,8 +396,8 @@ class Session:
         job = self.subject.job
         if job is None or job.firmware.commands is None or self.chip is None:
             return inf
-        pin = pin_number(job.firmware.commands.pin)
-        return min((change.cycle for change in self.chip.inputs if change.pin == pin), default=inf)
+        pins = {pin_number(each.pin) for each in job.firmware.commands.inputs}
+        return min((change.cycle for change in self.chip.inputs if change.pin in pins), default=inf)
 
     def _wanted(self) -> tuple[Wanted, ...]:
         """Return what the edges are held against, up to the first command."""
@@ -450,13 +450,14 @@ class Session:
     def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Send the code of a way, or the one to stop, to the line of a robot that walks on command."""
         job = self.subject.job
-        if job is None or job.firmware.commands is None:
-            raise InputError("not-allowed", "only a job with [walk] commands takes ways")
+        commands = job.firmware.commands if job else None
+        if job is None or not isinstance(commands, CommandLine):
+            raise InputError("not-allowed", "only a job whose walk is commanded by codes takes ways")
         way, ways = str(message["way"]), (*(each.name for each in job.directions), STOP)
         if way not in ways:
             raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
         code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
-        self._send(code, job.firmware.commands.pin, self.subject.clock.cycles_per_second / self._period)
+        self._send(code, commands.pin, self.subject.clock.cycles_per_second / self._period)
         yield self.shown(whole=False)
 
     def _do_servo(self, message: Mapping[str, Any]) -> Iterator[Message]:
@@ -635,7 +636,9 @@ def _inputs(subject: Subject) -> list[Message]:
     if subject.job is None:
         return []
     buttons = subject.job.firmware.buttons
-    named = (("start", buttons.start), ("stop", buttons.stop))
+    named = [("start", buttons.start), ("stop", buttons.stop)]
+    if isinstance(subject.job.firmware.commands, CommandButtons):
+        named += subject.job.firmware.commands.buttons.items()
     return [{"name": name, "pin": each.pin, "pressed": each.level} for name, each in named if each]
 
 
@@ -648,8 +651,8 @@ def _serial(subject: Subject) -> Message | None:
 
 
 def _walk(subject: Subject) -> Message | None:
-    """Return the ways of a robot that walks on command."""
-    if subject.job is None or subject.job.firmware.commands is None:
+    """Return the ways of a robot that walks as codes command."""
+    if subject.job is None or not isinstance(subject.job.firmware.commands, CommandLine):
         return None
     return {
         "pin": subject.job.firmware.commands.pin,

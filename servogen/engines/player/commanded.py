@@ -20,12 +20,9 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.commands import (
-    CODES,
     ENTRY,
-    IDLE_LEVEL,
-    REST_FRAMES,
-    STOP_FRAMES,
     Chain,
+    CommandButtons,
     CommandLine,
 )
 from servogen.engines.player.encoding import Encoded, row_table
@@ -53,7 +50,7 @@ from servogen.errors import InputError
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.trajectory import JointTrajectory
 from servogen.pulse.plan import PulsePlan
-from servogen.pulse.schedule import Channel, CommandRule, DirectionRuns, Input, PulseSchedule, Run
+from servogen.pulse.schedule import Channel, CommandRule, DirectionRuns, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
@@ -81,7 +78,7 @@ class _Cuts:
 def commanded(
     lead_in: JointTrajectory,
     directions: Sequence[CommandedDirection],
-    line: CommandLine,
+    read: CommandLine | CommandButtons,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     frame: Frame,
@@ -99,7 +96,7 @@ def commanded(
     whole = np.vstack((lead_in.angles, *(direction.angles[:-1] for direction in directions)))
     tour = replace(lead_in, angles=whole, loop_start=stance)
     ideal = ideal_widths(tour, servos, clock)
-    encoded, chain = _encoded(lead_in, directions, line, servos, bindings, soft, max_bytes)
+    encoded, chain = _encoded(lead_in, directions, read, servos, bindings, soft, max_bytes)
     widths = encoded.widths
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in widths.T]
     slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
@@ -115,7 +112,9 @@ def commanded(
             at + row for row in (0, direction.first, direction.end, len(direction.angles) - 1)
         )
         parts = runs(first, begin), runs(begin, end), runs(end, last)
-        published.append(DirectionRuns(direction.name, CODES[direction.name], *parts))
+        selector = read.selector(direction.name)
+        if selector is not None:
+            published.append(DirectionRuns(direction.name, selector, *parts))
         at = last
     schedule = PulseSchedule(
         clock,
@@ -123,9 +122,9 @@ def commanded(
         tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
         runs(0, stance),
         runs(stance, stance + 1),
-        inputs=(Input(line.pin, IDLE_LEVEL),),
+        inputs=read.inputs,
         plan_error=plan_error_of(tour, servos, widths, ideal, clock),
-        commands=CommandRule(Input(line.pin, IDLE_LEVEL), REST_FRAMES, STOP_FRAMES, tuple(published)),
+        commands=CommandRule(read.rule, tuple(published)),
     )
     played = replace(schedule, loop=runs(stance, len(widths)), inputs=(), commands=None)
     warnings = warnings_of(tour, servos, frame, slots)
@@ -136,7 +135,7 @@ def commanded(
 def _encoded(
     lead_in: JointTrajectory,
     directions: Sequence[CommandedDirection],
-    line: CommandLine,
+    read: CommandLine | CommandButtons,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     soft: Sequence[int],
@@ -144,14 +143,14 @@ def _encoded(
 ) -> tuple[Encoded, Chain]:
     """Return the first encoding that fits the tables, or the smallest one. Raises InputError."""
     pairs = leg_channels(servos, bindings)
-    read = directions[::2]
+    ahead = directions[::2]
     """The directions that are read forward."""
-    angles = [lead_in.angles, read[0].angles, *(direction.angles[1:] for direction in read[1:])]
+    angles = [lead_in.angles, ahead[0].angles, *(direction.angles[1:] for direction in ahead[1:])]
     # The last frame occurs twice, because events need a frame after them.
     chained = replace(lead_in, angles=np.vstack((*angles, angles[-1][-1:])))
     rows = ideal_widths(chained, servos, lead_in.clock)
     cuts, at = [], len(lead_in.angles)
-    for direction in read:
+    for direction in ahead:
         cuts.append(_Cuts(at, at + direction.first, at + direction.end, at + len(direction.angles) - 1))
         at = cuts[-1].last
     walk = None
@@ -172,7 +171,7 @@ def _encoded(
     smallest: tuple[Encoded, Chain] | None = None
     for near in NEAR:
         made = _with_rows(
-            keyed_walk(walk, wanted[-1], near), directions, cuts, line, len(lead_in.angles) - 1, soft
+            keyed_walk(walk, wanted[-1], near), directions, cuts, read, len(lead_in.angles) - 1, soft
         )
         if smallest is None or made[0].size < smallest[0].size:
             smallest = made
@@ -186,7 +185,7 @@ def _with_rows(
     keyed: KeyedWalk,
     directions: Sequence[CommandedDirection],
     cuts: Sequence[_Cuts],
-    line: CommandLine,
+    read: CommandLine | CommandButtons,
     stance: int,
     soft: Sequence[int],
 ) -> tuple[Encoded, Chain]:
@@ -243,7 +242,7 @@ def _with_rows(
     places += [place for number in order for place in places_of[number]]
     names = tuple(directions[number].name for number in order)
     return encoded, Chain(
-        line, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots
+        read, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots
     )
 
 

@@ -1,12 +1,15 @@
-"""Codes that command a walk; the player reads one level of the line per frame, after the last slot.
+"""Codes or buttons that command a walk; the player reads its inputs once per frame, after the last slot.
 
-In: the names of directions. Out: their codes, and the table with which the chip follows the line.
+In: the names of directions. Out: their codes, and the table with which the chip follows the line; or their
+buttons.
 
     line   ▔▔▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▔▔▔▔      high at rest; each level lasts one frame
                 s  0  1  0  1  0  rest      a start, the five levels of a direction, three frames of rest
 
 Other levels change nothing. `STOP_FRAMES` low frames are the command to stop, whatever came before: a line
 that is broken or held low ends the walk.
+
+Buttons need no code: the robot walks in a direction while only the button of that direction is held.
 """
 
 from __future__ import annotations
@@ -15,7 +18,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from servogen.engines.player.buttons import PRESSED_FRAMES, Button
 from servogen.motion.gait.commands import STRAIGHT, TURN
+from servogen.pulse.schedule import CodeLine, DirectionButtons, Input
 
 REST_FRAMES = 3
 """The number of high frames before a start; within a code, at most two frames in a row are high."""
@@ -44,12 +49,56 @@ class CommandLine:
 
     pin: str
 
-    def text(self) -> tuple[str, str]:
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Return the levels at which the robot stands."""
+        return (Input(self.pin, IDLE_LEVEL),)
+
+    @property
+    def rule(self) -> CodeLine:
+        """Return the rule about the line for the schedule."""
+        return CodeLine(self.inputs[0], REST_FRAMES, STOP_FRAMES)
+
+    def selector(self, direction: str) -> str | None:
+        """Return the code of a direction."""
+        return CODES[direction]
+
+    def text(self) -> tuple[str, ...]:
         """Return the wiring of the pin and the command to stop, as text for the header of the C."""
         return (
             f"{self.pin}: commands, one level per frame, high at rest: 10 kOhm pull-up to VDD.",
             f"Low for {STOP_FRAMES} frames: stop.",
         )
+
+
+@dataclass(frozen=True, slots=True)
+class CommandButtons:
+    """The buttons of directions, by the directions' names."""
+
+    buttons: Mapping[str, Button]
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Return the levels at which the robot stands."""
+        return tuple(Input(button.pin, 1 - button.level) for button in self.buttons.values())
+
+    @property
+    def rule(self) -> DirectionButtons:
+        """Return the rule about the buttons for the schedule."""
+        return DirectionButtons(PRESSED_FRAMES)
+
+    def selector(self, direction: str) -> Input | None:
+        """Return the button of a direction, None if it has none."""
+        button = self.buttons.get(direction)
+        return Input(button.pin, button.level) if button else None
+
+    def text(self) -> tuple[str, ...]:
+        """Return the wiring of the buttons and their effects, as text for the header of the C."""
+        each = (
+            f"{button.pin}: {direction} while it is held: {button.text()}."
+            for direction, button in self.buttons.items()
+        )
+        return (*each, f"None or several for {PRESSED_FRAMES} frames: stop.")
 
 
 ENTRY = 2
@@ -66,7 +115,7 @@ class Chain:
     Of the directions the first, the third … are read backward, the others and standing forward.
     """
 
-    line: CommandLine
+    read: CommandLine | CommandButtons
     names: tuple[str, ...]
     places: tuple[int, ...]
     stance: int

@@ -12,7 +12,7 @@ from fractions import Fraction
 from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
-from servogen.engines.player.commands import COMMAND_SHIFT, ENTRY, Chain, hearing_table
+from servogen.engines.player.commands import COMMAND_SHIFT, ENTRY, Chain, CommandLine, hearing_table
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
@@ -85,6 +85,16 @@ class _ButtonText:
     port: str
     mask: str
     released: str
+
+
+@dataclass(frozen=True, slots=True)
+class _DirectionText:
+    """Twice a direction's number, and its button."""
+
+    number: int
+    port: str
+    mask: str
+    pressed: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +174,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         stop=_button(buttons.stop),
         stop_off=buttons.stop is not None and buttons.off,
         pressed_frames=PRESSED_FRAMES,
-        inputs_text=[*buttons.text(), *(played.chain.line.text() if played.chain else ())],
+        inputs_text=[*buttons.text(), *(played.chain.read.text() if played.chain else ())],
         kernel=list(assembly(kernel(tick, played.layout.stagger))),
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
         width=list(
@@ -179,10 +189,20 @@ def _chain(chain: Chain | None) -> dict[str, object]:
     """Return the template's values for a walk on command."""
     if chain is None:
         return {"chain": False}
-    pin = chain.line.pin
+    read = chain.read
+    line, buttons = None, []
+    if isinstance(read, CommandLine):
+        line = _LineText(read.pin[1], f"0x{1 << int(read.pin[2]):02X}")
+    else:
+        for number, name in enumerate(chain.names, 1):
+            if name in read.buttons:
+                pin, level = read.buttons[name].pin, read.buttons[name].level
+                mask = f"0x{1 << int(pin[2]):02X}"
+                buttons.append(_DirectionText(2 * number, pin[1], mask, "!= 0" if level else "== 0"))
     return {
         "chain": True,
-        "line": _LineText(pin[1], f"0x{1 << int(pin[2]):02X}"),
+        "line": line,
+        "direction_buttons": buttons,
         "commands": f"0x{0x100 - (1 << COMMAND_SHIFT):02X}",
         "states": f"0x{(1 << COMMAND_SHIFT) - 1:02X}",
         "entry": ENTRY,
@@ -228,7 +248,8 @@ def _constants(played: Playing, slots: _Slots) -> _Constants:
     if any(timing.start for timing in timings):
         made.add("START", [timing.start for timing in timings], "256ths of a step at its first frame")
     if played.chain is not None:
-        made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
+        if isinstance(played.chain.read, CommandLine):
+            made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
         note = "for standing and each direction, where its start, its cycle and its stop begin, and its end"
         made.add("PARTS", played.chain.places, note)
     if encoded.laws:

@@ -154,7 +154,7 @@ def problems(
     schedule, period = of.schedule, int(of.schedule.period)
     start = first_rise(program, options, of)
     changes = [(0, 1)] + [(start + n * period + CHANGES_AT, level) for n, level in enumerate(line)]
-    stimuli = Stimuli([Levels(PINS.index(schedule.commands.line.pin), tuple(changes))])
+    stimuli = Stimuli([Levels(PINS.index(schedule.commands.read.line.pin), tuple(changes))])
     machine = Machine(program, schedule.clock, options, stimuli)
     edges = join(machine.stream(start + len(line) * period))
     parts = {

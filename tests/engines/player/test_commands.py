@@ -8,9 +8,8 @@ from itertools import product
 import pytest
 
 from servogen.engines.player.commands import CODES, COMMAND_SHIFT, hearing_table, uart_byte
-from servogen.prove.commands import Commands
-from servogen.pulse.schedule import CommandRule, DirectionRuns, Input, PulseSchedule, Run
-from servogen.units import Clock, Cycles
+from servogen.prove.commands import Line
+from servogen.pulse.schedule import CodeLine, Input
 
 DIRECTIONS = ("forward", "back", "left", "right")
 LEVELS = {"forward": "001010", "back": "000110", "left": "011000", "right": "011011"}
@@ -54,13 +53,10 @@ def heard_by_the_table(levels: str, names: tuple[str, ...] = DIRECTIONS) -> list
 
 
 def heard_by_the_specification(levels: str) -> list[str]:
-    run = (Run(1, (None,)),)
-    directions = tuple(DirectionRuns(name, CODES[name], run, run, run) for name in DIRECTIONS)
-    rule = CommandRule(Input("RA4", 1), 3, 5, directions)
-    commands = Commands(PulseSchedule(Clock(4_000_000), Cycles(20_000), (), (), run, commands=rule), rule)
-    state, found = commands.at_power_up, []
+    line = Line(CodeLine(Input("RA4", 1), 3, 5), tuple(CODES[name] for name in DIRECTIONS))
+    state, found = line.at_power_up, []
     for level in levels:
-        state, direction = commands.heard(state, int(level))
+        state, direction = line.heard(state, int(level))
         if direction is not None:
             found.append(DIRECTIONS[direction - 1] if direction else "stop")
     return found
