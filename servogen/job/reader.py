@@ -141,7 +141,7 @@ def _commands(
     if asked.buttons is None:
         if "button_level" in document.data["walk"]["commands"]:
             raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
-        pin = asked.pin or "RA4"
+        pin = "RA4" if asked.pin is None else asked.pin
         _free_input(document, (*key, "pin"), pin, {servo.pin: servo.name for servo in servos})
         return CommandLine(pin)
     if asked.pin is not None:
