@@ -452,7 +452,7 @@ class Session:
         job = self.subject.job
         commands = job.firmware.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
-            raise InputError("not-allowed", "only a job whose walk is commanded by codes takes ways")
+            raise InputError("not-allowed", "only a job with [walk] commands on a line takes ways")
         way, ways = str(message["way"]), (*(each.name for each in job.directions), STOP)
         if way not in ways:
             raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
