@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from math import ceil
 from pathlib import Path
 
@@ -72,6 +73,10 @@ class CaptureSettings:
     """Whether several captures may be joined if one is too short."""
     triggered: bool = True
     """Whether the capture waits for the trigger, or begins at once."""
+    trigger_channel: int | None = None
+    """The analyser's channel whose rising edge begins the capture, instead of a pin's."""
+    armed: Callable[[], None] = lambda: None
+    """Called when the analyser waits for the trigger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +149,9 @@ def capture(
     check_name(output)
     wired = wires(looking.wire)
     pin = looking.trigger or (schedule.channels[0].pin if schedule else "RB0")
-    channel = channel_of(pin, wired) if looking.triggered else None
+    channel = looking.trigger_channel
+    if channel is None and looking.triggered:
+        channel = channel_of(pin, wired)
     with open_port(port, BAUD) as line:
         device = identify(line)
         several = looking.stitch and schedule is not None
@@ -152,7 +159,8 @@ def capture(
         if schedule is not None:
             check_rate(fastest)
         planned = plan(looking.memory or device.memory, fastest, looking.rle, wanted, several)
-        seen = _looks(line, planned, wanted.frames, channel, wired, schedule, seconds is None, progress)
+        look = partial(_look, line, channel=channel, armed=looking.armed, progress=progress)
+        seen = _looks(look, planned, wanted.frames, wired, schedule, seconds is None)
     servos = {channel.pin: channel.name for channel in schedule.channels} if schedule else {}
     path = write_capture(
         output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
@@ -201,22 +209,20 @@ def check_rate(rate: int) -> None:
 
 
 def _looks(
-    line: Port,
+    look: Callable[[Plan, str], Seen],
     planned: Plan,
     frames: int,
-    channel: int | None,
     wired: Mapping[int, int],
     schedule: PulseSchedule | None,
     whole_loop: bool,
-    progress: Progress,
 ) -> Stitched:
     """Return one capture or, if it is too short, as many as are needed."""
     if schedule is None or planned.frames >= frames:
-        seen = _look(line, planned, channel, "capture", progress)
+        seen = look(planned, "capture")
         return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
     about = -(-frames // planned.frames)
     return stitch(
-        lambda plan, number: _look(line, plan, channel, f"capture {number} of about {about}", progress),
+        lambda plan, number: look(plan, f"capture {number} of about {about}"),
         planned,
         frames,
         whole_loop,
@@ -225,11 +231,19 @@ def _looks(
     )
 
 
-def _look(line: Port, planned: Plan, channel: int | None, label: str, progress: Progress) -> Seen:
+def _look(
+    line: Port,
+    planned: Plan,
+    label: str,
+    *,
+    channel: int | None,
+    armed: Callable[[], None],
+    progress: Progress,
+) -> Seen:
     patience = SLACK * float(planned.seconds) + PATIENCE_S
     look = Look(planned.rate, planned.words, planned.rle, channel, patience)
     with progress(label, planned.words) as done:
-        return sump_capture(line, look, done)
+        return sump_capture(line, look, done, armed)
 
 
 def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:

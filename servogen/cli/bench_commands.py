@@ -145,15 +145,30 @@ def rig(
         typer.Option("--baud", min=50, help="Baud rate of the serial line (default: the job's, or 2400)."),
     ] = None,
     inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False,
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            help="How the input board is wired, such as RB0=2, RB0-RB4=22 or RA1=TX1 (repeatable).",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        bool,
+        typer.Option(
+            "--scheduler/--no-scheduler", help="The input board is ConfigurableFirmata, or StandardFirmata."
+        ),
+    ] = True,
     json: Json = False,
 ) -> None:
-    """Simulate a bench: a chip with a programmer, an analyser and a serial line on pseudo-terminals."""
+    """Simulate a bench: a chip with programmer, analyser, input board and serial line on pseudo-terminals."""
     import signal
     import threading
     from contextlib import ExitStack
     from fractions import Fraction
 
+    from servogen.bench.inputs.wiring import input_wiring
     from servogen.bench.virtual.analyser import AnalyserOptions
+    from servogen.bench.virtual.board import BoardOptions
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
     from servogen.build import planned
@@ -177,6 +192,8 @@ def rig(
         baud or line.baud,
         inverted,
         AnalyserOptions(memory=memory, fastest=fastest, glitches_per_s=glitches),
+        board=BoardOptions(scheduler),
+        inputs=input_wiring(inputs or ()),
     )
     for text in fault or ():
         options = with_fault(options, text)

@@ -5,12 +5,17 @@ from __future__ import annotations
 import platform
 import re
 import shutil
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from servogen import __version__
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, table
+
+if TYPE_CHECKING:
+    from servogen.bench.inputs.adapter import BoardFacts
 
 TOOLS = (
     ("gtkwave", "shows main.vcd"),
@@ -28,7 +33,12 @@ def register(app: typer.Typer) -> None:
     app.command()(doctor)
 
 
-def doctor(json: Json = False) -> None:
+def doctor(
+    inputs: Annotated[
+        str | None, typer.Option("--inputs", help="Ask the input board at this port what it is.")
+    ] = None,
+    json: Json = False,
+) -> None:
     """List the versions, tools and ports found on this machine."""
     from serial.tools.list_ports import comports
 
@@ -41,6 +51,7 @@ def doctor(json: Json = False) -> None:
         for each in PROGRAMMERS
     ]
     ports = [(port.device, port.description) for port in sorted(comports())]
+    board = None if inputs is None else _board(inputs)
     if json:
         as_json(
             {
@@ -50,6 +61,7 @@ def doctor(json: Json = False) -> None:
                 "libraries": libraries,
                 "tools": {name: path for name, _, path in tools},
                 "ports": [{"port": port, "description": description} for port, description in ports],
+                **({} if board is None else {"inputs": asdict(board)}),
             }
         )
     else:
@@ -61,8 +73,24 @@ def doctor(json: Json = False) -> None:
             [(name, use, path or MISSING) for name, use, path in tools],
         )
         table("Serial ports", ("port", "description"), ports or [("none", "")])
+        if board is not None:
+            clock = "by its own clock" if board.scheduler else "by this computer's clock"
+            lines = ", ".join(f"TX{port}" for port in board.serial_ports) or "none"
+            print(
+                f"Input board: {board.firmware}, {board.pins} pins, plays runs {clock}, serial ports: {lines}"
+            )
     if MISSING in libraries.values():
         raise typer.Exit(3)
+
+
+def _board(path: str) -> BoardFacts:
+    """Return what the input board at a port says of itself. Raises ToolError."""
+    from servogen.bench.inputs.adapter import identify
+    from servogen.bench.inputs.firmata import BAUDS
+    from servogen.bench.ports import open_port
+
+    with open_port(path, BAUDS[0]) as port:
+        return identify(port)
 
 
 def _libraries() -> dict[str, str]:

@@ -45,6 +45,9 @@ VISITS = 1 << 11
 Packed = npt.NDArray[np.int64]
 
 
+RBPU = 0x80
+"""The bit of OPTION_REG that switches the pull-ups off: DS35007 section 2.3.2."""
+
 _RESTING = (at.AT_END, at.AT_BREAKPOINT)
 """The reasons of the loop's final return."""
 
@@ -158,6 +161,11 @@ class Machine:
         driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])
         return tuple(high >> pin & 1 if driven >> pin & 1 else UNDRIVEN for pin in range(len(PINS)))
 
+    @property
+    def pull_ups(self) -> bool:
+        """Return whether the pull-ups of port B are on."""
+        return not int(self._s[at.OPTION]) & RBPU
+
     def run(self, cycles: int) -> EdgeChunk:
         """Run for `cycles` (the last instruction may end one later) or to a breakpoint, and return the
         edges.
@@ -249,6 +257,18 @@ class Machine:
         finally:
             self._s[at.EDGE_LIMIT] = EDGE_ROOM
         return None
+
+    def run_to_change(self, cycles: int) -> EdgeChunk:
+        """Run for `cycles`, or until just after the first instruction that makes an edge; return its edges.
+
+        Breakpoints are ignored.
+        """
+        self._s[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
+        try:
+            chunks = self._advance(self.cycles + cycles, fast=True, breakpoints=frozenset())
+            return next((chunk for chunk in chunks if len(chunk.cycle)), join(()))
+        finally:
+            self._s[at.EDGE_LIMIT] = EDGE_ROOM
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, from which `restore` continues exactly as if nothing had run since.

@@ -19,7 +19,9 @@ from functools import partial
 from heapq import heappop, heappush
 from itertools import count, islice, takewhile
 from math import isfinite
+from typing import Protocol
 
+from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.debug.breakpoints import (
     INDIRECT,
     AtAddress,
@@ -45,7 +47,6 @@ from servogen.simulator.stimulus import file_inputs
 from servogen.testing.signals import Signals, pin_index
 from servogen.testing.targets import Seen
 from servogen.testing.waves import at_the_pins, wave_lines
-from servogen.testing.wiring import ShortCircuit, Wiring
 from servogen.units import Clock, Cycles
 from servogen.verify.measurement import time_words
 
@@ -59,7 +60,6 @@ SHOWN_EDGES = 6
 """The edges that are named with their source lines when a test fails."""
 NUMBER_BYTES = 4
 """A variable of more bytes is an array."""
-RBPU = 0x80
 OPTION_REG = registers()["OPTION_REG"].address
 SENT_BITS = 10
 
@@ -90,7 +90,7 @@ class Chip(Signals):
         self._outside: dict[int, int] = {}
         """The level of each pin that this class drives, as the simulator knows it."""
         for name, level in board.inputs.items():
-            self._wiring.held[pin_index(name)] = _level(name, level)
+            self._wiring.held[pin_index(name)] = checked_level(name, level)
         self._power_up(board.image)
 
     def __repr__(self) -> str:
@@ -167,7 +167,7 @@ class Chip(Signals):
 
     def drive(self, pin: str, level: int | None) -> None:
         """Drive a pin from outside to 0 or 1 from now on; None releases it."""
-        self._apply(pin, [(self.cycle, UNDRIVEN if level is None else _level(pin, level))])
+        self._apply(pin, [(self.cycle, UNDRIVEN if level is None else checked_level(pin, level))])
 
     def press(
         self,
@@ -185,7 +185,7 @@ class Chip(Signals):
         is released after that time and bounces again; run on to see it.
         """
         begin = self.cycle
-        changes = self._contact(begin, _level(pin, active), bounce_ms, bounces, seed)
+        changes = self._contact(begin, checked_level(pin, active), bounce_ms, bounces, seed)
         if hold_ms is not None:
             self._check_time("hold_ms", hold_ms, Fraction(1, 1000))
             released = begin + self._cycles_in(hold_ms, 1000)
@@ -200,7 +200,7 @@ class Chip(Signals):
         self, pin: str, *, bounce_ms: float = 0, bounces: int = 5, active: int = LOW, seed: int = 1
     ) -> None:
         """Release a button: a resistor pulls its pin to the other level."""
-        self._apply(pin, self._contact(self.cycle, 1 - _level(pin, active), bounce_ms, bounces, seed))
+        self._apply(pin, self._contact(self.cycle, 1 - checked_level(pin, active), bounce_ms, bounces, seed))
 
     def bounce(self, pin: str, *, ms: float, bounces: int = 5, seed: int = 1) -> None:
         """Let a pin flip at random moments within `ms` and end at the level that it has: a disturbance."""
@@ -241,16 +241,10 @@ class Chip(Signals):
 
     def keypad(self, rows: Sequence[str], columns: Sequence[str], keys: str) -> Keypad:
         """Connect a keypad, whose keys each connect a row to a column: `keys` names them, row by row."""
-        if len(keys) != len(rows) * len(columns) or len(set(keys)) != len(keys):
-            raise InputError(
-                "not-allowed",
-                f"keys = '{keys}' does not name each of the {len(rows) * len(columns)} keys once",
-                hint=f"{len(rows)} rows of {len(columns)} keys, row by row",
-            )
-        crossings = [(row, column) for row in rows for column in columns]
-        for row, column in crossings:
+        keypad = Keypad(self, crossings(rows, columns, keys))
+        for row, column in keypad.keys.values():
             self._check_connectable(frozenset((pin_index(row), pin_index(column))))
-        return Keypad(self, dict(zip(keys, crossings, strict=True)))
+        return keypad
 
     # The serial line
 
@@ -407,10 +401,7 @@ class Chip(Signals):
         self._settle()
 
     def _check_time(self, name: str, value: float, unit_s: Fraction) -> None:
-        if not isfinite(value) or not 0 <= value * float(unit_s) <= MAX_RUN_S:
-            raise InputError(
-                "out-of-range", f"{name} = {value:g} is not between 0 and {MAX_RUN_S / float(unit_s):g}"
-            )
+        check_time(name, value, unit_s)
 
     def _cycles_in(self, value: float, unit_us: int) -> int:
         return int(self.clock.round_us(Fraction(str(value)) * unit_us).cycles)
@@ -484,14 +475,7 @@ class Chip(Signals):
         self, begin: int, level: int, bounce_ms: float, bounces: int, seed: int
     ) -> list[tuple[int, int]]:
         """Return (cycle, level) of a contact that settles at a level."""
-        self._check_time("bounce_ms", bounce_ms, Fraction(1, 1000))
-        if not 0 <= bounces <= 1000:
-            raise InputError("out-of-range", f"bounces = {bounces} is not between 0 and 1000")
-        bounce = self._cycles_in(bounce_ms, 1000)
-        end = begin + bounce + 2
-        contact = Button(0, begin, end, bounces, bounce, seed, active=level)
-        changes = takewhile(lambda change: change.cycle < end, contact.changes(self.clock))
-        return [(change.cycle, change.level) for change in changes if change.cycle >= begin]
+        return contact_changes(self.clock, begin, level, bounce_ms, bounces, seed)
 
     def _apply(self, name: str, changes: Sequence[tuple[int, int]]) -> None:
         """Let a pin have these levels from these cycles on."""
@@ -546,7 +530,7 @@ class Chip(Signals):
             return
         chip = self._machine.machine
         try:
-            levels = self._wiring.levels(chip.levels, not chip.state().registers["OPTION_REG"] & RBPU)
+            levels = self._wiring.levels(chip.levels, chip.pull_ups)
         except ShortCircuit as error:
             raise ShortCircuit(f"{error}, at {self._now_words}\n  {self._here}") from None
         wanted = {**self._wiring.held, **levels}
@@ -609,11 +593,19 @@ class Chip(Signals):
         return ["last edges:", *lines] if lines else []
 
 
+class Switched(Protocol):
+    """A chip whose pins can be connected."""
+
+    def switch(
+        self, pin: str, other: str, closed: bool, *, bounce_ms: float = 0, bounces: int = 5, seed: int = 1
+    ) -> None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Keypad:
     """A keypad on a chip; `keys` has the row's and the column's pin of each key."""
 
-    chip: Chip
+    chip: Switched
     keys: Mapping[str, tuple[str, str]]
 
     def press(self, key: str, *, bounce_ms: float = 0, bounces: int = 5, seed: int = 1) -> None:
@@ -629,6 +621,39 @@ class Keypad:
         return self.keys[key]
 
 
+def crossings(rows: Sequence[str], columns: Sequence[str], keys: str) -> Mapping[str, tuple[str, str]]:
+    """Return the row and the column of each key. Raises InputError."""
+    if len(keys) != len(rows) * len(columns) or len(set(keys)) != len(keys):
+        raise InputError(
+            "not-allowed",
+            f"keys = '{keys}' does not name each of the {len(rows) * len(columns)} keys once",
+            hint=f"{len(rows)} rows of {len(columns)} keys, row by row",
+        )
+    return dict(zip(keys, ((row, column) for row in rows for column in columns), strict=True))
+
+
+def check_time(name: str, value: float, unit_s: Fraction) -> None:
+    """Raise InputError for a time that a chip cannot run."""
+    if not isfinite(value) or not 0 <= value * float(unit_s) <= MAX_RUN_S:
+        raise InputError(
+            "out-of-range", f"{name} = {value:g} is not between 0 and {MAX_RUN_S / float(unit_s):g}"
+        )
+
+
+def contact_changes(
+    clock: Clock, begin: int, level: int, bounce_ms: float, bounces: int, seed: int
+) -> list[tuple[int, int]]:
+    """Return (cycle, level) of a contact that bounces from cycle `begin` on and settles at a level."""
+    check_time("bounce_ms", bounce_ms, Fraction(1, 1000))
+    if not 0 <= bounces <= 1000:
+        raise InputError("out-of-range", f"bounces = {bounces} is not between 0 and 1000")
+    bounce = int(clock.round_us(Fraction(str(bounce_ms)) * 1000).cycles)
+    end = begin + bounce + 2
+    contact = Button(0, begin, end, bounces, bounce, seed, active=level)
+    changes = takewhile(lambda change: change.cycle < end, contact.changes(clock))
+    return [(change.cycle, change.level) for change in changes if change.cycle >= begin]
+
+
 def after_option_writes(image: Image) -> frozenset[int]:
     """Return the addresses after the instructions that may write OPTION_REG, which switches the pull-ups."""
     found = set()
@@ -642,7 +667,7 @@ def after_option_writes(image: Image) -> frozenset[int]:
     return frozenset(found)
 
 
-def _level(pin: str, level: int) -> int:
+def checked_level(pin: str, level: int) -> int:
     if level not in (LOW, HIGH):
         raise InputError("out-of-range", f"a level of {pin} is 0 or 1, not {level!r}")
     return level

@@ -109,6 +109,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="CHIP",
         help="the bench's chip (default: what the schedule was built for)",
     )
+    group.addoption("--servogen-inputs", metavar="PORT", help="the bench's input board, as /dev/ttyACM1")
+    group.addoption(
+        "--servogen-input",
+        metavar="NAME=N",
+        action="append",
+        default=[],
+        help="how the input board is wired, as RB0=2, RB0-RB4=22 for a contact, RA1=TX1 (repeatable)",
+    )
+    group.addoption(
+        "--servogen-serial",
+        metavar="PORT",
+        help="a USB serial adapter that sends to the chip, as /dev/ttyUSB1",
+    )
+    group.addoption("--servogen-serial-pin", metavar="PIN", help="the pin that the serial adapter sends to")
     group.addoption(
         "--servogen-build", metavar="DIR", help="main.hex and schedule.json of tests without a mark"
     )
@@ -121,6 +135,22 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("markers", line)
     if config.getoption("servogen_target") == "bench" and not config.getoption("servogen_port"):
         raise pytest.UsageError("--servogen-target=bench needs --servogen-port=PORT, the analyser's port")
+    if config.getoption("servogen_serial") and not (
+        config.getoption("servogen_inputs") and config.getoption("servogen_serial_pin")
+    ):
+        raise pytest.UsageError(
+            "--servogen-serial needs --servogen-serial-pin=PIN and --servogen-inputs=PORT"
+        )
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Let go of the chip on the bench."""
+    bench = config.stash.get(BENCH, None)
+    if bench is not None:
+        try:
+            bench.close()
+        except ServogenError as error:
+            print(error)  # the tests are over: whoever unplugged the board knows
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -209,7 +239,9 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
 
 def _bench(request: pytest.FixtureRequest) -> Bench:
     """Return this run's bench, one for all tests, so that no program is programmed twice."""
-    from servogen.testing.targets import Bench
+    from servogen.bench.inputs.wiring import input_wiring
+    from servogen.testing.signals import pin_index
+    from servogen.testing.targets import Bench, InputPorts
 
     known = request.config.stash.get(BENCH, None)
     if known is None:
@@ -221,6 +253,12 @@ def _bench(request: pytest.FixtureRequest) -> Bench:
             option("servogen_device"),
             request.getfixturevalue("tmp_path_factory").mktemp("servogen-bench"),
         )
+        if option("servogen_inputs"):
+            pin = (option("servogen_serial_pin") or "").upper()
+            if pin:
+                pin_index(pin)
+            wiring = input_wiring(option("servogen_input"))
+            known.inputs = InputPorts(option("servogen_inputs"), wiring, option("servogen_serial"), pin)
         request.config.stash[BENCH] = known
     return known
 
@@ -228,6 +266,7 @@ def _bench(request: pytest.FixtureRequest) -> Bench:
 @pytest.fixture
 def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) -> Capture:
     """Return what the pins do while the program runs, after it was loaded and the chip reset."""
+    from servogen.testing.seen_chip import played_once
     from servogen.testing.targets import Bench, Capture, CaptureRequest, Replay
 
     node = request.node
@@ -241,12 +280,14 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
     clock = schedule.clock if schedule else _clock(node, program)
     stimuli = _stimuli(node, _mark(node).get("stimulus"), clock)
     if isinstance(servogen_target, Bench):
-        _skip_on_the_bench("the mark's stimulus", stimuli)
         servogen_target.built_for = schedule.device if schedule else None
     if program is not None:
         servogen_target.load(program.image)
     wanted = CaptureRequest(clock, schedule, _mark(node).get("seconds"), stimuli)
-    seen = servogen_target.capture(wanted)
+    if isinstance(servogen_target, Bench) and stimuli is not None:
+        seen = played_once(servogen_target, wanted, program.image if program else None)
+    else:
+        seen = servogen_target.capture(wanted)
     node.user_properties.append(("servogen_source", seen.source))
     capture = Capture(seen, clock, node.user_properties)
     node.stash.setdefault(SEEN, []).append(capture)
@@ -264,12 +305,12 @@ def servogen_machine(
 
     Its other arguments: `clock_hz` and `device`, by default what the program's source says; `inputs`, levels
     that pins are held at from power-up on; `stimulus`, a file or its text; `options`, those of the simulator.
-    On the bench and on recordings the chip can only be looked at.
+    On the bench and on recordings a test skips where it does what cannot be done there.
     """
     from servogen.programs import clock_of
     from servogen.simulator import Options
     from servogen.testing.chip import Board, Chip
-    from servogen.testing.seen_chip import SeenChip, bench_look, replay_look
+    from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip
     from servogen.testing.targets import Bench, Replay
 
     node = request.node
@@ -296,14 +337,13 @@ def servogen_machine(
         chip: Chip | SeenChip
         if isinstance(servogen_target, Replay):
             replay = replace(servogen_target, test=_chip_name(node, len(chips)))
-            chip = SeenChip(path.name, clock, replay_look(replay, clock))
+            player = ReplayPlayer(replay.recordings(clock))
+            chip = SeenChip(path.name, clock, player, made.image, inputs)
         elif isinstance(servogen_target, Bench):
-            _skip_on_the_bench("a stimulus", stimuli)
-            _skip_on_the_bench("inputs", inputs)
             servogen_target.built_for = device
+            chip = SeenChip(path.name, clock, BenchPlayer(servogen_target), made.image, inputs, stimuli)
             if servogen_target.programmer is not None:
                 servogen_target.load(made.image)
-            chip = SeenChip(path.name, clock, bench_look(servogen_target, clock))
         else:
             around = options or Options()
             board = replace(around, device=device) if device else around
@@ -433,11 +473,6 @@ def _waves(chip: Chip | SeenChip) -> str:
         return "\n".join(chip.report())
     except ServogenError as error:
         return str(error)
-
-
-def _skip_on_the_bench(what: str, given: object) -> None:
-    if given:
-        pytest.skip(f"needs the simulated chip: on the bench nothing applies {what}")
 
 
 def _seen_of_chips(node: pytest.Item) -> list[tuple[str, Seen]]:

@@ -7,13 +7,28 @@ schedule's, exactly where the chip was simulated and within tolerances where an 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from enum import Enum
+from math import ceil
 from pathlib import Path
 from typing import Protocol
 
-from servogen.bench.analysers.memory import TYPICAL_PERIOD_S
-from servogen.bench.programmers.flash import flash, objections
+from servogen.bench.analysers.memory import TYPICAL_EDGES, TYPICAL_PERIOD_S
+from servogen.bench.inputs.adapter import (
+    Close,
+    Drive,
+    Input,
+    InputAdapter,
+    Send,
+    SerialAdapter,
+    input_adapter,
+)
+from servogen.bench.inputs.wiring import MARK_CHANNEL, MCLR, VDD, Contact, InputWiring
+from servogen.bench.ports import open_port
+from servogen.bench.programmers.flash import flash, objections, read_eeprom
 from servogen.bench.programmers.table import Order, find
 from servogen.build.capture import CaptureSettings, capture
 from servogen.build.proof import (
@@ -26,12 +41,13 @@ from servogen.build.proof import (
     prove_capture,
     prove_file,
 )
-from servogen.edges import PINS, EdgeTrace
+from servogen.edges import PINS, EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of
-from servogen.errors import Diagnostic, InputError, Location
+from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.outputs import write_text
-from servogen.pic.device import device
+from servogen.pic.device import device, registers
 from servogen.pic.image import Image, to_hex
+from servogen.pic.isa import decode
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
 from servogen.simulator import CHIP_DEPENDENT, Machine, Options, Stimuli
@@ -44,9 +60,25 @@ from servogen.traces.captures import is_capture, read_capture
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
+TYPICAL_EDGES_PER_S = TYPICAL_EDGES / float(TYPICAL_PERIOD_S)
+"""For which an analyser's memory is planned."""
+FEW_EDGES_PER_S = TYPICAL_EDGES_PER_S / 4
+"""Of a program of which nothing was seen yet."""
+BOARD_LATE_MS, HOST_LATE_MS = 3, 50
+"""By how much an input may be late: played by the board's own clock, and by this computer."""
+
 ATTEMPTS = 5
 """How often a capture without a schedule is made at most until it is long enough."""
 MARGIN = 1.25
+SAFETY = 2
+"""How many times the most changes that were seen so far a run may have."""
+MIN_PLAYED_S = 0.5
+"""The analyser's memory is enough for the typical changes of this time at least."""
+POWER_OFF_S = 0.2
+"""How long the supply stays off, so that the capacitors at the chip are empty."""
+SERIAL_BAUD = 9600
+"""Of a serial adapter until the first bytes are sent."""
+EECON2 = registers()["EECON2"].address
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +156,30 @@ class CaptureRequest:
                 hint="@pytest.mark.servogen(..., seconds=0.5)",
             )
         return checked_cycles(self.schedule)
+
+
+class Start(Enum):
+    """How a run of a chip on the bench begins."""
+
+    CONTINUE = "continue"
+    RESET = "reset"
+    POWER_UP = "power-up"
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One run of a chip on the bench, during which inputs change: moment 0 is its beginning."""
+
+    clock: Clock
+    seconds: float
+    levels: Mapping[str, int | None] = field(default_factory=dict)
+    """What drives the chip's pins from the beginning on; None: nothing."""
+    contacts: Mapping[Contact, bool] = field(default_factory=dict)
+    """Which contacts are closed at the beginning."""
+    inputs: tuple[Input, ...] = ()
+    start: Start = Start.CONTINUE
+    repeatable: bool = False
+    """Whether the run may begin again where the analyser's memory was too small for it."""
 
 
 class Target(Protocol):
@@ -209,6 +265,19 @@ class Replay:
         return captured(path, source)
 
 
+@dataclass(frozen=True, slots=True)
+class InputPorts:
+    """The ports of what drives the chip's inputs, and how it is wired."""
+
+    board: str
+    """Of the Firmata board."""
+    wiring: InputWiring
+    serial: str | None = None
+    """Of a USB serial adapter; None: there is none."""
+    serial_pin: str = ""
+    """The pin of the chip that the adapter sends to."""
+
+
 @dataclass
 class Bench:
     """A chip on the bench: a programmer that loads it, where there is one, and an analyser that looks at it.
@@ -228,27 +297,84 @@ class Bench:
     """The device of the test's program, where its schedule or the test says it."""
     captures: int = 0
     """Made by this run, each in a file of its own."""
+    inputs: InputPorts | None = None
+    """What drives the chip's inputs; None: nothing."""
+    edges_per_s: float = FEW_EDGES_PER_S
+    """The most that a run of the program on the chip has shown."""
     name = "bench"
+    _open: ExitStack = field(default_factory=ExitStack)
+    _adapter: InputAdapter | None = None
 
     def load(self, image: Image) -> None:
         """Program the chip unless it holds the image already. Raises as `servogen flash` does."""
         if self.programmer is None:
             text = "the program under test is not on the chip: no programmer is named"
             raise InputError("missing-option", text, hint="--servogen-programmer=picpro, with its port")
-        if image == self.on_chip:
+        if image == self.on_chip and not uses_eeprom(image):
             return
         problems = objections(image)
-        chip = self.device or self.built_for
-        if chip is None:
-            text = "nothing says which chip it is for"
-            problems += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
-        if problems or chip is None:
+        if problems:
             raise InputError.of(problems)
         self.on_chip = None
         path = self.folder / "image.hex"
         write_text(path, to_hex(image))
-        flash(find(self.programmer), Order(path, device(chip), self.programmer_port), image)
+        order = self._order(path)
+        if self._adapter is not None:
+            self._adapter.release()  # RB6, RB7 and MCLR are the programmer's
+        flash(find(self.programmer), order, image)
         self.on_chip = image
+        self.edges_per_s = FEW_EDGES_PER_S
+
+    def eeprom(self) -> bytes:
+        """Return the chip's data EEPROM, read by the programmer; the program then starts again."""
+        if self.on_chip is None:
+            raise InputError("missing-option", "no programmer of this run knows the chip's EEPROM")
+        if self._adapter is not None:
+            self._adapter.release()
+        return read_eeprom(find(self.programmer), self._order(self.folder / "eeprom.hex"), self.on_chip)
+
+    def _order(self, path: Path) -> Order:
+        chip = self.device or self.built_for
+        if chip is None:
+            text = "nothing says which chip it is for"
+            raise InputError("missing-option", text, hint="--servogen-device=PIC16F84")
+        return Order(path, device(chip), self.programmer_port)
+
+    def adapter(self) -> InputAdapter | None:
+        """Return what drives the inputs, opened at the first call. Raises ToolError."""
+        if self._adapter is None and self.inputs is not None:
+            self._adapter = self._open.enter_context(opened(self.inputs))
+        return self._adapter
+
+    def close(self) -> None:
+        """Let go of the chip's inputs and close the ports."""
+        if self._adapter is not None:
+            self._adapter.release()
+        self._adapter = None
+        self._open.close()
+
+    def play(self, segment: Segment) -> Seen:
+        """Return what the pins do while their inputs change. Raises InputError, ToolError."""
+        adapter = self.adapter()
+        if adapter is None:
+            return self.capture(CaptureRequest(segment.clock, seconds=segment.seconds))
+        late_ms = BOARD_LATE_MS if adapter.board.scheduler else HOST_LATE_MS
+        wanted = segment.seconds + late_ms / 1000
+        held = 0.0
+        for _ in range(ATTEMPTS if segment.repeatable else 1):
+            asked = MIN_PLAYED_S + wanted * SAFETY * self.edges_per_s / TYPICAL_EDGES_PER_S
+            begin(adapter, segment)
+            settings = CaptureSettings(trigger_channel=MARK_CHANNEL, armed=adapter.start)
+            seen = self._capture_with(settings, CaptureRequest(segment.clock), asked)
+            held = float(seen.trace.clock.seconds(seen.trace.end))
+            watched = min(held, segment.seconds)
+            cycles = join(seen.trace.chunks).cycle
+            edges = int((cycles <= seen.trace.clock.round_seconds(watched)).sum())
+            self.edges_per_s = max(self.edges_per_s, edges / watched)
+            if held >= segment.seconds:
+                check_inputs(seen.trace, segment, late_ms)
+                return seen
+        raise _memory_full(held, segment.seconds)
 
     def capture(self, request: CaptureRequest) -> Seen:
         """Return what the analyser captures, by default for the schedule's whole loop. Raises ToolError.
@@ -266,19 +392,94 @@ class Bench:
             if held >= wanted:
                 return seen
             asked = max(asked, float(TYPICAL_PERIOD_S)) * MARGIN * wanted / held
-        raise InputError(
-            "analyser-memory",
-            f"the analyser's memory was full after {1000 * held:.4g} ms, not {1000 * wanted:g} ms",
-            hint="look for less: the pins change too often for a longer capture",
-        )
+        raise _memory_full(held, wanted)
 
     def _captured(self, request: CaptureRequest, seconds: float | None) -> Seen:
-        settings = CaptureSettings(triggered=request.schedule is not None)
+        return self._capture_with(CaptureSettings(triggered=request.schedule is not None), request, seconds)
+
+    def _capture_with(
+        self, settings: CaptureSettings, request: CaptureRequest, seconds: float | None
+    ) -> Seen:
         self.captures += 1
         output = self.folder / f"capture-{self.captures}.vcd"
         path = capture(output, self.port, request.schedule, seconds, settings).path
         which = "which this run programmed" if self.on_chip else "which this run did not program"
         return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")
+
+
+def _memory_full(held_s: float, wanted_s: float) -> InputError:
+    return InputError(
+        "analyser-memory",
+        f"the analyser's memory was full after {1000 * held_s:.4g} ms, not {1000 * wanted_s:g} ms",
+        hint="look for less: the pins change too often for a longer capture",
+    )
+
+
+@contextmanager
+def opened(ports: InputPorts) -> Iterator[InputAdapter]:
+    """Yield the input adapter at its ports. Raises InputError, ToolError."""
+    with ExitStack() as stack:
+        serial = None
+        if ports.serial is not None:
+            line = stack.enter_context(open_port(ports.serial, SERIAL_BAUD))
+            serial = SerialAdapter(line, ports.serial_pin)
+        yield stack.enter_context(input_adapter(ports.board, ports.wiring, serial))
+
+
+def begin(adapter: InputAdapter, segment: Segment) -> None:
+    """Bring the chip's inputs to what they are at the beginning of a run, and load the run."""
+    levels = [Drive(name, level) for name, level in segment.levels.items()]
+    contacts = [Close(contact, closed) for contact, closed in segment.contacts.items()]
+    lines = {each.what.pin: each.what for each in reversed(segment.inputs) if isinstance(each.what, Send)}
+    levels = [drive for drive in levels if drive.name not in lines]
+    first: list[Input] = []
+    adapter.stop()
+    if segment.start is Start.POWER_UP:  # nothing may feed the chip through its pins
+        adapter.release()
+        adapter.apply([Drive(VDD, 0)])
+        time.sleep(POWER_OFF_S)
+        first = [Input(0, Drive(VDD, 1)), *(Input(0, drive) for drive in levels)]
+    else:
+        if segment.start is Start.RESET:
+            adapter.apply([Drive(MCLR, 0)])
+            first = [Input(0, Drive(MCLR, 1))]
+        adapter.apply([*levels, *contacts])
+        for pin, send in lines.items():
+            adapter.listen(pin, send.baud)
+    adapter.load([*first, *segment.inputs], ceil(1000 * segment.seconds))
+
+
+def check_inputs(trace: EdgeTrace, segment: Segment, late_ms: int) -> None:
+    """Raise ToolError where a capture does not show a level that the input board was to drive in time."""
+    edges = join(trace.chunks)
+    now = dict(segment.levels)
+    inputs = sorted(segment.inputs, key=lambda each: each.at_ms)
+    drives = ((each.at_ms, each.what) for each in inputs if isinstance(each.what, Drive))
+    # of several changes in one millisecond only the last is sure to be seen
+    changes = {(ms, drive.name): drive.level for ms, drive in drives if drive.name in PINS}
+    for (at_ms, name), level in changes.items():
+        before, now[name] = now.get(name), level
+        if None in (before, level) or before == level:
+            continue
+        if not late_ms < at_ms <= 1000 * segment.seconds:
+            continue
+        own = (edges.pin == PINS.index(name)) & (edges.level == level)
+        times = [float(trace.clock.us(int(cycle))) / 1000 for cycle in edges.cycle[own]]
+        if not any(abs(ms - at_ms) <= late_ms for ms in times):
+            raise ToolError(
+                "late-input",
+                f"{name} did not become {level} at {at_ms} ms of the run, nor within {late_ms} ms of it",
+                hint="is the input board wired to it, does nothing else drive it, is the computer too busy?",
+            )
+
+
+def uses_eeprom(image: Image) -> bool:
+    """Return whether a program may write its data EEPROM, which then differs from the image's."""
+    decoded = (decode(word) for word in image.program.values())
+    return any(
+        each is not None and each.instruction.writes_file(each.d) and each.f == EECON2 & 0x7F
+        for each in decoded
+    )
 
 
 def captured(path: Path, source: str) -> Seen:

@@ -38,7 +38,7 @@ def test_it_says_in_one_line_where_its_ports_are_and_starts_with_the_job(
     run: Run, bench: Rig, tmp_path: Path
 ) -> None:
     opened = bench("--crystal-ppm", 180)
-    assert set(opened.paths) == {"programmer", "analyser", "serial"}
+    assert set(opened.paths) == {"programmer", "analyser", "inputs", "serial"}
     verdict = proven(run, opened.paths["analyser"], tmp_path / "run.vcd")
     assert verdict["proven"]
     assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)

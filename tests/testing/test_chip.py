@@ -11,6 +11,7 @@ from fractions import Fraction
 
 import pytest
 
+from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.pic.assembler import assemble
@@ -19,7 +20,6 @@ from servogen.testing import chip as chip_module
 from servogen.testing.chip import Board, Chip
 from servogen.testing.signals import Signals
 from servogen.testing.waves import wave_lines
-from servogen.testing.wiring import ShortCircuit, Wiring
 from servogen.units import Clock, Cycles
 from tests.simulator.helpers import CLOCK, HEAD, WATCHDOG_OFF
 

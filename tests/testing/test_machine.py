@@ -105,8 +105,7 @@ def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: py
     assert programs["test_capture"] == ("blink.asm",)
     assert programs["test_hex_and_assembly_at_another_clock"] == ("blink.asm", "blink.hex", "built/main.hex")
     replayed = run(project, "--servogen-replay=seen", "-k", "capture or machine or inputs")
-    replayed.assert_outcomes(passed=2, skipped=1, deselected=1)
-    replayed.stdout.fnmatch_lines(["*needs the simulated chip: chip.pin; on the bench and on recordings*"])
+    replayed.assert_outcomes(passed=3, deselected=1)
 
 
 def test_a_test_that_fails_by_a_bit_shows_what_was_seen(project: pytest.Pytester) -> None:
@@ -153,9 +152,10 @@ def test_without_a_programmer_nobody_claims_that_the_program_was_tested(
             chip = servogen_machine("blink.asm")
             chip.run_us(300)
             assert set(chip.widths("RB0")) == {3}
+            chip.run_ms(100)
             with pytest.raises(InputError, match="the analyser's memory is too small"):
-                chip.run_ms(100)
-            assert chip.us == 300
+                chip.rising("RB0")
+            assert chip.interrupts == 0
 
         @pytest.mark.servogen("blink.asm", seconds=0.0003)
         def test_capture(servogen_capture):
@@ -167,7 +167,7 @@ def test_without_a_programmer_nobody_claims_that_the_program_was_tested(
     )
     result = run(project, "--servogen-target=bench", f"--servogen-port={port}", "--junitxml=report.xml")
     result.assert_outcomes(passed=1, skipped=1, failed=1)
-    result.stdout.fnmatch_lines(["*a chip has no 'width'*", "*needs the simulated chip: chip.us*"])
+    result.stdout.fnmatch_lines(["*a chip has no 'width'*", "*needs the simulated chip: chip.interrupts*"])
     assert set(programs_of(project).values()) == {("what was on the chip",)}
 
 
@@ -214,9 +214,9 @@ def test_what_the_bench_cannot_do_is_skipped_with_the_reason(project: pytest.Pyt
     result.assert_outcomes(skipped=4)
     result.stdout.fnmatch_lines_random(
         [
-            "*needs the simulated chip: on the bench nothing applies the mark's stimulus*",
-            "*needs the simulated chip: on the bench nothing applies a stimulus*",
-            "*needs the simulated chip: on the bench nothing applies inputs*",
+            "*needs the simulated chip: an input board does not make a periodic signal*",
+            "*needs the simulated chip: chip.inputs={'RA0': 0}; nothing drives the chip's inputs here: "
+            "--servogen-inputs=PORT, an input board*",
         ]
     )
 

@@ -10,8 +10,7 @@ import pytest
 import servogen.compiler
 import servogen.testing.chip
 import servogen.testing.seen_chip  # noqa: F401
-from tests.bench.conftest import running
-from tests.testing.page import JOB, PAGE, PROGRAMS, TESTS, bench_options, write
+from tests.testing.page import PAGE, PROGRAMS, TESTS, write
 
 pytest_plugins = ["pytester"]
 
@@ -30,9 +29,6 @@ BROKEN = {
     "pwm": ("DUTY 25", "DUTY 26"),
 }
 """In each program: one bit, one cycle, one constant or one statement."""
-
-ON_THE_BENCH = {"interrupt": 1, "pwm": 2}
-"""Examples, and how many of their tests can run there. All ten: `python -m tests.testing.page`."""
 
 
 def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
@@ -86,15 +82,3 @@ def test_each_example_fails_on_a_broken_program(pytester: pytest.Pytester) -> No
     shown = re.search(r"^    AssertionError: RB0 rise: not within(?:.*\n    )+.*\n", PAGE, re.M)
     assert shown is not None
     result.stdout.fnmatch_lines([f"E   *{line.strip()}" for line in shown[0].splitlines()])
-
-
-def test_those_that_can_run_on_the_bench(pytester: pytest.Pytester) -> None:
-    """On `servogen rig`, whose crystal is 180 ppm too fast; then the same tests on what was recorded."""
-    write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"] for name in ON_THE_BENCH})
-    wanted = sum(ON_THE_BENCH.values())
-    tests = sum(number_of_tests(TESTS[f"test_{name}.py"]) for name in ON_THE_BENCH)
-    with running(JOB, "--crystal-ppm", "180") as bench:
-        result = run(pytester, *bench_options(bench), "--servogen-record=seen")
-    result.assert_outcomes(passed=wanted, skipped=tests - wanted)
-    result.stdout.fnmatch_lines(["*needs the simulated chip: chip.*"])
-    run(pytester, "--servogen-replay=seen").assert_outcomes(passed=wanted, skipped=tests - wanted)

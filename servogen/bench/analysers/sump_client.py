@@ -18,6 +18,8 @@ from servogen.errors import Location, ToolError
 BAUD = 115_200
 ANSWER_S = 0.5
 SILENCE_S = 0.5
+MORE_S = 0.1
+"""How long nothing may follow a complete capture."""
 ATTEMPTS = 2
 """A device that is still sending an old capture answers only the second time."""
 
@@ -85,8 +87,7 @@ def identify(port: Port) -> Analyser:
 
 def _described(port: Port) -> Analyser:
     port.write(sump.short(Command.METADATA))
-    data = port.read_whole(1 << 10, ANSWER_S / 2)
-    found = metadata(data)
+    found = metadata(_metadata_bytes(port))
     name, memory, rate = found.get(Key.NAME), found.get(Key.MEMORY), found.get(Key.RATE)
     return Analyser(
         name if isinstance(name, str) and name else "SUMP analyser",
@@ -94,6 +95,25 @@ def _described(port: Port) -> Analyser:
         rate if isinstance(rate, int) and rate else None,
         bool(memory),
     )
+
+
+def _metadata_bytes(port: Port) -> bytes:
+    """Return what a device sends as metadata, which it need not have."""
+    data = b""
+    while not _ended(data) and (more := port.read(1 << 10, ANSWER_S / 2)):
+        data += more
+    return data
+
+
+def _ended(data: bytes) -> bool:
+    """Return whether metadata are complete."""
+    at = 0
+    while at < len(data) and data[at] != Key.END:
+        kind = data[at] >> 5
+        if kind > 2:
+            return False
+        at = (data.find(b"\0", at + 1) + 1 or len(data)) if kind == 0 else at + (5 if kind == 1 else 2)
+    return at < len(data)
 
 
 def metadata(data: bytes) -> dict[int, int | str]:
@@ -121,10 +141,19 @@ def metadata(data: bytes) -> dict[int, int | str]:
     return found
 
 
-def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda words: None) -> Seen:
-    """Arm the analyser and return the samples it sends. Raises ToolError if it sends nothing."""
+def capture(
+    port: Port,
+    look: Look,
+    progress: Callable[[int], None] = lambda words: None,
+    armed: Callable[[], None] = lambda: None,
+) -> Seen:
+    """Arm the analyser, call `armed`, and return the samples it sends.
+
+    Raises ToolError if it sends nothing.
+    """
     port.write(_settings(look))
     port.write(sump.short(Command.RUN))
+    armed()
     wanted = 2 * look.words
     data = bytearray()
     missing = None
@@ -140,7 +169,7 @@ def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda wor
                 break
             data += more
             progress(len(data) // 2)
-        if missing is None and port.read(1, SILENCE_S):
+        if missing is None and port.read(1, MORE_S):
             raise ToolError(
                 "wrong-device",
                 f"the analyser sent more than the {wanted} bytes that were asked for",

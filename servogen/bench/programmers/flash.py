@@ -6,15 +6,24 @@ import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.bench.ports import held
-from servogen.bench.programmers.table import Contents, Found, Order, Programmer, difference
+from servogen.bench.programmers.table import (
+    EEPROM,
+    ERASED_BYTE,
+    Contents,
+    Found,
+    Look,
+    Order,
+    Programmer,
+    difference,
+)
 from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError
-from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
+from servogen.pic.device import CONFIG_WATCHDOG_ON, EEPROM_BYTES, Device
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 
@@ -113,6 +122,17 @@ def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S
     return Flashed(output, tuple(read))
 
 
+def read_eeprom(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> bytes:
+    """Return the data EEPROM of a chip that was programmed with `image`. Raises InputError, ToolError."""
+    if not any(look.of_eeprom for look in found.programmer.looks(order)):
+        raise InputError("not-allowed", f"how {found.programmer.name} reads the data EEPROM is not known")
+    if protected(image, order.device):
+        raise InputError("not-allowed", "the chip is code protected: its data EEPROM cannot be read")
+    with nullcontext() if order.port is None else held(order.port):
+        read = _read(found, order, image, timeout_s, lambda look: look.of_eeprom)
+    return bytes(read.get(EEPROM, [ERASED_BYTE] * EEPROM_BYTES))
+
+
 def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
     """Raise the error that the exit code and the output indicate."""
     for failure in programmer.failures:
@@ -151,14 +171,20 @@ def _with_place(error: Differs, found: Found, order: Order, image: Image, timeou
     )
 
 
-def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Contents:
+def _read(
+    found: Found,
+    order: Order,
+    image: Image,
+    timeout_s: float,
+    wanted: Callable[[Look], bool] = lambda look: True,
+) -> Contents:
     """Return everything that can be read back; for a code-protected chip, what it still reveals."""
     contents: dict[str, Sequence[int]] = {}
     closed = protected(image, order.device)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "read.hex"
         for look in found.programmer.looks(replace(order, file=file)):
-            if closed and not look.of_protected:
+            if (closed and not look.of_protected) or not wanted(look):
                 continue
             file.unlink(missing_ok=True)
             command = (*found.start, *look.arguments)

@@ -38,6 +38,8 @@ class Look:
     contents: Callable[[Path, Image], Contents]
     of_protected: bool = False
     """Whether code protection does not change what it reads."""
+    of_eeprom: bool = False
+    """Whether it reads the data EEPROM."""
 
 
 def wanted(image: Image) -> Contents:
@@ -187,7 +189,7 @@ PICPRO = Programmer(
     needs_port=True,
     looks=lambda order: (
         Look(_dump("rom", order), program_of),
-        Look(_dump("eeprom", order), picpro_eeprom),
+        Look(_dump("eeprom", order), picpro_eeprom, of_eeprom=True),
         Look(_dump("config", order), picpro_config, of_protected=True),
     ),
 )
@@ -207,7 +209,9 @@ PK2CMD = Programmer(
         Failure(34, "programming or its verification failed", differs=True),
         Failure(7, "the operation failed"),
     ),
-    looks=lambda order: (Look((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of),),
+    looks=lambda order: (
+        Look((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of, of_eeprom=True),
+    ),
 )
 
 IPECMD = Programmer(

@@ -21,7 +21,7 @@ from servogen.bench.analysers import sump
 from servogen.bench.analysers.sump import CHANNEL_PINS, Command, Flag, Key, Runs
 from servogen.bench.virtual.chip import VirtualChip
 
-SLICE_S = Fraction(1, 4)
+SLICE_S, SHORT_SLICE_S = Fraction(1, 4), Fraction(1, 50)
 MAX_SAMPLES = 1 << 20
 """The chip runs for `SLICE_S`, but no more than this many samples, between two reads of the line."""
 
@@ -78,7 +78,7 @@ class Capture:
 
     def watch(self, chip: VirtualChip, glitches_per_s: float, dice: random.Random) -> None:
         """Run the chip for a slice of time and sample it."""
-        seconds = min(SLICE_S, MAX_SAMPLES / self.rate)
+        seconds = min(SHORT_SLICE_S if chip.is_slow else SLICE_S, MAX_SAMPLES / self.rate)
         cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
         if not cycles:
             return
@@ -145,7 +145,8 @@ def _channels(levels: sump.Words) -> sump.Words:
     word = np.zeros(len(levels), dtype=np.uint32)
     for channel, pin in enumerate(CHANNEL_PINS):
         word |= (levels >> np.uint32(pin) & np.uint32(1)) << np.uint32(channel)
-    return word
+    beyond = np.uint32(0xFFFF >> len(CHANNEL_PINS) << len(CHANNEL_PINS))
+    return word | (levels & beyond)
 
 
 def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:

@@ -10,13 +10,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
+from heapq import heappop, heappush
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS
+from servogen.bench.virtual.connections import ShortCircuit, Wiring
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, join
 from servogen.pic.image import Image
-from servogen.simulator import Machine, Options, Stimulus
+from servogen.simulator import Change, Machine, Options, Stimulus
 from servogen.simulator.aot_cache import loop
 from servogen.units import Clock
 
@@ -25,6 +28,17 @@ Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
 
 MILLION = 10**6
 MOMENT_S = 0.002
+CONTACT_CYCLES = 20_000
+"""How often the pull-ups are looked at while pins are connected; a change of a pin is followed at once."""
+
+
+class Alarm(Protocol):
+    """Something that acts on the chip at certain cycles of `VirtualChip.now`."""
+
+    def next_at(self) -> int | None: ...
+
+    def ring(self) -> None:
+        """Do all that is due now."""
 
 
 @dataclass(slots=True)
@@ -39,15 +53,27 @@ class VirtualChip:
     in_real_time: bool = False
     """Whether its time is real time; otherwise it passes only while somebody captures or sends."""
     machine: Machine = field(init=False)
-    word: int = field(init=False)
-    """The levels of the pins at the present cycle, pin n of `PINS` in bit n."""
     listeners: list[Callable[[Levels, int], None]] = field(default_factory=list)
     """Called with the pins' levels whenever the chip has run, and the cycle up to which it ran."""
     watched: bool = False
     """Whether the levels of runs by others are kept for `look`."""
+    alarms: list[Alarm] = field(default_factory=list)
+    channels: int = 0
+    """The levels of the analyser's channels beyond the chip's pins, in the bits above these."""
+    _wiring: Wiring = field(default_factory=Wiring)
+    """What is connected to the pins; `held` are the levels from outside, by the pins' numbers."""
+    _outside: dict[int, int] = field(default_factory=dict)
+    """The level of each pin from outside, as the simulator knows it."""
+    _later: list[tuple[int, int, int, int]] = field(default_factory=list)
+    """Levels to come, a heap: (cycle, number, pin, level)."""
+    _number: int = 0
+    _on: bool = True
+    """Whether the supply is on."""
     _before: int = 0
     """The cycles that it ran before its last reset."""
     _reset_at: float = 0.0
+    _origin: int = 0
+    """The cycle of the last reset by `load`."""
     _seen: list[Levels] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -60,9 +86,21 @@ class VirtualChip:
         self.image = image
         self.machine = Machine(image, self.clock, self.options, self.stimulus)
         self._reset_at = time.monotonic()
-        self.word = 0
+        self._origin = self._before
+        self._outside = {}
+        self._settle()
         if self.watched:
-            self._seen.append((np.array([self.now], dtype=np.int64), np.zeros(1, dtype=np.uint32)))
+            self._seen.append((np.array([self.now], dtype=np.int64), np.array([self.word], dtype=np.uint32)))
+
+    @property
+    def word(self) -> int:
+        """Return the levels at the pins now, pin n of `PINS` in bit n, and the channels beyond them.
+
+        A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
+        """
+        driven = self.machine.levels if self._on else (UNDRIVEN,) * len(PINS)
+        levels = (self._outside.get(pin) if level == UNDRIVEN else level for pin, level in enumerate(driven))
+        return self.channels | sum((level == HIGH) << pin for pin, level in enumerate(levels))
 
     @property
     def now(self) -> int:
@@ -74,9 +112,10 @@ class VirtualChip:
         if not self.in_real_time:
             return most
         reached = int(Fraction(time.monotonic() - self._reset_at) * self.cycles_per_second)
-        if reached <= self.machine.cycles:
+        ran = self.now - self._origin
+        if reached <= ran:
             time.sleep(MOMENT_S)
-        return max(0, min(most, reached - self.machine.cycles))
+        return max(0, min(most, reached - ran))
 
     @property
     def cycles_per_second(self) -> Fraction:
@@ -103,26 +142,126 @@ class VirtualChip:
         last_of_cycle = np.append(cycle[1:] != cycle[:-1], True)
         return cycle[last_of_cycle], level[last_of_cycle]
 
+    def drive(self, pin: int, level: int) -> None:
+        """Give a pin, or MCLR, a level from outside from now on; `UNDRIVEN` lets it go."""
+        if level == UNDRIVEN:
+            self._wiring.held.pop(pin, None)
+        else:
+            self._wiring.held[pin] = level
+        self._settle()
+
+    def drive_at(self, cycle: int, pin: int, level: int) -> None:
+        """Do the same at a later cycle."""
+        heappush(self._later, (cycle, self._number, pin, level))
+        self._number += 1
+
+    def connect(self, wire: frozenset[int], closed: bool) -> None:
+        """Connect two pins, or disconnect them."""
+        (self._wiring.connect if closed else self._wiring.disconnect)(wire)
+        self._settle()
+
+    @property
+    def is_slow(self) -> bool:
+        """Return whether the chip is simulated edge by edge, because pins are connected."""
+        return bool(self._wiring.wires)
+
+    def set_channel(self, channel: int, high: bool) -> None:
+        """Set the level of a channel of the analyser that is not on a pin of the chip."""
+        self.channels = self.channels & ~(1 << channel) | high << channel
+
+    def supply(self, on: bool) -> None:
+        """Switch the supply; when it comes back, the chip starts with the EEPROM that it had."""
+        if on and not self._on:
+            self._on = True
+            self.load(self.contents())
+        self._on = on
+
+    def contents(self) -> Image:
+        """Return the chip's contents: the image, with the EEPROM as the program has left it."""
+        return self.machine.contents()
+
+    def _settle(self) -> None:
+        """Let the simulator know the levels from outside that have changed."""
+        wanted = dict(self._wiring.held)
+        if self._wiring.wires:
+            try:
+                wanted |= self._wiring.levels(self.machine.levels, self.machine.pull_ups)
+            except ShortCircuit:
+                wanted |= dict.fromkeys(self._wiring.connected, LOW)
+        changes = [
+            Change(self.machine.cycles, pin, wanted.get(pin, UNDRIVEN))
+            for pin in sorted({*wanted, *self._outside})
+            if wanted.get(pin, UNDRIVEN) != self._outside.get(pin, UNDRIVEN)
+        ]
+        self._outside = {pin: level for pin, level in wanted.items() if level != UNDRIVEN}
+        if changes:
+            self.machine.apply(changes)
+
+    def _ring(self) -> None:
+        """Do what is due now."""
+        while self._later and self._later[0][0] <= self.now:
+            _, _, pin, level = heappop(self._later)
+            self.drive(pin, level)
+        for alarm in self.alarms:
+            due = alarm.next_at()
+            if due is not None and due <= self.now:
+                alarm.ring()
+
+    def _next_alarm(self) -> int | None:
+        due = [at for alarm in self.alarms if (at := alarm.next_at()) is not None]
+        return min([*due, *(later[0] for later in self._later[:1])], default=None)
+
     def _levels(self, cycles: int) -> Levels:
         """Run the chip and return the current cycle, those at which levels change, and the levels from each
         on.
-
-        A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
         """
-        word, now, before = self.word, self.now, self._before
-        chunks = list(self.machine.stream(cycles))
-        pins = np.concatenate([np.zeros(0, dtype=np.uint8), *(chunk.pin for chunk in chunks)])
-        highs = np.concatenate([np.zeros(0, dtype=bool), *(chunk.level == HIGH for chunk in chunks)])
-        cycle = np.concatenate([np.array([now], dtype=np.int64), *(chunk.cycle + before for chunk in chunks)])
-        level = np.zeros(len(cycle), dtype=np.uint32)
+        end = self.now + cycles
+        pieces: list[Levels] = []
+        self._ring()
+        while not pieces or self.now < end:
+            due = self._next_alarm()
+            goal = end if due is None else min(end, max(due, self.now + 1))
+            if self._wiring.wires:
+                goal = min(goal, self.now + CONTACT_CYCLES)
+            pieces.append(self._piece(goal - self.now))
+            if self._wiring.wires:
+                self._settle()
+            self._ring()
+        cycle, level = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+        for listener in self.listeners:
+            listener((cycle, level), self.now)
+        return cycle, level
+
+    def _piece(self, cycles: int) -> Levels:
+        """Run the chip while nothing changes outside."""
+        begin = np.array([self.now], dtype=np.int64), np.array([self.word], dtype=np.uint32)
+        if not self._on:
+            self._before += cycles
+            return begin
+        word, before = int(begin[1][0]), self._before
+        if self._wiring.wires:
+            return self._to_change(cycles, begin)
+        chunk = join(self.machine.stream(cycles))
+        if not len(chunk.cycle):
+            return begin
+        rest = np.array([self._outside.get(pin) == HIGH for pin in range(len(PINS))])
+        highs = np.where(chunk.level == UNDRIVEN, rest[chunk.pin], chunk.level == HIGH)
+        cycle = np.concatenate((begin[0], chunk.cycle + before))
+        level = np.full(len(cycle), word & ~((1 << len(PINS)) - 1), dtype=np.uint32)
         for pin in range(len(PINS)):
-            own = np.flatnonzero(pins == pin)
+            own = np.flatnonzero(chunk.pin == pin)
             changes = np.zeros(len(cycle), dtype=np.int64)
             changes[own + 1] = own + 1
             last = np.maximum.accumulate(changes)
             value = np.concatenate([[bool(word >> pin & 1)], highs])[last]
             level |= value.astype(np.uint32) << np.uint32(pin)
-        self.word = int(level[-1])
-        for listener in self.listeners:
-            listener((cycle, level), self.now)
         return cycle, level
+
+    def _to_change(self, cycles: int, begin: Levels) -> Levels:
+        """Run the chip to the first change of its pins, which what is connected to them follows."""
+        chunk = self.machine.run_to_change(cycles)
+        if not len(chunk.cycle):
+            return begin
+        now = np.array([chunk.cycle[-1] + self._before], dtype=np.int64)
+        word = np.array([self.word], dtype=np.uint32)
+        return np.concatenate((begin[0], now)), np.concatenate((begin[1], word))

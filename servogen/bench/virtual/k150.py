@@ -234,7 +234,7 @@ class VirtualProgrammer:
 
     def _power_on(self) -> bytes:
         if not self._powered:
-            image = self.chip.image
+            image = self.chip.contents()
             self._rom = image.flash()
             self._eeprom = [image.eeprom.get(n, ERASED_BYTE) for n in range(EEPROM_BYTES)]
             self._ids = [image.ids.get(n, ID_BITS) for n in range(ID_WORDS)]

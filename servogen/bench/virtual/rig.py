@@ -1,4 +1,4 @@
-"""`rig`: the whole virtual bench, a programmer, an analyser and a serial line around one chip.
+"""`rig`: the whole virtual bench around one chip: programmer, analyser, input board and serial line.
 
 In: an image and the properties of the bench. Out: pseudo-terminals, for as long as it is served.
 """
@@ -12,7 +12,9 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
+from servogen.bench.inputs.wiring import InputWiring, input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
+from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
@@ -28,6 +30,8 @@ SETTLED_S = Fraction(1, 10)
 FLAGS = {
     "analyser:silent": "silent",
     "analyser:garbage": "garbage",
+    "inputs:silent": "silent",
+    "inputs:garbage": "garbage",
     "programmer:silent": "silent",
     "programmer:garbage": "garbage",
     "programmer:no-chip": "no_chip",
@@ -36,11 +40,13 @@ FLAGS = {
 NUMBERS = {
     "analyser:stop-after": "stop_after",
     "analyser:unplug-after": "unplug_after",
+    "inputs:late": "late_ms",
+    "inputs:unplug-after": "unplug_after",
     "programmer:unplug-after": "unplug_after",
     "programmer:wrong-bit-at": "wrong_bit_at",
     "programmer:wrong-eeprom-at": "wrong_eeprom_at",
 }
-"""Faults by name: those without a value, and those with a number (bytes, or an address)."""
+"""Faults by name: those without a value, and those with a number (bytes, milliseconds, or an address)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +62,9 @@ class RigOptions:
     inverted: bool = False
     analyser: AnalyserOptions = field(default_factory=AnalyserOptions)
     programmer: ProgrammerOptions = field(default_factory=ProgrammerOptions)
+    board: BoardOptions = field(default_factory=BoardOptions)
+    inputs: InputWiring = field(default_factory=input_wiring)
+    """How the input board is wired."""
 
 
 def with_fault(options: RigOptions, text: str) -> RigOptions:
@@ -72,6 +81,8 @@ def with_fault(options: RigOptions, text: str) -> RigOptions:
         raise InputError("bad-option", f"'{number}' in '{text}' is not a whole number") from None
     if name.startswith("analyser:"):
         return replace(options, analyser=replace(options.analyser, **change))
+    if name.startswith("inputs:"):
+        return replace(options, board=replace(options.board, **change))
     return replace(options, programmer=replace(options.programmer, **change))
 
 
@@ -83,7 +94,7 @@ def rig(
     options: RigOptions,
     held: Mapping[int, int] = MappingProxyType({}),
 ) -> Iterator[Terminals]:
-    """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial".
+    """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser", "inputs", "serial".
 
     `held` has the levels at which the board holds pins that the program reads, by the pins' numbers.
     """
@@ -99,6 +110,7 @@ def rig(
     devices: dict[str, Device] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
         "analyser": VirtualAnalyser(chip, options.analyser),
+        "inputs": VirtualBoard(chip, options.inputs, options.board),
         "serial": SerialLine(chip, stimulus, _receiver(chip, options)),
     }
     chip.run(int(SETTLED_S * chip.cycles_per_second))

@@ -1,0 +1,1 @@
+"""What drives the chip's inputs on the bench: a Firmata board, and a USB serial adapter."""

@@ -1,0 +1,361 @@
+"""`InputAdapter`: drives the chip's inputs while an analyser looks, by a board that speaks Firmata.
+
+In: an open port, the wiring, and `Input`s: what to do, at which millisecond of a run. Out: levels at the
+chip's pins. A board with the scheduler (ConfigurableFirmata) stores a run and plays it by its own clock; with
+any other one (StandardFirmata) this process sends each change when it is due.
+
+    load    the run is stored on the board, or kept here
+    start   MARK rises: moment 0 of the run, at which the analyser starts too
+
+An analyser sends nothing until its memory is full, and equal samples fill it slowly: after a run MARK changes
+all the time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from servogen.bench.inputs import firmata
+from servogen.bench.inputs.firmata import BAUDS, Command, Message, Mode, Reader, Task
+from servogen.bench.inputs.wiring import MARK, Contact, InputWiring
+from servogen.bench.ports import Port, open_port
+from servogen.errors import InputError, Location, ToolError
+
+ANSWER_S = 0.7
+START_S = 8.0
+"""Opening its port resets an Arduino, whose boot loader runs for up to two seconds."""
+QUERY_S = 2.0
+MAX_TALK = 5
+"""How many times as long a device may send other things."""
+RUN, FILLER = 1, 2
+"""The numbers of the tasks on the board."""
+RUN_DELAY_MS = 5
+"""From the message that starts a stored run to its moment 0."""
+FILLS = 9
+"""Changes of MARK in each millisecond after a run; an odd number."""
+HOST_FILLS = 1000
+"""Changes and back again after a run that this process plays, each half a millisecond long."""
+SMALL_BOARD_PINS = 30
+SMALL_TASK, LARGE_TASK = 400, 4000
+"""The bytes of a run that fit into the memory of an Uno (2 KB in all), and of a Mega (8 KB)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Drives what a board's pin is wired to, a pin of the chip, MCLR, VDD or MARK; None lets it go."""
+
+    name: str
+    level: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Closes or opens a contact."""
+
+    contact: Contact
+    closed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Sends bytes to a pin."""
+
+    pin: str
+    data: bytes
+    baud: int
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    at_ms: int
+    what: Drive | Close | Send
+
+
+@dataclass(frozen=True, slots=True)
+class BoardFacts:
+    """What a board says of itself."""
+
+    firmware: str
+    pins: int
+    serial_ports: tuple[int, ...]
+    scheduler: bool
+    """Whether it stores runs and plays them by its own clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class SerialAdapter:
+    """A USB serial adapter whose TX is wired to a pin of the chip."""
+
+    port: Port
+    pin: str
+
+    def send(self, data: bytes, baud: int) -> None:
+        self.port.line.baudrate = baud
+        self.port.write(data)
+
+
+@dataclass(slots=True)
+class InputAdapter:
+    port: Port
+    wiring: InputWiring
+    board: BoardFacts
+    serial: SerialAdapter | None = None
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+    _levels: dict[int, int | None] = field(default_factory=dict)
+    """What each pin of the board drives; None: nothing."""
+    _bauds: dict[int, int] = field(default_factory=dict)
+    """Of the board's open serial ports."""
+    _length_ms: int = 0
+    """Of the run that was loaded."""
+    _loaded: list[tuple[int, Callable[[], None]]] = field(default_factory=list)
+    """A run that this process plays: (ms, what to do)."""
+
+    def release(self) -> None:
+        """Let go of the chip: every wired pin of the board becomes an input, but MARK, which is low."""
+        messages = b"".join(self._off(port) for port in list(self._bauds))
+        for pin in sorted(self.wiring.outputs - {self.wiring.pins[MARK]}):
+            messages += firmata.pin_mode(pin, Mode.INPUT)
+            self._levels[pin] = None
+        self.port.write(messages + self._driven(self.wiring.pins[MARK], 0))
+
+    def apply(self, inputs: Iterable[Drive | Close | Send]) -> None:
+        """Do something now, without a capture."""
+        self.port.write(b"".join(self._messages(each) for each in inputs))
+
+    def stop(self) -> None:
+        """End what the board still does of the last run; MARK is low then."""
+        if self.board.scheduler:
+            self.port.write(firmata.task(Task.RESET))
+        self._levels[self.wiring.pins[MARK]] = None
+        self.port.write(self._driven(self.wiring.pins[MARK], 0))
+
+    def load(self, inputs: Sequence[Input], length_ms: int) -> None:
+        """Prepare a run. Raises InputError for what is not wired or does not fit, ToolError."""
+        ordered = sorted(inputs, key=lambda each: each.at_ms)
+        self._loaded = []
+        self._length_ms = length_ms
+        if self.board.scheduler and not any(self._by_adapter(each.what) for each in ordered):
+            self._store(ordered)
+            return
+        self._loaded = [(0, lambda: self.apply((Drive(MARK, 1),)))]
+        for each in ordered:
+            self._loaded.append((each.at_ms, self._action(each.what)))
+        self._loaded.append((length_ms, lambda: self.port.write(HOST_FILLS * self._fill())))
+
+    def start(self) -> None:
+        """Begin the run that was loaded; where this process plays it, return when it is over."""
+        if not self._loaded:
+            self.port.write(firmata.schedule_task(RUN, RUN_DELAY_MS))
+            self.port.write(firmata.schedule_task(FILLER, RUN_DELAY_MS + self._length_ms))
+            return
+        begin = self.now()
+        for ms, act in self._loaded:
+            self.sleep(max(0.0, begin + ms / 1000 - self.now()))
+            act()
+
+    def _fill(self) -> bytes:
+        """Return messages that change MARK and change it back."""
+        mark = self.wiring.pins[MARK]
+        return firmata.pin_value(mark, 0) + firmata.pin_value(mark, 1)
+
+    def _action(self, what: Drive | Close | Send) -> Callable[[], None]:
+        serial = self.serial
+        if isinstance(what, Send) and serial is not None and self._by_adapter(what):
+            return lambda: serial.send(what.data, what.baud)
+        return lambda: self.apply((what,))
+
+    def _by_adapter(self, what: Drive | Close | Send) -> bool:
+        return isinstance(what, Send) and self.serial is not None and self.serial.pin == what.pin
+
+    def _store(self, inputs: Sequence[Input]) -> None:
+        messages, now = self._messages(Drive(MARK, 1)), 0
+        for each in inputs:
+            if each.at_ms > now:
+                messages += firmata.delay_ms(each.at_ms - now)
+                now = each.at_ms
+            messages += self._messages(each.what)
+        most = SMALL_TASK if self.board.pins < SMALL_BOARD_PINS else LARGE_TASK
+        if len(messages) > most:
+            raise InputError(
+                "out-of-range",
+                f"the inputs of a run take {len(messages)} bytes, of which {most} fit into the input board",
+                Location(self.port.path),
+                "look at the chip more often, so that each run has fewer changes",
+            )
+        changes = FILLS * self._fill()
+        half = len(changes) // 2
+        filler = changes[:half] + firmata.delay_ms(1) + changes[half:] + firmata.delay_ms(1)
+        self.port.write(firmata.task(Task.RESET))
+        # FirmataScheduler puts the newest task first, and forgets those before a task that ends
+        self.port.write(firmata.load_task(FILLER, filler) + firmata.load_task(RUN, messages))
+        self.port.write(firmata.task(Task.QUERY, bytes((RUN,))))
+        found = ask(self.port, lambda message: message.is_command(Command.SCHEDULER), QUERY_S)
+        state = b"" if found is None else firmata.unpacked(found.data[3:])
+        # time_ms (4 bytes), length (2), position (2): all of it has arrived where the two are the same
+        if len(state) < 8 or state[4:6] != len(messages).to_bytes(2, "little") or state[6:8] != state[4:6]:
+            raise ToolError(
+                "tool-failed", "the input board did not store the run", Location(self.port.path), "try again"
+            )
+
+    def _messages(self, what: Drive | Close | Send) -> bytes:
+        """Return what the board is sent for an input."""
+        match what:
+            case Drive(name, level):
+                pin = self.wiring.pins.get(name)
+                if pin is None:
+                    raise InputError("unknown-pin", f"{name} is not wired to the input board")
+                closed = self._off(self.wiring.lines[name]) if name in self.wiring.lines else b""
+                return closed + self._driven(pin, level)
+            case Close(contact, closed_now):
+                if contact not in self.wiring.contacts:
+                    names = "-".join(sorted(contact))
+                    raise InputError("unknown-pin", f"the input board has no contact {names}")
+                return self._driven(self.wiring.contacts[contact], int(closed_now))
+            case Send(pin_name, data, baud):
+                port = self.wiring.lines.get(pin_name)
+                if port is None:
+                    raise InputError(
+                        "unknown-pin", f"no serial port of the input board is wired to {pin_name}"
+                    )
+                idle = self._on(pin_name, port, baud)
+                return idle + firmata.serial_write(port, data)
+
+    def listen(self, pin: str, baud: int) -> None:
+        """Let the line that is wired to a pin idle, so that a run may send on it."""
+        if self.serial is not None and self.serial.pin == pin:
+            self.apply([Drive(pin, None)] if pin in self.wiring.pins else [])
+        else:
+            self.port.write(self._on(pin, self.wiring.lines[pin], baud))
+
+    def _on(self, pin: str, port: int, baud: int) -> bytes:
+        driven = self._driven(self.wiring.pins[pin], None) if pin in self.wiring.pins else b""
+        if self._bauds.get(port) == baud:
+            return driven
+        self._bauds[port] = baud
+        return driven + firmata.serial_config(port, baud)
+
+    def _off(self, port: int) -> bytes:
+        return firmata.serial_close(port) if self._bauds.pop(port, None) is not None else b""
+
+    def _driven(self, pin: int, level: int | None) -> bytes:
+        before = self._levels.get(pin, None)
+        if before == level and pin in self._levels:
+            return b""
+        self._levels[pin] = level
+        if level is None:
+            return firmata.pin_mode(pin, Mode.INPUT)
+        mode = firmata.pin_mode(pin, Mode.OUTPUT) if before is None else b""
+        return mode + firmata.pin_value(pin, level)
+
+
+@contextmanager
+def input_adapter(
+    path: str, wiring: InputWiring, serial: SerialAdapter | None = None
+) -> Iterator[InputAdapter]:
+    """Yield the adapter at a port, with the chip let go of. Raises InputError, ToolError."""
+    with open_port(path, BAUDS[0]) as port:
+        board = identify(port)
+        _check(board, wiring, path)
+        adapter = InputAdapter(port, wiring, board, serial)
+        adapter.release()
+        yield adapter
+
+
+def identify(port: Port) -> BoardFacts:
+    """Return what the board is. Raises ToolError where nothing answers as Firmata does."""
+    end = time.monotonic() + START_S
+    answer = None
+    heard = False
+    while answer is None and time.monotonic() < end:
+        for baud in BAUDS:
+            port.line.baudrate = baud
+            port.write(firmata.sysex(Command.FIRMWARE))
+            answer, others = _ask(port, lambda message: message.is_command(Command.FIRMWARE), ANSWER_S)
+            heard = heard or others
+            if answer is not None:
+                break
+    if answer is None:
+        sentence = "the device is not a Firmata board" if heard else "the input board does not answer"
+        raise ToolError(
+            "wrong-device" if heard else "no-answer",
+            sentence,
+            Location(port.path),
+            "is this its port, and is StandardFirmata or ConfigurableFirmata on it?",
+        )
+    name = firmata.joined_bytes(answer.data[3:]).decode("latin-1")
+    version = ".".join(str(byte) for byte in answer.data[1:3])
+    port.write(firmata.sysex(Command.CAPABILITY_QUERY))
+    found = ask(port, lambda message: message.is_command(Command.CAPABILITIES), QUERY_S)
+    if found is None:
+        raise ToolError("wrong-device", "the board does not say what its pins can do", Location(port.path))
+    modes = list(pin_modes(found.data[1:]))
+    senders = {
+        mode[Mode.SERIAL] // 2 for mode in modes if mode.get(Mode.SERIAL, 0) % 2 and Mode.SERIAL in mode
+    }
+    port.write(firmata.task(Task.QUERY_ALL))
+    # a board without a scheduler answers nothing, or a text that it does not know the command
+    said = ask(
+        port,
+        lambda each: each.is_command(Command.SCHEDULER) or each.is_command(Command.TEXT),
+        ANSWER_S,
+    )
+    return BoardFacts(
+        f"{name} {version}",
+        len(modes),
+        tuple(sorted(senders)),
+        said is not None and said.is_command(Command.SCHEDULER),
+    )
+
+
+def pin_modes(data: bytes) -> Iterator[Mapping[int, int]]:
+    """Yield the modes of each pin with their resolutions, from the answer to `CAPABILITY_QUERY`."""
+    modes: dict[int, int] = {}
+    at = 0
+    while at < len(data):
+        if data[at] == firmata.NO_MORE_MODES:
+            yield modes
+            modes, at = {}, at + 1
+        else:
+            if at + 1 < len(data):
+                modes[data[at]] = data[at + 1]
+            at += 2
+
+
+def ask(port: Port, wanted: Callable[[Message], bool], seconds: float) -> Message | None:
+    """Return the first message that is wanted; None if it does not come in time."""
+    return _ask(port, wanted, seconds)[0]
+
+
+def _ask(port: Port, wanted: Callable[[Message], bool], seconds: float) -> tuple[Message | None, bool]:
+    """Return the message, and whether the device sent anything at all; `seconds` of silence end the wait."""
+    reader = Reader()
+    heard = False
+    end = time.monotonic() + MAX_TALK * seconds
+    while time.monotonic() < end and (data := port.read(1 << 10, seconds)):
+        heard = True
+        for message in reader.read(data):
+            if wanted(message):
+                return message, heard
+    return None, heard
+
+
+def _check(board: BoardFacts, wiring: InputWiring, path: str) -> None:
+    place = Location(path)
+    beyond = next((pin for pin in sorted(wiring.outputs) if pin >= board.pins), None)
+    if beyond is not None:
+        raise InputError(
+            "out-of-range", f"the input board has {board.pins} pins, and pin {beyond} is wired", place
+        )
+    missing = next((port for port in wiring.lines.values() if port not in board.serial_ports), None)
+    if missing is not None:
+        known = ", ".join(f"TX{port}" for port in board.serial_ports) or "none"
+        raise InputError(
+            "out-of-range",
+            f"the input board has no serial port TX{missing}",
+            place,
+            f"it has {known}; a USB serial adapter can send as well",
+        )

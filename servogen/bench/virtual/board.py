@@ -1,0 +1,306 @@
+"""`VirtualBoard`: an Arduino Mega with Firmata, wired to the virtual chip.
+
+In: bytes of the client. Out: bytes of the board, and levels, contacts and serial lines at the chip's pins, in
+the chip's own time: a stored run is played when the chip reaches its moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from servogen.bench.inputs import firmata
+from servogen.bench.inputs.firmata import Command, Kind, Message, Mode, Reader, Task
+from servogen.bench.inputs.wiring import MARK, MARK_CHANNEL, MCLR, VDD, InputWiring
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
+from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.sources import whole
+
+PINS_OF_A_MEGA = 70
+FIRST_PIN = 2
+"""Pins 0 and 1 are the board's own line to the host."""
+SERIAL_PINS = {1: (19, 18), 2: (17, 16), 3: (15, 14)}
+"""RX and TX of each serial port."""
+TX, RX = 1, 0
+FIRMATA_VERSION = (2, 8)
+FRAME_BITS = 10
+HEAP_BYTES = 5000
+"""For stored runs."""
+TICK_MS = 1
+"""A run is played in the millisecond after the one it was scheduled for, as FirmataScheduler does."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoardOptions:
+    """The kind of board, and its faults."""
+
+    scheduler: bool = True
+    """Whether it is ConfigurableFirmata with the scheduler, or else StandardFirmata."""
+    silent: bool = False
+    garbage: bool = False
+    late_ms: int = 0
+    """By how much each delay of a stored run is too long."""
+    unplug_after: int | None = None
+    """Bytes from the client after which it disappears."""
+
+
+@dataclass(slots=True)
+class _Stored:
+    """A run on the board."""
+
+    size: int
+    messages: bytearray = field(default_factory=bytearray)
+    at: int = 0
+    due: int | None = None
+    """The chip's cycle at which it goes on."""
+
+
+@dataclass(slots=True)
+class VirtualBoard:
+    chip: VirtualChip
+    wiring: InputWiring
+    options: BoardOptions = BoardOptions()
+    outgoing: bytearray = field(default_factory=bytearray)
+    gone: bool = False
+    reset: bool = False
+    taken: int = 0
+    _reader: Reader = field(default_factory=lambda: Reader(asks_version=True))
+    _modes: dict[int, int] = field(default_factory=dict)
+    _levels: dict[int, int] = field(default_factory=dict)
+    _tasks: dict[int, _Stored] = field(default_factory=dict)
+    _bauds: dict[int, int] = field(default_factory=dict)
+    _sent_until: dict[int, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.chip.alarms.append(self)
+        self._restart()
+
+    @property
+    def name(self) -> str:
+        return "ConfigurableFirmata" if self.options.scheduler else "StandardFirmata"
+
+    @property
+    def working(self) -> bool:
+        """Return whether a run waits for its time, which passes only while the chip runs."""
+        return self.next_at() is not None
+
+    def work(self) -> None:
+        """Let the chip run to what is due next."""
+        due = self.next_at()
+        if due is not None:
+            self.chip.run(self.chip.due(max(1, due - self.chip.now)))
+
+    def received(self, data: bytes) -> None:
+        self.taken += len(data)
+        if self.options.unplug_after is not None and self.taken >= self.options.unplug_after:
+            self.gone = True
+        if self.options.silent or self.gone:
+            return
+        if self.options.garbage:
+            self.outgoing += bytes(byte & 0x7F for byte in data)
+            return
+        for message in self._reader.read(data):
+            self._obey(message)
+
+    def next_at(self) -> int | None:
+        """Return the chip's cycle at which a stored run goes on."""
+        return min((task.due for task in self._tasks.values() if task.due is not None), default=None)
+
+    def ring(self) -> None:
+        """Play what is due."""
+        for number, task in list(self._tasks.items()):
+            if task.due is not None and task.due <= self.chip.now:
+                self._play(number, task)
+
+    def _play(self, number: int, task: _Stored) -> None:
+        begun, task.due = task.due, None
+        reader = Reader(asks_version=True)
+        assert begun is not None  # the caller looked
+        while task.at < len(task.messages) and task.due is None:
+            byte = bytes((task.messages[task.at],))
+            task.at += 1
+            for message in reader.read(byte):
+                delay = _delay(message)
+                if delay is None:
+                    self._obey(message)
+                else:
+                    task.due = begun + self._cycles(delay + self.options.late_ms)
+        if task.due is None:
+            self._tasks.pop(number, None)
+        elif task.at == len(task.messages):
+            task.at = 0  # a delay at the end: over and over again
+
+    def _cycles(self, ms: int) -> int:
+        return whole(Fraction(ms, 1000) * self.chip.cycles_per_second)
+
+    def _restart(self) -> None:
+        """Forget modes and runs, as after a reset: StandardFirmata drives all its pins low."""
+        self._tasks.clear()
+        mode = Mode.INPUT if self.options.scheduler else Mode.OUTPUT
+        for pin in range(FIRST_PIN, PINS_OF_A_MEGA):
+            self._modes[pin], self._levels[pin] = mode, 0
+        for pin in sorted(self.wiring.outputs):
+            self._wire(pin)
+
+    def _obey(self, message: Message) -> None:
+        if message.kind == Kind.SYSEX:
+            self._command(message.data[:1], message.data[1:])
+        elif message.kind == Kind.PIN_MODE:
+            self._set_mode(*message.data)
+        elif message.kind == Kind.PIN_VALUE:
+            self._set_level(*message.data)
+        elif message.kind & 0xF0 == Kind.DIGITAL:
+            levels = message.data[0] | message.data[1] << 7
+            for bit in range(8):
+                self._set_level(8 * (message.kind & 0x0F) + bit, levels >> bit & 1)
+        elif message.kind & 0xF0 == Kind.REPORT_DIGITAL and message.data[0]:
+            self._report(message.kind & 0x0F)
+        elif message.kind == Kind.VERSION:
+            self.outgoing += bytes((Kind.VERSION, *FIRMATA_VERSION))
+        elif message.kind == Kind.RESET:
+            self._restart()
+
+    def _set_mode(self, pin: int, mode: int) -> None:
+        if pin not in self._modes or mode not in (Mode.INPUT, Mode.OUTPUT, Mode.PULL_UP):
+            return
+        self._modes[pin] = mode
+        if self.options.scheduler and mode == Mode.OUTPUT:
+            self._levels[pin] = 0  # as ConfigurableFirmata does
+        self._wire(pin)
+
+    def _set_level(self, pin: int, level: int) -> None:
+        if self._modes.get(pin) == Mode.OUTPUT:
+            self._levels[pin] = level
+            self._wire(pin)
+
+    def _wire(self, pin: int) -> None:
+        """Let the pin's level have its effect on what it is wired to."""
+        driven = self._modes[pin] == Mode.OUTPUT
+        level = self._levels[pin] if driven else HIGH if self._modes[pin] == Mode.PULL_UP else UNDRIVEN
+        for name, own in self.wiring.pins.items():
+            if own != pin:
+                continue
+            if name == MARK:
+                self.chip.set_channel(MARK_CHANNEL, level == HIGH)
+            elif name == VDD:
+                self.chip.supply(level != LOW)
+            elif name == MCLR:
+                self.chip.drive(MCLR_PIN, LOW if level == LOW else HIGH)
+            else:
+                self.chip.drive(PINS.index(name), level)
+        for contact, own in self.wiring.contacts.items():
+            if own == pin:
+                self.chip.connect(frozenset(PINS.index(name) for name in contact), level == HIGH)
+
+    def _report(self, port: int) -> None:
+        levels = self.chip.word
+        found = 0
+        for name, pin in self.wiring.pins.items():
+            if pin // 8 == port and name in PINS:
+                found |= (levels >> PINS.index(name) & 1) << pin % 8
+        self.outgoing += bytes((Kind.DIGITAL | port, found & 0x7F, found >> 7))
+
+    def _command(self, number: bytes, data: bytes) -> None:
+        commands: Mapping[int, Callable[[bytes], None]] = {
+            Command.FIRMWARE: self._firmware,
+            Command.CAPABILITY_QUERY: self._capabilities,
+            Command.ANALOG_MAPPING_QUERY: self._analog,
+            Command.PIN_STATE_QUERY: self._pin_state,
+            Command.SERIAL: self._serial,
+        }
+        if number and number[0] in commands:
+            commands[number[0]](data)
+        elif number == bytes((Command.SCHEDULER,)) and self.options.scheduler and data:
+            self._scheduler(data[0], data[1:])
+
+    def _firmware(self, data: bytes) -> None:
+        name = firmata.split_bytes(self.name.encode())
+        self.outgoing += firmata.sysex(Command.FIRMWARE, bytes(FIRMATA_VERSION) + name)
+
+    def _capabilities(self, data: bytes) -> None:
+        found = bytearray()
+        ends = {
+            pin: 2 * port + end
+            for port, pins in SERIAL_PINS.items()
+            for end, pin in zip((RX, TX), pins, strict=True)
+        }
+        for pin in range(PINS_OF_A_MEGA):
+            if pin >= FIRST_PIN:
+                found += bytes((Mode.INPUT, 1, Mode.PULL_UP, 1, Mode.OUTPUT, 1))
+                if self.options.scheduler and pin in ends:
+                    found += bytes((Mode.SERIAL, ends[pin]))
+            found.append(firmata.NO_MORE_MODES)
+        self.outgoing += firmata.sysex(Command.CAPABILITIES, bytes(found))
+
+    def _analog(self, data: bytes) -> None:
+        self.outgoing += firmata.sysex(
+            Command.ANALOG_MAPPING, bytes([firmata.NO_MORE_MODES] * PINS_OF_A_MEGA)
+        )
+
+    def _pin_state(self, data: bytes) -> None:
+        if data and data[0] in self._modes:
+            pin = data[0]
+            state = bytes((pin, self._modes[pin], self._levels[pin]))
+            self.outgoing += firmata.sysex(Command.PIN_STATE, state)
+
+    def _serial(self, data: bytes) -> None:
+        if not data or not self.options.scheduler:
+            return
+        what, port = data[0] & 0x70, data[0] & 0x0F
+        names = [name for name, own in self.wiring.lines.items() if own == port]
+        if port not in SERIAL_PINS:
+            return
+        if what == firmata.SERIAL_CONFIG:
+            self._bauds[port] = data[1] | data[2] << 7 | data[3] << 14
+            for name in names:
+                self.chip.drive(PINS.index(name), HIGH)
+        elif what == firmata.SERIAL_CLOSE:
+            self._bauds.pop(port, None)
+            for name in names:
+                self.chip.drive(PINS.index(name), UNDRIVEN)
+        elif what == firmata.SERIAL_WRITE and port in self._bauds:
+            for name in names:
+                self._transmit(PINS.index(name), port, firmata.joined_bytes(data[1:]))
+
+    def _transmit(self, pin: int, port: int, data: bytes) -> None:
+        bit = self.chip.cycles_per_second / self._bauds[port]
+        begin = Fraction(max(self.chip.now, self._sent_until.get(port, 0)))
+        for byte in data:
+            for place, level in enumerate((LOW, *(byte >> n & 1 for n in range(8)), HIGH)):
+                self.chip.drive_at(whole(begin + place * bit), pin, level)
+            begin += FRAME_BITS * bit
+        self._sent_until[port] = whole(begin)
+
+    def _scheduler(self, what: int, data: bytes) -> None:
+        number = data[0] if data else 0
+        task = self._tasks.get(number)
+        if what == Task.RESET:
+            self._tasks.clear()
+        elif what == Task.QUERY_ALL:
+            self.outgoing += firmata.task(Task.ALL, bytes(self._tasks))
+        elif what == Task.CREATE and task is None:
+            size = data[1] | data[2] << 7
+            if size + sum(each.size for each in self._tasks.values()) <= HEAP_BYTES:
+                self._tasks[number] = _Stored(size)
+        elif task is None or what == Task.CREATE:
+            self.outgoing += firmata.task(Task.ERROR, bytes((number,)))
+        elif what == Task.ADD:
+            more = firmata.unpacked(data[1:])
+            if len(task.messages) + len(more) <= task.size:
+                task.messages += more
+        elif what == Task.SCHEDULE:
+            ms = int.from_bytes(firmata.unpacked(data[1:]), "little")
+            task.at, task.due = 0, self.chip.now + self._cycles(ms + TICK_MS)
+        elif what == Task.QUERY:
+            sizes = task.size.to_bytes(2, "little") + len(task.messages).to_bytes(2, "little")
+            state = firmata.packed(bytes(4) + sizes + bytes(task.messages))
+            self.outgoing += firmata.task(Task.STATE, bytes((number,)) + state)
+
+
+def _delay(message: Message) -> int | None:
+    """Return the milliseconds of a delay in a stored run."""
+    if not message.is_command(Command.SCHEDULER) or message.data[1:2] != bytes((Task.DELAY,)):
+        return None
+    return int.from_bytes(firmata.unpacked(message.data[2:]), "little")

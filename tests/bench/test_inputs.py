@@ -1,0 +1,340 @@
+"""What drives the chip's inputs on the bench: the Firmata client, the wiring, the emulated board."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from importlib.util import find_spec
+
+import pytest
+
+from servogen.bench.inputs import adapter as adapter_module
+from servogen.bench.inputs import firmata
+from servogen.bench.inputs.adapter import (
+    Drive,
+    Input,
+    InputAdapter,
+    Send,
+    SerialAdapter,
+    input_adapter,
+)
+from servogen.bench.inputs.firmata import Command, Kind, Mode, Reader
+from servogen.bench.inputs.wiring import MARK_CHANNEL, input_wiring
+from servogen.bench.ports import open_port
+from servogen.bench.virtual.board import BoardOptions, VirtualBoard
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
+from servogen.edges import PINS
+from servogen.errors import InputError, ToolError
+from servogen.pic.assembler import assemble
+from servogen.pic.image import Image
+from servogen.units import Clock
+from tests.bench.conftest import Run, Serve
+from tests.simulator.helpers import HEAD, WATCHDOG_OFF
+
+CLOCK = Clock(4_000_000)
+CYCLES_PER_MS = 1000
+RB0, RB4, RA1 = (PINS.index(name) for name in ("RB0", "RB4", "RA1"))
+
+
+def program(body: str) -> Image:
+    return assemble(f"{HEAD}{WATCHDOG_OFF}{body}\n end\n", "program.asm").image
+
+
+IDLE = "loop goto loop"
+COUNTER = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n clrf PORTB\nloop incf PORTB, f\n goto loop"
+
+
+def edges(chip: VirtualChip, pin: int, cycles: int) -> list[tuple[int, int]]:
+    """(cycle from now, level) of each change of a pin or channel while the chip runs."""
+    begin = chip.now
+    cycle, level = chip.look(cycles)
+    bits = (level >> pin & 1).tolist()
+    return [
+        (at - begin, now)
+        for at, before, now in zip(cycle.tolist()[1:], bits, bits[1:], strict=False)
+        if now != before
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("RB0", "'RB0' does not say how an input is wired"),
+        ("RB9=2", "the chip has no 'RB9'"),
+        ("RB0=200", "200 is not a pin or port of a Firmata board"),
+        ("RB0=3", "pin 3 of the input board is wired twice"),
+        ("RB0-RB0=22", "is not a contact between two of the chip's pins"),
+        ("RB0-MCLR=22", "is not a contact between two of the chip's pins"),
+        ("MCLR=TX1", "a serial line goes to a pin of a port"),
+        ("MARK=-", "MARK must be wired"),
+    ],
+)
+def test_a_wiring_that_cannot_be_is_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError) as raised:
+        input_wiring([text])
+    assert message in str(raised.value)
+
+
+def test_the_default_wiring_uses_pins_2_to_16_and_texts_change_it() -> None:
+    assert sorted(input_wiring().outputs) == list(range(2, 17))
+    wiring = input_wiring(["RB3=-", "rb0-rb4=22", "RA1=TX1", "RB7=5"])
+    assert wiring.pins["RB7"] == 5 and "RB3" not in wiring.pins
+    assert wiring.contacts == {frozenset(("RB0", "RB4")): 22}
+    assert wiring.lines == {"RA1": 1}
+
+
+def test_messages_are_those_of_the_protocol() -> None:
+    """By hand from scheduler.md and serial-1.0.md: 1000 = 7·128 + 104, 2400 = 18·128 + 96."""
+    assert firmata.delay_ms(1000) == bytes.fromhex("F0 7B 03 68 07 00 00 00 F7")
+    assert firmata.serial_config(1, 2400) == bytes.fromhex("F0 60 11 60 12 00 F7")
+    assert firmata.serial_write(1, b"\xc1") == bytes.fromhex("F0 60 21 41 01 F7")
+    assert firmata.pin_mode(2, Mode.OUTPUT) + firmata.pin_value(2, 1) == bytes.fromhex("F4 02 01 F5 02 01")
+    # two bytes of a task, FF 81: bits 1111111 1·1000000 10
+    assert firmata.load_task(5, b"\xff\x81") == bytes.fromhex("F0 7B 00 05 02 00 F7 F0 7B 02 05 7F 03 02 F7")
+
+
+def test_no_message_is_longer_than_a_board_keeps() -> None:
+    for messages in (firmata.load_task(1, bytes(300)), firmata.serial_write(1, bytes(100))):
+        found = list(Reader().read(messages))
+        assert len(found) > 2
+        assert max(len(message.data) for message in found) <= firmata.MAX_SYSEX_DATA
+
+
+def test_a_reader_finds_messages_in_pieces_and_between_rubbish() -> None:
+    reader, found = Reader(), []
+    stream = b"\x12" + firmata.sysex(Command.TEXT, b"ab") + bytes((0xF9, 2, 5)) + bytes((0x91, 0x7F))
+    for byte in stream + b"\x01":
+        found += reader.read(bytes((byte,)))
+    assert [(message.kind, message.data) for message in found] == [
+        (Kind.SYSEX, bytes((Command.TEXT,)) + b"ab"),
+        (Kind.VERSION, b"\x02\x05"),
+        (0x91, b"\x7f\x01"),
+    ]
+
+
+class Rig:
+    """A chip and a board, whose client this process is."""
+
+    def __init__(
+        self,
+        image: Image,
+        texts: Sequence[str] = (),
+        options: BoardOptions = BoardOptions(),  # noqa: B008 - frozen
+    ) -> None:
+        self.chip = VirtualChip(image, CLOCK)
+        self.wiring = input_wiring(texts)
+        self.board = VirtualBoard(self.chip, self.wiring, options)
+
+
+def until(true: Callable[[], object], seconds: float = 30) -> None:
+    """Wait for what another thread does."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_the_client_stores_a_run_on_the_board_and_starts_it(serve: Serve) -> None:
+    rig = Rig(program(IDLE))
+    with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
+        assert adapter.board.scheduler and adapter.board.serial_ports == (1, 2, 3)
+        adapter.load([Input(20, Drive("RB0", 1)), Input(35, Drive("RB1", 1))], 50)
+        assert not rig.chip.word
+        adapter.start()
+        until(lambda: rig.chip.word >> RB0 & 3 == 3)
+
+
+def test_what_is_played_is_at_the_asked_milliseconds() -> None:
+    """Without a port: what the client sends goes to the board, and the chip runs."""
+    rig = Rig(program(IDLE), ["RA1=TX1"])
+
+    class Wire:
+        path = "here"
+
+        def write(self, data: bytes) -> None:
+            rig.board.received(data)
+
+        def read(self, most: int, seconds: float) -> bytes:
+            data = bytes(rig.board.outgoing)
+            rig.board.outgoing.clear()
+            return data
+
+    port = Wire()
+    board = adapter_module.BoardFacts("board", 70, (1, 2, 3), scheduler=True)
+    adapter = InputAdapter(port, rig.wiring, board)  # type: ignore[arg-type]
+    adapter.release()
+    adapter.apply([Drive("RB0", 1)])
+    adapter.listen("RA1", 2400)
+    inputs = [Input(35, Drive("RB0", 1)), Input(20, Drive("RB0", 0)), Input(40, Send("RA1", b"U", 2400))]
+    adapter.load(inputs, 60)
+    adapter.start()
+    begin = rig.chip.now
+    cycle, level = rig.chip.look(80 * CYCLES_PER_MS)
+    changes = {
+        pin: [
+            (at - begin, now >> pin & 1)
+            for at, before, now in zip(cycle.tolist()[1:], level.tolist(), level.tolist()[1:], strict=False)
+            if (before ^ now) >> pin & 1
+        ]
+        for pin in (RB0, RA1, MARK_CHANNEL)
+    }
+    mark = changes[MARK_CHANNEL][0][0]
+    assert [(at - mark, now) for at, now in changes[RB0]] == [(20_000, 0), (35_000, 1)]
+    # 'U' is 0x55, whose bits alternate: ten of 416.67 cycles; an input is taken after an instruction
+    assert [at - mark for at, _ in changes[RA1]] == pytest.approx(
+        [40_000 + n * 1_000_000 / 2400 for n in range(10)], abs=3
+    )
+    after = [at - mark for at, _ in changes[MARK_CHANNEL][1:]]
+    assert after[0] == 60_000 and after[1] == 61_000, "so that the analyser's memory is full soon"
+
+
+def test_a_contact_connects_two_pins_while_it_is_closed() -> None:
+    """RB0 counts at 250 kHz / 2, RB4 is an input that follows it."""
+    body = COUNTER.replace(" clrf TRISB", " movlw 0xF0\n movwf TRISB")
+    rig = Rig(program(body), ["RB0-RB4=22"])
+    rig.chip.run(100)
+    assert edges(rig.chip, RB4, 200) == []
+    rig.board.received(firmata.pin_mode(22, Mode.OUTPUT) + firmata.pin_value(22, 1))
+    followed = edges(rig.chip, RB4, 200)
+    assert len(followed) > 50
+    rig.board.received(firmata.pin_value(22, 0))
+    assert len(edges(rig.chip, RB4, 200)) <= 1
+
+
+def test_mclr_holds_the_chip_in_reset_and_vdd_switches_it_off() -> None:
+    rig = Rig(program(COUNTER), ["VDD=17"])
+    mclr, vdd = rig.wiring.pins["MCLR"], rig.wiring.pins["VDD"]
+    assert len(edges(rig.chip, RB0, 1000)) > 100
+    for pin in (mclr, vdd):
+        rig.board.received(firmata.pin_mode(pin, Mode.OUTPUT) + firmata.pin_value(pin, 0))
+        edges(rig.chip, RB0, 100)
+        assert edges(rig.chip, RB0, 1000) == []
+        rig.board.received(firmata.pin_value(pin, 1))
+        assert len(edges(rig.chip, RB0, 1000)) > 100
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        (BoardOptions(silent=True), "no-answer"),
+        (BoardOptions(garbage=True), "wrong-device"),
+        (BoardOptions(unplug_after=5), "port-lost"),
+    ],
+)
+def test_a_board_that_does_not_answer_is_an_error_of_the_bench(
+    serve: Serve, options: BoardOptions, code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(adapter_module, "START_S", 0.3)
+    monkeypatch.setattr(adapter_module, "ANSWER_S", 0.1)
+    rig = Rig(program(IDLE), options=options)
+    path = serve({"inputs": rig.board}).paths["inputs"]
+    with pytest.raises(ToolError) as raised, input_adapter(path, rig.wiring):
+        pass
+    assert raised.value.diagnostics[0].code == code
+    assert raised.value.exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (["RB0=80"], "the input board has 70 pins, and pin 80 is wired"),
+        (["RA1=TX5"], "the input board has no serial port TX5"),
+    ],
+)
+def test_a_wiring_that_the_board_does_not_have_is_refused(
+    serve: Serve, texts: Sequence[str], message: str
+) -> None:
+    rig = Rig(program(IDLE))
+    path = serve({"inputs": rig.board}).paths["inputs"]
+    with pytest.raises(InputError) as raised, input_adapter(path, input_wiring(texts)):
+        pass
+    assert message in str(raised.value)
+
+
+def test_too_long_a_run_is_refused_with_what_to_do(serve: Serve) -> None:
+    rig = Rig(program(IDLE))
+    with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
+        many = [Input(ms, Drive("RB0", ms % 2)) for ms in range(1000)]
+        with pytest.raises(InputError) as raised:
+            adapter.load(many, 1000)
+    assert "of which 4000 fit into the input board" in str(raised.value)
+
+
+def test_without_a_scheduler_this_process_plays_the_run_in_order(serve: Serve) -> None:
+    rig = Rig(program(IDLE), options=BoardOptions(scheduler=False))
+    now = 0.0
+
+    def sleep(seconds: float) -> None:
+        nonlocal now
+        now += seconds
+
+    with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
+        assert not adapter.board.scheduler
+        adapter.now, adapter.sleep = lambda: now, sleep
+        adapter.apply([Drive("RB0", 1)])
+        adapter.load([Input(30, Drive("RB0", 1)), Input(20, Drive("RB0", 0))], 40)
+        adapter.start()
+        assert now == pytest.approx(0.040)
+        until(lambda: rig.chip.word >> RB0 & 1)
+
+
+def test_a_serial_adapter_sends_at_its_moment_and_the_chip_answers(serve: Serve) -> None:
+    """The adapter's line goes to RA1; the chip, which copies RA1 to RB5, sends the same back."""
+    body = (
+        " bsf STATUS, RP0\n movlw 0xDF\n movwf TRISB\n bcf STATUS, RP0\n"
+        "loop btfss PORTA, 1\n bcf PORTB, 5\n btfsc PORTA, 1\n bsf PORTB, 5\n goto loop"
+    )
+    stimulus = LineStimulus(RA1, 2400)
+    chip = VirtualChip(program(body), CLOCK, stimulus=stimulus)
+    receiver = LineReceiver(PINS.index("RB5"), Fraction(CLOCK.cycles_per_second, 2400))
+    chip.run(10 * CYCLES_PER_MS)  # RB5 idles
+    wiring = input_wiring()
+    devices = {"inputs": VirtualBoard(chip, wiring), "line": SerialLine(chip, stimulus, receiver)}
+    paths = serve(devices).paths
+    with open_port(paths["line"], 9600) as line:
+        serial = SerialAdapter(line, "RA1")
+        with input_adapter(paths["inputs"], wiring, serial) as adapter:
+            adapter.listen("RA1", 2400)
+            adapter.load([Input(0, Send("RA1", b"servo", 2400)), Input(5, Send("RA1", b"!", 2400))], 10)
+            adapter.start()
+            assert line.line.baudrate == 2400
+            assert line.read_whole(6, 30) == b"servo!"
+
+
+@pytest.mark.skipif(not find_spec("pyfirmata2"), reason="pyfirmata2 is not installed: pip install pyfirmata2")
+def test_pyfirmata2_drives_the_chip_through_the_emulated_board(serve: Serve) -> None:
+    """A client that nobody here wrote: what it writes to pin 2 is at RB0."""
+    rig = Rig(program(IDLE))
+    path = serve({"inputs": rig.board}).paths["inputs"]
+    script = (
+        "import sys, pyfirmata2\n"
+        "board = pyfirmata2.Board(sys.argv[1])\n"
+        "print(board.get_firmata_version(), board.firmware)\n"
+        "board.get_pin('d:2:o').write(1)\n"
+        "sys.stdin.readline()\n"
+        "board.exit()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as client:
+        assert client.stdout is not None and client.stdin is not None
+        assert client.stdout.readline() == "(2, 8) ConfigurableFirmata\n"
+        until(lambda: rig.chip.word >> RB0 & 1)
+        client.stdin.write("\n")
+
+
+def test_the_doctor_shows_the_board(serve: Serve, run: Run) -> None:
+    path = serve({"inputs": Rig(program(IDLE)).board}).paths["inputs"]
+    done = run("doctor", "--inputs", path)
+    assert done.code == 0, done.err
+    assert "ConfigurableFirmata 2.8" in done.out and "by its own clock" in done.out
+
+
+def test_the_doctor_says_that_nothing_is_at_a_port(run: Run) -> None:
+    done = run("doctor", "--inputs", "/dev/nowhere")
+    assert done.code == 3
+    assert "there is no such port" in done.err

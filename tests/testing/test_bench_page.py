@@ -1,0 +1,96 @@
+"""The ten examples of docs/testing-firmware.md on a bench: each program on the virtual chip, acted upon by an
+emulated Firmata board and seen by a SUMP analyser, both on pseudo-terminals.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+# Here, so that the runs inside this process find them and do not load them each anew.
+import servogen.compiler
+import servogen.testing.chip
+import servogen.testing.seen_chip  # noqa: F401
+from servogen.bench.inputs.wiring import input_wiring
+from servogen.bench.virtual.analyser import VirtualAnalyser
+from servogen.bench.virtual.board import BoardOptions, VirtualBoard
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.programs import clock_of, read_program
+from tests.bench.conftest import Serve, serve  # noqa: F401 - a fixture
+from tests.testing.page import INPUTS, PROGRAMS, TESTS, bench_options, rig, write
+from tests.testing.test_page import BROKEN, number_of_tests, run
+
+pytest_plugins = ["pytester"]
+
+INSIDE = {"eeprom_counter": 1, "watchdog": 1, "sleep": 1, "interrupt": 1}
+"""How many tests of an example look into the chip, or need a programmer, and are skipped on the bench."""
+
+
+def bench_of(
+    serve: Serve,  # noqa: F811
+    program: Path,
+    board: BoardOptions = BoardOptions(),  # noqa: B008 - frozen
+) -> tuple[str, ...]:
+    """A chip with a program, whose crystal is 180 ppm fast, and the options that use its bench."""
+    made = read_program(program)
+    chip = VirtualChip(made.image, clock_of(made), ppm=Fraction(180))
+    wiring = input_wiring(INPUTS)
+    paths = serve({"analyser": VirtualAnalyser(chip), "inputs": VirtualBoard(chip, wiring, board)}).paths
+    return (
+        "--servogen-target=bench",
+        f"--servogen-port={paths['analyser']}",
+        f"--servogen-inputs={paths['inputs']}",
+        *(f"--servogen-input={text}" for text in INPUTS),
+    )
+
+
+@pytest.mark.parametrize("name", [name.removesuffix(".c") for name in PROGRAMS])
+def test_an_example_runs_on_the_bench(name: str, pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
+    write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
+    result = run(pytester, *bench_of(serve, pytester.path / f"{name}.c"))
+    skipped = INSIDE.get(name, 0)
+    result.assert_outcomes(passed=number_of_tests(TESTS[f"test_{name}.py"]) - skipped, skipped=skipped)
+
+
+@pytest.mark.parametrize("name", ["debounce", "sleep"])
+def test_a_broken_program_fails_on_the_bench(name: str, pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
+    broken = PROGRAMS[f"{name}.c"].replace(*BROKEN[name])
+    write(pytester.path, {f"{name}.c": broken}, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
+    result = run(pytester, *bench_of(serve, pytester.path / f"{name}.c"))
+    result.assert_outcomes(failed=1, skipped=INSIDE.get(name, 0))
+
+
+def test_a_run_on_the_bench_is_replayed(pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
+    """Each run of the test is a recording; a chip is needed no more."""
+    write(pytester.path, PROGRAMS, {"test_debounce.py": TESTS["test_debounce.py"]})
+    options = bench_of(serve, pytester.path / "debounce.c")
+    run(pytester, *options, "--servogen-record=seen").assert_outcomes(passed=1)
+    assert len(list((pytester.path / "seen").iterdir())) == 3
+    run(pytester, "--servogen-replay=seen").assert_outcomes(passed=1)
+    (pytester.path / "seen" / "test_debounce-test_one_press_toggles_the_lamp_once-3.vcd").unlink()
+    result = run(pytester, "--servogen-replay=seen")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*there are 2 recordings, and the test has more runs*"])
+
+
+def test_an_input_that_comes_late_is_an_error_not_a_verdict(
+    pytester: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+) -> None:
+    write(pytester.path, PROGRAMS, {"test_debounce.py": TESTS["test_debounce.py"]})
+    options = bench_of(serve, pytester.path / "debounce.c", BoardOptions(late_ms=5))
+    result = run(pytester, *options)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*RB0 did not become 0 at * ms of the run, nor within 3 ms of it*"])
+
+
+@pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed: pip install picpro")
+def test_the_programmer_reads_the_eeprom_that_the_program_wrote(pytester: pytest.Pytester) -> None:
+    """On `servogen rig`: the program is put onto the chip, runs three times, and its EEPROM is read back."""
+    name = "eeprom_counter"
+    write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
+    with rig() as bench:
+        run(pytester, *bench_options(bench)).assert_outcomes(passed=1)
