@@ -188,6 +188,16 @@ def run_to(
     return None
 
 
+def first_stop(breakpoints: Sequence[Breakpoint], chunk: EdgeChunk) -> tuple[int, Breakpoint] | None:
+    """Return the cycle of the first edge of a recording at which a breakpoint stops, and that breakpoint."""
+    edges = [each for each in breakpoints if isinstance(each, AtEdge)]
+    for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True) if edges else ():
+        for breakpoint in edges:
+            if _is_edge(breakpoint, pin, level):
+                return cycle, breakpoint
+    return None
+
+
 def _step(machine: TimeMachine) -> EdgeChunk:
     """Execute an instruction and return the edges that it makes."""
     begin, before = machine.now, machine.machine.edges_made

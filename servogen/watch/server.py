@@ -41,6 +41,7 @@ MAX_SESSIONS = 16
 """Kept for windows that were closed or are being loaded again; then the oldest of these is dropped."""
 MAX_ROOMS = 8
 """Of a class, that are loaded at a time; those without a window are emptied first."""
+CLOSING_S = 1.0
 MAX_REQUEST_BYTES = 2 << 20
 """A job with all its text."""
 
@@ -250,23 +251,26 @@ class WatchServer:
 
     async def run(self, port: int, ready: Callable[[str], None]) -> None:
         """Serve until it is cancelled; `ready` is called with the page's address."""
-        async with serve(
+        server = await serve(
             self._window,
             LOOPBACK,
             port,
             process_request=self._respond,
             max_size=MAX_REQUEST_BYTES,
             server_header=None,
-        ) as server:
-            self.port = next(iter(server.sockets)).getsockname()[1]
-            ready(self.url)
-            if "" in self._rooms:
-                self._rooms[""].start()
-            try:
-                await self._ticking()
-            finally:
-                for room in self._rooms.values():
-                    room.stop()
+        )
+        self.port = next(iter(server.sockets)).getsockname()[1]
+        ready(self.url)
+        if "" in self._rooms:
+            self._rooms[""].start()
+        try:
+            await self._ticking()
+        finally:
+            for room in self._rooms.values():
+                room.stop()
+            server.close()
+            with suppress(TimeoutError):  # a browser keeps connections open on which it never asks
+                await asyncio.wait_for(server.wait_closed(), CLOSING_S)
 
     async def _ticking(self) -> None:
         last = time.monotonic()

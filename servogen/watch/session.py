@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from servogen.debug.breakpoints import Breakpoint, parse_breakpoint, run_to
+from servogen.debug.breakpoints import AtEdge, Breakpoint, first_stop, parse_breakpoint, run_to
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import current_line, line_at
 from servogen.debug.time_machine import TimeMachine
@@ -197,10 +197,7 @@ class Session:
         if self.recording is not None:
             self._due += elapsed_s * (self.speed or MAX_SPEED) * float(self.subject.clock.cycles_per_second)
             steps, self._due = int(self._due), self._due % 1
-            self.recording.seek(self.now + steps)
-            self._look_back()
-            if self.now >= self.recording.end:
-                self._stop("the end of the recording")
+            self._run_recording(self.recording, self.now + steps)
             return
         if self.speed is None:
             begin = time.monotonic()
@@ -212,6 +209,17 @@ class Session:
             before = self.now
             self._advance(int(self._due))
             self._due -= self.now - before
+
+    def _run_recording(self, recording: Recording, end: int) -> None:
+        """Go on in a recording, up to just after an edge that stops it."""
+        first = max(1, self.now)  # levels at time 0 are those before the recording
+        hit = first_stop(self.breakpoints, recording.edges(first, end))
+        recording.seek(end if hit is None else hit[0] + 1)
+        self._look_back()
+        if hit is not None:
+            self._stop(hit[1].text)
+        elif self.now >= recording.end:
+            self._stop("the end of the recording")
 
     def _advance(self, cycles: int) -> None:
         assert self.chip is not None and self.subject.image is not None
@@ -365,7 +373,12 @@ class Session:
 
     def _do_breakpoints(self, message: Mapping[str, Any]) -> Iterator[Message]:
         texts = [str(text) for text in message["texts"]][:MAX_BREAKPOINTS]
-        self.breakpoints = [parse_breakpoint(text, self.subject.listing) for text in texts]
+        parsed = [parse_breakpoint(text, self.subject.listing) for text in texts]
+        if self.chip is None and not all(isinstance(each, AtEdge) for each in parsed):
+            raise InputError(
+                "not-allowed", "a recording has edges, but neither instructions nor memory", hint="RB0 rise"
+            )
+        self.breakpoints = parsed
         yield self.shown()
 
     def _do_waves(self, message: Mapping[str, Any]) -> Iterator[Message]:

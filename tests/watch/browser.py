@@ -18,6 +18,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.sync.client import ClientConnection, connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -32,6 +33,20 @@ WAIT_S = 30.0
 def chromium() -> str | None:
     """Return the path of a browser, or None."""
     return os.environ.get("SERVOGEN_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+AXE = os.environ.get("SERVOGEN_AXE")
+"""The file axe.min.js of the npm package axe-core, where somebody has installed it."""
+
+needs_axe = pytest.mark.skipif(AXE is None, reason="SERVOGEN_AXE does not name axe.min.js")
+
+
+def violations(page: Page) -> list[str]:
+    """Return what axe finds in a page that keeps people out."""
+    assert AXE is not None
+    page.run(Path(AXE).read_text() + "; 0")
+    found = "r.violations.map(v => v.id + ': ' + v.nodes.map(n => n.target).join(' '))"
+    return list(page.run(f"axe.run().then(r => {found})"))
 
 
 class Browser:

@@ -36,7 +36,11 @@ class Running:
             self._loop.run_until_complete(self._task)
         except asyncio.CancelledError:
             pass
-        finally:
+        finally:  # as asyncio.run does
+            left = asyncio.all_tasks(self._loop)
+            for task in left:
+                task.cancel()
+            self._loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
             self._loop.close()
 
     def stop(self) -> None:

@@ -28,7 +28,7 @@ from servogen.watch import server as module
 from servogen.watch.graded import class_pages, class_rooms
 from servogen.watch.server import WatchServer
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
-from tests.watch.browser import Browser, wait
+from tests.watch.browser import Browser, needs_axe, violations, wait
 from tests.watch.serving import Running
 
 PROGRAMS = Path(__file__).parent.parent / "grade" / "programs"
@@ -285,7 +285,6 @@ def test_a_click_opens_a_students_program_where_it_is_wrong(running: Running, br
     opened.click("#next-edge")
     opened.until(f"watched.latest.cycle > {begin}")
     opened.click("#back-edge")
-    opened.click("#back-edge")
     opened.until(f"watched.latest.cycle < {begin}")
     here = opened.run("watched.latest.cycle")
     opened.open(f"{running.server.url}watch/1/")
@@ -318,6 +317,19 @@ def test_what_students_wrote_stays_text_in_every_page(running: Running, browser:
         assert tab.run("document.documentElement.scrollWidth") <= 390, name
     assert tab.problems == []
     tab.close()
+
+
+@needs_axe
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing(running: Running, browser: Browser, dark: bool) -> None:
+    """The policy lets no other script into a served page: it is left out here."""
+    for name, ready in (("", "document.querySelector('table')"), ("ana%2Bmain.c.html", "film")):
+        tab = browser.page(dark=dark)
+        tab.call("Page.setBypassCSP", enabled=True)
+        tab.call("Page.navigate", url=f"{running.server.url}{name}")
+        wait(lambda: bool(tab.run(f"document.readyState === 'complete' && !!({ready})")))  # noqa: B023
+        assert violations(tab) == []
+        tab.close()
 
 
 def test_the_command_serves_until_ctrl_c_and_ends_with_the_grades_code(graded: list[Graded]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -19,15 +18,12 @@ from servogen.programs import JOB_SUFFIX, read_schedule
 from servogen.watch.differences import Wanted
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
-from tests.watch.browser import Browser, Page
+from tests.watch.browser import Browser, Page, needs_axe, violations
 from tests.watch.serving import Running
 from tests.watch.test_session import captured, walk_capture  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parent.parent.parent
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
-AXE = os.environ.get("SERVOGEN_AXE")
-"""The file axe.min.js of the npm package axe-core, where somebody has installed it."""
-
 Open = Callable[..., Page]
 
 
@@ -194,9 +190,23 @@ def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path
         assert red > 150 and green < 80 and blue < 80
 
 
+def stance_pixels(page: Page) -> int:
+    """How many pixels of the robot's canvas have the colour of the support polygon."""
+    return int(
+        page.run(
+            "(canvas => { const brush = canvas.getContext('2d');"
+            " const at = brush.getImageData(0, 0, canvas.width, canvas.height).data;"
+            " let count = 0; for (let n = 0; n < at.length; n += 4) count += at[n + 3] > 10 &&"
+            " Math.abs(at[n] - 44) < 12 && Math.abs(at[n + 1] - 138) < 12 && Math.abs(at[n + 2] - 75) < 12;"
+            " return count; })(document.getElementById('robot'))"
+        )
+    )
+
+
 def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_capture: Path) -> None:  # noqa: F811
     """The capture lifts L1 by 100 µs more than the plan: 100 µs of the mpx-tiny-s."""
     page = watch(walk_capture, ROOT / "jobs" / "hexapod-tripod.toml")
+    page.press("f")  # on both sides of a step: each foot leaves a trail
     go(page, page.run("Math.round(watched.waves.model.origin + 90.9 * watched.waves.model.period)"))
     names = page.run("watched.robot.model.servos.map(servo => servo.name)")
     moved, planned = page.run("[watched.robot.angles, watched.robot.ghost]")
@@ -206,6 +216,8 @@ def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_captur
     assert away.pop("L1-lift") == pytest.approx(100 * slope[0], abs=slope[0])
     assert list(away.values()) == pytest.approx([0] * 11, abs=slope[0])  # a sample is 1 µs
     assert not page.run("document.getElementById('robot-area').hidden")
+    assert page.run("watched.robot.trails.filter(trail => trail.length > 1).length") == 6
+    assert stance_pixels(page) > 100, "the support polygon"
     assert page.run("document.getElementById('hands').hidden")
 
 
@@ -394,6 +406,132 @@ def test_without_mujoco_the_page_says_what_to_install(watch: Open, monkeypatch: 
     assert not page.run("document.getElementById('twin-show').checked")
 
 
+SHOWN = """\
+#pragma CLOCK_FREQ 4000000
+char count;
+int total;
+void inner(void) { count = 7; total = 1000; delay_us(50); }
+void main(void)
+{
+    trisb = 0xFE;
+    option_reg = 0xC5;
+    eeprom_write(2, 0xA5);
+    inner();
+    while (1) {
+        set_bit(portb, 0);
+        delay_us(200);
+        clear_bit(portb, 0);
+        delay_us(200);
+    }
+}
+"""
+
+
+def cells(page: Page, table: str) -> dict[str, str]:
+    """The rows of a table by their names."""
+    rows = f"[...document.getElementById('{table}').rows].map(r => [...r.cells].map(c => c.textContent))"
+    return dict(page.run(rows))
+
+
+def test_the_chip_is_shown_at_the_moment(watch: Open, tmp_path: Path) -> None:
+    """Values of the source, as the data sheet names their places (DS35007, sections 2 to 5)."""
+    program = tmp_path / "shown.c"
+    program.write_text(SHOWN)
+    page = watch(program)
+    for breakpoint in ("inner()", "RB0 rise"):
+        page.run(f"document.getElementById('breakpoint').value = {json.dumps(breakpoint)}")
+        page.run("document.getElementById('breakpoint-form').requestSubmit()")
+    page.until("watched.latest.breakpoints.length === 2")
+    page.click("#run")
+    page.until("watched.latest.stopped === 'inner()'")
+    painted(page)
+    assert re.fullmatch(r"0x\w{3}", text(page, "#stack")), "the call's return address"
+    assert cells(page, "variables")["count"] == "0"
+    page.click("#run")
+    page.until("watched.latest.stopped === 'RB0 rise'")
+    painted(page)
+    assert text(page, "#stack") == "empty"
+    variables, registers, peripherals = (
+        cells(page, table) for table in ("variables", "registers", "peripherals")
+    )
+    assert (variables["count"], variables["total"]) == ("7", "1000")
+    assert registers["TRISB"] == "0xFE" and registers["OPTION_REG"] == "0xC5"
+    assert registers["PORTB"] == "0x01"
+    assert peripherals["timer"].endswith("counts cycles, 1:64") and peripherals["prescaler"].endswith(
+        "of the timer"
+    )
+    assert peripherals["interrupts"] == "0 taken" and peripherals["state"] == "running"
+    assert page.run("document.querySelector('[title^=\"RB0\"]').dataset.level") == "1"
+    assert text(page, "#eeprom").split()[:4] == ["FF", "FF", "A5", "FF"]
+    assert "set_bit" in text(page, "#source") and page.run("!!document.querySelector('#instructions .next')")
+    assert page.run("document.querySelectorAll('#instructions li').length") == 9
+
+
+def test_the_waves_are_measured_from_seconds_to_a_cycle(watch: Open) -> None:
+    """The first pulse of lab 8 is 1167 µs wide: 30°."""
+    page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex", LAB8)
+    go(page, 100_000)
+    page.run("watched.waves.show(0, 9e9)")
+    assert page.run("watched.waves.end - watched.waves.begin") == 4_000_000
+    page.run("document.getElementById('waves').focus()")
+    for _ in range(30):
+        page.press("+")
+    assert page.run("watched.waves.end - watched.waves.begin") == 8
+    fall = page.run("watched.waves.model.origin") + 1167
+    assert page.run(
+        f"(watched.waves.show({fall} - 3000, {fall} + 20_000), watched.waves.place(0, {fall} - 1167),"
+        f" watched.waves.place(1, {fall}), true)"
+    )
+    page.until(f"watched.waves.data.begin === {fall} - 3000")
+    painted(page)
+    assert "1167 µs" in text(page, "#readout") and "1167 cycles" in text(page, "#readout")
+    page.press("]")
+    painted(page)
+    assert "1166 µs" in text(page, "#readout") and "1166 cycles" in text(page, "#readout")
+    described = "watched.waves.options.describe(watched.waves.options.rows[0], 1167)"
+    assert page.run(described) == "1167 µs 30.1°"  # 167 µs of 0.18° each
+
+
+def test_bytes_are_typed_on_the_serial_console(watch: Open) -> None:
+    """FF, servo, position: 254 of 254 is the slowest end of the servo's pulses, 2 ms."""
+    page = watch(ROOT / "jobs" / "stream-arm.toml")
+    go(page, 500_000)
+    page.run("document.getElementById('bytes').value = 'FF 00 FE'")
+    page.run("document.getElementById('serial-form').requestSubmit()")
+    page.until("document.getElementById('sent').textContent === 'FF 00 FE'")
+    go(page, 800_000)
+    assert page.run("watched.latest.widths[watched.waves.options.rows[0].pin]") == pytest.approx(2000, abs=8)
+    page.run("document.getElementById('bytes').value = 'FF 00 FE'")
+    page.run("document.getElementById('baud').value = '20'")
+    page.run("document.getElementById('serial-form').noValidate = true")
+    page.run("document.getElementById('serial-form').requestSubmit()")
+    page.until("document.getElementById('said').textContent.includes('allowed are 50 to 115200')")
+
+
+def luminance(colour: str) -> float:
+    """The relative luminance of WCAG 2.2."""
+    parts = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_text_is_legible_on_a_light_and_on_a_dark_page(watch: Open, dark: bool) -> None:
+    """WCAG 2.2, 1.4.3: a contrast of 4.5 at least."""
+    page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex", dark=dark)
+    names = ("ink", "soft", "bad", "good", "main", "page", "field", "here", "main-ink", "input")
+    style = "getComputedStyle(document.body)"
+    colours = {name: page.run(f"{style}.getPropertyValue('--{name}').trim()") for name in names}
+    shown = [int(each) for each in re.findall(r"\d+", page.run(f"{style}.backgroundColor"))]
+    assert shown == [int(colours["page"][at : at + 2], 16) for at in (1, 3, 5)]
+    assert (luminance(colours["page"]) < 0.1) == dark
+    pairs = [(one, "page") for one in ("ink", "soft", "bad", "good", "main", "input")]
+    pairs += [("ink", "field"), ("soft", "field"), ("ink", "here"), ("main-ink", "main")]
+    for one, other in pairs:
+        bright, dim = sorted((luminance(colours[one]), luminance(colours[other])), reverse=True)
+        assert (bright + 0.05) / (dim + 0.05) >= 4.5, (one, other)
+
+
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
     page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex")
     go(page, 77_000)
@@ -432,12 +570,12 @@ def test_a_narrow_page_does_not_scroll_sideways(watch: Open, job: str) -> None:
     assert page.run("document.documentElement.scrollWidth") <= 390
 
 
-@pytest.mark.skipif(AXE is None, reason="SERVOGEN_AXE does not name axe.min.js")
-def test_axe_finds_nothing(watch: Open) -> None:
-    page = watch(LAB8)
-    assert AXE is not None
-    page.run(Path(AXE).read_text() + "; 0")
-    found = page.run(
-        "axe.run().then(r => r.violations.map(v => v.id + ': ' + v.nodes.map(n => n.target).join(' ')))"
-    )
-    assert found == []
+@needs_axe
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-command", "stream-arm"])
+def test_axe_finds_nothing(watch: Open, job: str, dark: bool) -> None:
+    page = watch(ROOT / "jobs" / f"{job}.toml", dark=dark)
+    page.run("document.querySelector('details').open = true")
+    page.click("[title^='RB0']")
+    page.until("!document.getElementById('explanation').hidden")
+    assert violations(page) == []

@@ -9,7 +9,7 @@ import pytest
 
 from servogen.build.reporting import page_of
 from servogen.job import load, plan_job
-from tests.watch.browser import Browser, Page, wait
+from tests.watch.browser import Browser, Page, needs_axe, violations, wait
 
 ROOT = Path(__file__).parent.parent.parent
 MAX_BYTES = 1_000_000
@@ -80,3 +80,8 @@ def test_pulses_that_differ_from_the_plan_are_found(page: Page) -> None:
     page.run("film.played[3].width[7] += 2; 0")
     found = page.run("film.differences().map(e => [e.pin, e.level])")
     assert found == [[3, 0], [3, 0]] or found == [[8, 0], [8, 0]]
+
+
+@needs_axe
+def test_axe_finds_nothing(page: Page) -> None:
+    assert violations(page) == []

@@ -208,8 +208,19 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     ]
     assert "no instructions" in answer(session, do="step", what="line")["text"]
     assert "no inputs" in answer(session, do="pin", pin="RA0", level=1)["text"]
+    answer(session, do="seek", cycle=0)
+    answer(session, do="breakpoints", texts=["RB0 fall"])
+    for fall in (6500, 26_500, 46_500):
+        answer(session, do="run", running=True, speed=None)
+        stopped = list(session.tick(0.1))[-1]
+        assert (stopped["stopped"], stopped["cycle"], stopped["running"]) == ("RB0 fall", fall + 1, False)
     answer(session, do="run", running=True, speed=None)
     assert list(session.tick(0.1))[-1]["stopped"] == "the end of the recording"
+    for text in ("0x01F", "0x20 == 3", "line 3"):
+        refused = answer(session, do="breakpoints", texts=[text])
+        assert refused["is"] == "problem", text
+    assert "neither instructions nor memory" in answer(session, do="breakpoints", texts=["0x01F"])["text"]
+    assert session.shown()["breakpoints"] == ["RB0 fall"]
 
 
 RATE = 2_000_000
