@@ -240,7 +240,13 @@ def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
     with suppress(OSError):  # the child does this too: whichever comes first
         os.setpgid(process, process)
     os.close(writing)
-    return _Child(index, process, reading, limits, time.monotonic() + limits.deadline_s)
+    return _Child(
+        index=index,
+        process=process,
+        pipe=reading,
+        limits=limits,
+        deadline=time.monotonic() + limits.deadline_s,
+    )
 
 
 def _be_child(work: Callable[[], object], limits: Limits, writing: int) -> None:

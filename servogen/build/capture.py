@@ -241,7 +241,7 @@ def _look(
     progress: Progress,
 ) -> Seen:
     patience = SLACK * float(planned.seconds) + PATIENCE_S
-    look = Look(planned.rate, planned.words, planned.rle, channel, patience)
+    look = Look(rate=planned.rate, words=planned.words, rle=planned.rle, channel=channel, patience_s=patience)
     with progress(label, planned.words) as done:
         return sump_capture(line, look, done, armed)
 
@@ -250,15 +250,33 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     """Return what is to be captured: by default the whole loop of the schedule, and a lead-in before it."""
     if schedule is None:
         frames = ceil(_exact(seconds or SECONDS) / TYPICAL_PERIOD_S)
-        return Wanted(TYPICAL_PERIOD_S, Fraction(TYPICAL_EDGES), frames, Fraction(MIN_EDGES), TYPICAL_EDGES)
+        return Wanted(
+            period_s=TYPICAL_PERIOD_S,
+            edges=Fraction(TYPICAL_EDGES),
+            frames=frames,
+            fewest=Fraction(MIN_EDGES),
+            most=TYPICAL_EDGES,
+        )
     period = schedule.clock.seconds(schedule.period)
     loop, maximum = _moments(schedule.loop)
     begin, more = _moments(schedule.lead_in)
     if seconds is None:
         frames = schedule.lead_in_frames + schedule.loop_frames
-        return Wanted(period, max(loop, begin), frames, min(loop, begin or loop), max(maximum, more))
+        return Wanted(
+            period_s=period,
+            edges=max(loop, begin),
+            frames=frames,
+            fewest=min(loop, begin or loop),
+            most=max(maximum, more),
+        )
     frames = ceil(_exact(seconds) / period)
-    return Wanted(period, Fraction(max(maximum, more)), frames, min(loop, begin or loop), max(maximum, more))
+    return Wanted(
+        period_s=period,
+        edges=Fraction(max(maximum, more)),
+        frames=frames,
+        fewest=min(loop, begin or loop),
+        most=max(maximum, more),
+    )
 
 
 def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:

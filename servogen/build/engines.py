@@ -128,4 +128,11 @@ def _played_by(name: str, job: PlannedJob) -> Planned:
             job.document.place("firmware", "max_error_us"),
         )
     motion = replace(job, trajectory=played.trajectory)
-    return Planned(motion, name, played.plan, played.make, played.data_bytes, played.tour)
+    return Planned(
+        job=motion,
+        engine=name,
+        plan=played.plan,
+        make=played.make,
+        data_bytes=played.data_bytes,
+        tour=played.tour,
+    )

@@ -197,7 +197,7 @@ def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> It
     """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
     _load_simulator()
     compiled: dict[int, Compiled] = {}
-    works = [partial(_compile, task.read, each) for each in submissions]
+    works = [partial(_compile, task.read, submission) for submission in submissions]
     for index, result in run_each(works, task.compiling, at_once):
         if isinstance(result, Compiled):
             compiled[index] = result
@@ -246,7 +246,8 @@ def _in_fresh_processes(
 ) -> Iterator[tuple[int, Graded]]:
     with ThreadPoolExecutor(at_once) as pool:
         futures = {
-            pool.submit(grade_in_fresh_process, [each], task): index for index, each in enumerate(submissions)
+            pool.submit(grade_in_fresh_process, [submission], task): index
+            for index, submission in enumerate(submissions)
         }
         waiting = set(futures)
         while waiting:
@@ -281,7 +282,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
             return [_failed(submissions[0], task.lab, "compiling and running it", late)]
         why = f"its process had not ended after {error.timeout:g} s"
     if len(submissions) > 1:
-        return [graded for each in submissions for graded in grade_in_fresh_process([each], task)]
+        return [graded for submission in submissions for graded in grade_in_fresh_process([submission], task)]
     return [_failed(submissions[0], task.lab, "", ToolError("grading-failed", why))]
 
 
@@ -333,7 +334,7 @@ def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Ta
     if error is None:
         return future.result()
     lost = ToolError("grading-failed", f"its worker ended: {type(error).__name__}: {error}")
-    return [_failed(each, task.lab, "", lost) for each in batch]
+    return [_failed(submission, task.lab, "", lost) for submission in batch]
 
 
 @contextmanager

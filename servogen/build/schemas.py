@@ -23,7 +23,7 @@ def job_schema() -> Schema:
     """Return the schema of a job file; it completes names of the catalogue and allows all others."""
     schema = json_schema([JobTable], "servogen job")
     known = {
-        ("ChipTable", "device"): tuple(each.name for each in DEVICES),
+        ("ChipTable", "device"): tuple(device.name for device in DEVICES),
         ("ServoTable", "model"): servo_models.names(),
         ("RobotTable", "name"): catalogue.names(),
     }

@@ -79,8 +79,8 @@ def flash(
     order = Order(file, checked.device, port)
     installed = find(programmer)
     command = command_of(installed, order)
-    for each in checked.warnings(force):
-        warn(each)
+    for warning in checked.warnings(force):
+        warn(warning)
     if dry_run:
         if json:
             as_json({"command": list(command), "programmer": installed.programmer.name})
@@ -185,13 +185,13 @@ def rig(
         line = Stream(line_baud(loaded), loaded.firmware.commands.pin)
     out = serial_out or line.transmit_pin
     options = RigOptions(
-        Fraction(str(crystal_ppm)),
-        real_time,
-        pin_number(serial_pin or line.receive_pin),
-        pin_number(out) if out else None,
-        baud or line.baud,
-        inverted,
-        AnalyserOptions(memory=memory, fastest=fastest, glitches_per_s=glitches),
+        ppm=Fraction(str(crystal_ppm)),
+        real_time=real_time,
+        serial_pin=pin_number(serial_pin or line.receive_pin),
+        serial_out=pin_number(out) if out else None,
+        baud=baud or line.baud,
+        inverted=inverted,
+        analyser=AnalyserOptions(memory=memory, fastest=fastest, glitches_per_s=glitches),
         board=BoardOptions(scheduler),
         inputs=input_wiring(inputs or ()),
     )
@@ -289,7 +289,9 @@ def capture(
     from servogen.build.capture import capture as captured
 
     schedule = None if against is None else read_schedule(against)
-    looking = CaptureSettings(rate, rle, memory, trigger, wire or (), stitch)
+    looking = CaptureSettings(
+        rate=rate, rle=rle, memory=memory, trigger=trigger, wire=wire or (), stitch=stitch
+    )
     if sigrok is not None:
         with status("capturing with sigrok-cli"):
             seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)

@@ -47,8 +47,8 @@ def doctor(
     libraries = _libraries()
     tools = [(name, use, shutil.which(name)) for name, use in TOOLS]
     tools += [
-        (each.name, f"programs the chip: {each.hardware} (servogen flash)", installed(each))
-        for each in PROGRAMMERS
+        (programmer.name, f"programs the chip: {programmer.hardware} (servogen flash)", installed(programmer))
+        for programmer in PROGRAMMERS
     ]
     ports = [(port.device, port.description) for port in sorted(comports())]
     board = None if inputs is None else _board(inputs)

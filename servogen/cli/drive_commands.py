@@ -164,7 +164,14 @@ def drive(
                 print(course.state(), file=sys.stderr, flush=True)
 
         session = Session(
-            controller, line, time, _log(json, dry_run), course.stop, source, on_command, arrive_s
+            controller=controller,
+            line=line,
+            time=time,
+            log=_log(json, dry_run),
+            stop=course.stop,
+            source=source,
+            on_command=on_command,
+            arrive_s=arrive_s,
         )
         try:
             with _ended_by_signals():
@@ -238,7 +245,7 @@ def _walk_on_command(
             elif new and not json:
                 print(state.text(), flush=True)
 
-        drive = CommandedDrive(twin, source, time, tell, link, single)
+        drive = CommandedDrive(twin=twin, source=source, time=time, tell=tell, link=link, single_keys=single)
         try:
             with _ended_by_signals():
                 drive.run(math.inf if seconds is None else seconds)

@@ -140,7 +140,7 @@ def grade(
         )
     with progress(task.lab.title, len(search.submissions)) as tell:
         graded = grade_submissions(search.submissions, task, scheduler, tell)
-    names = page_names([each.submission.name for each in graded]) if pages or watch else []
+    names = page_names([result.submission.name for result in graded]) if pages or watch else []
     failure = _write_pages(pages, names, task.lab, graded) if pages else None
     formats.write(task.lab, graded)
     if json:
@@ -154,9 +154,9 @@ def grade(
         raise failure
     if formats.wants_one and len(graded) > 1:
         raise InputError("several-programs", _several(graded), hint="hand in one program, or name a folder")
-    if any(each.defect for each in graded):
+    if any(result.defect for result in graded):
         raise typer.Exit(3)
-    raise typer.Exit(0 if all(each.grade.passed for each in graded) else 1)
+    raise typer.Exit(0 if all(result.grade.passed for result in graded) else 1)
 
 
 def _serve(task: Task, names: Sequence[str], graded: Sequence[Graded], port: int, browser: bool) -> None:
@@ -171,7 +171,7 @@ def _serve(task: Task, names: Sequence[str], graded: Sequence[Graded], port: int
 def _several(graded: Sequence[Graded]) -> str:
     from servogen.grade import shown_name
 
-    names = ", ".join(shown_name(each.submission.name) for each in graded)
+    names = ", ".join(shown_name(result.submission.name) for result in graded)
     return f"{len(graded)} programs were handed in, where one is graded: {names}"
 
 
@@ -194,7 +194,7 @@ class _Formats:
         from servogen.grade.formats import Entry, classroom_json, csv_text, gradescope_json, junit_xml
         from servogen.outputs import write_text
 
-        entries = [Entry(each.submission.name, each.grade, each.defect) for each in graded]
+        entries = [Entry(result.submission.name, result.grade, result.defect) for result in graded]
         if self.csv:
             write_text(self.csv, csv_text(lab, entries))
         if self.junit:
@@ -226,7 +226,7 @@ def _write_each(folder: Path, entries: Sequence[Entry], text: Callable[[Entry], 
     from servogen.outputs import make_folder, write_text
 
     make_folder(folder)
-    for name, entry in zip(page_names([each.name for each in entries]), entries, strict=True):
+    for name, entry in zip(page_names([entry.name for entry in entries]), entries, strict=True):
         write_text(_own(folder / f"{name.removesuffix('.md')}.json"), text(entry))
 
 
@@ -248,13 +248,13 @@ def _write_pages(
     make_folder(folder)
     failure = None
     texts: dict[str, Callable[[], str]] = {"index.html": lambda: class_page(lab, names, graded)}
-    for name, each in zip(names, graded, strict=True):
-        student, grade = each.submission.name, each.grade
+    for name, result in zip(names, graded, strict=True):
+        student, grade = result.submission.name, result.grade
         film = film_name(name) if grade.film else ""
-        command = watch_command(lab, each.submission, grade) if film else ""
+        command = watch_command(lab, result.submission, grade) if film else ""
         texts[name] = partial(page, lab, student, grade, film, command)
         if film:
-            texts[film] = partial(film_page, lab, each.submission, grade)
+            texts[film] = partial(film_page, lab, result.submission, grade)
     for name, text in texts.items():
         try:
             write_text(_own(folder / name), text())
@@ -268,12 +268,12 @@ def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict
 
     rows: list[dict[str, object]] = [
         {
-            "program": shown_name(each.submission.name),
-            "file": shown_name(str(each.submission.file)),
-            **each.grade.to_json(),
-            **_points(lab, each),
+            "program": shown_name(result.submission.name),
+            "file": shown_name(str(result.submission.file)),
+            **result.grade.to_json(),
+            **_points(lab, result),
         }
-        for each in graded
+        for result in graded
     ]
     for row, page in zip(rows, pages, strict=False):
         row["page"] = page

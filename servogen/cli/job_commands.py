@@ -365,9 +365,9 @@ def _show_ends(facts: PlanFacts) -> None:
     from servogen.report.tracks import ERROR_COLUMNS, error_rows
 
     rows = []
-    for each in facts.ends:
-        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(*facts.extent(each), strict=True))
-        rows.append((each.name, *spans))
+    for end in facts.ends:
+        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(*facts.extent(end), strict=True))
+        rows.append((end.name, *spans))
     table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
     columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
     table("Error of the pulses", columns, list(error_rows(facts.ends, facts.seconds(1))))

@@ -170,9 +170,9 @@ class _Messages:
 def main() -> None:
     """Run one command and exit with the code that scripts rely on."""
     stdout_closed = _open_closed_streams()
-    for each in (sys.stdout, sys.stderr):
-        if isinstance(each, io.TextIOWrapper):
-            each.reconfigure(errors="replace")  # a locale without µ gets a question mark, not a traceback
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a locale without µ gets a question mark, not a traceback
     begin()
     stream = sys.stdout
     output = _Output(stream, stdout_closed)

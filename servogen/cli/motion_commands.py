@@ -231,7 +231,7 @@ def _gait(
     if leg is None:
         return rhythm, robot
     walker = robot.with_leg(leg)
-    return Gait(rhythm.name, rhythm.duty, tuple(each for each in rhythm.lifts if each[0] == leg)), walker
+    return Gait(rhythm.name, rhythm.duty, tuple(lift for lift in rhythm.lifts if lift[0] == leg)), walker
 
 
 def _phases(text: str) -> dict[str, float] | list[float]:
@@ -294,13 +294,13 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: Gai
         ("joint", "from °", "to °", "limits °", "peak °/s"),
         [
             (
-                each.name,
-                f"{degrees(each.minimum):z.2f}",
-                f"{degrees(each.maximum):z.2f}",
-                f"{degrees(each.limits[0]):zg} to {degrees(each.limits[1]):zg}",
-                f"{degrees(each.speed):z.1f}",
+                joint.name,
+                f"{degrees(joint.minimum):z.2f}",
+                f"{degrees(joint.maximum):z.2f}",
+                f"{degrees(joint.limits[0]):zg} to {degrees(joint.limits[1]):zg}",
+                f"{degrees(joint.speed):z.1f}",
             )
-            for each in facts.joints
+            for joint in facts.joints
         ],
     )
     frames, loop = (
@@ -321,8 +321,8 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: Gai
         print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
     for _, text in planned_walk.centre_texts():
         print(text)
-    for each in planned_walk.held_back:
-        print(each.text())
+    for held in planned_walk.held_back:
+        print(held.text())
     print(planned_walk.slip.text())
     print(
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
@@ -372,7 +372,7 @@ def run_program(
         manipulator(chosen),
         Cycles(period_us),
         Clock(CLOCK_HZ),
-        inputs=tuple(input_of(each) for each in inputs or ()),
+        inputs=tuple(input_of(text) for text in inputs or ()),
         repeat=repeat,
         budget=Budget(max_commands, Fraction(max_s)),
     )
@@ -404,5 +404,5 @@ def _show_run(done: Run) -> None:
         ],
     )
     if done.outputs:
-        rows = [(f"{done.seconds(each.frame):z.2f}", f"&{each.value:02X}") for each in done.outputs]
+        rows = [(f"{done.seconds(output.frame):z.2f}", f"&{output.value:02X}") for output in done.outputs]
         table("Output port", ("at s", "value"), rows)

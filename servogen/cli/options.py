@@ -143,7 +143,9 @@ class ChipOptions:
     def given(self) -> bool:
         """Return whether any differs from its default."""
         return any(
-            self.values[each.name] != each.default for each in fields(Options) if each.name != "device"
+            self.values[option.name] != option.default
+            for option in fields(Options)
+            if option.name != "device"
         )
 
 
@@ -155,8 +157,8 @@ def takes_chip_options(command: Callable[..., None]) -> Callable[..., None]:
         for name, parameter in signature.parameters.items()
         if name != "chip"
     ]
-    chips = [_chip_parameter(each) for each in fields(Options) if each.name != "device"]
-    where = next((index for index, each in enumerate(own) if each.name == "json"), len(own))
+    chips = [_chip_parameter(option) for option in fields(Options) if option.name != "device"]
+    where = next((index for index, parameter in enumerate(own) if parameter.name == "json"), len(own))
 
     @wraps(command)
     def with_chip(**values: Any) -> None:

@@ -161,7 +161,14 @@ def prove(
         )
         times = {"watchdog_us": watchdog_us, "eeprom_write_us": eeprom_write_us}
         given = {name: value for name, value in times.items() if value is not None}
-        request = Request(against, certificate, counterexample, over, given, max_states)
+        request = Request(
+            against=against,
+            certificate=certificate,
+            counterexample=counterexample,
+            over=over,
+            times=given,
+            max_states=max_states,
+        )
         raise typer.Exit(prove_schedule(file, device, request, json))
     switched = hold_inputs or plain_tmr0 or any_eeprom or power_up or no_resets
     switched = switched or watchdog_us is not None or eeprom_write_us is not None

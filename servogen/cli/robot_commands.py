@@ -239,7 +239,7 @@ def jacobian(
             answer = queries.jacobian_symbolic(name, wanted, style)
         print(answer["jacobian"]) if not json else as_json(answer)
         return
-    speeds = [number(each) for each in (rates or "").replace(",", " ").split()]
+    speeds = [number(rate) for rate in (rates or "").replace(",", " ").split()]
     answer = queries.jacobian_answer(name, values or (), wanted, speeds)
     if json:
         as_json(answer)
@@ -250,8 +250,8 @@ def jacobian(
         _print_matrix(answer["inverse"])
         return
     if "velocity_m_s" in answer:
-        print(f"v {_numbers([1000 * each for each in answer['velocity_m_s']])} mm/s")
-        print(f"ω {_numbers([degrees(each) for each in answer['angular_velocity_rad_s']])} °/s")
+        print(f"v {_numbers([1000 * component for component in answer['velocity_m_s']])} mm/s")
+        print(f"ω {_numbers([degrees(component) for component in answer['angular_velocity_rad_s']])} °/s")
     print(f"manipulability {answer['manipulability']:.6g}, rank {answer['rank']}")
     if answer["singular"]:
         print("singular: the tool cannot move along")
@@ -434,7 +434,7 @@ def _print_beyond(answer: dict[str, Any]) -> None:
 
 
 def _degrees(angles: Sequence[float]) -> str:
-    return "  ".join(f"{degrees(each):z9.4f}" for each in angles)
+    return "  ".join(f"{degrees(angle):z9.4f}" for angle in angles)
 
 
 def _print_matrix(rows: Sequence[Sequence[float]]) -> None:
@@ -484,8 +484,8 @@ def _print_details(details: dict[str, Any]) -> None:
             table("Lengths", ("name", "value"), lengths)
     if "mounts" in details:
         mounts = [
-            (each["name"], _millimetres(each["position_m"]), f"{degrees(each['heading_rad']):zg}°")
-            for each in details["mounts"]
+            (mount["name"], _millimetres(mount["position_m"]), f"{degrees(mount['heading_rad']):zg}°")
+            for mount in details["mounts"]
         ]
         table("Mounts", ("leg", "position", "heading"), mounts)
     if "table" in details:

@@ -70,9 +70,9 @@ def _without_negative_zeros(value: object) -> object:
         case float():
             return value + 0.0
         case dict():
-            return {key: _without_negative_zeros(each) for key, each in value.items()}
+            return {key: _without_negative_zeros(item) for key, item in value.items()}
         case list() | tuple():
-            return [_without_negative_zeros(each) for each in value]
+            return [_without_negative_zeros(item) for item in value]
         case _:
             return value
 

@@ -121,7 +121,13 @@ class Twin:
         self._chip.run(self._period)
         self._frames += 1
         direction, part = self._direction()
-        return State(self.seconds, self._frames, direction, part, dict(self._widths))
+        return State(
+            seconds=self.seconds,
+            frame=self._frames,
+            direction=direction,
+            part=part,
+            widths_us=dict(self._widths),
+        )
 
     def _direction(self) -> tuple[str, str]:
         ram = self._chip.machine.state().ram

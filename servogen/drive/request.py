@@ -72,7 +72,9 @@ def course_of(job: PlannedJob, request: Request) -> Course:
 
         on_command = known_keys if request.single_keys else steering.command
         state = steering.state if isinstance(steering, Jog) else None
-        return Course(Limited(steering, seconds), on_command, stop, seconds, state)
+        return Course(
+            motion=Limited(steering, seconds), on_command=on_command, stop=stop, seconds=seconds, state=state
+        )
     motion: Motion
     if request.pose is not None:
         motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)

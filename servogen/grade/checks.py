@@ -76,7 +76,7 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
     if stuck is not None:
         since = float(watched.clock.us(watched.high_since[stuck])) / 1000
         return f"{PINS[stuck]} goes high {since:.4g} ms after the start and stays high: a pulse must end"
-    lab_pins = {PINS.index(each.pins[0]) for each in lab.servos}
+    lab_pins = {PINS.index(lab_servo.pins[0]) for lab_servo in lab.servos}
     elsewhere = [PINS[pin] for pin in sorted(watched.pins) if pin not in lab_pins]
     if elsewhere:
         drain = ", which is an open drain and needs a pull-up resistor" if elsewhere == ["RA4"] else ""
@@ -173,11 +173,13 @@ def _strange(visit: Visit, lab: Lab, solution: Solution, position: int | None) -
     given = visit.commanded[0]
     positions = solution.positions if position is None else (solution.positions[position],)
     words = []
-    for number, each in enumerate(lab.servos):
-        ranges = [each.ranges[number] for each in positions]
+    for number, lab_servo in enumerate(lab.servos):
+        ranges = [wanted.ranges[number] for wanted in positions]
         if not any(low <= given.angles[number] <= high for low, high in ranges):
-            words.append(_pulse_words(each.servo, given, number, ranges))
-    together = [_pulse_words(each.servo, given, number, ()) for number, each in enumerate(lab.servos)]
+            words.append(_pulse_words(lab_servo.servo, given, number, ranges))
+    together = [
+        _pulse_words(lab_servo.servo, given, number, ()) for number, lab_servo in enumerate(lab.servos)
+    ]
     return ", and ".join(words or together)
 
 
@@ -222,7 +224,13 @@ def stays(
         visit = visits[index]
         silent = min(pin.silence(visit.begin, visit.end) for pin in pins)
         stays.append(
-            Stay(asked[index], visit, visit.cycles / second, silent / second, index < len(visits) - 1)
+            Stay(
+                position=asked[index],
+                visit=visit,
+                stays_s=visit.cycles / second,
+                silent_s=silent / second,
+                whole=index < len(visits) - 1,
+            )
         )
     return stays
 
@@ -282,10 +290,10 @@ def travel_faults(
     named: set[tuple[int, int]] = set()
     second = float(watched.clock.cycles_per_second)
     for stay in stays:
-        for number, (each, pin) in enumerate(zip(lab.servos, pins, strict=True)):
-            speed = each.servo.model.speed
+        for number, (lab_servo, pin) in enumerate(zip(lab.servos, pins, strict=True)):
+            speed = lab_servo.servo.model.speed
             start = before.get(stay.visit.begin)
-            if speed is None or start is None or not stay.whole or not each.servo.allows(start[number]):
+            if speed is None or start is None or not stay.whole or not lab_servo.servo.allows(start[number]):
                 continue
             turn = abs(stay.visit.commanded[-1].angles[number] - start[number])
             needed = turn / speed
@@ -294,7 +302,7 @@ def travel_faults(
                 named.add((stay.position, number))
                 text = (
                     f"the pulses for {solution.positions[stay.position].name} last {given:.2f} s: "
-                    f"a {each.servo.model.title} needs {needed:.2f} s to get there"
+                    f"a {lab_servo.servo.model.title} needs {needed:.2f} s to get there"
                 )
                 yield Fault((Check.TRAVEL,), text)
 

@@ -70,11 +70,11 @@ def film_of(watched: Watched, pins: Sequence[int], moment: int | None, source: F
         )
         kept = [(round(rise, 1), round(width, 1)) for rise, width in kept[:MAX_PULSES]]
         rows.append(FilmRow(pin, tuple(rise for rise, _ in kept), tuple(width for _, width in kept)))
-    return Film(begin * us, at * us, end * us, tuple(rows), source)
+    return Film(begin_us=begin * us, moment_us=at * us, end_us=end * us, rows=tuple(rows), source=source)
 
 
 def lines_around(file: str, text: str, line: int) -> FilmSource:
     """Return the lines of a source around one of them."""
     lines = text.splitlines()
     first = max(1, line - LINES)
-    return FilmSource(file, line, first, tuple(each[:200] for each in lines[first - 1 : line + LINES]))
+    return FilmSource(file, line, first, tuple(text[:200] for text in lines[first - 1 : line + LINES]))

@@ -40,12 +40,12 @@ def csv_text(lab: Lab, entries: Sequence[Entry]) -> str:
     """Return one row per program: its points, those of each check (empty: not checked), and why."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    keys = [each.value for each in lab.checks] + ([WHOLE] if lab.points_passed else [])
+    keys = [check.value for check in lab.checks] + ([WHOLE] if lab.points_passed else [])
     writer.writerow(["program", "verdict", "points", "max_points", *(f"{key}_points" for key in keys), "why"])
     for entry in entries:
         results = outcomes(lab, entry.grade)
         verdict = "passed" if entry.grade.passed else "not passed"
-        cells = ["" if each.state is State.NOT_CHECKED else number(each.points) for each in results]
+        cells = ["" if outcome.state is State.NOT_CHECKED else number(outcome.points) for outcome in results]
         points = [number(total(results)), number(max_total(results))]
         why = "; ".join(" ".join(visible(reason).split()) for reason in entry.grade.reasons)
         writer.writerow([_no_formula(entry.shown), verdict, *points, *cells, _no_formula(why)])

@@ -97,7 +97,7 @@ class Grade:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Return the faults as text for students, on which nothing depends."""
-        return tuple(each.text for each in self.faults)
+        return tuple(fault.text for fault in self.faults)
 
     def to_json(self) -> dict[str, object]:
         """Return the grade as plain values for JSON."""
@@ -105,7 +105,7 @@ class Grade:
             "lab": self.lab,
             "passed": self.passed,
             "reasons": list(self.reasons),
-            "remarks": [each.to_json() for each in self.remarks],
+            "remarks": [remark.to_json() for remark in self.remarks],
             "pins": dict(self.pins),
             "positions": [row.to_json() for row in self.rows],
             "seen": self.seen,
@@ -151,9 +151,9 @@ def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:
 def _wirings(lab: Lab, watched: Watched) -> Iterator[tuple[int, ...]]:
     """Yield the pins that the servos may be on: the lab's own if it has pulses, else any allowed one."""
     choices = []
-    for each in lab.servos:
-        active = [PINS.index(pin) for pin in each.pins if PINS.index(pin) in watched.pins]
-        choices.append(active[:1] if PINS[active[0]] == each.pins[0] else active)
+    for servo in lab.servos:
+        active = [PINS.index(pin) for pin in servo.pins if PINS.index(pin) in watched.pins]
+        choices.append(active[:1] if PINS[active[0]] == servo.pins[0] else active)
     count = 0
     for pins in product(*choices):
         if len(set(pins)) == len(pins) and count < MAX_WIRINGS:
@@ -166,7 +166,7 @@ def _judge_solution(
 ) -> Grade:
     pins = [watched.pins[number] for number in numbers]
     names = [PINS[number] for number in numbers]
-    everything = visits(watched, pins, [each.servo for each in lab.servos], solution.positions)
+    everything = visits(watched, pins, [lab_servo.servo for lab_servo in lab.servos], solution.positions)
     longest_move = int(lab.longest_move_s * watched.clock.cycles_per_second)
     settled = without_moves(everything, longest_move)
     placed = order(settled, solution)
@@ -187,7 +187,7 @@ def _judge_solution(
         faults=faults,
         unchecked=tuple(_unchecked(solution, settled, right)),
         remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
-        pins=tuple((each.servo.name, name) for each, name in zip(lab.servos, names, strict=True)),
+        pins=tuple((servo.servo.name, name) for servo, name in zip(lab.servos, names, strict=True)),
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
         seen=sequence(settled, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
@@ -220,13 +220,13 @@ def _remarks(
     pins: Sequence[PinPulses],
     chip: ChipFacts,
 ) -> Iterator[Diagnostic]:
-    for each, number in zip(lab.servos, numbers, strict=True):
-        if PINS[number] != each.pins[0]:
+    for lab_servo, number in zip(lab.servos, numbers, strict=True):
+        if PINS[number] != lab_servo.pins[0]:
             yield Diagnostic(
                 "note",
                 "other-pin",
-                f"the servo '{each.servo.name}' is on {PINS[number]}, not on the lab's {each.pins[0]}: "
-                "wire it there",
+                f"the servo '{lab_servo.servo.name}' is on {PINS[number]}, "
+                f"not on the lab's {lab_servo.pins[0]}: wire it there",
             )
     others = [PINS[pin] for pin in sorted(watched.pins) if pin not in numbers]
     if others:
@@ -253,7 +253,7 @@ def _rows(
     ms = float(watched.clock.cycle_us) / 1000
     for number, position in enumerate(solution.positions):
         own = [stay for stay in stays if stay.position == number]
-        commanded = [each for stay in own for each in stay.visit.commanded]
+        commanded = [command for stay in own for command in stay.visit.commanded]
         periods = [
             value * ms
             for stay in own
@@ -265,10 +265,12 @@ def _rows(
             name=position.name,
             visits=len(own),
             widths_us=tuple(
-                _ends([each.widths_us[servo] for each in commanded]) for servo in range(servos) if commanded
+                _ends([command.widths_us[servo] for command in commanded])
+                for servo in range(servos)
+                if commanded
             ),
             angles_deg=tuple(
-                _ends([math.degrees(each.angles[servo]) for each in commanded])
+                _ends([math.degrees(command.angles[servo]) for command in commanded])
                 for servo in range(servos)
                 if commanded
             ),

@@ -147,11 +147,11 @@ class Lab:
     @property
     def checks(self) -> tuple[Check, ...]:
         """Return the checks that the lab makes: without required pauses none of pauses."""
-        return tuple(each for each in Check if each is not Check.PAUSES or self.has_pauses)
+        return tuple(check for check in Check if check is not Check.PAUSES or self.has_pauses)
 
     @property
     def has_pauses(self) -> bool:
-        return any(position.pause_s for each in self.solutions for position in each.positions)
+        return any(position.pause_s for solution in self.solutions for position in solution.positions)
 
 
 def names() -> tuple[str, ...]:
@@ -182,8 +182,8 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
         raise document.error(
             "out-of-range", ("period", "range_ms"), "does not rise from a time to a longer one"
         )
-    servos = tuple(_servo(document, index, each) for index, each in enumerate(table.servo))
-    known = [each.servo.name for each in servos]
+    servos = tuple(_servo(document, index, row) for index, row in enumerate(table.servo))
+    known = [lab_servo.servo.name for lab_servo in servos]
     for index, one in enumerate(known):
         if one in known[:index]:
             raise document.error(
@@ -191,15 +191,15 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
             )
     solutions = tuple(
         Solution(
-            each.name,
+            solution.name,
             tuple(
                 _position(document, ("solution", at, "positions", number), position, servos)
-                for number, position in enumerate(each.positions)
+                for number, position in enumerate(solution.positions)
             ),
         )
-        for at, each in enumerate(table.solution)
+        for at, solution in enumerate(table.solution)
     )
-    points = tuple((each, worth) for each in Check if (worth := getattr(table.points, each)))
+    points = tuple((check, worth) for check in Check if (worth := getattr(table.points, check)))
     if not points and not table.points.passed:
         raise document.error("not-allowed", ("points",), "no points are given", "for example: passed = 1")
     lab = Lab(
@@ -240,7 +240,7 @@ def _servo(document: Document, index: int, table: ServoTable) -> LabServo:
 def _position(
     document: Document, key: tuple[str | int, ...], table: PositionTable, servos: tuple[LabServo, ...]
 ) -> Position:
-    known = [each.servo.name for each in servos]
+    known = [lab_servo.servo.name for lab_servo in servos]
     for name in table.angles_deg:
         if name not in known:
             raise document.error(
@@ -250,12 +250,12 @@ def _position(
                 did_you_mean(name, known),
             )
     ranges = []
-    for each in servos:
-        name = each.servo.name
+    for lab_servo in servos:
+        name = lab_servo.servo.name
         if name not in table.angles_deg:
             raise document.error("missing-key", (*key, "angles_deg"), f"'{name}' is missing")
         low, high = table.angles_deg[name]
-        least, greatest = (math.degrees(limit) for limit in each.servo.limits)
+        least, greatest = (math.degrees(limit) for limit in lab_servo.servo.limits)
         if not least - SLACK_DEG <= low < high <= greatest + SLACK_DEG:
             raise document.error(
                 "servo-limit",

@@ -46,8 +46,9 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Ite
         for remark in grade.remarks:
             yield from _item(remark.sentence)
     yield from ("", "## Points", "", "| check | points |", "|---|---|")
-    for each in results:
-        yield f"| {each.title}{NOT_PASSED[each.state]} | {number(each.points)} of {number(each.max_points)} |"
+    for outcome in results:
+        points = f"{number(outcome.points)} of {number(outcome.max_points)}"
+        yield f"| {outcome.title}{NOT_PASSED[outcome.state]} | {points} |"
     if grade.rows:
         yield from ("", "## What was measured", "")
         yield f"Order: {markdown(grade.seen)}"

@@ -137,7 +137,7 @@ class _Search:
             submissions += [self._submission(file, student.resolve()) for file in files]
         alone = len(above) == 1 and not submissions
         submissions += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
-        return sorted(submissions, key=lambda each: each.file)
+        return sorted(submissions, key=lambda submission: submission.file)
 
     def _warn(self, path: Path, text: str) -> None:
         self.warnings.append(Diagnostic("warning", "not-searched", text, Location(str(path))))

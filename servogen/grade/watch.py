@@ -95,7 +95,7 @@ def watch(trace: EdgeTrace) -> Watched:
             high_since[pin] = int(rise[-1])
         if len(fall):
             pins[pin] = PinPulses(rise[: len(fall)], fall)
-    return Watched(trace.clock, end, pins, high_since, too_fast)
+    return Watched(clock=trace.clock, end=end, pins=pins, high_since=high_since, too_fast=too_fast)
 
 
 JUMP_RAD = 0.07
@@ -132,16 +132,18 @@ def visits(
     """Return the visits from when every servo has had a pulse to the end of the watch."""
     stops: list[Visit] = []
     commands = list(_commands(watched, pins, servos))
-    ends = [*(each.cycle for each in commands[1:]), watched.end]
-    for each, end in zip(commands, ends, strict=True):
-        if end == each.cycle:  # two servos change in one cycle: the second change is both
+    ends = [*(command.cycle for command in commands[1:]), watched.end]
+    for command, end in zip(commands, ends, strict=True):
+        if end == command.cycle:  # two servos change in one cycle: the second change is both
             continue
-        places = frozenset(number for number, position in enumerate(positions) if position.holds(each.angles))
+        places = frozenset(
+            number for number, position in enumerate(positions) if position.holds(command.angles)
+        )
         if stops and stops[-1].places == places:
             last = stops.pop()
-            stops.append(Visit(last.begin, end, places, (*last.commanded, each)))
+            stops.append(Visit(last.begin, end, places, (*last.commanded, command)))
         else:
-            stops.append(Visit(each.cycle, end, places, (each,)))
+            stops.append(Visit(command.cycle, end, places, (command,)))
     return stops
 
 
@@ -172,7 +174,7 @@ def without_moves(stops: Sequence[Visit], longest: int) -> list[Visit]:
     for index, visit in enumerate(stops):
         if 0 < index < len(stops) - 1 and not visit.places and visit.cycles <= longest:
             before, after = stops[index - 1].commanded[-1].angles, stops[index + 1].commanded[0].angles
-            if all(_between(each.angles, before, after) for each in visit.commanded):
+            if all(_between(command.angles, before, after) for command in visit.commanded):
                 continue
         kept += [visit] if visit.places else _parts(visit)
     return kept

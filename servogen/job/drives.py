@@ -144,7 +144,7 @@ def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels:
     ]
     if not asked:
         return
-    servo, speed, limit = min(asked, key=lambda each: each[2] / each[1])
+    servo, speed, limit = min(asked, key=lambda row: row[2] / row[1])
     low, high = (servo.model.shown(end) for end in servo.limits)
     raise document.error(
         "servo-limit",

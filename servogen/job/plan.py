@@ -92,7 +92,13 @@ def _motion(
         case MotionTable():
             poses = poses_of(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
-            motion = Motion(names, poses, section.repeat, section.end == "release", limits)
+            motion = Motion(
+                joints=names,
+                poses=poses,
+                repeat=section.repeat,
+                release_at_end=section.end == "release",
+                limits=limits,
+            )
             rows = zip(section.poses, poses, strict=True)
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
             return trajectory(motion, period, job.clock), named, ()

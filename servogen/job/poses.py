@@ -260,7 +260,15 @@ class _Reader:
         turn = None
         if before.orientation is not None and state.orientation is not None:
             turn = np.array(before.orientation), np.array(state.orientation)
-        return _FollowedPath(path, tip, tuple(columns), start, end, turn, self.document.place(*here))
+        return _FollowedPath(
+            path=path,
+            tip=tip,
+            columns=tuple(columns),
+            start=start,
+            end=end,
+            turn=turn,
+            place=self.document.place(*here),
+        )
 
 
 @dataclass(eq=False)

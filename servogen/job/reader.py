@@ -62,13 +62,13 @@ def firmware_of(
     elif check_frame := ENGINES[wanted.engine].check_frame:
         check_frame(servos, frame, clock)
     firmware = Firmware(
-        wanted.dialect,
-        wanted.engine,
-        exact(wanted.soft_start_s),
-        wanted.max_error_us,
-        buttons,
-        commands,
-        document.place("firmware", "soft_start_s"),
+        dialect=wanted.dialect,
+        engine=wanted.engine,
+        soft_start_s=exact(wanted.soft_start_s),
+        max_error_us=wanted.max_error_us,
+        buttons=buttons,
+        commands=commands,
+        soft_start_place=document.place("firmware", "soft_start_s"),
     )
     return firmware, stream
 
@@ -436,12 +436,12 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
             "20 ms is 20_000 µs",
         )
     return Frame(
-        clock.round_us(exact(table.frame.period_us)),
-        exact(table.frame.gap_us),
-        None if table.frame.slot_us is None else exact(table.frame.slot_us),
-        table.frame.per_slot,
-        table.frame.max_together,
-        document.place("frame", "period_us"),
+        period=clock.round_us(exact(table.frame.period_us)),
+        gap_us=exact(table.frame.gap_us),
+        slot_us=None if table.frame.slot_us is None else exact(table.frame.slot_us),
+        per_slot=table.frame.per_slot,
+        max_together=table.frame.max_together,
+        place=document.place("frame", "period_us"),
     )
 
 

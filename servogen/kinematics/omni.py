@@ -401,7 +401,9 @@ def _motion_named(routine: Routine, turning: int) -> OmniMotion:
         if direction is not None and abs((asked - direction + 180) % 360 - 180) < 1e-6:
             return row
     sense = "counter-clockwise" if turning > 0 else "clockwise"
-    starts = ", ".join(f"{direction}°" for direction in sorted(each for each in rows if each is not None))
+    starts = ", ".join(
+        f"{direction}°" for direction in sorted(direction for direction in rows if direction is not None)
+    )
     raise InputError(
         "not-allowed",
         f"no {size} circle that begins towards {asked:zg}° turns {sense}",

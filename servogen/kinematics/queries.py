@@ -129,7 +129,7 @@ def _body_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
             f"{base.name} has {base.wheel_count} wheels, not {len(values)}",
             hint="the speed of each wheel in degrees per second",
         )
-    vx, vy, turn = (float(each) for each in _plain(base.body_speed(np.radians(_finite(values)))))
+    vx, vy, turn = (float(speed) for speed in _plain(base.body_speed(np.radians(_finite(values)))))
     speed = hypot(vx, vy)
     standing, straight = speed < STILL, abs(turn) < STILL
     return {
@@ -378,7 +378,7 @@ def orientation_answer(form: str, values: Sequence[float]) -> Answer:
     """
     name = form.upper().replace("_", "-")
     if name not in ORIENTATION_FORMS:
-        known = [each.lower() for each in ORIENTATION_FORMS]
+        known = [form.lower() for form in ORIENTATION_FORMS]
         raise InputError(
             "unknown-name",
             f"'{form}' is not a form of an orientation",
@@ -449,7 +449,7 @@ def jacobian_answer(
         "manipulability": float(manipulability(arm, q)),
         "rank": singular.rank,
         "singular": singular.singular,
-        "lost_directions": [list(each) for each in singular.lost],
+        "lost_directions": [list(direction) for direction in singular.lost],
     }
 
 

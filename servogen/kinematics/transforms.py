@@ -289,7 +289,7 @@ def _factor(name: str, inside: list[str], position: int) -> Floats:
     if word == "rot" and len(inside) == 2 and inside[0].strip().lower() in ("x", "y", "z"):
         return _turn(inside[0].strip().lower(), _number(inside[1], position))
     if word == "trans" and len(inside) == 3:
-        return translation(*(_number(each, position) for each in inside))
+        return translation(*(_number(number, position) for number in inside))
     if len(word) == 2 and word[0] in "rt" and word[1] in "xyz" and len(inside) == 1:
         value = _number(inside[0], position)
         if word[0] == "r":

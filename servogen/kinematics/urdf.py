@@ -305,12 +305,12 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
             "name the tip",
         )
     link = tip or ends[0]
-    if link not in {each.name for each in robot.links}:
+    if link not in {part.name for part in robot.links}:
         raise InputError(
             "urdf-unsupported",
             f"no link '{link}'",
             Location(file),
-            did_you_mean(link, [each.name for each in robot.links]),
+            did_you_mean(link, [part.name for part in robot.links]),
         )
     chain: list[Any] = []
     while link in parents:

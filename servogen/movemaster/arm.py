@@ -78,9 +78,9 @@ class Manipulator:
             sine * o[0] - cosine * o[1],
         )
         if not self.arm.orientation:
-            return Pose(1000 * x, 1000 * y, 1000 * z, 0.0, 0.0)
+            return Pose(x=1000 * x, y=1000 * y, z=1000 * z, p=0.0, r=0.0)
         pitch = _degrees(math.atan2(lean, -a[2]) - math.pi / 2)
-        return Pose(1000 * x, 1000 * y, 1000 * z, pitch, _degrees(math.atan2(side_n, side_o)))
+        return Pose(x=1000 * x, y=1000 * y, z=1000 * z, p=pitch, r=_degrees(math.atan2(side_n, side_o)))
 
     def solve(self, pose: Pose, near: Floats) -> Floats:
         """Return the joint positions for `pose` that are nearest to `near`. Raises `Unreachable` or

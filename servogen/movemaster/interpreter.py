@@ -124,7 +124,15 @@ class Controller:
                 self.warn(replace(warning, location=statement.place))
         if self.mover.frame > before and statement.command.mnemonic != "RN":
             frames = self.mover.frame - before
-            self.steps.append(Step(statement, before, frames, self.mover.pose, self.mover.hand_state))
+            self.steps.append(
+                Step(
+                    statement=statement,
+                    frame=before,
+                    frames=frames,
+                    pose=self.mover.pose,
+                    hand=self.mover.hand_state,
+                )
+            )
 
 
 JUMPS: Mapping[str, int] = {"GT": 0, "GS": 0, "EQ": 1, "NE": 1, "LG": 1, "SM": 1, "TB": 1}
@@ -328,7 +336,7 @@ def _ip(controller: Controller, _: Statement) -> None:
 
 
 def _dw(controller: Controller, statement: Statement) -> None:
-    by = Pose(statement.decimal(0), statement.decimal(1), statement.decimal(2), 0.0, 0.0)
+    by = Pose(x=statement.decimal(0), y=statement.decimal(1), z=statement.decimal(2), p=0.0, r=0.0)
     controller.mover.go(controller.mover.pose.plus(by), "the point")
 
 
@@ -405,7 +413,7 @@ def _mt(controller: Controller, statement: Statement) -> None:
     position = controller.memory.position(number)
     x, y, z = (distance * controller.mover.manipulator.approach(position.pose)).tolist()
     _grip(controller, statement, 2, position.hand)
-    target = position.pose.plus(Pose(x, y, z, 0.0, 0.0))
+    target = position.pose.plus(Pose(x=x, y=y, z=z, p=0.0, r=0.0))
     controller.mover.go(target, f"the point {distance:g} mm from position {number}")
 
 

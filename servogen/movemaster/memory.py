@@ -202,7 +202,7 @@ class InputPort:
     """The input port over a run: 0 until its first input."""
 
     def __init__(self, inputs: tuple[Input, ...], period_s: Fraction) -> None:
-        ordered = sorted(inputs, key=lambda each: each.at_s)
+        ordered = sorted(inputs, key=lambda change: change.at_s)
         self._rows = tuple((-((-entry.at_s) // period_s), entry.value) for entry in ordered)
         self._taken = 0
 

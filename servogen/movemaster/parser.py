@@ -143,13 +143,25 @@ def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
             wrong = rest.split(",")[0].split(" ")[0]
             at = Location(file, row, len(code) - len(rest) + 1, key)
             raise _no_command(wrong, head["number"], at)
-        yield Statement(number, None, (), Location(file, row, head.start("number") + 1, key), "")
+        yield Statement(
+            number=number,
+            command=None,
+            arguments=(),
+            place=Location(file, row, head.start("number") + 1, key),
+            text="",
+        )
         return
     place = Location(file, row, head.start("word") + 1, key)
     command = _command(head["word"].upper(), number, place)
     pieces = tuple(_pieces(code, head.end("word")))
     arguments = _arguments(command, pieces, place, row)
-    yield Statement(number, command, arguments, place, code[head.start("word") :].strip())
+    yield Statement(
+        number=number,
+        command=command,
+        arguments=arguments,
+        place=place,
+        text=code[head.start("word") :].strip(),
+    )
 
 
 def _no_command(wrong: str, number: str, place: Location) -> InputError:

@@ -107,22 +107,24 @@ def run(
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
     return Run(
-        JointTrajectory(
+        trajectory=JointTrajectory(
             joints=joints,
             clock=clock,
             period=period,
             angles=mover.samples[first:end],
             loop_start=loop_start - first,
         ),
-        tuple(replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first),
-        tuple(
+        steps=tuple(
+            replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first
+        ),
+        outputs=tuple(
             replace(output, frame=output.frame - first)
             for output in controller.outputs
             if output.frame >= first
         ),
-        dict(sorted(controller.memory.positions.items())),
-        dict(sorted(controller.memory.counters.items())),
-        tuple(controller.warnings),
+        positions=dict(sorted(controller.memory.positions.items())),
+        counters=dict(sorted(controller.memory.counters.items())),
+        warnings=tuple(controller.warnings),
     )
 
 
@@ -185,7 +187,7 @@ def _repeated(
         )
     last = source.statements[-1]
     if start.statement is not None and (
-        start.statement is not last or sum(_is_run(each) for each in source.statements) > 1
+        start.statement is not last or sum(_is_run(statement) for statement in source.statements) > 1
     ):
         raise start.statement.error(
             "not-repeatable",

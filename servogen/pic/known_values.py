@@ -58,19 +58,19 @@ def word_of(number: int) -> Word:
         raise Undefined
     row = decoded.instruction
     return Word(
-        row.mnemonic,
-        decoded.f,
-        decoded.d,
-        decoded.b,
-        decoded.k,
-        row.flow,
-        row.flags,
-        row.reads,
-        row.tests_bit,
-        row.changes_bit,
-        "f" in row.operands,
-        row.writes_file(decoded.d),
-        row.writes_w(decoded.d),
+        name=row.mnemonic,
+        f=decoded.f,
+        d=decoded.d,
+        b=decoded.b,
+        k=decoded.k,
+        flow=row.flow,
+        flags=row.flags,
+        reads=row.reads,
+        tests_bit=row.tests_bit,
+        changes_bit=row.changes_bit,
+        has_f="f" in row.operands,
+        writes_f=row.writes_file(decoded.d),
+        writes_w=row.writes_w(decoded.d),
     )
 
 

@@ -158,7 +158,7 @@ def slow_oscillator(case: Case) -> Counterexample | None:
         f"an RC oscillator differs from chip to chip; one of {slow} Hz makes the first pulse of "
         f"{PINS[fall[1]]} {wanted * 10 / 9:.1f} us long instead of {wanted:.1f}"
     )
-    return Counterexample(message, fall[0], case.board, levels, slow)
+    return Counterexample(message=message, cycle=fall[0], options=case.board, levels=levels, clock_hz=slow)
 
 
 def _machine(case: Case, trial: Trial, levels: AllLevels) -> Machine:

@@ -112,7 +112,7 @@ def choose_cuts(
     if beginning is None:
         return {}
     start, fallback = beginning
-    levels = {PINS.index(each.pin): each.level for each in schedule.inputs}
+    levels = {PINS.index(source.pin): source.level for source in schedule.inputs}
     best: list[int] = sorted(fallback)
     fewest = (True, 1 << 30)
     for candidate in once_a_frame(program.image, schedule, start):
@@ -120,7 +120,7 @@ def choose_cuts(
         if walk is None:
             continue
         live = live_places(walk.reads, walk.writes, ALL_PLACES)
-        count = max((len(each) for each in live[: len(live) // 2]), default=1 << 20)
+        count = max((len(places) for places in live[: len(live) // 2]), default=1 << 20)
         # After a button was read there are two states for each one before; runs that differ in W are not
         # shared.
         rank = 2 * walk.sampled > len(walk.pcs) or _needs_w(program, candidate), count
@@ -190,7 +190,7 @@ def _walk(
             ways = before_instruction(program, state, frozenset(levels), 1) if at_stop else [()]
         if not ways:
             break
-        way = next((each for each in ways if _as_held(each, levels)), ways[0])
+        way = next((candidate for candidate in ways if _as_held(candidate, levels)), ways[0])
         outcome = transitions.run(ram, rest, way)
         if outcome.reason is Reason.USE and not outcome.cycles:
             if outcome.use is None or len(chosen) > 12:

@@ -169,13 +169,28 @@ class Explorer:
             if ended is not None:
                 return ended
             if len(self._nodes) > self._max_states:
-                finding = Finding(number, (), 0, f"more than {self._max_states} states", False, 0)
+                finding = Finding(
+                    node=number,
+                    decisions=(),
+                    cycle=0,
+                    message=f"more than {self._max_states} states",
+                    certain=False,
+                    pc=0,
+                )
                 return self._ended(Answer.UNDECIDED, finding)
         return self._ended(Answer.CLOSED, None)
 
     def _ended(self, answer: Answer, finding: Finding | None, cut: int = 0) -> Search:
         waits = tuple(self._waits)
-        return Search(answer, self._nodes, finding, len(self._queue), cut, waits, self._asynchronous)
+        return Search(
+            answer=answer,
+            nodes=self._nodes,
+            finding=finding,
+            open_nodes=len(self._queue),
+            cut=cut,
+            waits=waits,
+            asynchronous=self._asynchronous,
+        )
 
     def _store(
         self, ram: Ram, rest: int, spec: SpecState, parent: int, cycles: int, decisions: tuple[Decision, ...]
@@ -252,18 +267,25 @@ class Explorer:
             spec = self._spec.advance(spec, outcome.edges, outcome.cycles)
         except Violation as violation:
             finding = Finding(
-                number,
-                _decisions(trail),
-                point.cycle + violation.cycle,
-                violation.message,
-                violation.certain,
-                transitions.pc(point.rest),
+                node=number,
+                decisions=_decisions(trail),
+                cycle=point.cycle + violation.cycle,
+                message=violation.message,
+                certain=violation.certain,
+                pc=transitions.pc(point.rest),
             )
             return self._ended(Answer.VIOLATED, finding)
         cycle = point.cycle + outcome.cycles
         if outcome.reason is Reason.WARNING:
             pc = transitions.pc(transitions.number(outcome.rest))
-            finding = Finding(number, _decisions(trail), cycle, "; ".join(outcome.warnings), True, pc)
+            finding = Finding(
+                node=number,
+                decisions=_decisions(trail),
+                cycle=cycle,
+                message="; ".join(outcome.warnings),
+                certain=True,
+                pc=pc,
+            )
             return self._ended(Answer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
@@ -276,7 +298,14 @@ class Explorer:
         if outcome.rest[_SLEEPING]:
             return self._asleep(number, _Point(ram, rest, self._spec.at_rest(spec), cycle, trail), points)
         if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
-            finding = Finding(number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest))
+            finding = Finding(
+                node=number,
+                decisions=_decisions(trail),
+                cycle=cycle,
+                message="no pulse comes",
+                certain=True,
+                pc=transitions.pc(rest),
+            )
             return self._ended(Answer.VIOLATED, finding)
         if outcome.reason is Reason.LIMIT:  # a loop without a cut, which would be followed endlessly
             return self._ended(Answer.CUT, None, transitions.pc(rest))
@@ -296,7 +325,15 @@ class Explorer:
             why = "no pulse comes: SLEEP, and nothing has to end it"
         if why:
             pc = self._transitions.pc(point.rest)
-            finding = Finding(number, _decisions(point.trail), point.cycle, why, True, pc, silent=True)
+            finding = Finding(
+                node=number,
+                decisions=_decisions(point.trail),
+                cycle=point.cycle,
+                message=why,
+                certain=True,
+                pc=pc,
+                silent=True,
+            )
             return self._ended(Answer.VIOLATED, finding)
         # An enable bit is three places above its flag; a flag that is known needs no choice.
         intcon = rest["INTCON"]
@@ -318,6 +355,12 @@ class Explorer:
 
     def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> Search:
         finding = Finding(
-            number, _decisions(point.trail), point.cycle, why, False, self._transitions.pc(point.rest), use
+            node=number,
+            decisions=_decisions(point.trail),
+            cycle=point.cycle,
+            message=why,
+            certain=False,
+            pc=self._transitions.pc(point.rest),
+            use=use,
         )
         return self._ended(Answer.UNDECIDED, finding)

@@ -200,7 +200,7 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         return [(*chosen, Choice("INTCON", use.subject, value)) for value in (0, *flags)]
     for field in _operands(decoded, state, use):
-        mask = _unknown_mask(state, field) & ~sum(each.bits for each in chosen if each.field == field)
+        mask = _unknown_mask(state, field) & ~sum(choice.bits for choice in chosen if choice.field == field)
         if use.kind == layout.USE_SKIP and "b" in decoded.instruction.operands:
             mask &= _bit_of(decoded, field)
         if not mask:

@@ -92,7 +92,7 @@ class _Prover:
         self._board = replace(board_of(schedule, options), start=quantifiers.start)
         self._tell = tell
         self._max_states = max_states
-        inputs = {PINS.index(each.pin): each.level for each in schedule.inputs}
+        inputs = {PINS.index(source.pin): source.level for source in schedule.inputs}
         known = schedule.buttons is not None or schedule.commands is not None
         free = quantifiers.inputs and not quantifiers.any_eeprom
         self._held = {} if known and free else inputs
@@ -194,7 +194,14 @@ class _Prover:
             return None
         config = self._image.config
         if config is None or config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"]:
-            case = Case(self._image, self._schedule, self._spec, self._board, self._quantifiers, self._held)
+            case = Case(
+                image=self._image,
+                schedule=self._schedule,
+                spec=self._spec,
+                board=self._board,
+                quantifiers=self._quantifiers,
+                held=self._held,
+            )
             shown = slow_oscillator(case)
             if shown is not None:
                 return self._result(None, shown, "")
@@ -206,11 +213,22 @@ class _Prover:
             if idle is None:
                 return self._result(search, None, "")
             pc = self._transitions.pc(search.nodes[idle].rest)
-            finding = Finding(idle, (), 0, "no pulse comes", True, pc, silent=True)
+            finding = Finding(
+                node=idle, decisions=(), cycle=0, message="no pulse comes", certain=True, pc=pc, silent=True
+            )
             search = Search(Answer.VIOLATED, search.nodes, finding)
-        finding = search.finding or Finding(0, (), 0, "the cut points do not suffice", False, 0)
+        finding = search.finding or Finding(
+            node=0, decisions=(), cycle=0, message="the cut points do not suffice", certain=False, pc=0
+        )
         if search.answer is Answer.VIOLATED and finding.certain:
-            case = Case(self._image, self._schedule, self._spec, self._board, self._quantifiers, self._held)
+            case = Case(
+                image=self._image,
+                schedule=self._schedule,
+                spec=self._spec,
+                board=self._board,
+                quantifiers=self._quantifiers,
+                held=self._held,
+            )
             shown = concrete(case, search.nodes, finding)
             if shown is not None:
                 return self._result(search, shown, "")
@@ -219,19 +237,19 @@ class _Prover:
     def _result(self, search: Search | None, shown: Counterexample | None, reason: str) -> Proof:
         nodes = search.nodes if search else []
         return Proof(
-            shown is None and not reason,
-            shown,
-            reason,
-            self._assumptions(),
-            self._quantifiers,
-            sum(node.parent >= 0 for node in nodes),
-            self._transitions.runs,
-            Cycles(self._transitions.cycles),
-            tuple(nodes),
-            tuple(sorted(self._cuts)),
-            self._transitions,
-            self._held,
-            search is not None and search.asynchronous,
+            proven=shown is None and not reason,
+            counterexample=shown,
+            reason=reason,
+            assumptions=self._assumptions(),
+            quantifiers=self._quantifiers,
+            states=sum(node.parent >= 0 for node in nodes),
+            runs=self._transitions.runs,
+            cycles=Cycles(self._transitions.cycles),
+            nodes=tuple(nodes),
+            cuts=tuple(sorted(self._cuts)),
+            transitions=self._transitions,
+            held=self._held,
+            asynchronous=search is not None and search.asynchronous,
         )
 
     def _assumptions(self) -> tuple[str, ...]:

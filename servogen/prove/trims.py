@@ -263,7 +263,10 @@ class TrimProof:
 
     def prove(self, starts: Iterable[ChipState]) -> Trimmed:
         """Return what is proven of all runs from `starts`. Raises Undecided, Wrong."""
-        waiting = [_State(start.ram, start.rest, {}, (0,), -1, 0) for start in starts]
+        waiting = [
+            _State(ram=start.ram, rest=start.rest, tables={}, times=(0,), frame=-1, time=0)
+            for start in starts
+        ]
         while waiting:
             state = waiting.pop()
             self._steps += 1

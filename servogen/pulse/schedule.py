@@ -190,7 +190,7 @@ class PulseSchedule:
     """The effect of a line, or of buttons, at other levels than `inputs` states; None if there are none."""
 
     def __repr__(self) -> str:
-        channels = ", ".join(f"{each.name} on {each.pin}" for each in self.channels)
+        channels = ", ".join(f"{channel.name} on {channel.pin}" for channel in self.channels)
         frames = f"{self.lead_in_frames} + {self.loop_frames} frames"
         return f"<PulseSchedule {channels}; {frames} of {float(self.clock.us(self.period)) / 1000:g} ms>"
 

@@ -156,16 +156,16 @@ def time_chart(
         for index, name in enumerate(names)
     )
     return Chart(
-        px(width),
-        px(height),
-        (px(LEFT), px(TOP), px(width - LEFT - RIGHT), px(height - TOP - BOTTOM)),
-        lines,
-        x.ticks(12),
-        y.ticks(6),
-        "time, s",
-        y_label,
-        (px((LEFT + width - RIGHT) / 2), px((TOP + height - BOTTOM) / 2)),
-        None if mark is None else px(x.at(mark)),
+        width=px(width),
+        height=px(height),
+        frame=(px(LEFT), px(TOP), px(width - LEFT - RIGHT), px(height - TOP - BOTTOM)),
+        lines=lines,
+        x_ticks=x.ticks(12),
+        y_ticks=y.ticks(6),
+        x_label="time, s",
+        y_label=y_label,
+        middle=(px((LEFT + width - RIGHT) / 2), px((TOP + height - BOTTOM) / 2)),
+        mark=None if mark is None else px(x.at(mark)),
     )
 
 
@@ -186,15 +186,15 @@ def path_chart(
         lines.append(Line(points_path(x.at(planned[:, 0]), y.at(planned[:, 1])), colour, name))
         lines.append(Line(dots_path(x.at(achieved[:, 0]), y.at(achieved[:, 1])), colour, "", "dots"))
     return Chart(
-        px(width + LEFT + RIGHT),
-        px(height + TOP + BOTTOM),
-        (px(LEFT), px(TOP), px(width), px(height)),
-        tuple(lines),
-        x.ticks(max(2, int(width / 70))),
-        y.ticks(max(3, int(height / 40))),
-        x_label,
-        y_label,
-        (px(LEFT + width / 2), px(TOP + height / 2)),
+        width=px(width + LEFT + RIGHT),
+        height=px(height + TOP + BOTTOM),
+        frame=(px(LEFT), px(TOP), px(width), px(height)),
+        lines=tuple(lines),
+        x_ticks=x.ticks(max(2, int(width / 70))),
+        y_ticks=y.ticks(max(3, int(height / 40))),
+        x_label=x_label,
+        y_label=y_label,
+        middle=(px(LEFT + width / 2), px(TOP + height / 2)),
     )
 
 

@@ -74,17 +74,19 @@ def facts_of(robot: WalkingRobot, planned: Walk) -> GaitFacts:
     ground = float(planned.feet[:, :, 2].min())
     higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, planned))
     return GaitFacts(
-        frame_s * planned.frames_per_cycle,
-        None if planned.minimum_margin_m == math.inf else planned.minimum_margin_m,
-        worst,
-        tuple(name for name, down in zip(planned.legs, planned.ground[worst], strict=True) if down),
-        planned.largest_correction_m,
-        planned.legs[int(leg)],
-        int(at),
-        planned.lift_m,
-        higher - ground,
-        -ground,
-        _joints(robot, planned, frame_s),
+        cycle_s=frame_s * planned.frames_per_cycle,
+        margin=None if planned.minimum_margin_m == math.inf else planned.minimum_margin_m,
+        margin_frame=worst,
+        margin_feet=tuple(
+            name for name, down in zip(planned.legs, planned.ground[worst], strict=True) if down
+        ),
+        correction=planned.largest_correction_m,
+        correction_leg=planned.legs[int(leg)],
+        correction_frame=int(at),
+        lift=planned.lift_m,
+        clearance=higher - ground,
+        body_height=-ground,
+        joints=_joints(robot, planned, frame_s),
     )
 
 
@@ -93,7 +95,13 @@ def _joints(robot: WalkingRobot, planned: Walk, frame_s: float) -> tuple[JointFa
     speeds = np.abs(np.diff(angles, axis=0, append=angles[loop : loop + 1])).max(axis=0) / frame_s
     own = [joint for leg in robot.limbs for joint in leg.joints.values()]
     return tuple(
-        JointFacts(name, float(column.min()), float(column.max()), (joint.lower, joint.upper), float(speed))
+        JointFacts(
+            name=name,
+            minimum=float(column.min()),
+            maximum=float(column.max()),
+            limits=(joint.lower, joint.upper),
+            speed=float(speed),
+        )
         for name, column, joint, speed in zip(planned.trajectory.joints, angles.T, own, speeds, strict=True)
     )
 
@@ -126,12 +134,12 @@ def walk_to_json(
         "cycle_s": facts.cycle_s,
         "phase_changes": [
             {
-                "what": each.what,
-                "asked": float(each.asked),
-                "used": float(each.used),
-                "frames": float(each.frames),
+                "what": change.what,
+                "asked": float(change.asked),
+                "used": float(change.used),
+                "frames": float(change.frames),
             }
-            for each in planned.changes
+            for change in planned.changes
         ],
         "stability": None
         if facts.margin is None
@@ -147,7 +155,7 @@ def walk_to_json(
         },
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
         "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in planned.centres],
-        "held_back": [{"leg": each.leg, "angle": each.angle} for each in planned.held_back],
+        "held_back": [{"leg": held.leg, "angle": held.angle} for held in planned.held_back],
         "first_millimetre_m": planned.liftoff_slide_m,
         "torque": None
         if loads is None or worst is None
@@ -160,5 +168,5 @@ def walk_to_json(
         "lift_m": facts.lift,
         "clearance_m": facts.clearance,
         "body_height_m": facts.body_height,
-        "joints": [each.to_json() for each in facts.joints],
+        "joints": [joint.to_json() for joint in facts.joints],
     }

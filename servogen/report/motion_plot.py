@@ -71,9 +71,13 @@ def _draw_servos(axes: Axes, job: PlannedJob, times: Floats, values: Floats) -> 
     groups = len(ends) if len(ends) > 1 else len(job.servos)
     for index, servo in enumerate(job.servos):
         number, colour, dash = index, f"C{index % COLOURS}", "--" if index >= COLOURS else "-"
-        for each, end in enumerate(ends):
+        for position, end in enumerate(ends):
             if len(ends) > 1 and index in end.columns:
-                number, colour, dash = each, f"C{each}", ("-", "--", ":")[end.columns.index(index) % 3]
+                number, colour, dash = (
+                    position,
+                    f"C{position}",
+                    ("-", "--", ":")[end.columns.index(index) % 3],
+                )
         # The last value is held to the end of its frame.
         column = np.append(values[:, index], values[-1, index])
         width = _width(number, groups)

@@ -85,7 +85,15 @@ def servo_facts(job: PlannedJob) -> tuple[ServoFacts, ...]:
 def _of_servo(servo: Servo, angles: Floats, loop_start: int, frame_s: float) -> ServoFacts:
     minimum, maximum = float(np.nanmin(angles)), float(np.nanmax(angles))
     if servo.model.continuous:
-        return ServoFacts(servo, minimum, maximum, None, None, None, None)
+        return ServoFacts(
+            servo=servo,
+            minimum=minimum,
+            maximum=maximum,
+            speed=None,
+            speed_frame=None,
+            step=None,
+            step_s=None,
+        )
     frames, changes, lengths = _runs(angles, loop_start)
     reach = (servo.model.speed or 0.0) * frame_s
     ramp = (lengths == 1) | (np.abs(changes) <= reach)
@@ -96,7 +104,15 @@ def _of_servo(servo: Servo, angles: Floats, loop_start: int, frame_s: float) -> 
     if not ramp.all():
         at = int(np.argmax(np.where(ramp, -1.0, np.abs(changes))))
         step, step_s = float(abs(changes[at])), float(lengths[at]) * frame_s
-    return ServoFacts(servo, minimum, maximum, speed, frame, step, step_s)
+    return ServoFacts(
+        servo=servo,
+        minimum=minimum,
+        maximum=maximum,
+        speed=speed,
+        speed_frame=frame,
+        step=step,
+        step_s=step_s,
+    )
 
 
 def _runs(angles: Floats, loop_start: int) -> tuple[Ints, Floats, Ints]:
@@ -141,7 +157,7 @@ class PlanFacts:
 
     def extent(self, end: EndError) -> tuple[list[float], list[float]]:
         """Return the least and the greatest x, y, z that an end is planned at."""
-        track = next(each for each in self.tracks if each.name == end.name)
+        track = next(track for track in self.tracks if track.name == end.name)
         return np.nanmin(track.planned, axis=0).tolist(), np.nanmax(track.planned, axis=0).tolist()
 
     def to_json(self) -> dict[str, object]:
@@ -155,8 +171,8 @@ class PlanFacts:
             "loop_frames": schedule.loop_frames,
             "lead_in_s": self.seconds(schedule.lead_in_frames),
             "loop_s": self.seconds(schedule.loop_frames),
-            "servos": [each.to_json() for each in self.servos],
-            "ends": [self._end(each) for each in self.ends],
+            "servos": [servo.to_json() for servo in self.servos],
+            "ends": [self._end(end) for end in self.ends],
             "rigid_legs_end": list(self.rigid_legs_end) if self.rigid_legs_end else None,
         }
 
@@ -175,7 +191,14 @@ class PlanFacts:
 def plan_facts(job: PlannedJob, plan: PulsePlan) -> PlanFacts:
     """Return the facts of a job whose pulses are `plan`."""
     tracks = tracks_of(job, plan.schedule)
-    return PlanFacts(job, plan, servo_facts(job), tracks, errors_of(tracks), rigid_legs_end(job))
+    return PlanFacts(
+        job=job,
+        plan=plan,
+        servos=servo_facts(job),
+        tracks=tracks,
+        ends=errors_of(tracks),
+        rigid_legs_end=rigid_legs_end(job),
+    )
 
 
 def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:

@@ -180,7 +180,14 @@ def _signal(
     inside = rise + width <= span
     rise, width = rise[inside], width[inside]
     colour = PALETTE[number % len(PALETTE)]
-    return Signal(channel, pin, kind, colour, tuple(rise.tolist()), tuple(width.tolist()))
+    return Signal(
+        channel=channel,
+        pin=pin,
+        kind=kind,
+        colour=colour,
+        rise=tuple(rise.tolist()),
+        width=tuple(width.tolist()),
+    )
 
 
 def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[Scope, ...]:
@@ -224,8 +231,8 @@ def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
         frame -= run.frames
     ends = [
         pulse.rise + pulse.width
-        for each in (*schedule.lead_in, *schedule.loop)
-        for pulse in each.pulses
+        for run in (*schedule.lead_in, *schedule.loop)
+        for pulse in run.pulses
         if pulse
     ]
     last = 1.06 * max(ends)
@@ -241,7 +248,22 @@ def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
         free[lane : lane + 1] = [fall]
         path = pulses_path(np.array([rise]), np.array([fall]), LOW, HIGH_Y, 0.0, WIDTH)
         colour, label = PALETTE[number % len(PALETTE)], f"{pulse.width * us:g} µs"
-        lines.append(ScopeLine(channel.name, path, colour, px((rise + fall) / 2), label, LANE * lane))
+        lines.append(
+            ScopeLine(
+                channel=channel.name,
+                path=path,
+                colour=colour,
+                label_x=px((rise + fall) / 2),
+                label=label,
+                y=LANE * lane,
+            )
+        )
     begin = start * float(schedule.clock.us(schedule.period))
     height = LANE * len(free)
-    return Scope(f"from {begin / 1e6:g} s", begin - before * us, begin + last * us, tuple(lines), height)
+    return Scope(
+        title=f"from {begin / 1e6:g} s",
+        start_us=begin - before * us,
+        end_us=begin + last * us,
+        lines=tuple(lines),
+        height=height,
+    )

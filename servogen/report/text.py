@@ -149,7 +149,7 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
 def _motion(facts: BuildFacts) -> Iterator[str]:
     schedule = facts.plan.schedule
     if schedule.inputs:
-        levels = ", ".join(f"{each.pin} {'high' if each.level else 'low'}" for each in schedule.inputs)
+        levels = ", ".join(f"{source.pin} {'high' if source.level else 'low'}" for source in schedule.inputs)
         yield f"with {levels} from power-up on:"
     for name, frames in (("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)):
         if frames:

@@ -52,7 +52,7 @@ class End:
     def joints(self, angles: Floats) -> Floats:
         """Return joint positions (n, joints) from the angles (n, servos) of all servos."""
         bound = zip(self.bindings, self.columns, strict=True)
-        return np.stack([each.position(angles[:, column]) for each, column in bound], axis=1)
+        return np.stack([binding.position(angles[:, column]) for binding, column in bound], axis=1)
 
     def points(self, angles: Floats) -> Floats:
         """Return where it is (n, 3), in metres."""
@@ -61,7 +61,7 @@ class End:
     def shift(self, angles: Floats, change: Floats) -> Floats:
         """Return how far (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
         slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
-        ratios = np.array([each.ratio for each in self.bindings])
+        ratios = np.array([binding.ratio for binding in self.bindings])
         moved: Floats = np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
         return moved
 
@@ -105,7 +105,16 @@ def ends_of(job: PlannedJob) -> tuple[End, ...]:
             bindings = tuple(by_joint[name] for name in limb.joints)
             place = np.eye(4) if limb.mount is None else mount_matrix(limb.mount)
             columns = tuple(column[binding.servo] for binding in bindings)
-            ends.append(End(limb.name, limb.end, limb.arm, place, columns, bindings))
+            ends.append(
+                End(
+                    name=limb.name,
+                    kind=limb.end,
+                    arm=limb.arm,
+                    place=place,
+                    columns=columns,
+                    bindings=bindings,
+                )
+            )
     return tuple(ends)
 
 
@@ -199,13 +208,13 @@ def worst_of(errors: Sequence[EndError]) -> EndError:
 def _error(track: Track) -> EndError:
     direct, slope = track.error, track.first_order
     return EndError(
-        track.name,
-        track.kind,
-        float(np.nanmax(direct)),
-        _rms(direct),
-        int(np.nanargmax(np.round(direct, SAME_DIGITS))),
-        float(np.nanmax(slope)),
-        _rms(slope),
+        name=track.name,
+        kind=track.kind,
+        worst_m=float(np.nanmax(direct)),
+        rms_m=_rms(direct),
+        frame=int(np.nanargmax(np.round(direct, SAME_DIGITS))),
+        first_order_worst_m=float(np.nanmax(slope)),
+        first_order_rms_m=_rms(slope),
     )
 
 

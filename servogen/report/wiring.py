@@ -101,5 +101,9 @@ def package(servos: Sequence[Servo]) -> tuple[PackagePin, ...]:
         number = index.get(pin.name)
         servo = "" if number is None else servos[number].name
         colour = "" if number is None else PALETTE[number % len(PALETTE)]
-        pins.append(PackagePin(pin.number, pin.name, servo, colour, TOP + ROW * row, left))
+        pins.append(
+            PackagePin(
+                number=pin.number, name=pin.name, servo=servo, colour=colour, y=TOP + ROW * row, left=left
+            )
+        )
     return tuple(pins)

@@ -220,7 +220,7 @@ def _frame(table: FrameTable | None) -> Frame:
     if table is None:
         return Frame()
     x, y, z = (value / 1000 for value in (table.x_mm, table.y_mm, table.z_mm))
-    return Frame(x, y, z, radians(table.rx_deg), radians(table.ry_deg), radians(table.rz_deg))
+    return Frame(x=x, y=y, z=z, rx=radians(table.rx_deg), ry=radians(table.ry_deg), rz=radians(table.rz_deg))
 
 
 def check_unique(document: Document, array: str, names: list[str]) -> None:

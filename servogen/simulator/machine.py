@@ -277,7 +277,13 @@ class Machine:
         demand is kept from the oldest snapshot on that is still referenced.
         """
         edges = self._edges[: self._s[at.EDGE_COUNT]].copy()
-        return Snapshot(self.image, self._s.copy(), self._stim, copy(self._changes), edges)
+        return Snapshot(
+            image=self.image,
+            state=self._s.copy(),
+            stimulus=self._stim,
+            changes=copy(self._changes),
+            edges=edges,
+        )
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a snapshot of this machine, or of another one with the same image, clock and options.

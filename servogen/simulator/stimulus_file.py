@@ -114,13 +114,21 @@ def _stimuli(document: Document, clock: Clock) -> Stimuli:
         period, high, start = (
             _exactly(us, clock) for us in (periodic.period_us, periodic.high_us, periodic.from_us)
         )
-        sources.append(Periodic(pin, period, high, start, periodic.times))
+        sources.append(Periodic(pin=pin, period=period, high=high, start=start, times=periodic.times))
     for n, button in enumerate(file.button):
         pressed, released = _span(document, ("button", n), button.pressed_us, button.released_us, clock)
         pin = _pin(document, ("button", n, "pin"), button.pin)
         bounce = _cycles(button.bounce_us, clock)
         sources.append(
-            Button(pin, pressed, released, button.bounces, bounce, button.seed, button.pressed_level)
+            Button(
+                pin=pin,
+                pressed=pressed,
+                released=released,
+                bounces=button.bounces,
+                bounce=bounce,
+                seed=button.seed,
+                active=button.pressed_level,
+            )
         )
     for n, serial in enumerate(file.serial):
         sources.append(_serial(document, n, serial, clock))
@@ -155,14 +163,14 @@ def _serial(document: Document, n: int, table: _Serial, clock: Clock) -> Serial:
             f"at most {float(clock.cycles_per_second):g}",
         )
     return Serial(
-        _pin(document, ("serial", n, "pin"), table.pin),
-        bytes(table.data or ()) if table.text is None else table.text.encode(),
-        exact(table.baud),
-        _cycles(table.from_us, clock),
-        exact(table.baud_error_percent) / 100,
-        table.inverted,
-        table.stop_bits,
-        _cycles(table.gap_us, clock),
+        pin=_pin(document, ("serial", n, "pin"), table.pin),
+        data=bytes(table.data or ()) if table.text is None else table.text.encode(),
+        baud=exact(table.baud),
+        start=_cycles(table.from_us, clock),
+        baud_error=exact(table.baud_error_percent) / 100,
+        inverted=table.inverted,
+        stop_bits=table.stop_bits,
+        gap=_cycles(table.gap_us, clock),
     )
 
 

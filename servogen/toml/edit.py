@@ -167,7 +167,11 @@ def _elements(text: str, key: Key) -> _Elements:
         parts.append(_Part(lead, body, trail.rstrip()))
         begin = end
     return _Elements(
-        raw[:first].decode(), first > array.start_byte + 1, tuple(parts), raw[begin:].decode(), comma
+        before=raw[:first].decode(),
+        commented=first > array.start_byte + 1,
+        parts=tuple(parts),
+        tail=raw[begin:].decode(),
+        last_comma=comma,
     )
 
 

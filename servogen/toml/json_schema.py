@@ -30,7 +30,7 @@ def json_schema(models: Sequence[type[Table]], title: str) -> Schema:
     names, whole = models_json_schema(
         [(model, "validation") for model in models], schema_generator=_Generator, ref_template=_REF
     )
-    definitions = {name: _plain(each) for name, each in whole["$defs"].items()}
+    definitions = {name: _plain(definition) for name, definition in whole["$defs"].items()}
     choices = [names[model, "validation"] for model in models]
     either: Schema = choices[0] if len(choices) == 1 else {"oneOf": choices}
     return {"$schema": DRAFT, "title": title, **either, "definitions": definitions}
@@ -69,7 +69,7 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
 def _plain(schema: Any) -> Any:
     """Return a schema without what TOML does not have (null) and as draft 7 spells it; arrays as tuples."""
     if isinstance(schema, list):
-        return [_plain(each) for each in schema]
+        return [_plain(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
     plain = {key: _plain(value) for key, value in schema.items()}
@@ -80,7 +80,7 @@ def _plain(schema: Any) -> Any:
     if "prefixItems" in plain:
         plain["items"] = plain.pop("prefixItems")
         plain["additionalItems"] = False
-    choices = [each for each in plain.get("anyOf", []) if each != {"type": "null"}]
+    choices = [choice for choice in plain.get("anyOf", []) if choice != {"type": "null"}]
     if len(choices) == 1:
         del plain["anyOf"]
         plain = {**choices[0], **plain}

@@ -96,7 +96,7 @@ def places_of(text: str) -> dict[Key, tuple[int, int]]:
                 if child.type == "pair":
                     pair(child, key)
         elif node.type == "array":
-            for index, child in enumerate(each for each in node.named_children if each.type != "comment"):
+            for index, child in enumerate(child for child in node.named_children if child.type != "comment"):
                 note((*key, index), child)
                 inside(child, (*key, index))
 

@@ -131,7 +131,13 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
     steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
     pieces = _pieces(header.comments, steps)
-    return Capture(read_vcd(path, clock, wires=wires), sample, missing, pieces, str(path))
+    return Capture(
+        trace=read_vcd(path, clock, wires=wires),
+        sample=sample,
+        missing=missing,
+        pieces=pieces,
+        file=str(path),
+    )
 
 
 def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:

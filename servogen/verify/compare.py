@@ -125,17 +125,17 @@ def _verdict(
     overlap = fault.overlap if fault else None
     cycle = None if start.cycle is None else Cycles(start.cycle)
     return Verdict(
-        not why,
-        tuple(why),
-        expected.clock,
-        cycle,
-        span,
-        channels,
-        difference,
-        overlap,
-        stray,
-        expected.plan_error,
-        covered,
+        proven=not why,
+        reasons=tuple(why),
+        clock=expected.clock,
+        start=cycle,
+        span=span,
+        channels=channels,
+        difference=difference,
+        overlap=overlap,
+        stray=stray,
+        plan_error=expected.plan_error,
+        coverage=covered,
         unseen=unseen,
     )
 
@@ -162,16 +162,16 @@ def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles
     channels = tuple(ChannelVerdict(channel.name, channel.pin, 0, 0) for channel in expected.channels)
     difference = _first(start.stray)
     return Verdict(
-        not why,
-        tuple(why),
-        expected.clock,
-        None,
-        span,
-        channels,
-        difference,
-        None,
-        start.stray,
-        expected.plan_error,
+        proven=not why,
+        reasons=tuple(why),
+        clock=expected.clock,
+        start=None,
+        span=span,
+        channels=channels,
+        difference=difference,
+        overlap=None,
+        stray=start.stray,
+        plan_error=expected.plan_error,
     )
 
 

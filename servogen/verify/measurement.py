@@ -408,9 +408,9 @@ def _run(train: Train, begin: int, last: int) -> Run:
     inside = periods[:-1] if train.count[last] == 1 else periods
     inside = inside[inside != LAST]
     return Run(
-        Cycles(int(train.first[begin])),
-        int(train.count[begin : last + 1].sum()),
-        Cycles(int(train.width[begin])),
-        Cycles(int(inside.min())) if len(inside) else None,
-        Cycles(int(inside.max())) if len(inside) else None,
+        first=Cycles(int(train.first[begin])),
+        pulses=int(train.count[begin : last + 1].sum()),
+        width=Cycles(int(train.width[begin])),
+        shortest_period=Cycles(int(inside.min())) if len(inside) else None,
+        longest_period=Cycles(int(inside.max())) if len(inside) else None,
     )

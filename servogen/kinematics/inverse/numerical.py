@@ -167,7 +167,7 @@ def _descend(
         going = (cost > (0.1 * tolerance) ** 2) & (damping < 1e8)
         result[which[~going]] = q[~going]
         which, q, error, matrix, cost, damping = (
-            each[going] for each in (which, q, error, matrix, cost, damping)
+            array[going] for array in (which, q, error, matrix, cost, damping)
         )
         if not len(which):
             break

@@ -85,7 +85,9 @@ class Solutions:
                     hint="narrow the limits of its joints",
                 )
             turns = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
-            solutions += [np.clip(row + TURN * np.array(each), lower, upper) for each in product(*turns)]
+            solutions += [
+                np.clip(row + TURN * np.array(whole_turns), lower, upper) for whole_turns in product(*turns)
+            ]
         return np.array(solutions).reshape(-1, len(lower))
 
     def choose(self, near: ArrayLike | None = None) -> Floats:
@@ -160,7 +162,7 @@ def ik(
     q = solve(arm, position, rotation, near=near).choose(near)
     lost = np.isnan(q[..., 0])
     if lost.any():
-        index = tuple(int(each[0]) for each in np.nonzero(np.atleast_1d(lost)))[: lost.ndim]
+        index = tuple(int(indices[0]) for indices in np.nonzero(np.atleast_1d(lost)))[: lost.ndim]
         turns = (
             None if rotation is None else np.broadcast_to(np.asarray(rotation, float), (*lost.shape, 3, 3))
         )

@@ -269,7 +269,14 @@ class Facts:
             findings = tuple(
                 self._finding(at, "the time from here is not bounded") for at in span.addresses[:4]
             )
-            return Answer(question, Status.NOT_DECIDED, reasons, over, findings, (("cycles", None),))
+            return Answer(
+                question=question,
+                status=Status.NOT_DECIDED,
+                text=reasons,
+                over=over,
+                findings=findings,
+                numbers=(("cycles", None),),
+            )
         micros = self._clock.us(span.maximum)
         text = (
             f"at most {span.maximum} cycles ({float(micros) / 1000:g} ms at {self._clock.hz} Hz) between two "

@@ -76,7 +76,13 @@ class State:
     """The place whose value is equal to W."""
 
     def copy(self) -> State:
-        return State(dict(self.values), self.written, dict(self.saved), dict(self.facts), self.w_of)
+        return State(
+            values=dict(self.values),
+            written=self.written,
+            saved=dict(self.saved),
+            facts=dict(self.facts),
+            w_of=self.w_of,
+        )
 
     def get(self, place: Place) -> Value:
         return self.values.get(place, BIT if place in _FLAG_PLACES.values() else ANY)

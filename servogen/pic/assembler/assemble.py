@@ -75,12 +75,12 @@ def assemble(
         raise AssemblyError.of(state.log.errors, _lines_of(state.log.errors, sources))
     labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
     return Assembly(
-        state.memory.image(),
-        _listing(state, labels, ((file, text), *state.sources.items())),
-        state.log.remarks,
-        _lines_of(state.log.remarks, sources),
-        state.device or DEVICES[0],
-        tuple(labels),
+        image=state.memory.image(),
+        listing=_listing(state, labels, ((file, text), *state.sources.items())),
+        warnings=state.log.remarks,
+        source_lines=_lines_of(state.log.remarks, sources),
+        device=state.device or DEVICES[0],
+        labels=tuple(labels),
     )
 
 
@@ -115,22 +115,28 @@ def beside(directory: Path) -> Include:
 def _listing(state: Pass, labels: Sequence[tuple[str, int]], sources: tuple[tuple[str, str], ...]) -> Listing:
     rows = _rows(state)
     names = {address: name for name, address in reversed(labels)}
-    return Listing(rows, routines(rows, names), _variables(state), sources, tuple(labels))
+    return Listing(
+        rows=rows,
+        functions=routines(rows, names),
+        variables=_variables(state),
+        sources=sources,
+        labels=tuple(labels),
+    )
 
 
 def _rows(state: Pass) -> tuple[ListingRow, ...]:
     """Return the program words as listing rows; words outside the program are omitted."""
     return tuple(
         ListingRow(
-            each.address,
-            each.word,
-            assembly_text(each.word) if each.is_code else f"dw 0x{each.word:04X}",
-            cycles_text(each.word) if each.is_code else "",
-            each.line.file,
-            each.line.number,
+            address=placed.address,
+            word=placed.word,
+            assembly=assembly_text(placed.word) if placed.is_code else f"dw 0x{placed.word:04X}",
+            cycles=cycles_text(placed.word) if placed.is_code else "",
+            file=placed.line.file,
+            line=placed.line.number,
         )
-        for each in sorted(state.placed, key=lambda placed: placed.address)
-        if each.address < PROGRAM_WORDS
+        for placed in sorted(state.placed, key=lambda word: word.address)
+        if placed.address < PROGRAM_WORDS
     )
 
 

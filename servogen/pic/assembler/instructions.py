@@ -128,7 +128,15 @@ def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> Parsed
     except SourceError as error:
         column = place.column if error.column is None else error.column
         raise InputError.of(
-            [Diagnostic("error", error.code, error.text, replace(place, column=column), error.hint)]
+            [
+                Diagnostic(
+                    severity="error",
+                    code=error.code,
+                    message=error.text,
+                    location=replace(place, column=column),
+                    hint=error.hint,
+                )
+            ]
         ) from error
 
 

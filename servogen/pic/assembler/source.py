@@ -87,9 +87,18 @@ def statement(line: SourceLine, vocabulary: Vocabulary) -> Statement:
     if not operation:
         if rest:
             raise SourceError("asm-syntax", f"'{rest.chars[0]}' is not expected here", rest.column(0))
-        return Statement(line, label, label_column, "", rest.column(0), rest)
+        return Statement(
+            line=line, label=label, label_column=label_column, word="", column=rest.column(0), rest=rest
+        )
     rest_after = rest[operation.end() :].strip()
-    return Statement(line, label, label_column, operation[0], rest.column(0), rest_after)
+    return Statement(
+        line=line,
+        label=label,
+        label_column=label_column,
+        word=operation[0],
+        column=rest.column(0),
+        rest=rest_after,
+    )
 
 
 _DEFINING = re.compile(r"\s+(?:equ|set|macro)\b|\s*=(?!=)", re.IGNORECASE)

@@ -339,7 +339,11 @@ class Pass:
         hint: str | None = None,
     ) -> None:
         notes = "; ".join(([hint] if hint else []) + list(line.within))
-        self.log.add(Diagnostic(severity, code, text, line.place(column), notes or None))
+        self.log.add(
+            Diagnostic(
+                severity=severity, code=code, message=text, location=line.place(column), hint=notes or None
+            )
+        )
         if severity == "error" and len(self.log.errors) >= MAX_ERRORS:
             raise TooManyErrors
 

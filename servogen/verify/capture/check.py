@@ -129,7 +129,13 @@ def _verdict(
     line = align(setup.signals)
     if line is None:
         return _facts(setup, None, {})
-    scale = Scale(line, setup.signals.quantum, setup.step_us, setup.cycle_us, setup.end)
+    scale = Scale(
+        line=line,
+        quantum=setup.signals.quantum,
+        step_us=setup.step_us,
+        cycle_us=setup.cycle_us,
+        end=setup.end,
+    )
     judged = {
         number: judge(setup.signals, scale, number, channel, setup.allowed, expected)
         for number, channel in enumerate(expected.channels)
