@@ -186,6 +186,18 @@ class _Prover:
         reset = self._chip.after_reset(written)
         return [self._chip.power_on(), reset] if self._quantifiers.start else [reset]
 
+    @property
+    def _case(self) -> Case:
+        """Return what a counterexample is about."""
+        return Case(
+            image=self._image,
+            schedule=self._schedule,
+            spec=self._spec,
+            board=self._board,
+            quantifiers=self._quantifiers,
+            held=self._held,
+        )
+
     def _unfit_oscillator(self) -> Proof | None:
         """Return the answer where the configuration word says that the clock is not the schedule's."""
         machine = Machine(self._image, self._schedule.clock, self._board, tracked=True)
@@ -194,22 +206,14 @@ class _Prover:
             return None
         config = self._image.config
         if config is None or config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"]:
-            case = Case(
-                image=self._image,
-                schedule=self._schedule,
-                spec=self._spec,
-                board=self._board,
-                quantifiers=self._quantifiers,
-                held=self._held,
-            )
-            shown = slow_oscillator(case)
+            shown = slow_oscillator(self._case)
             if shown is not None:
                 return self._result(None, shown, "")
         return self._result(None, None, "; ".join(warning.message for warning in warnings))
 
     def _answer(self, search: Search) -> Proof:
         if search.answer is Answer.CLOSED:
-            idle = _waits_for_ever(search)
+            idle = _waits_endlessly(search)
             if idle is None:
                 return self._result(search, None, "")
             pc = self._transitions.pc(search.nodes[idle].rest)
@@ -221,15 +225,7 @@ class _Prover:
             node=0, decisions=(), cycle=0, message="the cut points do not suffice", certain=False, pc=0
         )
         if search.answer is Answer.VIOLATED and finding.certain:
-            case = Case(
-                image=self._image,
-                schedule=self._schedule,
-                spec=self._spec,
-                board=self._board,
-                quantifiers=self._quantifiers,
-                held=self._held,
-            )
-            shown = concrete(case, search.nodes, finding)
+            shown = concrete(self._case, search.nodes, finding)
             if shown is not None:
                 return self._result(search, shown, "")
         return self._result(search, None, _why(finding, search))
@@ -303,7 +299,7 @@ def _why(finding: Finding, search: Search) -> str:
     return f"{finding.message} ({place})"
 
 
-def _waits_for_ever(search: Search) -> int | None:
+def _waits_endlessly(search: Search) -> int | None:
     """Return a node from which the program can come back to it without a pulse."""
     graph: dict[int, list[int]] = {}
     for before, after in search.waits:

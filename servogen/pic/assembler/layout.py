@@ -69,17 +69,23 @@ def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
             yield state.evaluate(field)
 
 
-def _data(state: Pass, statement: Statement) -> None:
-    """Place words; strings are packed two characters per word, the first in the high byte; a last single one
-    goes in the low byte.
-    """
+def _pack(state: Pass, statement: Statement, bits: int) -> None:
+    """Place numbers, and strings as two characters of that many bits per word."""
+    mask = (1 << bits) - 1
     for field in state.fields(statement, 1):
         if not isinstance(field, String):
             state.emit(state.evaluate(field), statement)
             continue
         codes = [*field.codes, 0]
         for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
-            state.emit(high << 8 | low, statement)
+            state.emit((high & mask) << bits | low & mask, statement)
+
+
+def _data(state: Pass, statement: Statement) -> None:
+    """Place words; strings are packed two characters per word, the first in the high byte; a last single one
+    goes in the low byte.
+    """
+    _pack(state, statement, 8)
 
 
 def _db(state: Pass, statement: Statement) -> None:
@@ -120,13 +126,7 @@ def _dt(state: Pass, statement: Statement) -> None:
 
 def _da(state: Pass, statement: Statement) -> None:
     """Place 7-bit characters, two per word."""
-    for field in state.fields(statement, 1):
-        if not isinstance(field, String):
-            state.emit(state.evaluate(field), statement)
-            continue
-        codes = [*field.codes, 0]
-        for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
-            state.emit((high & 0x7F) << 7 | low & 0x7F, statement)
+    _pack(state, statement, 7)
 
 
 def _select(state: Pass, statement: Statement, bit_name: str, is_set: bool) -> None:
