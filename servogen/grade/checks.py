@@ -71,7 +71,7 @@ def silent_reasons(lab: Lab, watched: Watched, chip: ChipFacts) -> Iterator[str]
 
 
 def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins: list[int]) -> str:
-    own, what = PINS[pins[0]], f"there are no pulses for the servo '{servo}' on {PINS[pins[0]]}"
+    own, text = PINS[pins[0]], f"there are no pulses for the servo '{servo}' on {PINS[pins[0]]}"
     stuck = next((pin for pin in pins if pin in watched.high_since), None)
     if stuck is not None:
         since = float(watched.clock.us(watched.high_since[stuck])) / 1000
@@ -80,18 +80,18 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
     elsewhere = [PINS[pin] for pin in sorted(watched.pins) if pin not in lab_pins]
     if elsewhere:
         drain = ", which is an open drain and needs a pull-up resistor" if elsewhere == ["RA4"] else ""
-        return f"{what}: the pulses are on {' and '.join(elsewhere)}{drain}"
+        return f"{text}: the pulses are on {' and '.join(elsewhere)}{drain}"
     if pins[0] in chip.inputs:
         register = f"TRIS{own[1]}"
-        return f"{what}: the pin is still an input; its bit in {register} (bank 1) must be 0"
+        return f"{text}: the pin is still an input; its bit in {register} (bank 1) must be 0"
     if chip.sleeping:
-        return f"{what}: the chip is asleep"
+        return f"{text}: the chip is asleep"
     if chip.lost:
-        return f"{what}: the program runs on past its end; it needs an endless loop"
+        return f"{text}: the program runs on past its end; it needs an endless loop"
     if chip.stack_wraps:
-        return f"{what}: calls are nested deeper than the chip's 8 levels"
+        return f"{text}: calls are nested deeper than the chip's 8 levels"
     hangs = "" if watched.pins else "; the program hangs before that"
-    return f"{what}: the pin is an output, but never goes high and low again{hangs}"
+    return f"{text}: the pin is an output, but never goes high and low again{hangs}"
 
 
 def clock_words(lab: Lab, chip: ChipFacts) -> str | None:

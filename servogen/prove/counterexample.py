@@ -109,7 +109,7 @@ def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexam
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
     # The search knows only some bits of the chip. Those that it chose are set; what it left open is tried
     # with several values, and a plain run of the simulator decides whether an edge is wrong.
-    path = _way(nodes, finding)
+    path = _path_to(nodes, finding)
     end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=path.tmr0_phase)
     for trial in trials(board, case.quantifiers, path.start, case.spec.period):
@@ -170,7 +170,7 @@ def _machine(case: Case, trial: Trial, levels: AllLevels) -> Machine:
 
 
 @dataclass(slots=True)
-class _Way:
+class _Path:
     """What was chosen on the way to a finding: the levels read, how TMR0 begins, and start values."""
 
     samples: list[Sample] = field(default_factory=list)
@@ -194,13 +194,13 @@ class _Way:
         self.start[name] = self.start.get(name, 0) | choice.value & fresh
 
 
-def _way(nodes: Sequence[Node], finding: Finding) -> _Way:
+def _path_to(nodes: Sequence[Node], finding: Finding) -> _Path:
     """Return what was chosen from reset on."""
     ancestry = [finding.node]
     while nodes[ancestry[-1]].parent >= 0:
         ancestry.append(nodes[ancestry[-1]].parent)
     ancestry.reverse()
-    path = _Way()
+    path = _Path()
     parts = [(nodes[number].cycles, nodes[number].decisions) for number in ancestry[1:]]
     for cycles, decisions in [*parts, (finding.cycle, finding.decisions)]:
         for decision in decisions:

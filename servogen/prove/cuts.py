@@ -190,17 +190,17 @@ def _walk(
             ways = before_instruction(program, state, frozenset(levels), 1) if at_stop else [()]
         if not ways:
             break
-        way = next((candidate for candidate in ways if _as_held(candidate, levels)), ways[0])
-        outcome = transitions.run(ram, rest, way)
+        choices = next((candidate for candidate in ways if _as_held(candidate, levels)), ways[0])
+        outcome = transitions.run(ram, rest, choices)
         if outcome.reason is Reason.USE and not outcome.cycles:
             if outcome.use is None or len(chosen) > 12:
                 break
-            use, chosen = outcome.use, way
+            use, chosen = outcome.use, choices
             continue
         if walk.reads:
             walk.reads[-1] |= frozenset(outcome.read) - walk.writes[-1]
             walk.writes[-1] |= frozenset(place for place, _ in outcome.written)
-        for choice in way:
+        for choice in choices:
             if choice.field == "PINS":
                 position = spec.sample(position, choice.bits.bit_length() - 1, int(choice.value != 0))
         try:
@@ -220,10 +220,10 @@ def _walk(
     return walk if len(walk.reads) > 2 else None
 
 
-def _as_held(way: Choices, levels: Mapping[int, int]) -> bool:
+def _as_held(choices: Choices, levels: Mapping[int, int]) -> bool:
     """Return whether every pin of a way has the level that the schedule says."""
     return all(
         levels.get(choice.bits.bit_length() - 1, 0) == int(choice.value != 0)
-        for choice in way
+        for choice in choices
         if choice.field == "PINS"
     )

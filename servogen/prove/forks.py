@@ -171,7 +171,7 @@ def before_instruction(
     ways: list[Choices] = [()]
     for pin in pins:
         if unknown_pins >> pin & 1:
-            ways = [(*way, Choice("PINS", 1 << pin, level << pin)) for way in ways for level in (0, 1)]
+            ways = [(*chosen, Choice("PINS", 1 << pin, level << pin)) for chosen in ways for level in (0, 1)]
     return ways
 
 

@@ -148,11 +148,11 @@ class Generaliser:
             return False
         guess = self.guesses[self._transitions.pc(node.rest)]
         suspects = [*self._suspects(node, guess)]
-        guilty = [what for what in suspects if not self._decides(node, [what], decisions, cycle)]
+        guilty = [place for place in suspects if not self._decides(node, [place], decisions, cycle)]
         if not guilty and suspects and not self._decides(node, suspects, decisions, cycle):
             guilty = suspects
-        for what in guilty:
-            guess.drop(what)
+        for place in guilty:
+            guess.drop(place)
         if guilty:
             self._rests.clear()
         else:
@@ -189,20 +189,20 @@ class Generaliser:
         """Return the state at `node` with `kept` as it was before, and with some phase if that is kept."""
         raw_ram, raw_rest = node.raw[0], self._transitions.rest(node.raw[1])
         cells, rest = list(node.ram), list(self._transitions.rest(node.rest))
-        for what in kept:
-            if what.startswith("0x"):
-                cells[int(what, 16)] = raw_ram[int(what, 16)]
-            elif what == PHASE:
+        for place in kept:
+            if place.startswith("0x"):
+                cells[int(place, 16)] = raw_ram[int(place, 16)]
+            elif place == PHASE:
                 cells = [cell & 0xFF if cell >= CELL_PHASED else cell for cell in cells]
                 rest[FIELD["T0_UNKNOWN"]] = 0
-            elif what == "FLAGS":
+            elif place == "FLAGS":
                 for name in ("STATUS", "STATUS_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
-            elif what == "PIN_FLAGS":
+            elif place == "PIN_FLAGS":
                 for name in ("INTCON", "INTCON_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
-            elif what not in ("TIMER", "PRESCALER"):
-                for name in (what, f"{what}_UNKNOWN"):
+            elif place not in ("TIMER", "PRESCALER"):
+                for name in (place, f"{place}_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
         return tuple(cells), tuple(rest)
 
