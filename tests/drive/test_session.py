@@ -25,7 +25,7 @@ WIDTHS = tuple(LOW + position * (HIGH - LOW) / 254 for position in range(255))
 
 
 def servos(count: int) -> PlannedJob:
-    """A job of so many equal servos, that all go from 30° to 150° and back in two seconds, for ever."""
+    """A job of so many equal servos, that all go from 30° to 150° and back in two seconds, endlessly."""
     text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
     for index in range(count):
         text += f'[[servo]]\nname = "s{index}"\npin = "RB{index}"\nmodel = "futaba-s3001"\n'

@@ -65,7 +65,7 @@ def test_no_servo_is_asked_for_more_than_it_can_do() -> None:
 
 
 def test_a_program_may_end_and_hold_or_release(tmp_path: Path) -> None:
-    once = ("repeat = true # after ED it begins anew", "repeat = false")
+    once = ("repeat = true # after ED it begins again", "repeat = false")
     held = made(tmp_path, "10 TI 10", once).trajectory
     assert (held.loop_start, len(held.angles)) == (51, 52)
     assert not np.isnan(held.angles).any()
@@ -75,7 +75,7 @@ def test_a_program_may_end_and_hold_or_release(tmp_path: Path) -> None:
 
 
 def test_inputs_come_from_the_job(tmp_path: Path) -> None:
-    once = ("repeat = true # after ED it begins anew", 'repeat = false\ninputs = ["2=&1F"]')
+    once = ("repeat = true # after ED it begins again", 'repeat = false\ninputs = ["2=&1F"]')
     assert len(made(tmp_path, "10 IN\n20 ED", once).trajectory.angles) == 101
 
 
