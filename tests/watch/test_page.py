@@ -438,10 +438,10 @@ def test_the_chip_is_shown_at_the_moment(watch: Open, tmp_path: Path) -> None:
     program = tmp_path / "shown.c"
     program.write_text(SHOWN)
     page = watch(program)
-    for breakpoint in ("inner()", "RB0 rise"):
+    for count, breakpoint in enumerate(("inner()", "RB0 rise"), 1):
         page.run(f"document.getElementById('breakpoint').value = {json.dumps(breakpoint)}")
         page.run("document.getElementById('breakpoint-form').requestSubmit()")
-    page.until("watched.latest.breakpoints.length === 2")
+        page.until(f"watched.latest.breakpoints.length === {count}")
     page.click("#run")
     page.until("watched.latest.stopped === 'inner()'")
     painted(page)
