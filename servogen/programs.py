@@ -60,6 +60,8 @@ class Program:
     clock: Clock | None = None
     remarks: tuple[Diagnostic, ...] = ()
     """Warnings about a HEX file that can be read nevertheless."""
+    device: str | None = None
+    """The chip that it was built for, where a job says it."""
 
     def __repr__(self) -> str:
         clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""

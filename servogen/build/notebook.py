@@ -6,6 +6,7 @@ in a line, or in a notebook as a table or a picture.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, is_job, read_
 from servogen.pulse import PulseSchedule
 from servogen.report.pictures import Picture
 from servogen.report.pulse_plot import pulse_figure
-from servogen.simulator import Options, Simulation
+from servogen.simulator import Options, Simulation, load_stimuli
 from servogen.simulator import simulate as run
 from servogen.simulator.machine import Stimulus
 from servogen.units import Clock, Cycles
@@ -42,7 +43,7 @@ def load(path: File) -> Job | Program:
 
     Raises InputError.
     """
-    path = Path(path)
+    path = _path(path, "path")
     if is_job(path):
         return load_job(path)
     if path.suffix.lower() not in PROGRAM_SUFFIXES and not path.is_dir():
@@ -60,7 +61,7 @@ def build(job: File | Job) -> Build:
 
     Raises InputError.
     """
-    loaded = job if isinstance(job, Job) else load_job(Path(job))
+    loaded = job if isinstance(job, Job) else load_job(_path(job, "job"))
     return build_planned(loaded if isinstance(loaded, PlannedJob) else plan_job(loaded))
 
 
@@ -70,22 +71,40 @@ def simulate(
     *,
     clock_hz: int | None = None,
     options: Options = Options(),  # noqa: B008 - frozen
-    stimulus: Stimulus | None = None,
+    stimulus: File | Stimulus | None = None,
 ) -> Simulation:
     """Return what a program does from power-up on: its pins' edges, the chip at the end, warnings.
 
     A build runs for its motion once, with its inputs as its schedule holds them; any other program for a
-    second. Raises InputError.
+    second. A job's program runs on the job's chip, any other on that of `options`. `stimulus` may be a TOML
+    file. Raises InputError.
     """
     if isinstance(program, Build):
         schedule = program.plan.schedule
         span = motion_cycles(schedule) if seconds is None else _span(schedule.clock, seconds)
-        board, inputs = board_of(schedule, options), stimulus or inputs_of(schedule)
-        return run(program.programs[0].image, schedule.clock, span, board, inputs)
+        inputs = _stimulus(stimulus, schedule.clock) or inputs_of(schedule)
+        return run(program.programs[0].image, schedule.clock, span, board_of(schedule, options), inputs)
     loaded = _program(program)
     clock = clock_of(loaded, clock_hz)
     span = _span(clock, SECONDS if seconds is None else seconds)
-    return run(loaded.image, clock, span, options, stimulus)
+    board = options if loaded.device is None else replace(options, device=loaded.device)
+    return run(loaded.image, clock, span, board, _stimulus(stimulus, clock))
+
+
+def _stimulus(given: File | Stimulus | None, clock: Clock) -> Stimulus | None:
+    """Return a stimulus, read if a file is given. Raises InputError."""
+    if given is None or (not isinstance(given, (str, Path)) and hasattr(given, "changes")):
+        return given
+    return load_stimuli(_path(given, "stimulus"), clock)
+
+
+def _path(given: object, name: str) -> Path:
+    """Return the path that was given. Raises InputError for anything else."""
+    if isinstance(given, (str, Path)):
+        return Path(given)
+    raise InputError(
+        "wrong-type", f"{name} = {given!r:.60} is not the path of a file", hint="give a str or a pathlib.Path"
+    )
 
 
 def _span(clock: Clock, seconds: float) -> Cycles:

@@ -11,9 +11,11 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from itertools import pairwise
+from math import isnan
 from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
@@ -241,6 +243,7 @@ def _run() -> int:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except TyperException as error:  # the command line is wrong
         text = error.format_message().rstrip(".").replace(": Value error, ", ": ")
+        text = _with_value(text, error, sys.argv[1:])
         show_error(InputError("usage", text, hint=f"see: {_command_of(error)} --help"), sys.argv[1:])
         return InputError.exit_code
     except typer.Abort:
@@ -268,6 +271,20 @@ def _run() -> int:
         show_error(ToolError("internal-error", text), sys.argv[1:])
         return ToolError.exit_code
     return 0
+
+
+def _with_value(text: str, error: TyperException, words: Sequence[str]) -> str:
+    """Return a message about an option's value in which the value stands, where it was typed."""
+    names: Sequence[str] = getattr(getattr(error, "param", None), "opts", [])
+    values = [after for before, after in pairwise(words) if before in names]
+    values += [word.partition("=")[2] for word in words if word.partition("=")[0] in names and "=" in word]
+    if not values or repr(values[-1]) in text:
+        return text
+    value = values[-1]
+    with suppress(ValueError):
+        if isnan(float(value)):
+            return f"Invalid value for '{names[0]}': '{value}' is not a number"
+    return text.replace(": Input should", f": '{value}' should", 1)
 
 
 def _command_of(error: TyperException) -> str:

@@ -13,14 +13,13 @@ from servogen.cli.options import (
     MAX_CYCLES,
     ChipOptions,
     ClockHz,
-    DeviceName,
     Json,
     Seconds,
     takes_chip_options,
 )
 from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
-from servogen.programs import clock_of
+from servogen.programs import DEFAULT_DEVICE, clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -63,7 +62,12 @@ def simulate(
         Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
     ] = None,
     clock_hz: ClockHz = None,
-    device: DeviceName = "PIC16F84",
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device", help="The chip: PIC16F84 or PIC16F84A (default: a job's own, else PIC16F84)."
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
@@ -73,10 +77,10 @@ def simulate(
     from servogen.traces import edge_writer, recorded
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
-    program = read_program(file, device)
+    program = read_program(file, device or DEFAULT_DEVICE)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
-    board = chip.on(device)
+    board = chip.on(device or program.device or DEFAULT_DEVICE)
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)
     paths = [path for path in (edges, vcd) if path]

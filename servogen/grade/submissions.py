@@ -86,9 +86,12 @@ def find_submissions(
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
     `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
-    A path that does not exist is a program that cannot be read. Raises InputError for a folder without one.
+    A path that does not exist is a program that cannot be read. Raises InputError for a folder without one,
+    and where no path exists.
     """
     result = Found()
+    if not any(map(os.path.lexists, given)):
+        raise InputError("no-program", "there is no such file or folder", Location(str(given[0])))
     for path in given:
         if path.is_dir():
             search = _Search(path, frozenset((*sources, *images)), level, result.warnings)

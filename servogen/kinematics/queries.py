@@ -292,6 +292,7 @@ def mobility_answer(name: str) -> Answer:
 
 MAX_JOINTS = 1000
 """The greatest number of joints of one kind that is not taken for a typing error."""
+MAX_DIGITS = 6
 
 
 def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = False) -> Answer:
@@ -301,14 +302,14 @@ def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = Fals
     kinds: list[str] = []
     for text in joints:
         kind, _, count = text.partition(":")
-        if count and not (count.isascii() and count.isdigit() and len(count) < 6):
+        if count and not (count.isascii() and count.isdigit()):
             raise InputError(
-                "bad-option", f"'{text}' is not a kind of joint and its number", hint="turning:4"
+                "bad-option", f"'{text[:60]}' is not a kind of joint and its number", hint="turning:4"
             )
-        number = int(count or 1)
+        number = int(count[:MAX_DIGITS] or 1)  # the first digits say that it is too great
         if not 1 <= number <= MAX_JOINTS:
             raise InputError(
-                "out-of-range", f"'{text}' is not 1 to {MAX_JOINTS} joints", Location(key="--joint")
+                "out-of-range", f"'{text[:60]}' is not 1 to {MAX_JOINTS} joints", Location(key="--joint")
             )
         kinds += [kind.strip().lower()] * number
     return _mobility_facts(of_mechanism(elements, kinds, plane=plane))

@@ -2,20 +2,28 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
 import servogen
 from servogen.build import Build, write
+from servogen.cli import main
 from servogen.errors import InputError
 from servogen.job import Job, PlannedJob
 from servogen.notebooks import table_html
+from servogen.pic.image import Image
 from servogen.programs import Program
 from servogen.pulse import from_json
-from servogen.simulator import Simulation
+from servogen.simulator import Options, Simulation
+from servogen.simulator import machine as machine_module
+from servogen.simulator import run as run_module
+from servogen.simulator.machine import Machine
+from servogen.units import Clock
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "jobs" / "lab8-exercise.toml"
@@ -166,3 +174,61 @@ def test_a_clock_that_is_not_a_frequency_is_refused(clock_hz: int) -> None:
     with pytest.raises(InputError, match="is not a whole number of at least 1") as error:
         servogen.simulate(FOLDER, 0.001, clock_hz=clock_hz)
     assert error.value.code == "wrong-clock"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: servogen.load(3), "path = 3 is not the path of a file"),  # type: ignore[arg-type]
+        (lambda: servogen.build(None), "job = None is not the path of a file"),  # type: ignore[arg-type]
+        (lambda: servogen.simulate(FOLDER, stimulus=5), "stimulus = 5 is not the path of a file"),  # type: ignore[arg-type]
+        (lambda: servogen.simulate(FOLDER, stimulus="none.toml"), "none.toml: error: cannot be read"),
+    ],
+)
+def test_what_is_not_a_file_is_named(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError) as raised:
+        call()
+    assert message in str(raised.value)
+
+
+def test_a_stimulus_may_be_a_file(tmp_path: Path) -> None:
+    """RB1, an input, is copied to RB0, an output, within one loop of 4 cycles."""
+    (tmp_path / "copy.asm").write_text(
+        " __config 0x3FF1\n bsf 3, 5\n bcf 6, 0\n bcf 3, 5\n"
+        "loop btfss 6, 1\n bcf 6, 0\n btfsc 6, 1\n bsf 6, 0\n goto loop\n end\n"
+    )
+    (tmp_path / "press.toml").write_text('[[level]]\npin = "RB1"\nat_us = [0, 500]\nlevel = [0, 1]\n')
+    ran = servogen.simulate(tmp_path / "copy.asm", 0.001, stimulus=tmp_path / "press.toml")
+    rises = [
+        cycle
+        for chunk in ran.edges.chunks
+        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True)
+        if (pin, level) == (5, 1)
+    ]
+    assert len(rises) == 1 and 500 <= rises[0] < 510
+
+
+def test_the_program_of_a_job_runs_on_the_chip_of_the_job(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    devices = []
+
+    class Noted(Machine):
+        def __init__(self, image: Image, clock: Clock, options: Options, *more: Any, **named: Any) -> None:
+            devices.append(options.device)
+            super().__init__(image, clock, options, *more, **named)
+
+    for module in (run_module, machine_module):
+        monkeypatch.setattr(module, "Machine", Noted)
+    path = tmp_path / "job.toml"
+    path.write_text(JOB.read_text().replace('"PIC16F84"', '"PIC16F84A"'))
+    job = servogen.load(path)
+    devices.clear()  # of the engine that measures its statements
+    servogen.simulate(job, 0.001)
+    assert devices[-1] == "PIC16F84A"
+    for options, expected in (((), "PIC16F84A"), (("--device", "PIC16F84"), "PIC16F84")):
+        monkeypatch.setattr(sys, "argv", ["servogen", "simulate", str(path), "--cycles", "100", *options])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        assert devices[-1] == expected

@@ -61,6 +61,13 @@ def test_a_file_that_is_not_there_fails_alone(run: Run, tmp_path: Path) -> None:
     assert second["passed"]
 
 
+def test_where_no_file_is_there_nothing_was_graded(run: Run, tmp_path: Path) -> None:
+    ran = run("grade", "lab8-exercise", tmp_path / "none.c", "--gradescope", tmp_path / "results.json")
+    assert ran.code == 2
+    assert "none.c: error: there is no such file or folder" in ran.err
+    assert "no program was handed in" in (tmp_path / "results.json").read_text()
+
+
 def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without Dask as without a cluster: exit code 3 and one sentence."""
     monkeypatch.setattr("servogen.build.grading.CONNECT_S", 1)

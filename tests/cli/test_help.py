@@ -69,6 +69,21 @@ def test_a_command_that_is_close_to_the_unknown_one_is_named() -> None:
         group.main(["calibrat"], prog_name="servogen", standalone_mode=False)
 
 
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("nan", "Invalid value for '--stride-mm': 'nan' is not a number"),
+        ("1e9", "Invalid value for '--stride-mm': '1e9' should be less than or equal to 100000"),
+        ("far", "Invalid value for '--stride-mm': 'far' should be a valid number"),
+    ],
+)
+def test_a_value_that_an_option_does_not_take_is_named(run: Run, value: str, message: str) -> None:
+    for words in (("--stride-mm", value), (f"--stride-mm={value}",)):
+        ran = run("gait", "tripod", *words)
+        assert ran.code == 2
+        assert message in ran.err
+
+
 def test_the_commands_are_shown_in_groups_and_h_is_help(run: Run) -> None:
     shown = run("-h")
     assert (shown.code, shown.err) == (0, "")

@@ -328,7 +328,8 @@ def test_a_small_motion_seen_from_the_frame() -> None:
         (("turning:four",), "'turning:four' is not a kind of joint and its number"),
         (("turning:0",), "is not 1 to 1000 joints"),
         (("turning:99999",), "is not 1 to 1000 joints"),
-        (("turning:" + "9" * 5000,), "is not a kind of joint and its number"),
+        (("turning:" + "9" * 5000,), f"'turning:{'9' * 52}' is not 1 to 1000 joints"),
+        (("turning:-1",), "'turning:-1' is not a kind of joint and its number"),
         (("hinge:3",), "unknown kind of joint 'hinge'"),
     ],
 )
