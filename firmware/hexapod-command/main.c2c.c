@@ -2,17 +2,17 @@
  * hexapod-command: servo pulses for the PIC16F84 at 4 MHz (C2C).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1380 to 1625 us
+ * RB0  L1-turn: 1378 to 1626 us
  * RB1  L1-lift: 1333 to 1500 us
- * RB2  L2-turn: 1374 to 1500 us
+ * RB2  L2-turn: 1373 to 1500 us
  * RB3  L2-lift: 1500 to 1666 us
- * RB4  L3-turn: 1374 to 1619 us
+ * RB4  L3-turn: 1373 to 1621 us
  * RB5  L3-lift: 1500 to 1666 us
- * RB6  R1-turn: 1374 to 1619 us
+ * RB6  R1-turn: 1373 to 1621 us
  * RB7  R1-lift: 1500 to 1666 us
- * RA0  R2-turn: 1500 to 1625 us
+ * RA0  R2-turn: 1500 to 1626 us
  * RA1  R2-lift: 1333 to 1500 us
- * RA2  R3-turn: 1380 to 1625 us
+ * RA2  R3-turn: 1378 to 1626 us
  * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
@@ -23,7 +23,7 @@
 #pragma CLOCK_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 123, 127, 127, 127, 2, 123, 216, 34, 34, 34, 95, 216, 243, 7, 60, 60, 69, 243, 190, 60, 7, 7, 122, 190, 10, 59, 166, 240, 70, 84, 47, 34, 203, 203, 95, 47, 84, 8, 240, 166, 121, 10 };
+const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 125, 129, 129, 129, 2, 125, 218, 36, 36, 36, 95, 218, 245, 9, 62, 62, 69, 245, 192, 62, 9, 9, 122, 192, 12, 61, 168, 242, 70, 86, 49, 36, 205, 205, 95, 49, 86, 10, 242, 168, 121, 12 };
 
 /* Poses of the directions, read forward and backward: the place of the row; the legs that are lifted, and in bits 0
  * and 1 the timing of the step from the previous pose. */
@@ -40,7 +40,7 @@ const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 
 #define HEARING 45   /* for each state the line low, and high */
 #define PARTS 85   /* for standing and each direction, where its start, its cycle and its stop begin, and its end */
 #define LAW 105   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 97, 52, 93, 218, 93, 218, 93, 218, 218, 52, 97, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+const unsigned char CONSTANT[] = { 95, 52, 91, 218, 91, 218, 91, 218, 218, 52, 95, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 137, 145, 152, 157, 159, 159, 155, 148, 138, 125, 109, 91, 70, 48, 24, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 

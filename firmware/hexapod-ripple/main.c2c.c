@@ -2,17 +2,17 @@
  * hexapod-ripple: servo pulses for the PIC16F84 at 4 MHz (C2C).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1369 to 1500 us
+ * RB0  L1-turn: 1365 to 1500 us
  * RB1  L1-lift: 1500 to 1666 us
- * RB2  L2-turn: 1369 to 1500 us
+ * RB2  L2-turn: 1365 to 1500 us
  * RB3  L2-lift: 1500 to 1666 us
- * RB4  L3-turn: 1369 to 1500 us
+ * RB4  L3-turn: 1365 to 1500 us
  * RB5  L3-lift: 1500 to 1666 us
- * RB6  R1-turn: 1500 to 1630 us
+ * RB6  R1-turn: 1500 to 1634 us
  * RB7  R1-lift: 1333 to 1500 us
- * RA0  R2-turn: 1500 to 1630 us
+ * RA0  R2-turn: 1500 to 1634 us
  * RA1  R2-lift: 1333 to 1500 us
- * RA2  R3-turn: 1500 to 1630 us
+ * RA2  R3-turn: 1500 to 1634 us
  * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
@@ -21,7 +21,7 @@
 #pragma CLOCK_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 134, 134, 134, 2, 2, 2, 41, 41, 41, 95, 95, 95, 23, 59, 41, 60, 130, 95, 41, 76, 6, 95, 113, 77, 59, 41, 23, 130, 95, 60, 76, 6, 41, 113, 77, 95, 41, 23, 59, 95, 60, 130, 6, 41, 76, 77, 95, 113 };
+const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 137, 137, 137, 2, 2, 2, 44, 44, 44, 95, 95, 95, 26, 62, 44, 60, 130, 95, 44, 79, 9, 95, 113, 77, 62, 44, 26, 130, 95, 60, 79, 9, 44, 113, 77, 95, 44, 26, 62, 95, 60, 130, 9, 44, 79, 77, 95, 113 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
  * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
@@ -38,7 +38,7 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 
 #define SPEED_LOW 35   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 37
 #define LAW 39   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 86, 218, 86, 218, 86, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+const unsigned char CONSTANT[] = { 83, 218, 83, 218, 83, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 133, 139, 145, 149, 151, 151, 148, 141, 132, 120, 104, 87, 67, 46, 23, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 

@@ -2,17 +2,17 @@
  * hexapod-tripod: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1374 to 1500 us
+ * RB0  L1-turn: 1373 to 1500 us
  * RB1  L1-lift: 1500 to 1666 us
- * RB2  L2-turn: 1374 to 1500 us
+ * RB2  L2-turn: 1373 to 1500 us
  * RB3  L2-lift: 1500 to 1666 us
- * RB4  L3-turn: 1374 to 1500 us
+ * RB4  L3-turn: 1373 to 1500 us
  * RB5  L3-lift: 1500 to 1666 us
- * RB6  R1-turn: 1500 to 1625 us
+ * RB6  R1-turn: 1500 to 1626 us
  * RB7  R1-lift: 1333 to 1500 us
- * RA0  R2-turn: 1500 to 1625 us
+ * RA0  R2-turn: 1500 to 1626 us
  * RA1  R2-lift: 1333 to 1500 us
- * RA2  R3-turn: 1500 to 1625 us
+ * RA2  R3-turn: 1500 to 1626 us
  * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
@@ -24,7 +24,7 @@
 #define _XTAL_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 127, 127, 127, 2, 2, 2, 34, 34, 34, 95, 95, 95, 60, 7, 60, 122, 69, 122, 7, 60, 7, 69, 122, 69 };
+const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 128, 128, 128, 2, 2, 2, 35, 35, 35, 95, 95, 95, 61, 8, 61, 122, 69, 122, 8, 61, 8, 69, 122, 69 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
  * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
@@ -41,7 +41,7 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 30, 85, 1, 169,
 #define SPEED_LOW 36   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 39
 #define LAW 42   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 93, 218, 93, 218, 93, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 12, 1, 31, 85, 0, 5, 21, 0, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+const unsigned char CONSTANT[] = { 92, 218, 92, 218, 92, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 12, 1, 31, 85, 0, 5, 21, 0, 128, 137, 145, 152, 156, 159, 158, 154, 147, 137, 124, 108, 90, 69, 47, 24, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 

@@ -2,17 +2,17 @@
  * hexapod-wave: servo pulses for the PIC16F84 at 4 MHz (C2C).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1362 to 1500 us
+ * RB0  L1-turn: 1357 to 1500 us
  * RB1  L1-lift: 1500 to 1666 us
- * RB2  L2-turn: 1362 to 1500 us
+ * RB2  L2-turn: 1357 to 1500 us
  * RB3  L2-lift: 1500 to 1666 us
- * RB4  L3-turn: 1362 to 1500 us
+ * RB4  L3-turn: 1357 to 1500 us
  * RB5  L3-lift: 1500 to 1666 us
- * RB6  R1-turn: 1500 to 1637 us
+ * RB6  R1-turn: 1500 to 1642 us
  * RB7  R1-lift: 1333 to 1500 us
- * RA0  R2-turn: 1500 to 1637 us
+ * RA0  R2-turn: 1500 to 1642 us
  * RA1  R2-lift: 1333 to 1500 us
- * RA2  R3-turn: 1500 to 1637 us
+ * RA2  R3-turn: 1500 to 1642 us
  * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
@@ -21,7 +21,7 @@
 #pragma CLOCK_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 141, 141, 141, 2, 2, 2, 48, 48, 48, 95, 95, 95, 66, 83, 48, 131, 113, 95, 75, 92, 4, 122, 104, 86, 83, 48, 12, 113, 95, 77, 92, 4, 21, 104, 86, 68, 48, 12, 30, 95, 77, 60, 4, 21, 39, 86, 68, 51, 12, 30, 48, 77, 60, 95, 21, 39, 57, 68, 51, 139, 30, 48, 66, 60, 95, 131, 39, 57, 75, 51, 139, 122, 48, 66, 83, 95, 131, 113, 57, 75, 92, 139, 122, 104 };
+const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 144, 144, 144, 2, 2, 2, 51, 51, 51, 95, 95, 95, 69, 86, 51, 131, 113, 95, 78, 95, 7, 122, 104, 86, 86, 51, 15, 113, 95, 77, 95, 7, 24, 104, 86, 68, 51, 15, 33, 95, 77, 60, 7, 24, 42, 86, 68, 51, 15, 33, 51, 77, 60, 95, 24, 42, 60, 68, 51, 139, 33, 51, 69, 60, 95, 131, 42, 60, 78, 51, 139, 122, 51, 69, 86, 95, 131, 113, 60, 78, 95, 139, 122, 104 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
  * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
@@ -38,7 +38,7 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 96, 17, 1, 9, 1
 #define SPEED_LOW 35   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 37
 #define LAW 39   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 79, 218, 79, 218, 79, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 73, 73, 105, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 130, 131, 131, 130, 127, 123, 117, 110, 100, 89, 77, 63, 49, 33, 17, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+const unsigned char CONSTANT[] = { 76, 218, 76, 218, 76, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 73, 73, 105, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 131, 135, 139, 142, 144, 143, 139, 133, 124, 113, 98, 82, 63, 43, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 

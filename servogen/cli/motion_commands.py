@@ -122,6 +122,13 @@ def gait(
             "--spring-mm", min=0, help="Refuse a walk in which a leg's spring must give more than this."
         ),
     ] = None,
+    compensate: Annotated[
+        bool,
+        typer.Option(
+            "--compensate/--no-compensate",
+            help="Whether swings take up the motion that the servos lose when a joint turns round.",
+        ),
+    ] = True,
     allow_falling: Annotated[
         bool,
         typer.Option("--allow-falling", help="Plan a walk even if its stability margin is negative."),
@@ -169,6 +176,7 @@ def gait(
         limits=Limits(model.speed or float("inf")),
         spring_m=_metres(spring_mm),
         allow_falling=allow_falling,
+        lost=model.lost_motion(model.calibration) if compensate else 0.0,
     )
     facts, loads = facts_of(walker, planned_walk), loads_of(walker, planned_walk)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
@@ -324,6 +332,9 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: Gai
     for held in planned_walk.held_back:
         print(held.text())
     print(planned_walk.slip.text())
+    lost_motion = planned_walk.lost_motion_text()
+    if lost_motion is not None:
+        print(lost_motion)
     print(
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
         f"{1000 * facts.clearance:z.1f} mm free under it and its legs"

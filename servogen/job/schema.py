@@ -167,6 +167,8 @@ class WalkTable(Table):
     stance_width_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     beta_sign: Sign = "positive"
     spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
+    compensate: bool = True
+    """Whether the swings take up the motion that the servos lose when a joint turns round."""
     allow_falling: bool = False
     leg: str | None = None
     """The only leg that walks; None: all legs walk."""

@@ -60,7 +60,7 @@ def walk_of(
     return Planned(
         trajectory,
         warnings=(*heavy, *_upright(document, planned)),
-        notes=tuple(_notes(document, planned)),
+        notes=tuple(_notes(document, planned, job.servos)),
     )
 
 
@@ -126,7 +126,10 @@ def walk_on_command(
                 ("a stop", last - direction.end),
             )
         )
-        notes += [Diagnostic("note", "command", text, document.place(*key)), *_notes(document, endless)]
+        notes += [
+            Diagnostic("note", "command", text, document.place(*key)),
+            *_notes(document, endless, job.servos),
+        ]
     first = directions[0]
     stance = JointTrajectory(
         joints=tuple(servo.name for servo in job.servos),
@@ -149,6 +152,8 @@ class _Walker:
     gait: Gait
     limits: Limits
     frames: int | None
+    lost: float
+    """The angle (radians) that the servos lose when a joint turns round, if it is compensated."""
 
     def walk(self, segments: Sequence[Segment], others: Sequence[Segment], frames: int | None) -> Walk:
         """Return the walk along `segments`, in cycles of at least `frames`. Raises InputError."""
@@ -166,6 +171,7 @@ class _Walker:
                 spring_m=None if spring_mm is None else spring_mm / 1000,
                 allow_falling=self.table.allow_falling,
                 others=others,
+                lost=self.lost,
             )
         except InputError as error:
             raise error.at(self.job.document.place("walk")) from error
@@ -201,7 +207,28 @@ def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:
         robot = robot.with_leg(table.leg)
     gait = _gait(document, table, whole, robot)
     frames = _frames(table, job.frame.period.cycles, job.clock)
-    return _Walker(job=job, table=table, robot=robot, gait=gait, limits=_least(limits), frames=frames)
+    return _Walker(
+        job=job,
+        table=table,
+        robot=robot,
+        gait=gait,
+        limits=_least(limits),
+        frames=frames,
+        lost=_lost_motion(job) if table.compensate else 0.0,
+    )
+
+
+def _lost_motion(job: Job) -> float:
+    """Return the largest angle (radians) that a servo loses when its joint turns round."""
+    servos = {servo.name: servo for servo in job.servos}
+    return max(
+        (
+            servo.model.lost_motion(servo.calibration) / abs(binding.ratio)
+            for binding in job.bindings
+            for servo in (servos[binding.servo],)
+        ),
+        default=0.0,
+    )
 
 
 def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:
@@ -279,7 +306,7 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     )
 
 
-def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
+def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[Diagnostic]:
     place = document.place("walk")
     seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [
@@ -295,6 +322,7 @@ def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
             place,
         ),
         Diagnostic("note", "slip", planned.slip.text(), place),
+        *_lost_motion_notes(document, planned, servos),
         Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(planned.minimum_margin_m):
@@ -303,6 +331,17 @@ def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
             text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside its feet at worst"
         notes.append(Diagnostic("note", "stability", text, place))
     return notes
+
+
+def _lost_motion_notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> Iterator[Diagnostic]:
+    """Yield how the swings take up the servos' lost motion, and what about it is assumed."""
+    text = planned.lost_motion_text()
+    if text is None:
+        return
+    keys = ("dead_band_us", "backlash_deg")
+    assumed = sorted({key for key in keys for servo in servos if key in servo.model.motor.assumed})
+    text += f" (assumed: {', '.join(assumed)})" if assumed else ""
+    yield Diagnostic("note", "lost-motion", text, document.place("walk"))
 
 
 def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:

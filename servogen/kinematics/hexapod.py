@@ -202,7 +202,8 @@ class LegStance:
         """Return the angle by which the limits of α turn the foot, `reach` from the axis, off the line.
 
         The stance sweeps α by half of its range to both sides. A swing begins and ends with the speed of the
-        stance and so goes beyond that, by less than `OVERSHOOT` of what the stance sweeps in a swing's time.
+        stance and so goes beyond that, by less than `OVERSHOOT` of what the stance sweeps in a swing's time,
+        and by the share `motion.beyond` of its way.
         """
         if not motion.turn:
             return 0.0
@@ -212,7 +213,7 @@ class LegStance:
             (self.axis + foot - centre) * turn + centre - self.axis for turn in (turned, turned.conjugate())
         )
         sweep = abs(cmath.phase(last / first))
-        reserve = sweep * (0.5 + OVERSHOOT * (1 - motion.duty) / motion.duty)
+        reserve = sweep * (0.5 + OVERSHOOT * (1 - motion.duty) / motion.duty + motion.beyond)
         free = max(self.joint.upper - self._middle - reserve, 0.0)
         bend = self.bend(motion)
         return bend - min(max(bend, -free), free)

@@ -72,6 +72,8 @@ class BodyMotion:
     step: complex
     turn: float
     duty: float
+    beyond: float = 0.0
+    """The share of its way by which a swing goes farther beyond its foothold to take up lost motion."""
 
     @property
     def centre(self) -> complex | None:

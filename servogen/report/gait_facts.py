@@ -154,6 +154,7 @@ def walk_to_json(
             "frame": facts.correction_frame,
         },
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
+        "lost_motion": {"angle": planned.lost, "swing_beyond": planned.beyond},
         "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in planned.centres],
         "held_back": [{"leg": held.leg, "angle": held.angle} for held in planned.held_back],
         "first_millimetre_m": planned.liftoff_slide_m,

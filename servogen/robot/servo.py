@@ -51,6 +51,12 @@ class Calibration:
         ends = sorted((self.points[0].width_us, self.points[-1].width_us))
         return ends[0], ends[1]
 
+    @property
+    def per_us(self) -> float:
+        """Return the mean change of the angle per microsecond, without its sign."""
+        (low, high), (shortest, longest) = self.angles, self.widths_us
+        return (high - low) / (longest - shortest)
+
     def width_us(self, angle: float) -> float:
         """Return the width at `angle` in µs; beyond the end points, the nearest segment is extrapolated."""
         before, after = self._around([point.angle for point in self.points], angle)
@@ -146,6 +152,14 @@ class ServoModel:
     supply_v: float | None = None
     """The voltage at which speed and torque hold; None: the file states no voltage."""
     motor: Motor = Motor()
+
+    def lost_motion(self, calibration: Calibration) -> float:
+        """Return the angle (radians) that the shaft loses when it turns round, with a servo's calibration.
+
+        It is the dead band on both sides and the backlash of the gear; what is not stated counts as 0.
+        """
+        dead = 2 * (self.motor.dead_band_us or 0.0) * calibration.per_us
+        return dead + (self.motor.backlash or 0.0)
 
     @property
     def unit(self) -> str:

@@ -120,10 +120,7 @@ def drive_of(servo: Servo) -> Drive:
             "its stall_ma or max_ma is too small",
         )
     start = said.value("start_ms", motor.start_s, START_S, "s")
-    (low, first), (high, last) = (
-        (point.angle, point.width_us) for point in (servo.calibration.points[0], servo.calibration.points[-1])
-    )
-    per_us = abs((high - low) / (last - first))
+    per_us = servo.calibration.per_us
     dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
     full = said.value("full_drive_us", motor.full_drive_us, FULL_DRIVE_US, "µs")
     damping = torque_constant * speed_constant / resistance

@@ -179,7 +179,14 @@ def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
     assert made.schedule.lead_in_frames == job.trajectory.loop_start
     # at first each foot steps on the spot, when it is its turn: one cycle
     assert made.schedule.loop_frames == made.schedule.lead_in_frames
-    assert [note.code for note in job.notes] == ["cycle", "spring", "slip", "lift", "stability"]
+    assert [note.code for note in job.notes] == [
+        "cycle",
+        "spring",
+        "slip",
+        "lost-motion",
+        "lift",
+        "stability",
+    ]
     rises = [pulse.rise for pulse in made.schedule.loop[0].pulses if pulse]
     assert rises == [slot * 2000 for slot in range(6) for _ in range(2)]
 

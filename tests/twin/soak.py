@@ -1,6 +1,6 @@
-"""The twin's long figures: `python -m tests.twin.soak [way turn specimens causes oracle rough steps]`.
+"""The twin's long figures: `python -m tests.twin.soak [TABLE ...]`.
 
-Prints one table per name, those of docs/twin.md. The tests of this folder hold a part of it.
+Prints one table per name (way turn specimens lost_motion causes oracle rough steps), those of docs/twin.md. The tests of this folder hold a part of it.
 """
 
 from __future__ import annotations
@@ -60,6 +60,21 @@ def specimens() -> None:
         turns.append(math.degrees(seen.done[2]))
     print(f"turn {np.mean(turns):.1f}°, standard deviation {np.std(turns, ddof=1):.1f}°")
     print(np.round(turns, 1))
+
+
+def lost_motion() -> None:
+    """The servos' dead band and its compensation, which expects 2 µs: ripple at 110 mm, turn at 130 mm."""
+    for name, rows, gait, height, bands in (
+        ("ripple", WALK, "ripple", 110, (0.0, 2.0, 4.0)),
+        ("turn", TURN, "tripod", 130, (0.0, 2.0)),
+    ):
+        for compensate in (True, False):
+            made = walking(rows, gait, height, SUPPLIED, compensate=compensate)
+            for band in bands:
+                servos = made.with_motor(dead_band_us=band)
+                seen = [servos.twin(Settings(ground=Ground(friction))) for friction in FRICTIONS]
+                word = "compensated" if compensate else "plain"
+                print(f"{name}, {band:g} µs, {word}: {' |'.join(map(shown, seen))}", flush=True)
 
 
 def causes() -> None:
@@ -145,7 +160,7 @@ def steps() -> None:
             )
 
 
-TABLES = {each.__name__: each for each in (way, turn, specimens, causes, oracle, rough, steps)}
+TABLES = {each.__name__: each for each in (way, turn, specimens, lost_motion, causes, oracle, rough, steps)}
 
 
 def main(names: list[str]) -> None:

@@ -44,17 +44,22 @@ class Firmware:
 
 
 @cache
-def walking(route: str, gait: str = "tripod", height: float = 130, extra: str = "") -> Firmware:
+def walking(
+    route: str, gait: str = "tripod", height: float = 130, extra: str = "", *, compensate: bool = True
+) -> Firmware:
     """Return the firmware of a walk along `route`, the segments of [walk] route."""
-    return firmware(text_of(route, gait, height, extra))
+    return firmware(text_of(route, gait, height, extra, compensate=compensate))
 
 
-def text_of(route: str, gait: str = "tripod", height: float = 130, extra: str = "") -> str:
+def text_of(
+    route: str, gait: str = "tripod", height: float = 130, extra: str = "", *, compensate: bool = True
+) -> str:
     """Return the job of a walk."""
     text = (JOBS / "hexapod-tripod.toml").read_text()
     text = re.sub(r"^body_height_mm = .*\n", "", text, flags=re.M)
     text = re.sub(r"route = .*", f"route = [{route}]\nbody_height_mm = {height:g}", text)
     text = text.replace('gait = "tripod"', f'gait = "{gait}"')
+    text = text if compensate else text.replace("[walk]", "[walk]\ncompensate = false")
     text = text.replace("[firmware]", "[firmware]\nsoft_start_s = 0.3")
     return text + extra
 

@@ -69,12 +69,12 @@ def table_of(name: str) -> bytes:
     return _fitted(lambda u: 256 * SHAPES[name](u))
 
 
-def swing_table(rate: float) -> bytes:
+def swing_table(rate: float, beyond: float = 0.0) -> bytes:
     """Return the law of turning in the first half of a swing, from its middle, in 128ths of the path back.
 
-    `rate` is the stance's speed, see `swing_share`.
+    `rate` and `beyond` are those of `swing_share`.
     """
-    return _fitted(lambda u: SWING * (1 - 2 * swing_share(u / 2, rate)))
+    return _fitted(lambda u: SWING * (1 - 2 * swing_share(u / 2, rate, beyond)))
 
 
 @cache

@@ -231,7 +231,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
         row = number(spot.end if spot else ends[1])
         steps.append(Step(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
-    laws = swing_table(_rate(walk)) + lift_table() + (spot_table() if walk.spots else b"")
+    laws = swing_table(*_swing_law(walk)) + lift_table() + (spot_table() if walk.spots else b"")
     return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
 
 
@@ -290,9 +290,9 @@ def _tops(walk: WalkEvents) -> Floats:
     return tops
 
 
-def _rate(walk: WalkEvents) -> float:
-    """Return the rate of the law of walking swings that fits all of them best, by least squares."""
-    above = below = 0.0
+def _swing_law(walk: WalkEvents) -> tuple[float, float]:
+    """Return `rate` and `beyond` of the law that fits all walking swings best, by least squares."""
+    squares, products = np.zeros((2, 2)), np.zeros(2)
     for swing in walk.swings:
         if walk.spot(2 * swing.lift, 2 * swing.land):
             continue
@@ -302,11 +302,12 @@ def _rate(walk: WalkEvents) -> float:
         middle = walk.pose(swing.middle)[turn]
         # If the body starts or stops during a swing, one half of the swing has no length.
         way = np.where(u < 0.5, middle - column[0], column[-1] - middle)
-        plain, other = (2 * swing_share(u, rate) - 1 for rate in (0.0, 1.0))
-        effect = way * (other - plain)
-        above += float((column - middle - way * plain) @ effect)
-        below += float(effect @ effect)
-    return max(0.0, above / below) if below else 0.0
+        plain, faster, farther = (2 * swing_share(u, *law) - 1 for law in ((0.0,), (1.0,), (0.0, 1.0)))
+        effects = way * np.stack([faster - plain, farther - plain])
+        squares += effects @ effects.T
+        products += effects @ (column - middle - way * plain)
+    rate, beyond = np.linalg.lstsq(squares, products, rcond=None)[0].tolist()
+    return max(0.0, rate), max(0.0, beyond)
 
 
 def _timing(one: int, other: int) -> Timing:

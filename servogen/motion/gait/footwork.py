@@ -9,6 +9,10 @@ on the ground, and the corrections that their springs must yield.
 
     the body is at rest while its feet step, once each, to their places at the beginning of the walk; feet
     that are in the air at that moment rise in place. After the walk they come down in place and step again
+
+A servo does not answer to the first part of a movement after it has turned round: its dead band and the
+backlash of its gear are lost. A swing therefore goes so far beyond the foothold, and comes back, that the
+joint follows the stance when the foot lands (`Footwork.reach_beyond`).
 """
 
 from __future__ import annotations
@@ -28,6 +32,18 @@ from servogen.motion.trajectory import Floats
 
 SAME_RAD = 1e-9
 """Angles closer than this (radians) are equal, so that rounding does not make a foot step."""
+
+MAX_BEYOND = 0.15
+"""The largest share of a swing's way by which it goes beyond its foothold to take up lost motion."""
+
+BEND_PEAK = 5**-2.5
+"""The greatest value of u² (1 - u)² (2u - 1), at u = ½ + 1/√20."""
+
+BEYOND_SAMPLES = 201
+"""The number of samples of the second half of a swing, in which its farthest point is looked for."""
+
+SAME_SHARE = 1e-6
+"""The tolerance of a share of a swing's way."""
 
 RISE_SAMPLES = 2001
 """The number of samples of a foot's rise, from which its sideways movement meanwhile is computed."""
@@ -94,10 +110,48 @@ class Footwork:
     legs: tuple[str, ...]
     stance: Stance
     gait: Gait
+    beyond: float = 0.0
+    """The share of its way by which a swing of a walking body goes farther beyond its foothold."""
 
     def motion(self, segment: Segment) -> BodyMotion:
         """Return the body's motion in a cycle of a segment."""
-        return body_motion(segment, self.gait)
+        return body_motion(segment, self.gait, self.beyond)
+
+    def reach_beyond(self, segments: Sequence[Segment], count: int, lost: float) -> float:
+        """Return the share `beyond` for joints that lose `lost` radians when they turn round.
+
+        Before a foot lands, its joint comes back by what is lost and by what the stance moves it in one of
+        the `count` frames of a cycle, the time until the servo receives the next pulse. All swings have one
+        law: the share is that of the swing with the shortest way, at most `MAX_BEYOND`.
+        """
+        if lost <= 0:
+            return 0.0
+        rate, stance_frames = float(self.gait.swing / self.gait.duty), float(self.gait.duty) * count
+        way = min((way for segment in segments for way in self._ways(segment)), default=0.0)
+        wanted = lost + way / stance_frames
+        u = np.linspace(0.5, 1.0, BEYOND_SAMPLES)
+
+        def comes_back(beyond: float) -> float:
+            return way * (float(swing_share(u, rate, beyond).max()) - 1)
+
+        if way <= SAME_RAD or comes_back(0.0) >= wanted:
+            return 0.0
+        if comes_back(MAX_BEYOND) <= wanted:
+            return MAX_BEYOND
+        low, high = 0.0, MAX_BEYOND
+        while high - low > SAME_SHARE:
+            middle = (low + high) / 2
+            low, high = (low, middle) if comes_back(middle) >= wanted else (middle, high)
+        return high
+
+    def _ways(self, segment: Segment) -> Iterator[float]:
+        """Yield how far each leg's joints turn in a swing of the steady walk, radians."""
+        cruise = cruise_of(self.gait, None)
+        for index, (name, neutral) in enumerate(zip(self.legs, self._footing(segment), strict=True)):
+            leg = steps(self.gait, name, segment, cruise, neutral)
+            for number in range(len(leg.lifts)):
+                first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
+                yield float(np.abs(last - first).max())
 
     def held_back(self, segments: Sequence[Segment]) -> Iterator[HeldBack]:
         """Yield the feet that the limits of their joints keep from their best footholds."""
@@ -225,7 +279,7 @@ class Footwork:
         start, end = float(leg.lifts[number]), float(leg.lands[number])
         first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
         turned = (np.clip(time, 0.0, leg.cruise.stop) - start) / (end - start)
-        share = swing_share(turned, float(self.gait.swing / self.gait.duty))
+        share = swing_share(turned, float(self.gait.swing / self.gait.duty), self.beyond)
         risen = np.clip((time - start) / (end - start), 0.0, 1.0)
         return self.stance.lifted(index, first + (last - first) * share[:, None], bump(risen))
 
@@ -239,19 +293,23 @@ def footwork(robot: WalkingRobot, gait: Gait, posture: Posture, segments: Sequen
     return Footwork(tuple(leg.name for leg in robot.limbs), robot.stance(posture, motions), gait)
 
 
-def body_motion(segment: Segment, gait: Gait) -> BodyMotion:
+def body_motion(segment: Segment, gait: Gait, beyond: float = 0.0) -> BodyMotion:
     """Return the body's motion in a cycle of a segment."""
-    return BodyMotion(complex(segment.forward, segment.left), segment.turn, float(gait.duty))
+    return BodyMotion(complex(segment.forward, segment.left), segment.turn, float(gait.duty), beyond)
 
 
-def swing_share(u: Floats, rate: float) -> Floats:
+def swing_share(u: Floats, rate: float, beyond: float = 0.0) -> Floats:
     """Return the share of a swing's path at shares `u` of its time.
 
-    The law is a quintic that begins and ends without acceleration at the speed of the stance: `rate` path
-    lengths backward per duration of the swing, 0 on the spot. Its second half mirrors the first.
+    The law is a quintic that begins and ends at the speed of the stance: `rate` path lengths backward per
+    duration of the swing, 0 on the spot. Its second half mirrors the first. With `beyond` = 0 it begins and
+    ends without acceleration; otherwise it goes beyond both ends of the path, by up to `beyond` more.
     """
     a3, a4, a5 = 10 + 10 * rate, -15 - 15 * rate, 6 + 6 * rate
-    return np.asarray(u * (-rate + u**2 * (a3 + u * (a4 + u * a5))))
+    plain = u * (-rate + u**2 * (a3 + u * (a4 + u * a5)))
+    if not beyond:
+        return np.asarray(plain)
+    return np.asarray(plain + beyond / BEND_PEAK * u**2 * (1 - u) ** 2 * (2 * u - 1))
 
 
 def bump(u: Floats) -> Floats:

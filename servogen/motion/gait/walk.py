@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
-from servogen.motion.gait.footwork import Frames, HeldBack, footwork, joined
+from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
@@ -94,6 +94,10 @@ class Walk:
     """The feet that joint limits keep off the line from the centre of rotation."""
     liftoff_slide_m: float
     """The distance that a foot moves sideways until it has risen by `FIRST_M`."""
+    beyond: float = 0.0
+    """The share of its way by which a swing goes farther beyond its foothold to take up `lost`."""
+    lost: float = 0.0
+    """The angle that the servos lose when a joint turns round, radians; 0: not compensated."""
     changes: tuple[PhaseChange, ...] = ()
     """Phases of the gait that rounding to frames has moved by more than half a frame."""
 
@@ -150,6 +154,19 @@ class Walk:
             if at is not None
         )
 
+    def lost_motion_text(self) -> str | None:
+        """Return in words how the swings take up the servos' lost motion; None if that is not compensated."""
+        if self.lost <= 0:
+            return None
+        lost = f"lost motion of {math.degrees(self.lost):.2f}°"
+        if self.beyond <= 0:
+            return f"the swings take up the servos' {lost} before the feet land"
+        what = "part of the servos'" if self.beyond >= MAX_BEYOND else "the servos'"
+        return (
+            f"the swings overshoot their footholds by {100 * self.beyond:.1f} % of their length more, "
+            f"so that {what} {lost} is taken up before the feet land"
+        )
+
     @property
     def lift_m(self) -> float:
         """Return the maximum height of a foot above the ground, in metres."""
@@ -169,6 +186,7 @@ def walk(
     spring_m: float | None = None,
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
+    lost: float = 0.0,
 ) -> Walk:
     """Return the walk along `segments`, each from standstill to standstill; only the last may be endless.
 
@@ -176,7 +194,8 @@ def walk(
     multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. An endless
     walk loops over one cycle, others over the whole route. `spring_m` is the maximum correction of a leg's
     spring. `others` are segments of other walks with which the same robot may continue: its stance suits
-    these too.
+    these too. `lost` is the angle (radians) that the servos lose when a joint turns round: swings go so far
+    beyond their footholds that it is taken up before the feet land.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
     is too large and, unless `allow_falling`, for a robot that would fall over.
@@ -210,8 +229,9 @@ def walk(
                 hint="walk fewer cycles, or faster ones",
             )
         rounded = gait.on_frames(count)
-        parts = replace(plan, gait=rounded).frames_of_route(segments, count)
-        frames = joined(parts)
+        plan = replace(plan, gait=rounded, beyond=0.0)
+        plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
+        frames = joined(plan.frames_of_route(segments, count))
         loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
@@ -242,6 +262,8 @@ def walk(
         centres=tuple(plan.motion(segment).centre for segment in segments),
         held_back=tuple(plan.held_back(segments)),
         liftoff_slide_m=plan.liftoff_slide_m(FIRST_M),
+        beyond=plan.beyond,
+        lost=lost,
         changes=changes,
     )
     _refuse(result, spring_m, allow_falling)
