@@ -1,6 +1,7 @@
 """The twin's long figures: `python -m tests.twin.soak [TABLE ...]`.
 
-Prints one table per name (way turn specimens lost_motion causes oracle rough steps), those of docs/twin.md. The tests of this folder hold a part of it.
+Prints one table per name, those of docs/twin.md: way, turn, specimens, lost_motion, causes, oracle, rough,
+steps. The tests of this folder hold a part of it.
 """
 
 from __future__ import annotations
