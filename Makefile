@@ -15,9 +15,9 @@ READY  := $(VENV)/.installed
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
 	@echo "make test      the tests"
-	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
+	@echo "make check     format, lint, types and the tests, which also rebuild firmware/"
 	@echo "make docs      make the documentation site, build/site, and fail at any warning"
-	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
+	@echo "make firmware  rebuild firmware/, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make prove     prove the programs of firmware/ for all inputs, and check each certificate: JOBS=jobs/…"
 	@echo "make certificates  the same, and keep the certificates in certificates/: after make firmware"
 	@echo "make bench     measure speeds and print ratios"

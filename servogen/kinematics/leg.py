@@ -194,7 +194,7 @@ class Leg:
     def stance(self, path: ArrayLike, beta_sign: int = 1) -> Stance:
         """Return the angles that follow a foot path (n, 3) at its heights, and what remains for the spring.
 
-        At constant height β is constant and the foot goes on a circle about the axis of α: the foot is put at
+        At constant height β is constant and the foot follows a circle about the axis of α: the foot is put at
         the azimuth of the wanted point, so that the correction is radial, the shortest possible at that
         height.
         """

@@ -144,7 +144,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
     """Return the loop as a Python function to be compiled.
 
     `observed` counts and traces every instruction, `tracked` tracks unknown values through each (unknown.py);
-    with `visits` it does not return at a breakpoint, but copies the state to the trace and goes on.
+    with `visits` it does not return at a breakpoint, but copies the state to the trace and continues.
     """
 
     def run(

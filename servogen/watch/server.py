@@ -131,7 +131,7 @@ class Room:
         except ServogenError as error:
             self._say({"is": "status", "failed": True, "text": str(error)})
             return
-        except Exception as error:  # a defect: the page says so, and the server goes on
+        except Exception as error:  # a defect: the page reports it, and the server continues
             self._say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
             return
         self._show(subject)

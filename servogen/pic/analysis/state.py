@@ -539,7 +539,7 @@ def _write_status(
 
 
 def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[int, State]]:
-    """Return (words to go on by, state) for each way that a skip may take; `before` is what it tested."""
+    """Return (words to advance by, state) for each outcome of a skip; `before` is the state that it tests."""
     if word.name in ("BTFSC", "BTFSS"):
         skip_level = int(word.name == "BTFSS")
         addressed, _ = operands(before, word.f)
