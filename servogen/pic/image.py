@@ -118,7 +118,7 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
     InputError.
     """
     remarks: list[Diagnostic] = []
-    contents: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
+    words: dict[int, int] = {}
     for address, halves in sorted(_words(_records(text, file), file).items()):
         place = Location(file, halves.line)
         if address in RESERVED:
@@ -140,9 +140,8 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
                 )
             text = f"word 0x{address:04X} is 0x{value:04X}: its upper two bits are omitted"
             remarks.append(Diagnostic("warning", "hex-word", text, place))
-        contents[region.name][address - region.start] = value & region.largest
-    image = Image(contents["program"], contents["config"].get(0), contents["eeprom"], contents["ids"])
-    return HexFile(image, tuple(remarks))
+        words[address] = value & region.largest
+    return HexFile(image_of(words), tuple(remarks))
 
 
 def to_hex(image: Image) -> str:
@@ -275,10 +274,28 @@ def _words(records: list[_Record], file: str | None) -> dict[int, _Halves]:
     return words
 
 
-def _region(address: int, place: Location) -> Region:
+def region_of(address: int) -> Region | None:
+    """Return the memory region of the chip that contains a word address; None if there is none."""
     for region in REGIONS:
         if region.start <= address < region.start + region.length:
             return region
+    return None
+
+
+def image_of(words: Mapping[int, int]) -> Image:
+    """Return the image of words by address; those outside all regions are omitted."""
+    contents: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
+    for address, word in words.items():
+        region = region_of(address)
+        if region is not None:
+            contents[region.name][address - region.start] = word
+    return Image(contents["program"], contents["config"].get(0), contents["eeprom"], contents["ids"])
+
+
+def _region(address: int, place: Location) -> Region:
+    region = region_of(address)
+    if region is not None:
+        return region
     raise InputError(
         "hex-syntax",
         f"word address 0x{address:04X} is beyond the chip",

@@ -7,15 +7,7 @@ from __future__ import annotations
 
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.device import ERASED_WORD
-from servogen.pic.image import REGIONS, Image, Region
-
-
-def region(address: int) -> Region | None:
-    """Return the memory region of the chip that contains a word address; None if there is none."""
-    for region in REGIONS:
-        if region.start <= address < region.start + region.length:
-            return region
-    return None
+from servogen.pic.image import REGIONS, Image, image_of, region_of
 
 
 class Memory:
@@ -24,7 +16,7 @@ class Memory:
 
     def put(self, address: int, word: int) -> None:
         """Place a word. Raises SourceError if the chip has no such address, or it is already used."""
-        part = region(address)
+        part = region_of(address)
         if part is None:
             raise SourceError(
                 "asm-address-range",
@@ -42,9 +34,4 @@ class Memory:
         self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
 
     def image(self) -> Image:
-        words: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
-        for address, word in self._words.items():
-            part = region(address)
-            if part is not None:
-                words[part.name][address - part.start] = word
-        return Image(words["program"], words["config"].get(0), words["eeprom"], words["ids"])
+        return image_of(self._words)
