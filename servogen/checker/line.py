@@ -3,7 +3,8 @@
 In: the commands of schedule.json. Out: a `Line` or `DirectionButtons`, and the `Directions`. What was heard
 is a number, as docs/proof.md lists them. Of a line: 0 at rest; a 1 before the levels since a start, as a
 binary number; 64 + n or 128 + n after n equal levels that are not a code, off rest or at rest. Of buttons:
-the direction whose button alone is pressed, 0 for none, plus 8 for each frame in which it was the same.
+the direction whose button alone is pressed, 0 for none, plus 8 for each frame in which it was the same. Of
+one button: the frames in which it was pressed, plus 8 times the latest direction.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 OFF, ON = 64, 128
-POWER_UP = OFF + 1
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ class Line:
     stop_frames: int
     codes: list[str]
     """Of the directions, which are numbered from 1 on."""
+    power_up: int = OFF + 1
 
     def hear(self, heard: int, wanted: int, level: int) -> tuple[int, int]:
         """Return what is heard, and what is commanded, after another level."""
@@ -50,6 +51,31 @@ class Line:
         if run >= self.stop_frames:
             return OFF + self.stop_frames - 1, 0
         return OFF + run, wanted
+
+
+@dataclass(frozen=True)
+class StepButton:
+    pin: int
+    pressed: int
+    """The level while it is pressed."""
+    frames: int
+    """The frames in a row in which it must be pressed."""
+    directions: int
+    power_up: int = 0
+
+    def hear(self, heard: int, wanted: int, level: int) -> tuple[int, int]:
+        """Return what is heard, and what is commanded, after another level."""
+        count, latest = heard % 8, heard // 8
+        if level != self.pressed:
+            return heard - count, wanted
+        if count >= self.frames:
+            return heard, wanted
+        if count + 1 < self.frames:
+            return heard + 1, wanted
+        if wanted:
+            return heard + 1, 0
+        latest = 1 if latest >= self.directions else latest + 1
+        return latest * 8 + self.frames, latest
 
 
 @dataclass(frozen=True)

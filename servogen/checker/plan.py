@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker.line import OFF, POWER_UP, DirectionButtons, Directions, Line
+from servogen.checker.line import OFF, DirectionButtons, Directions, Line, StepButton
 from servogen.errors import InputError, Location
 
 Ints = npt.NDArray[np.int64]
@@ -77,8 +77,8 @@ class Plan:
     """Whether stop ends the pulses."""
     seen: int
     """The frames in a row in which a button must be pressed."""
-    line: Line | None
-    """The line that commands the motion."""
+    line: Line | StepButton | None
+    """The line, or the one button, that commands the motion."""
     pushed: DirectionButtons | None
     """The buttons that command the motion."""
     directions: Directions | None
@@ -98,7 +98,7 @@ class Plan:
     @cached_property
     def start_up(self) -> Position:
         """Return the position before the first pulse."""
-        heard = POWER_UP if self.line else 0
+        heard = self.line.power_up if self.line else 0
         return Position(self.waiting, running=int(self.start is None), heard=heard)
 
     @cached_property
@@ -192,8 +192,8 @@ def read_plan(text: bytes, file: str) -> Plan:
             stop=_button(buttons["stop"]),
             off=buttons["pulses"] == "off",
             seen=_number(buttons["pressed_frames"], 1),
-            line=_line(commands) if commands and "pressed_frames" not in commands else None,
-            pushed=_pushed(commands) if commands and "pressed_frames" in commands else None,
+            line=_line(commands) if commands and "pin" in commands else None,
+            pushed=_pushed(commands) if commands and "pin" not in commands else None,
             directions=_directions(commands, loop, end) if commands else None,
         )
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
@@ -233,7 +233,10 @@ def _pushed(data: dict[str, Any]) -> DirectionButtons:
     return DirectionButtons(buttons, _number(data["pressed_frames"], 1, 31))
 
 
-def _line(data: dict[str, Any]) -> Line:
+def _line(data: dict[str, Any]) -> Line | StepButton:
+    if "pressed_frames" in data:
+        level, frames = _number(data["level"], 0, 1), _number(data["pressed_frames"], 1, 7)
+        return StepButton(PINS.index(data["pin"]), level, frames, len(data["directions"]))
     codes = [direction["code"] for direction in data["directions"]]
     if not all(codes) or set("".join(codes)) - set("01"):
         raise ValueError("a direction needs a code of levels")

@@ -41,7 +41,7 @@ KEYS_HELP = (
     "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends; "
     "of a stream job: Tab selects a servo, + and - move it"
 )
-WALK_KEYS_HELP = "w a s d or the arrows, space stops, q ends"
+WALK_KEYS_HELP = "w a s d or the arrows (a robot with one button: Tab), space stops, q ends"
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
 Baud = Annotated[

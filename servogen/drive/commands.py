@@ -50,6 +50,7 @@ KEYS: Keys = {
 
 WALK_KEYS: Keys = {
     **{command: KEYS[command] for command in (FORWARD, BACK, LEFT, RIGHT, STOP)},
+    NEXT: KEYS[NEXT],
     QUIT: (b"q", *KEYS[QUIT]),
 }
 """The keys of a walk on command."""

@@ -19,11 +19,12 @@ from dataclasses import dataclass
 from servogen.bench.virtual.chip import Levels, VirtualChip
 from servogen.bench.virtual.held_buttons import HeldButtons
 from servogen.bench.virtual.serial_line import LineStimulus
-from servogen.drive.commands import QUIT, STOP, CommandSource
+from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS
 from servogen.engines.board import board_of
-from servogen.engines.player.commands import Chain, CommandLine, uart_byte
+from servogen.engines.player.buttons import PRESSED_FRAMES
+from servogen.engines.player.commands import Chain, CommandButton, CommandLine, uart_byte
 from servogen.engines.player.engine import compiled, play
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
@@ -34,6 +35,9 @@ POLL_S = 0.01
 
 STANCE, LEAD_IN = "stance", "lead-in"
 PARTS = ("start", "cycle", "stop")
+RELEASED_FRAMES = 2
+"""The number of frames for which the one button is released after a press."""
+
 REPEATS = 2
 """The number of times that a code is sent, because a code with a level missed or read twice is not heard."""
 
@@ -94,12 +98,16 @@ class Twin:
         self._word = 0
         self._widths = dict.fromkeys(self._pins.values(), 0.0)
         self._frames = 0
+        self._walks = False
+        """Whether the latest press of the one button commanded a direction."""
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """Return the names of the directions that can be commanded."""
-        read, names = self._chain.read, self._chain.names
-        return names if isinstance(read, CommandLine) else tuple(read.buttons)
+        """Return the names of the directions that can be commanded; one button commands the next one."""
+        read = self._chain.read
+        if isinstance(read, CommandButton):
+            return (NEXT,)
+        return self._chain.names if isinstance(read, CommandLine) else tuple(read.buttons)
 
     @property
     def seconds(self) -> float:
@@ -110,7 +118,12 @@ class Twin:
         """Give a command to the chip; return the bytes that were put on its line, none if it has buttons."""
         direction = None if command == STOP else command
         if isinstance(self._stimulus, HeldButtons):
-            self._stimulus.held = direction or ""
+            if isinstance(self._chain.read, CommandButton):
+                if direction or self._walks:
+                    self._stimulus.presses.extend([NEXT] * (PRESSED_FRAMES + 1) + [""] * RELEASED_FRAMES)
+                    self._walks = not self._walks
+            else:
+                self._stimulus.held = direction or ""
             return b""
         code = bytes([uart_byte(direction)] * REPEATS)
         self._stimulus.waiting.extend(code)
@@ -152,7 +165,8 @@ def _stimulus_of(job: PlannedJob, chain: Chain, period: int) -> LineStimulus | H
     """Return the line at rest, or the buttons, none of them pressed."""
     if isinstance(chain.read, CommandLine):
         return LineStimulus(PINS.index(chain.read.pin), line_baud(job))
-    buttons = {name: (PINS.index(each.pin), each.level) for name, each in chain.read.buttons.items()}
+    named = {NEXT: chain.read.button} if isinstance(chain.read, CommandButton) else chain.read.buttons
+    buttons = {name: (PINS.index(each.pin), each.level) for name, each in named.items()}
     return HeldButtons(buttons, period)
 
 

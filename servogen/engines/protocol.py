@@ -14,7 +14,7 @@ from typing import Protocol
 
 from servogen.engines.firmware import Firmware
 from servogen.engines.player.buttons import Buttons
-from servogen.engines.player.commands import CommandButtons, CommandLine
+from servogen.engines.player.commands import Commander
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Location
 from servogen.motion import JointTrajectory
@@ -45,7 +45,7 @@ class FirmwareChoice(Protocol):
     def buttons(self) -> Buttons: ...
 
     @property
-    def commands(self) -> CommandLine | CommandButtons | None: ...
+    def commands(self) -> Commander | None: ...
 
 
 class EngineJob(Protocol):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.engines.player.buttons import Buttons
-from servogen.engines.player.commands import CommandButtons, CommandLine
+from servogen.engines.player.commands import Commander
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Diagnostic, Location
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
@@ -35,7 +35,7 @@ class Firmware:
     max_error_us: float
     """The maximum deviation of a pulse from the planned one."""
     buttons: Buttons
-    commands: CommandLine | CommandButtons | None = None
+    commands: Commander | None = None
     """The input that selects the direction of a walk on command."""
     soft_start_place: Location | None = None
 

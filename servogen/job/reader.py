@@ -14,7 +14,7 @@ from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
-from servogen.engines.player.commands import CommandButtons, CommandLine
+from servogen.engines.player.commands import CommandButton, CommandButtons, Commander, CommandLine
 from servogen.engines.registry import ENGINES, suitable
 from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
@@ -116,7 +116,7 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
 
 def _commands(
     document: Document, table: JobTable, servos: Sequence[Servo], buttons: Buttons
-) -> CommandLine | CommandButtons | None:
+) -> Commander | None:
     """Return the inputs for commands of a walk. Raises InputError."""
     asked = table.walk.commands if table.walk else None
     if asked is None:
@@ -138,21 +138,30 @@ def _commands(
             "a walk on command has no start_pin and no stop_pin",
             "remove them: commands start and stop the walk",
         )
+    named = [name for name in ("pin", "buttons", "button") if getattr(asked, name) is not None]
+    if len(named) > 1:
+        raise document.error(
+            "conflicting-keys",
+            (*key, named[0]),
+            f"a walk has either {named[0]} or {named[1]}",
+            "remove one",
+        )
+    taken = {servo.pin: servo.name for servo in servos}
+    if asked.button is not None:
+        where = (*key, "button")
+        _free_input(document, where, asked.button, taken)
+        return CommandButton(Button(asked.button, int(asked.button_level == "high"), document.place(*where)))
     if asked.buttons is None:
         if "button_level" in document.data["walk"]["commands"]:
             raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
         pin = "RA4" if asked.pin is None else asked.pin
-        _free_input(document, (*key, "pin"), pin, {servo.pin: servo.name for servo in servos})
+        _free_input(document, (*key, "pin"), pin, taken)
         return CommandLine(pin)
-    if asked.pin is not None:
-        raise document.error(
-            "conflicting-keys", (*key, "pin"), "a walk has either buttons or a pin for codes", "remove one"
-        )
-    return _direction_buttons(document, asked, asked.buttons, servos)
+    return _direction_buttons(document, asked, asked.buttons, taken)
 
 
 def _direction_buttons(
-    document: Document, asked: CommandsTable, wanted: DirectionPins, servos: Sequence[Servo]
+    document: Document, asked: CommandsTable, wanted: DirectionPins, taken: Mapping[str, str]
 ) -> CommandButtons:
     """Return the buttons of a walk's directions. Raises InputError."""
     key = ("walk", "commands", "buttons")
@@ -177,11 +186,11 @@ def _direction_buttons(
                 f"remove {unused}, or add a button",
             )
     level = int(asked.button_level == "high")
-    taken = {servo.pin: servo.name for servo in servos}
+    used = dict(taken)
     buttons = {}
     for name, pin in pins.items():
-        _free_input(document, (*key, name), pin, taken)
-        taken[pin] = f"the button of {name}"
+        _free_input(document, (*key, name), pin, used)
+        used[pin] = f"the button of {name}"
         buttons[name] = Button(pin, level, document.place(*key, name))
     return CommandButtons(buttons)
 

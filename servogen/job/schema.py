@@ -148,6 +148,8 @@ class CommandsTable(Table):
     """The input for the codes; None: RA4, unless there are buttons."""
     buttons: DirectionPins | None = None
     """Instead of `pin`: the robot walks in a direction while its button is held."""
+    button: PinName | None = None
+    """Instead of `pin`: each press of this button commands a stop, or the next direction."""
     button_level: Literal["low", "high"] = "low"
     """The level of a pressed button."""
 

@@ -9,14 +9,23 @@ from __future__ import annotations
 from typing import Protocol
 
 from servogen.edges import PINS
-from servogen.pulse.schedule import CodeLine, CommandRule, DirectionButtons, Input, PulseSchedule
+from servogen.pulse.schedule import (
+    CodeLine,
+    CommandRule,
+    DirectionButtons,
+    Input,
+    PulseSchedule,
+    StepButton,
+)
 
 AT_REST = 0
 """Heard: the line has been at rest for so long that a code may begin."""
 OFF_REST, ON_REST = 64, 128
 """Heard: so many levels more that are equal, and no code. Between: a 1, and the levels since a start."""
 COUNT = 8
-"""Seen of buttons: the number of the direction, plus this times the frames in which it was the same."""
+"""Seen of buttons: the number of the direction, plus this times the frames in which it was the same. Of one
+button: the number of frames in which it was seen pressed, plus this times the latest direction.
+"""
 
 
 class Reader(Protocol):
@@ -125,11 +134,43 @@ class Buttons:
         return frames * COUNT + seen, seen if frames == self._enough else wanted
 
 
+class OneButton:
+    """A button that steps through the directions: what was read of it counts at once."""
+
+    at_power_up = 0
+
+    def __init__(self, rule: StepButton, directions: int) -> None:
+        self._rule = rule
+        self._directions = directions
+        self.pins = (PINS.index(rule.button.pin),)
+
+    def sampled(
+        self, heard: int, wanted: int, read: int, pin: int, level: int
+    ) -> tuple[int, int, int] | None:
+        if read:
+            return None
+        latest, frames = divmod(heard, COUNT)
+        if level != self._rule.button.level:
+            return latest * COUNT, wanted, 1
+        if frames + 1 == self._rule.pressed_frames:
+            latest = latest if wanted else latest % self._directions + 1
+            wanted = 0 if wanted else latest
+        return latest * COUNT + min(frames + 1, self._rule.pressed_frames), wanted, 1
+
+    def unread(self, read: int) -> int | None:
+        return None if read else self.pins[0]
+
+    def ended(self, heard: int, wanted: int, read: int) -> tuple[int, int]:
+        return heard, wanted
+
+
 def reader_of(rule: CommandRule) -> Reader:
     """Return what follows the inputs of a rule."""
     selectors = [direction.selector for direction in rule.directions]
     if isinstance(rule.read, CodeLine):
         return Line(rule.read, tuple(each for each in selectors if isinstance(each, str)))
+    if isinstance(rule.read, StepButton):
+        return OneButton(rule.read, len(rule.directions))
     return Buttons(rule.read, tuple(each for each in selectors if isinstance(each, Input)))
 
 

@@ -102,8 +102,10 @@ class DirectionRuns:
     """The frames of a commanded direction: `start` once, `cycle` repeatedly, `stop` once."""
 
     name: str
-    selector: str | Input
-    """The levels of its code, without the start; or its button, with the level while it is pressed."""
+    selector: str | Input | None
+    """The levels of its code, without the start; or its button, with the level while it is pressed; None if
+    one button steps through the directions.
+    """
     start: tuple[Run, ...]
     cycle: tuple[Run, ...]
     stop: tuple[Run, ...]
@@ -114,11 +116,13 @@ class DirectionRuns:
             f'"{name}": {_runs_text(runs)}'
             for name, runs in (("start", self.start), ("cycle", self.cycle), ("stop", self.stop))
         )
-        if isinstance(self.selector, str):
-            selector = f'"code": {json.dumps(self.selector)}'
+        if self.selector is None:
+            selector = ""
+        elif isinstance(self.selector, str):
+            selector = f'"code": {json.dumps(self.selector)}, '
         else:
-            selector = f'"pin": {json.dumps(self.selector.pin)}, "level": {self.selector.level}'
-        return f'{{"name": {json.dumps(self.name)}, {selector}, {parts}}}'
+            selector = f'"pin": {json.dumps(self.selector.pin)}, "level": {self.selector.level}, '
+        return f'{{"name": {json.dumps(self.name)}, {selector}{parts}}}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +154,24 @@ class DirectionButtons:
 
 
 @dataclass(frozen=True, slots=True)
+class StepButton:
+    """A button whose press commands a stop if a direction is commanded, and else the next direction.
+
+    Its level is that while it is pressed.
+    """
+
+    button: Input
+    pressed_frames: int
+    """The number of consecutive frames in which it must be seen pressed to count."""
+
+    def to_json_text(self) -> str:
+        return (
+            f'"pin": {json.dumps(self.button.pin)}, "level": {self.button.level}, '
+            f'"pressed_frames": {self.pressed_frames}'
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class CommandRule:
     """How a line or buttons command the motion: see "Walk on command" in docs/firmware.md.
 
@@ -157,7 +179,7 @@ class CommandRule:
     of the stance.
     """
 
-    read: CodeLine | DirectionButtons
+    read: CodeLine | DirectionButtons | StepButton
     """What the program reads in each frame."""
     directions: tuple[DirectionRuns, ...]
 
@@ -372,8 +394,15 @@ class _Reader:
         )
 
     def _commands(self, data: Any, channels: tuple[Channel, ...], period: int) -> CommandRule:
-        read: CodeLine | DirectionButtons
-        if isinstance(data, dict) and "pressed_frames" in data:
+        read: CodeLine | DirectionButtons | StepButton
+        if isinstance(data, dict) and {"pressed_frames", "pin"} <= data.keys():
+            keys = ("pin", "level", "pressed_frames", "directions")
+            pin, level, pressed, directions = self._table(data, "commands", keys)
+            read = StepButton(
+                self._input({"pin": pin, "level": level}, "commands", channels),
+                self._whole(pressed, "commands.pressed_frames", 1),
+            )
+        elif isinstance(data, dict) and "pressed_frames" in data:
             pressed, directions = self._table(data, "commands", ("pressed_frames", "directions"))
             read = DirectionButtons(self._whole(pressed, "commands.pressed_frames", 1))
         else:
@@ -384,9 +413,8 @@ class _Reader:
                 self._whole(rest, "commands.rest_frames", 1),
                 self._whole(stop, "commands.stop_frames", 1),
             )
-        by_code = isinstance(read, CodeLine)
         found = tuple(
-            self._direction(entry, f"commands.directions[{index}]", channels, period, by_code=by_code)
+            self._direction(entry, f"commands.directions[{index}]", channels, period, read)
             for index, entry in enumerate(self._array(directions, "commands.directions"))
         )
         if not found:
@@ -394,17 +422,24 @@ class _Reader:
                 "json-value", "commands.directions", "is empty: at least one direction can be commanded"
             )
         own = {each.selector.pin if isinstance(each.selector, Input) else each.selector for each in found}
-        if len(own) < len(found):
-            what = "code" if by_code else "pin"
+        if len(own) < len(found) and not isinstance(read, StepButton):
+            what = "code" if isinstance(read, CodeLine) else "pin"
             raise self._error("json-value", "commands.directions", f"two directions have the same {what}")
         return CommandRule(read, found)
 
     def _direction(
-        self, data: Any, key: str, channels: tuple[Channel, ...], period: int, *, by_code: bool
+        self,
+        data: Any,
+        key: str,
+        channels: tuple[Channel, ...],
+        period: int,
+        read: CodeLine | DirectionButtons | StepButton,
     ) -> DirectionRuns:
         parts_of = ("start", "cycle", "stop")
-        selector: str | Input
-        if by_code:
+        selector: str | Input | None = None
+        if isinstance(read, StepButton):
+            name, *parts = self._table(data, key, ("name", *parts_of))
+        elif isinstance(read, CodeLine):
             name, code, *parts = self._table(data, key, ("name", "code", *parts_of))
             selector = self._text(code, f"{key}.code")
             if not selector or selector.strip("01"):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from servogen.engines.player.commands import CommandLine
+from servogen.engines.player.commands import CommandButton, CommandLine
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
 from servogen.report.drawing import PALETTE
@@ -41,6 +41,9 @@ def wires(job: Job) -> Iterator[Wire]:
     commands = job.firmware.commands
     if isinstance(commands, CommandLine):
         yield Wire(numbers[commands.pin], commands.pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
+    elif isinstance(commands, CommandButton):
+        button = commands.button
+        yield Wire(numbers[button.pin], button.pin, f"walk {button.text()}")
     elif commands:
         for name, button in commands.buttons.items():
             yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")

@@ -29,7 +29,7 @@ from servogen.debug.time_machine import TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
-from servogen.engines.player.commands import CommandButtons, CommandLine, uart_byte
+from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
@@ -652,6 +652,8 @@ def _inputs(subject: Subject) -> list[Message]:
     named = [("start", buttons.start), ("stop", buttons.stop)]
     if isinstance(subject.job.firmware.commands, CommandButtons):
         named += subject.job.firmware.commands.buttons.items()
+    elif isinstance(subject.job.firmware.commands, CommandButton):
+        named.append(("walk", subject.job.firmware.commands.button))
     return [{"name": name, "pin": each.pin, "pressed": each.level} for name, each in named if each]
 
 

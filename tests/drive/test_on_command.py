@@ -90,7 +90,7 @@ def test_the_keys() -> None:
         *("forward", "left", "back", "right", "stop"),
         *("forward", "back", "right", "left", "quit"),
     ]
-    assert commands_of_keys(b"e1\t", WALK_KEYS) == []
+    assert commands_of_keys(b"e1\x1b[Z", WALK_KEYS) == []
 
 
 def piped(start: Start, text: str, *arguments: object) -> tuple[int, str, str]:

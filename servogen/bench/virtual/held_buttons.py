@@ -5,8 +5,9 @@ In: the buttons by name, and the one that is held. Out: the levels of their pins
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -23,13 +24,15 @@ class HeldButtons:
     """By name: the number of the pin, and its level while the button is pressed."""
     cycles: int
     held: str = ""
+    presses: deque[str] = field(default_factory=deque)
+    """What is held before that, one name for each multiple of `cycles`."""
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         until = 1
         yield until, _packed([Change(0, pin, 1 - level) for pin, level in self.buttons.values()])
         before = ""
         while True:
-            now, changes = self.held, []
+            now, changes = self.presses.popleft() if self.presses else self.held, []
             if now != before:
                 for name in filter(None, (before, now)):
                     pin, level = self.buttons[name]

@@ -22,8 +22,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.commands import (
     ENTRY,
     Chain,
-    CommandButtons,
-    CommandLine,
+    Commander,
 )
 from servogen.engines.player.encoding import Encoded, row_table
 from servogen.engines.player.layout import Used, layout
@@ -78,7 +77,7 @@ class _Cuts:
 def commanded(
     lead_in: JointTrajectory,
     directions: Sequence[CommandedDirection],
-    read: CommandLine | CommandButtons,
+    read: Commander,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     frame: Frame,
@@ -112,9 +111,8 @@ def commanded(
             at + row for row in (0, direction.first, direction.end, len(direction.angles) - 1)
         )
         parts = runs(first, begin), runs(begin, end), runs(end, last)
-        selector = read.selector(direction.name)
-        if selector is not None:
-            published.append(DirectionRuns(direction.name, selector, *parts))
+        if read.has(direction.name):
+            published.append(DirectionRuns(direction.name, read.selector(direction.name), *parts))
         at = last
     schedule = PulseSchedule(
         clock,
@@ -135,7 +133,7 @@ def commanded(
 def _encoded(
     lead_in: JointTrajectory,
     directions: Sequence[CommandedDirection],
-    read: CommandLine | CommandButtons,
+    read: Commander,
     servos: Sequence[Servo],
     bindings: Sequence[Binding],
     soft: Sequence[int],
@@ -185,7 +183,7 @@ def _with_rows(
     keyed: KeyedWalk,
     directions: Sequence[CommandedDirection],
     cuts: Sequence[_Cuts],
-    read: CommandLine | CommandButtons,
+    read: Commander,
     stance: int,
     soft: Sequence[int],
 ) -> tuple[Encoded, Chain]:

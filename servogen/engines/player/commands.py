@@ -9,7 +9,8 @@ buttons.
 Other levels change nothing. `STOP_FRAMES` low frames are the command to stop, whatever came before: a line
 that is broken or held low ends the walk.
 
-Buttons need no code: the robot walks in a direction while only the button of that direction is held.
+Buttons need no code: the robot walks in a direction while only the button of that direction is held; or one
+button steps through the directions.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from types import MappingProxyType
 
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button
 from servogen.motion.gait.commands import STRAIGHT, TURN
-from servogen.pulse.schedule import CodeLine, DirectionButtons, Input
+from servogen.pulse.schedule import CodeLine, DirectionButtons, Input, StepButton
 
 REST_FRAMES = 3
 """The number of high frames before a start; within a code, at most two frames in a row are high."""
@@ -59,7 +60,11 @@ class CommandLine:
         """Return the rule about the line for the schedule."""
         return CodeLine(self.inputs[0], REST_FRAMES, STOP_FRAMES)
 
-    def selector(self, direction: str) -> str | None:
+    def has(self, direction: str) -> bool:
+        """Return whether a direction can be commanded."""
+        return True
+
+    def selector(self, direction: str) -> str:
         """Return the code of a direction."""
         return CODES[direction]
 
@@ -87,10 +92,13 @@ class CommandButtons:
         """Return the rule about the buttons for the schedule."""
         return DirectionButtons(PRESSED_FRAMES)
 
-    def selector(self, direction: str) -> Input | None:
-        """Return the button of a direction, None if it has none."""
-        button = self.buttons.get(direction)
-        return Input(button.pin, button.level) if button else None
+    def has(self, direction: str) -> bool:
+        """Return whether a direction can be commanded."""
+        return direction in self.buttons
+
+    def selector(self, direction: str) -> Input:
+        """Return the button of a direction."""
+        return Input(self.buttons[direction].pin, self.buttons[direction].level)
 
     def text(self) -> tuple[str, ...]:
         """Return the wiring of the buttons and their effects, as text for the header of the C."""
@@ -100,6 +108,40 @@ class CommandButtons:
         )
         return (*each, f"None or several for {PRESSED_FRAMES} frames: stop.")
 
+
+@dataclass(frozen=True, slots=True)
+class CommandButton:
+    """The button that steps through the directions: forward, back, left, right."""
+
+    button: Button
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Return the level at which the robot stands."""
+        return (Input(self.button.pin, 1 - self.button.level),)
+
+    @property
+    def rule(self) -> StepButton:
+        """Return the rule about the button for the schedule."""
+        return StepButton(Input(self.button.pin, self.button.level), PRESSED_FRAMES)
+
+    def has(self, direction: str) -> bool:
+        """Return whether a direction can be commanded."""
+        return True
+
+    def selector(self, direction: str) -> None:
+        """Return None: all directions have the same button."""
+
+    def text(self) -> tuple[str, ...]:
+        """Return the wiring of the button and its effect, as text for the header of the C."""
+        return (
+            f"{self.button.pin}: pressed for {PRESSED_FRAMES} frames: {self.button.text()}.",
+            "A press commands a stop, or, if the robot is to stand, the next direction.",
+        )
+
+
+Commander = CommandLine | CommandButtons | CommandButton
+"""What commands a walk."""
 
 ENTRY = 2
 """The bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to
@@ -115,7 +157,7 @@ class Chain:
     Of the directions the first, the third … are read backward, the others and standing forward.
     """
 
-    read: CommandLine | CommandButtons
+    read: Commander
     names: tuple[str, ...]
     places: tuple[int, ...]
     stance: int

@@ -12,7 +12,15 @@ from fractions import Fraction
 from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
-from servogen.engines.player.commands import COMMAND_SHIFT, ENTRY, Chain, CommandLine, hearing_table
+from servogen.engines.player.commands import (
+    COMMAND_SHIFT,
+    ENTRY,
+    Chain,
+    CommandButton,
+    CommandButtons,
+    CommandLine,
+    hearing_table,
+)
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
@@ -25,6 +33,9 @@ PRESCALER = 0x84
 WAY = 32
 """The kernel's cycles from the rise to the first fall, without its counted loops."""
 
+
+FORWARD = 2
+"""The number of the first direction that is read forward."""
 
 OVERRUN = "overrun"
 """The variable whose bit 0 is set once the C between two slots has taken too long."""
@@ -193,7 +204,7 @@ def _chain(chain: Chain | None) -> dict[str, object]:
     line, buttons = None, []
     if isinstance(read, CommandLine):
         line = _LineText(read.pin[1], f"0x{1 << int(read.pin[2]):02X}")
-    else:
+    elif isinstance(read, CommandButtons):
         for number, name in enumerate(chain.names, 1):
             if name in read.buttons:
                 pin, level = read.buttons[name].pin, read.buttons[name].level
@@ -203,6 +214,9 @@ def _chain(chain: Chain | None) -> dict[str, object]:
         "chain": True,
         "line": line,
         "direction_buttons": buttons,
+        "step_button": _button(read.button) if isinstance(read, CommandButton) else None,
+        "last_direction": 2 * len(chain.names),
+        "before_forward": 2 * FORWARD + 2,
         "commands": f"0x{0x100 - (1 << COMMAND_SHIFT):02X}",
         "states": f"0x{(1 << COMMAND_SHIFT) - 1:02X}",
         "entry": ENTRY,

@@ -70,6 +70,7 @@ per_slot = 2
 engine = "player"
 soft_start_s = 0.1
 """
+BUTTONS = f"buttons = {{ {TWO} }}"
 PINS_OF = {"forward": "RB4", "back": "RA0", "left": "RB7", "right": "RA4"}
 SEEN = 3
 """The frames in which the same button must be held, or none."""
@@ -105,7 +106,20 @@ def flat(runs: tuple[Run, ...]) -> list[Run]:
 
 def frames_of(schedule: PulseSchedule, held: Held) -> list[Run]:
     """Return the frame that the rules ask for in each frame: a button counts once it alone was held in three
-    frames, and so does none or several; a direction is left only at the end of a part, by its stop.
+    frames, and so does none or several.
+    """
+    commanded: list[str] = []
+    chosen: list[str] = []
+    for buttons in held:
+        chosen.append(next(iter(buttons)) if len(buttons) == 1 else "")
+        same = len(chosen) >= SEEN and len(set(chosen[-SEEN:])) == 1
+        commanded.append(chosen[-1] if same else commanded[-1] if commanded else "")
+    return frames_commanded(schedule, commanded)
+
+
+def frames_commanded(schedule: PulseSchedule, commanded: list[str]) -> list[Run]:
+    """Return each frame if this is commanded after it: a direction is left only at the end of a part, by its
+    stop.
     """
     assert schedule.commands is not None
     parts = {
@@ -115,9 +129,8 @@ def frames_of(schedule: PulseSchedule, held: Held) -> list[Run]:
     coming = deque(flat(schedule.lead_in))
     wanted = direction = ""
     stops = False
-    chosen: list[str] = []
     found = []
-    for buttons in held:
+    for after in commanded:
         if not coming and direction and not stops:
             stops = wanted != direction
             coming.extend(parts[direction][2 if stops else 1])
@@ -125,32 +138,57 @@ def frames_of(schedule: PulseSchedule, held: Held) -> list[Run]:
             direction, stops = wanted, False
             coming.extend(parts[direction][0] if direction else flat(schedule.loop))
         found.append(coming.popleft())
-        chosen.append(next(iter(buttons)) if len(buttons) == 1 else "")
-        if len(set(chosen[-SEEN:])) == 1 and len(chosen) >= SEEN:
-            wanted = chosen[-1]
+        wanted = after
     return found
+
+
+def first_rise(schedule: PulseSchedule, image: Image, options: Options) -> int:
+    machine = Machine(image, schedule.clock, options)
+    found = machine.run_to_edge(PINS.index(schedule.channels[0].pin), HIGH, 50 * schedule.period)
+    assert found is not None
+    return int(found)
 
 
 def shown(schedule: PulseSchedule, image: Image, held: Held, pressed: int = 0, seed: int = 0) -> Verdict:
     """Compare what the pins do while buttons are held with the frames that the rules ask for."""
     assert schedule.commands is not None
     options = Options(start_seed=seed)
-    first = schedule.channels[0].pin
-    start = Machine(image, schedule.clock, options).run_to_edge(PINS.index(first), HIGH, 50 * schedule.period)
-    assert start is not None
+    start = first_rise(schedule, image, options)
     sources = []
     for direction in schedule.commands.directions:
         changes = [(0, 1 - pressed)]
         for frame, buttons in enumerate(held):
             level = pressed if direction.name in buttons else 1 - pressed
-            changes.append((int(start) + frame * schedule.period + 1000, level))
+            changes.append((start + frame * schedule.period + 1000, level))
         sources.append(Levels(PINS.index(PINS_OF[direction.name]), tuple(changes)))
-    runs = frames_of(schedule, held)
+    return compared(schedule, image, sources, frames_of(schedule, held), options)
+
+
+def compared(
+    schedule: PulseSchedule, image: Image, sources: list[Levels], runs: list[Run], options: Options
+) -> Verdict:
+    """Compare what the pins do with these frames."""
     wanted = replace(schedule, lead_in=tuple(runs), loop=(runs[-1],), inputs=(), commands=None)
-    limit = Cycles((len(held) + 3) * schedule.period)
+    limit = Cycles((len(runs) + 3) * schedule.period)
     machine = Machine(image, schedule.clock, options, Stimuli(sources))
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
-    return verify(expected(wanted), trace, Cycles(len(held) * schedule.period))
+    return verify(expected(wanted), trace, Cycles(len(runs) * schedule.period))
+
+
+def stepped(schedule: PulseSchedule, pressed: list[int]) -> list[str]:
+    """Return what is commanded after each frame: a press counts in its third frame; it is a stop, or, if the
+    robot is to stand, the next direction.
+    """
+    assert schedule.commands is not None
+    names = [each.name for each in schedule.commands.directions]
+    wanted, latest, found = "", -1, []
+    for frame in range(len(pressed)):
+        if "".join(map(str, pressed[: frame + 1])).endswith("0" + SEEN * "1"):
+            if not wanted:
+                latest = (latest + 1) % len(names)
+            wanted = "" if wanted else names[latest]
+        found.append(wanted)
+    return found
 
 
 def holding(*pieces: tuple[int, str]) -> Held:
@@ -301,6 +339,10 @@ def test_a_schedule_with_wrong_buttons_is_refused(old: str, new: str, message: s
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (BUTTONS, 'button = "RB1"', "RB1 is in use: L1_beta"),
+        (BUTTONS, 'button = "RA9"', "unknown pin 'RA9'"),
+        (BUTTONS, 'button = "RA0", pin = "RA1"', "either pin or button"),
+        (BUTTONS, f'button = "RA1", {BUTTONS}', "either buttons or button"),
         (TWO, 'back = "RB1", left = "RB7"', "RB1 is in use: L1_beta"),
         (TWO, 'back = "RB7", left = "RB7"', "RB7 is in use: the button of back"),
         (TWO, 'back = "RC0", left = "RB7"', "unknown pin 'RC0'"),
@@ -308,8 +350,8 @@ def test_a_schedule_with_wrong_buttons_is_refused(old: str, new: str, message: s
         (TWO, "", "no direction has a button"),
         (TWO, 'left = "RB7"', "neither forward nor back has a button"),
         ("turn_deg = 15, ", "", "left has a button but no step"),
-        ("buttons =", 'pin = "RA1", buttons =', "either buttons or a pin for codes"),
-        (f"buttons = {{ {TWO} }}", 'button_level = "high"', "there are no buttons"),
+        ("buttons =", 'pin = "RA1", buttons =', "either pin or buttons"),
+        (BUTTONS, 'button_level = "high"', "there are no buttons"),
         ("soft_start_s = 0.1", 'stop_pin = "RA1"', "has no start_pin and no stop_pin"),
     ],
 )
@@ -333,6 +375,76 @@ def test_twelve_servos_leave_a_pin_for_one_button() -> None:
     assert ("RA4", "forward button to ground, 10 kOhm pull-up to VDD") in [
         (wire.pin, wire.use) for wire in wires(hexapod)
     ]
+
+
+ONE = 'button = "RB7"'
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_one_button_steps_through_the_directions(dialect: str) -> None:
+    found, firmware = made(dialect, TWO, BUTTONS, ONE)
+    schedule, image = found.plan.schedule, firmware.compilation.image
+    assert schedule.inputs == (Input("RB7", 1),)
+    rng = np.random.default_rng(3)
+    pressed = [0] * 60
+    for _ in range(40):
+        pressed += [1] * int(rng.integers(1, 7)) + [0] * int(rng.integers(1, 60))
+    options = Options(start_seed=len(dialect))
+    begin = first_rise(schedule, image, options) + 1000
+    changes = [(0, 1), *((begin + frame * schedule.period, 1 - on) for frame, on in enumerate(pressed))]
+    commanded = stepped(schedule, pressed)
+    assert list(dict.fromkeys(commanded)) == ["", "forward", "back", "left", "right"]
+    runs = frames_commanded(schedule, commanded)
+    verdict = compared(schedule, image, [Levels(PINS.index("RB7"), tuple(changes))], runs, options)
+    assert verdict.proven, verdict.reasons
+
+
+def test_every_press_of_one_button_is_proven_and_a_changed_word_refuted() -> None:
+    """Two directions: the last one is twice 2. With twice 1 in its place, one of them is never walked."""
+    found, firmware = made("c2c", TWO, f"turn_deg = 15, {BUTTONS}", ONE)
+    schedule, compilation = found.plan.schedule, firmware.compilation
+    proof = prove_for_all(compilation.image, schedule)
+    assert proof.proven, proof.reason
+    text = schedule.json_text().encode()
+    assert from_json(text.decode(), "schedule.json") == schedule
+    claim = read_certificate(certificate(proof, compilation.image, schedule, text), "c")
+    assert check_certificate(claim, compilation.image, text, "schedule.json").states == proof.states
+    (listen,) = (each for each in compilation.listing.functions if each.name == "listen")
+    words = compilation.image.program
+    literals = (at for at in range(listen.start, listen.end) if words[at] >> 12 == 3)
+    address = next(at for at in literals if words[at] & 0xFF == 4)
+    wrong = replace(compilation.image, program={**words, address: words[address] - 2})
+    refuted = prove_for_all(wrong, schedule)
+    assert not refuted.proven
+    assert refuted.counterexample is not None
+
+
+@pytest.mark.parametrize("gait", ["tripod", "ripple"])
+def test_one_button_commands_all_four_directions_of_twelve_servos(gait: str) -> None:
+    text = (Path(__file__).parents[3] / "jobs" / "hexapod-command.toml").read_text()
+    commands = 'commands = { forward_mm = 40, turn_deg = 20, button = "RA4" }'
+    text = re.sub("commands = .*", commands, text).replace('"tripod"', f'"{gait}"')
+    hexapod = plan_job(loads(text, "job.toml"))
+    firmware = planned(hexapod).make("sdcc")
+    assert firmware.compilation.words <= 1000
+    assert firmware.compilation.ram_bytes <= 68
+    assert "RA4: pressed for 3 frames: button to ground" in firmware.text
+    assert "walk button to ground, 10 kOhm pull-up to VDD" in [wire.use for wire in wires(hexapod)]
+
+
+def test_drive_presses_the_one_button_of_a_simulated_chip() -> None:
+    states: list[State] = []
+    text = "wait 1\nnext\nwait 1\nstop\nstop\nwait 1\nnext\nwait 1\nstop\nwait 2\n"
+    drive = CommandedDrive(Twin(job(TWO, BUTTONS, ONE)), script(text), VirtualTime().time(), states.append)
+    drive.run(60)
+    walked = list(dict.fromkeys((state.direction, state.part) for state in states))
+    assert walked == [
+        ("lead-in", ""),
+        ("stance", ""),
+        *(("forward", part) for part in ("start", "cycle", "stop")),
+        *(("back", part) for part in ("start", "cycle", "stop")),
+    ]
+    assert (states[-1].direction, states[-1].part) == ("stance", "")
 
 
 def test_drive_holds_the_buttons_of_a_simulated_chip() -> None:
