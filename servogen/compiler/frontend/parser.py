@@ -19,6 +19,9 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.preprocessor import PToken
 from servogen.compiler.frontend.syntax_errors import SyntaxFault, declared, report_syntax, resume
 
+_NAME = re.compile(r"[A-Za-z_$][\w$]*")
+_FLOAT = re.compile(r"(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?[fFlL]?")
+_HEX_FLOAT = re.compile(r"0[xX](?=\.?[\da-fA-F])[\da-fA-F]*\.?[\da-fA-F]*[pP][+-]?\d+[fFlL]?")
 _INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
 
 
@@ -183,11 +186,11 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
             kind = "STRING_LITERAL"
         elif text[0] == "'":
             kind = "CHAR_CONST"
-        elif re.fullmatch(r"[A-Za-z_$][\w$]*", text):
+        elif _NAME.fullmatch(text):
             kind = "ID"
-        elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?[fFlL]?", text):
+        elif _FLOAT.fullmatch(text):
             kind = "FLOAT_CONST"
-        elif re.fullmatch(r"0[xX](?=\.?[\da-fA-F])[\da-fA-F]*\.?[\da-fA-F]*[pP][+-]?\d+[fFlL]?", text):
+        elif _HEX_FLOAT.fullmatch(text):
             kind = "HEX_FLOAT_CONST"
         elif match := _INTEGER.fullmatch(text):
             kind = "INT_CONST_DEC"

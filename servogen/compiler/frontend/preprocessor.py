@@ -286,8 +286,10 @@ def _belongs(before: str, text: str) -> bool:
 
 def _begins_number(name: str, before: str, text: str) -> bool:
     """Return whether a point and digits are a number, as in `= .5`, and not a bit, as in `name.7`."""
+    if before != "." or not text[0].isdigit():
+        return False
     names_object = re.fullmatch(r"\w+|[)\]]", name) is not None and name not in ("return", "else", "case")
-    return before == "." and text[0].isdigit() and not names_object
+    return not names_object
 
 
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
