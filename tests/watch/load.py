@@ -5,7 +5,7 @@
 starts the command for a job (default: the hexapod of twelve servos), opens it in a headless Chromium, runs it
 at real speed for ten seconds, and prints how many pictures a second were painted, the processor time of the
 server, the bytes that its socket sent, how long the waves take to be drawn, and how long it took to the first
-answer and the first picture.
+answer and the first picture; then the same with bodies and contacts, where MuJoCo is installed.
 
 Then a window begins after a day of edges (or HOURS; 0: none): it jumps to random moments of the day, at
 several widths of the waves, and prints how long drawing them takes and how long until they are there. The
@@ -15,12 +15,14 @@ exit code is 1 where a drawing takes longer than 16 ms, except one in a hundred.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import random
 import re
 import subprocess
 import sys
 import time
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,6 +75,12 @@ def _load(browser: Browser, job: Path) -> None:
         print(f"first picture {time.monotonic() - begin:.2f} s after it was asked for, compiled by then")
         _again(page)
         _measured(page, served.pid)
+        if importlib.util.find_spec("mujoco"):
+            page.click("#twin-show")
+            page.until("document.getElementById('twin-text').textContent.startsWith('bodies at')")
+            print("with bodies and contacts:")
+            _measured(page, served.pid)
+            print(page.run("document.getElementById('twin-text').textContent"))
         page.close()
     finally:
         served.terminate()
@@ -133,14 +141,16 @@ def _measured(page: Page, server: int) -> None:
     page.click("#run")
     page.until("watched.latest.running")
     time.sleep(1)
-    bytes_before, pictures = _received(page), page.run("watched.pictures")
+    frames_before, pictures = len(_received(page)), page.run("watched.pictures")
     cpu, begin, cycle = _cpu_s(server), time.monotonic(), page.run("watched.latest.cycle")
     time.sleep(SECONDS)
     passed = time.monotonic() - begin
     print(f"{(page.run('watched.pictures') - pictures) / passed:.1f} pictures a second")
     print(f"{(page.run('watched.latest.cycle') - cycle) / passed / 1e6:.2f} of real speed, at 1 µs a cycle")
     print(f"server {100 * (_cpu_s(server) - cpu) / passed:.1f} % of a core")
-    print(f"{(_received(page) - bytes_before) / passed / 1000:.1f} kB/s of messages before compression")
+    frames = [text.encode() for text in _received(page)[frames_before:]]
+    plain = sum(map(len, frames))
+    print(f"{_compressed(frames) / passed / 1000:.1f} kB/s, of {plain / passed / 1000:.1f} kB/s of messages")
     page.click("#run")
     page.until("!watched.latest.running")
     drawn = page.run(
@@ -151,9 +161,15 @@ def _measured(page: Page, server: int) -> None:
     print(f"waves drawn in {drawn[0]:.1f} ms, 98 of 99 times within {drawn[1]:.1f} ms")
 
 
-def _received(page: Page) -> int:
+def _received(page: Page) -> list[str]:
     page.run("0")
-    return sum(len(text) for text in page.frames)
+    return page.frames
+
+
+def _compressed(frames: list[bytes]) -> int:
+    """Return how many bytes messages have as the server sends them: permessage-deflate, its usual window."""
+    deflate = zlib.compressobj(wbits=-12, memLevel=5)
+    return sum(len(deflate.compress(frame) + deflate.flush(zlib.Z_SYNC_FLUSH)) - 4 for frame in frames)
 
 
 def _cpu_s(process: int) -> float:
