@@ -23,6 +23,7 @@ from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Session
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.engines.player.command_walks import target
+from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
 from tests.simulator.helpers import image
 
 ROOT = Path(__file__).parent.parent.parent
@@ -494,6 +495,24 @@ def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     assert len(before["wanted"]) == len(before["edges"]) > 0
     refused = answer(session, do="walk", way="up")
     assert refused["is"] == "problem" and "'up' is not a way" in refused["text"]
+
+
+def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:
+    """Whatever is pressed, from then on the robot no longer walks as the schedule's loop says."""
+    (tmp_path / "two.toml").write_text(ROBOT)
+    job = tmp_path / "job.toml"
+    job.write_text(TEXT.replace("BUTTONS", TWO))
+    session = Session(load_subject(job, Setting()))
+    model = session.model()
+    assert model["walk"] is None
+    assert model["inputs"] == [
+        {"name": "back", "pin": "RA0", "pressed": 0},
+        {"name": "left", "pin": "RB7", "pressed": 0},
+    ]
+    stands = frames_of(session, 40, 1)
+    answer(session, do="pin", pin="RB7", level=0)
+    turns = frames_of(session, 60, 10)
+    assert stands[0] not in turns
 
 
 def test_a_robot_that_takes_no_commands_is_sent_none(lab8: Subject) -> None:
