@@ -279,13 +279,11 @@ def identify(port: Port) -> BoardFacts:
             if answer is not None:
                 break
     if answer is None:
-        sentence = "the device is not a Firmata board" if heard else "the input board does not answer"
-        raise ToolError(
-            "wrong-device" if heard else "no-answer",
-            sentence,
-            Location(port.path),
-            "is this its port, and is StandardFirmata or ConfigurableFirmata on it?",
-        )
+        place = Location(port.path)
+        hint = "is this its port, and is StandardFirmata or ConfigurableFirmata on it?"
+        if heard:
+            raise ToolError("wrong-device", "the device is not a Firmata board", place, hint)
+        raise ToolError("no-answer", "the input board does not answer", place, hint)
     name = firmata.joined_bytes(answer.data[3:]).decode("latin-1")
     version = ".".join(str(byte) for byte in answer.data[1:3])
     port.write(firmata.sysex(Command.CAPABILITY_QUERY))
