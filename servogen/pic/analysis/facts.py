@@ -129,12 +129,19 @@ class Facts:
             self._finding(at, f"a jump into the table 0x{first:03X} to 0x{last:03X}: taken to stay in it")
             for at, (first, last) in paths.tables.items()
         ]
+        beyond = [
+            self._finding(at, f"the index leads beyond the table of RETLWs after it, to 0x{target:03X}")
+            for at, target in sorted(paths.beyond.items())
+        ]
         gaps += [
             self._finding(at, "nothing is known of the pointer: taken to address a byte of RAM")
             for at in sorted(paths.pointers)
         ]
         gaps += [self._finding(at, "no data sheet defines this word") for at in sorted(paths.undefined)]
         question = "every path is followed"
+        if beyond:
+            text = f"{len(beyond)} computed jumps may leave their tables"
+            return Answer(question, Status.FOUND, text, findings=(*beyond, *gaps))
         if not gaps:
             return Answer(
                 question, Status.HOLDS, f"{len(paths.executed)} words on {question[6:-12]}s from reset"

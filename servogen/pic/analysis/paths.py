@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from servogen.pic.analysis import values
+from servogen.pic.analysis.counters import counters
 from servogen.pic.analysis.state import (
     BANK,
     DIGIT,
@@ -49,11 +50,20 @@ MAX_POINTERS = 80
 """The number of values of FSR that are then kept apart: a loop over all 68 bytes of RAM is followed turn
 by turn.
 """
+MAX_COUNTED = 2000
+"""The number of values of FSR and the counters that are kept apart where counters are."""
+MAX_GROWN = 6
+"""The number of members to which a value may then grow at the head of a loop; beyond it, it becomes any."""
 MAX_STEPS = 500_000
 """The number of instructions after which the analysis is given up."""
+MAX_COUNTED_STEPS = 1_500_000
+"""The same where counters are kept apart."""
 IN_INTERRUPT = -1
 """The mark, at the bottom of the return addresses, of the one that an interrupt pushes."""
 
+_Values = tuple[int | None, ...]
+_REST: _Values = ()
+"""The key of all states beyond the number that is kept apart."""
 _Key = tuple[object, ...]
 """The part of a state that distinguishes it from others: everything except the set of written bytes."""
 
@@ -63,8 +73,8 @@ class _Node:
     """The states in which one address is reached on one call path."""
 
     apart: dict[_Key, State] = field(default_factory=dict)
-    by_pointer: dict[int | None, State] | None = None
-    """Joined states by the value of FSR, once too many states are kept apart."""
+    joined: dict[_Values, State] | None = None
+    """Joined states by the constants in FSR and the counters, once too many states are kept apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +120,8 @@ class Paths:
     """Instructions that use a completely unknown pointer, which is assumed to address RAM."""
     tables: dict[int, tuple[int, int]] = field(default_factory=dict)
     """Computed jumps with an unknown target, assumed to stay in the table after them, first to last word."""
+    beyond: dict[int, int] = field(default_factory=dict)
+    """Computed jumps whose known target is beyond the table of RETLWs after them, and that target."""
     computed: dict[int, set[int]] = field(default_factory=dict)
     """The targets of computed jumps."""
     lost: dict[int, str] = field(default_factory=dict)
@@ -161,8 +173,14 @@ _SPECIAL = (OPTION, TRISA, TRISB, INTCON, PCLATH)
 class Explorer:
     """Follows every path of a program; `explore` returns what they do."""
 
-    def __init__(self, words: Mapping[int, int]) -> None:
+    def __init__(self, words: Mapping[int, int], *, count: bool = False) -> None:
+        """Prepare to follow the paths of `words`; `count`: with states of different counters kept apart."""
+        self._counters = counters(words) if count else {}
+        self._max_joined, self._max_steps = (
+            (MAX_COUNTED, MAX_COUNTED_STEPS) if count else (MAX_POINTERS, MAX_STEPS)
+        )
         self._words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
+        self._loops: set[int] = set()
         self._heads = self._find_heads()
         live = Program(self._words, ()).live
         self._dead = {
@@ -188,7 +206,7 @@ class Explorer:
                 if self._interrupt.signature() == before:
                     break
         except _TooLong:
-            self.paths.lost[0] = f"more than {MAX_STEPS} instructions to follow"
+            self.paths.lost[0] = f"more than {self._max_steps} instructions to follow"
         self.paths.interrupt_changes = set(self._interrupt.changes)
         self.paths.not_restored = set(self._interrupt.not_restored)
         return self.paths
@@ -202,6 +220,8 @@ class Explorer:
                 continue
             if word.flow in ("jump", "call"):
                 heads |= {word.k, (at + 1) % PROGRAM_WORDS}
+                if word.flow == "jump" and word.k <= at and self._counters:
+                    self._loops.add(word.k)
         return frozenset(heads)
 
     def _prune(self, at: int, state: State) -> None:
@@ -218,12 +238,13 @@ class Explorer:
         """Follow every path from a state to its end."""
         nodes: dict[tuple[int, tuple[int, ...]], _Node] = {}
         waiting: list[tuple[int, tuple[int, ...], State]] = []
+        pending: set[int] = set()
         entry: State | None = None
 
         def reach(at: int, stack: tuple[int, ...], state: State) -> None:
             node = nodes.setdefault((at, stack), _Node())
             self._prune(at, state)
-            if node.by_pointer is None:
+            if node.joined is None:
                 key = (
                     frozenset(state.values.items()),
                     frozenset(state.saved.items()),
@@ -242,20 +263,24 @@ class Explorer:
                     node.apart[key] = state
                     waiting.append((at, stack, state))
                     return
-                node.by_pointer = {}
+                node.joined = {}
                 for separate in node.apart.values():
-                    add(at, stack, node.by_pointer, separate)
-            add(at, stack, node.by_pointer, state)
+                    add(at, stack, node, separate)
+            add(at, stack, node, state)
 
-        def add(at: int, stack: tuple[int, ...], joined: dict[int | None, State], state: State) -> None:
-            pointer = state.get(FSR).constant
-            if pointer not in joined and len(joined) >= MAX_POINTERS:
-                pointer = None
-            known = joined.get(pointer)
+        def add(at: int, stack: tuple[int, ...], node: _Node, state: State) -> None:
+            joined = node.joined
+            assert joined is not None
+            key = tuple(state.get(place).constant for place in (FSR, *self._counters.get(at, ())))
+            if key not in joined and len(joined) >= self._max_joined:
+                key = _REST
+            known = joined.get(key)
             if known is None:
-                joined[pointer] = state.copy()
-                waiting.append((at, stack, joined[pointer]))
-            elif known.join(state):
+                joined[key] = state.copy()
+                pending.add(id(joined[key]))
+                waiting.append((at, stack, joined[key]))
+            elif known.join(state, MAX_GROWN if at in self._loops else 256) and id(known) not in pending:
+                pending.add(id(known))
                 waiting.append((at, stack, known))
 
         def interruptible(state: State) -> None:
@@ -270,6 +295,7 @@ class Explorer:
         reach(at, stack, state.copy())
         while waiting:
             at, stack, state = waiting.pop()
+            pending.discard(id(state))
             self._run(at, stack, state.copy())
 
     def _run(self, at: int, stack: tuple[int, ...], state: State) -> None:
@@ -286,7 +312,7 @@ class Explorer:
         self, at: int, stack: tuple[int, ...], state: State
     ) -> list[tuple[int, tuple[int, ...], State]]:
         self._steps += 1
-        if self._steps > MAX_STEPS:
+        if self._steps > self._max_steps:
             raise _TooLong
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
         paths.executed.add(at)
@@ -446,6 +472,8 @@ class Explorer:
                 return []
             paths.tables[at] = (table[0], table[-1])
             targets = set(table)
+        elif not targets <= set(table) and word.name == "ADDWF" and self._is_table_of_bytes(table):
+            paths.beyond[at] = min(targets)
         paths.computed.setdefault(at, set()).update(targets)
         after = self._settled(after, inside=inside)
         words = [decode(self._words[target]) for target in sorted(targets)]
@@ -457,6 +485,10 @@ class Explorer:
             after.put(W, values.of(returned))
             return self._return(at, stack, self._settled(after, inside=inside), word)
         return [(target, stack, after.copy()) for target in sorted(targets)]
+
+    def _is_table_of_bytes(self, table: list[int]) -> bool:
+        words = [decode(self._words[at]) for at in table]
+        return len(words) > 1 and all(word is not None and _is_retlw(word.instruction) for word in words)
 
     def _table(self, at: int) -> list[int]:
         """Return the RETLWs or GOTOs that follow a computed jump without a gap."""
@@ -495,8 +527,16 @@ def _low_byte(state: State, word: Word, at: int) -> Value:
 
 
 def explore(words: Mapping[int, int]) -> Paths:
-    """Return what the paths of a program do."""
-    return Explorer(words).explore()
+    """Return what the paths of a program do.
+
+    Where a computed jump may leave its table they are followed again, with states of different counters kept
+    apart: the index of a table is often a counter, or the table's byte at one.
+    """
+    paths = Explorer(words).explore()
+    if not paths.tables:
+        return paths
+    counted = Explorer(words, count=True).explore()
+    return paths if counted.lost and not counted.beyond else counted
 
 
 _NAMES = {

@@ -113,8 +113,10 @@ class State:
         if not was_written:
             self.written &= ~bit(place)
 
-    def join(self, other: State) -> bool:
-        """Add the paths of another state, and return whether this one changed."""
+    def join(self, other: State, max_grown: int = 256) -> bool:
+        """Add the paths of another state, and return whether this one changed. A value that exceeds
+        `max_grown` members when it grows becomes any.
+        """
         changed = False
         for place in list(self.values):
             if place not in other.values:
@@ -122,6 +124,8 @@ class State:
                 changed = True
                 continue
             joined = self.values[place] | other.values[place]
+            if joined is not self.values[place] and joined.size > max_grown:
+                joined = ANY
             if joined is not self.values[place]:
                 if joined is ANY:
                     del self.values[place]

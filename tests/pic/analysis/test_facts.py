@@ -6,10 +6,11 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.pic.analysis.facts import Answer, Facts, Status
+from servogen.pic.analysis.paths import Explorer
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from tests.pic.analysis.programs import CLOCK, INTERRUPT, facts
+from tests.pic.analysis.programs import CLOCK, INTERRUPT, assembled, facts
 
 SET_UP = " clrf PORTB\n bsf STATUS, 5\n clrf PORTB\n bcf STATUS, 5\n"
 """Makes RB0 to RB7 outputs, low."""
@@ -94,6 +95,50 @@ def test_a_jump_into_a_table_beyond_which_the_index_may_lead_is_stated() -> None
     bounded, free = facts(table.format(" andlw 1")), facts(table.format(" andlw 3"))
     assert bounded.followed().status is Status.HOLDS
     assert free.followed().status is Status.NOT_DECIDED
+
+
+SCRIPT = [3, 0, 4, 1, 2, 2, 0, 4, 3, 1, 0, 0, 2, 4, 1, 3, 3, 2, 0, 1, 4, 4, 2, 0, 3, 1, 0, 2]
+
+
+def script_player(end: int, script: list[int]) -> str:
+    """Play a script of rows endlessly, from its beginning after byte number `end`; there are five rows."""
+    return (
+        f"main\n clrf 0x20\nloop\n movlw {end}\n xorwf 0x20, w\n btfsc STATUS, 2\n clrf 0x20\n"
+        " movf 0x20, w\n call script\n movwf 0x21\n incf 0x20, f\n"
+        " movf 0x21, w\n call rows\n movwf 0x22\n goto loop\n"
+        "rows\n addwf PCL, f\n" + " retlw 7\n" * 5 + "script\n addwf PCL, f\n"
+        + "".join(f" retlw {each}\n" for each in script)
+    )  # fmt: skip
+
+
+ROWS_AT = 13
+"""The address of its first computed jump, counted by hand; the other one is six words later."""
+
+
+def test_the_index_of_a_table_is_followed_through_a_counter_and_another_table() -> None:
+    """The states are more than are kept apart by all of their values, so that counters must be."""
+    text = script_player(len(SCRIPT), SCRIPT)
+    plain = Explorer(assembled(text).image.program).explore()
+    assert sorted(plain.tables) == [ROWS_AT + 6]
+    answer = facts(text).followed()
+    assert (answer.status, answer.findings) == (Status.HOLDS, ())
+
+
+@pytest.mark.parametrize(
+    ("end", "script", "at", "target"),
+    [
+        (len(SCRIPT) + 1, SCRIPT, ROWS_AT + 6, ROWS_AT + 6 + 1 + len(SCRIPT)),
+        (len(SCRIPT), [*SCRIPT[:-1], 5], ROWS_AT, ROWS_AT + 6),
+        (len(SCRIPT), [*SCRIPT[:20], 6, *SCRIPT[21:]], ROWS_AT, ROWS_AT + 7),
+    ],
+)
+def test_an_index_that_exceeds_its_table_by_one_is_found_with_its_place(
+    end: int, script: list[int], at: int, target: int
+) -> None:
+    answer = facts(script_player(end, script)).followed()
+    assert answer.status is Status.FOUND
+    assert at in addresses(answer)
+    assert f"to 0x{target:03X}" in next(each.text for each in answer.findings if each.address == at)
 
 
 def test_a_byte_written_on_one_of_two_paths_only_is_found_where_it_is_read() -> None:

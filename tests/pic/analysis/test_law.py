@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from servogen.pic.analysis.facts import Facts, Status
+from servogen.pic.analysis.paths import Explorer
 from servogen.pic.analysis.times import Timing
 from servogen.simulator import Machine, Observation, Options
 from servogen.simulator.machine import Packed
@@ -49,6 +50,14 @@ def spans(rows: Packed, start: int, end: int) -> list[int]:
         if address == start:
             since.append(cycle)
     return found
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_run_leaves_the_paths_on_which_counters_are_kept_apart(seed: int) -> None:
+    text = random_program(seed)
+    _, _, rows = observed(text, seed)
+    paths = Explorer(assembled(text).image.program, count=True).explore()
+    assert set(rows[:, 1].tolist()) <= paths.executed or paths.lost
 
 
 @pytest.mark.parametrize("seed", range(60))
