@@ -12,6 +12,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -25,6 +26,7 @@ from servogen.errors import InputError
 from servogen.job import load, plan_job
 from servogen.pulse.schedule import from_json
 from tests.drive.conftest import ROOT, Run
+from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
 
 JOB = ROOT / "jobs" / "hexapod-command.toml"
 FIRMWARE = ROOT / "firmware" / "hexapod-command"
@@ -187,3 +189,12 @@ def test_the_virtual_bench_puts_the_line_on_the_jobs_pin(run: Run, monkeypatch: 
     monkeypatch.setattr("servogen.bench.virtual.rig.rig", opened)
     assert run("rig", JOB, "--hex", FIRMWARE / "main.hex").code == 2
     assert [(PINS[each.serial_pin], each.baud) for each in asked] == [("RA4", 50)]
+
+
+def test_a_robot_that_buttons_command_takes_no_port(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "two.toml").write_text(ROBOT)
+    job = tmp_path / "job.toml"
+    job.write_text(TEXT.replace("BUTTONS", TWO))
+    done = run("drive", job, "--keys", "--port", "/dev/null")
+    assert done.code == 2
+    assert "--port: the robot is commanded by buttons" in done.err
