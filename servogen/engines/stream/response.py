@@ -135,7 +135,6 @@ def _addresses(listing: Listing) -> Mapping[str, int]:
 def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | None, int]:
     """Return the longest `prepare` and `execute` of the main loop, and how long it masks interrupts."""
     words = {row.address: row.word for row in listing.rows}
-    main = next(function for function in listing.functions if function.name.strip("_") == "main")
     due = _addresses(listing)["due"]
     mask = [at for at, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
     unmask = [at for at, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
@@ -146,9 +145,7 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     program = Program(words, listing.functions, changing=changing, bounds=bounds)
     # The division takes one turn of this loop per 256 cycles of distance, with at least one frame left.
     turn = Program(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
-    clear = _only(at for at in range(main.start, main.end) if words[at] == encode("ANDWF", f=due, d=1))
-    enable = max(at for at in range(main.start, main.end) if words[at] == encode("MOVWF", f=INTCON))
-    head = _loop_head(words, main, enable)
+    head, clear = main_loop(listing)
     test = _only(at for at in range(head, clear) if words[at] == encode("BTFSS", f=due, b=1))
     poll = program.longest(head, {test})
     until_cleared = program.longest(head, {clear + 1}, without={test + 1})
@@ -163,6 +160,16 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     # The request may come just after the loop has tested for it: one turn of four cycles more.
     prepare = poll + 4 + until_cleared + max_travel // ROUND * turn.longest
     return Cycles(prepare), back, masked
+
+
+def main_loop(listing: Listing) -> tuple[int, int]:
+    """Return where the main loop begins, and the address of the instruction that clears the request."""
+    words = {row.address: row.word for row in listing.rows}
+    main = next(function for function in listing.functions if function.name.strip("_") == "main")
+    due = _addresses(listing)["due"]
+    clear = _only(at for at in range(main.start, main.end) if words[at] == encode("ANDWF", f=due, d=1))
+    enable = max(at for at in range(main.start, main.end) if words[at] == encode("MOVWF", f=INTCON))
+    return _loop_head(words, main, enable), clear
 
 
 def _only(found: Iterator[int]) -> int:

@@ -15,10 +15,13 @@ interrupts begin are collected until no new one comes:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from servogen.engines.stream.layout import LATEST, Layout
+from servogen.engines.stream.protocol import BITS
 from servogen.engines.stream.response import (
     AHEAD,
     CLEARED,
@@ -34,7 +37,7 @@ from servogen.engines.stream.response import (
     WRITTEN,
     Round,
 )
-from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER
+from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER, STOP_AFTER, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR
 from servogen.pic.isa import encode
@@ -50,11 +53,14 @@ T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
-MARGIN = 12
-"""Begins of a round's first interrupt that are later than this, beyond latency, come after an edge."""
 
-HUNT, START, WAIT, BIT = "hunt", "start", "wait", "bit"
-"""A look: for a start bit, none there; a start bit seen; a bit is not due yet; a bit is taken."""
+HUNT, START, WAIT, BIT, SENT = "hunt", "start", "wait", "bit", "sent"
+"""A look: for a start bit, none there; a start bit seen; a bit is not due yet; a bit is taken; an
+answer's first bit is sent.
+"""
+
+
+Tell = Callable[[str, int, int], None]
 
 
 class InterruptChanged(Exception):
@@ -67,12 +73,47 @@ class Guarantee:
 
     rise: int
     """The cycle of its round in which a pulse begins."""
-    start_gap: int
-    """The most cycles between two samples of the line while a start bit is looked for."""
-    bit_gap: int
-    """The most cycles between two time stamps within a byte."""
+    starts: frozenset[tuple[int, int, int]]
+    """Looks for a start bit: the time stamp's cycle of its round, cycles since the sample, and from the
+    sample before to this one.
+    """
+    waits: frozenset[tuple[int, int]]
+    """Pairs of time stamps within a byte: the former's cycle of its round, and the cycles between them."""
     states: int
     """The states in which an interrupt begins."""
+
+    @property
+    def start_gap(self) -> int:
+        """Return the maximum cycles between two samples of the line while a start bit is looked for."""
+        return max(gap for _, _, gap in self.starts)
+
+    @property
+    def bit_gap(self) -> int:
+        """Return the maximum cycles between two time stamps within a byte."""
+        return max(wait for _, wait in self.waits)
+
+    def latest_sample(self, k: int, first_units: int, bit_units: int) -> int:
+        """Return the maximum cycles from the beginning of a byte to the sample of bit k (0: the start bit).
+
+        A start's time stamp fixes the cycle of its round in which each bit is due. Only those pairs of time
+        stamps count between which that cycle is.
+        """
+        after = STOP_AFTER if k == BITS - 1 else SAMPLE_AFTER[1]
+        before, wait = np.array(sorted(self.waits), dtype=np.int64).T
+        latest = 0
+        for stamp, since, gap in self.starts:
+            due = UNIT * (stamp // UNIT + first_units + 1 + k * bit_units)
+            passed = (due - before - 1) % ROUND
+            later = (wait - 1 - passed)[passed < wait]
+            latest = max(latest, gap + since + due - stamp + int(later.max(initial=0)) + after)
+        return latest
+
+    def earliest_sample(self, k: int, first_units: int, bit_units: int) -> int:
+        """Return the minimum cycles from the beginning of a byte to the sample of bit k."""
+        due = UNIT * (first_units + 1 + k * bit_units)
+        return SAMPLE_AFTER[0] + min(
+            since + due + UNIT * (stamp // UNIT) - stamp for stamp, since, _ in self.starts
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +130,14 @@ _Last = tuple[str, int, int]
 """The kind of the last look, its sample's cycle and its time stamp's."""
 _State = tuple[int, tuple[int, ...], int, frozenset[tuple[int, int]], _Last, int]
 """Address, return addresses, cycle of the round, known values, last look, the last bit's time stamp."""
-_Entry = tuple[int, str]
-"""The cycle of the round in which an interrupt begins, and the kind of the last look."""
+_Entry = tuple[int, str, str]
+"""The cycle of the round in which an interrupt begins, the kind of the last look, what the round may be."""
 _Entries = dict[_Entry, _Last]
 """With the earliest look of that kind: the one from which the gap to the next is largest."""
 NO_LOOK: _Last = ("", 0, 0)
+PLAIN, RISE, FALL = "p", "r", "f"
+"""What a round may be: without an edge, or with one."""
+ANY = PLAIN + RISE + FALL
 LONG_AGO = -10 * ROUND
 BYTE = 10
 """What `rx_bits` is when a start bit was seen: not 0."""
@@ -125,9 +169,15 @@ class _Interrupt:
     """Whether the gaps between looks are of interest, too."""
     bits_apart: int
     """Cycles that pass at least from one bit taken to the next within an interrupt."""
+    first_apart: int
+    """The same from a start bit's time stamp to the first bit taken."""
     edges: set[int] = field(default_factory=set)
-    start_gap: int = 0
-    bit_gap: int = 0
+    starts: set[tuple[int, int, int]] = field(default_factory=set)
+    """Looks for a start bit: the time stamp's cycle of its round, cycles since the sample, and from the
+    sample before to this one.
+    """
+    waits: set[tuple[int, int]] = field(default_factory=set)
+    """Pairs of time stamps within a byte: the former's cycle of its round, and the cycles between them."""
 
     def run(self, begins: Iterable[tuple[int, _Last]], known: Known) -> Iterator[_End]:
         """Yield every end of an interrupt that begins in one of these cycles of its round, after these looks;
@@ -140,7 +190,8 @@ class _Interrupt:
         followed |= {code.ram[name] for name in FOLLOWED}
         frozen = frozenset(known.items())
         waiting: list[_State] = [
-            (INTERRUPT_VECTOR, (), begin, frozen, last, LONG_AGO) for begin, last in begins
+            (INTERRUPT_VECTOR, (), begin, frozen, last, last[2] if last[0] == BIT else LONG_AGO)
+            for begin, last in begins
         ]
         seen = set(waiting)
         ends = set()
@@ -159,6 +210,8 @@ class _Interrupt:
             except (KeyError, Undefined):
                 raise InterruptChanged(f"the interrupt leaves its words at 0x{at:03X}") from None
             if word.name == "RETFIE":
+                if not self.gaps:
+                    last = (BIT, bit, bit) if now + 2 - bit < self.bits_apart else NO_LOOK
                 ends.add(self._end(now + 2, known, last))
                 continue
             if at == code.edge:
@@ -178,13 +231,16 @@ class _Interrupt:
                         continue  # the time that is left of a bit is longer
                     if (known.get(receiving, 1) == 0) != (look.kind in (HUNT, START)) and receiving in known:
                         continue  # rx_bits is 0 while no byte is being received
+                    if self.gaps and not self._may_follow(last, look, called + look.stamp):
+                        continue
                     after = {place: value for place, value in known.items() if place != receiving}
                     if look.kind in (HUNT, START):
                         after[receiving] = 0 if look.kind == HUNT else BYTE
                     taken = called + look.stamp if look.kind == BIT else bit
                     seen_at = NO_LOOK
                     if self.gaps:
-                        seen_at = (look.kind, called + look.sample, called + look.stamp)
+                        kind = SENT if (last[0], look.kind) == (HUNT, BIT) else look.kind
+                        seen_at = (kind, called + look.sample, called + look.stamp)
                         self._note_gap(last, seen_at)
                     following.append((at + 1, stack, called + look.cycles, after, seen_at, taken))
             else:
@@ -223,12 +279,21 @@ class _Interrupt:
         if self.out is None or word.name not in ("BSF", "BCF") or (word.f, word.b) != self.out:
             raise InterruptChanged(f"the word at 0x{at:03X} writes a port")
 
+    def _may_follow(self, last: _Last, look: _Look, stamp: int) -> bool:
+        """Return whether a look can be the next one after `last`."""
+        if last[0] == START:
+            return look.kind == WAIT or (look.kind == BIT and stamp - last[2] >= self.first_apart)
+        if look.kind in (HUNT, START):
+            return last[0] != SENT
+        return last[0] != HUNT or self.out is not None
+
     def _note_gap(self, last: _Last, look: _Last) -> None:
         kinds = last[0], look[0]
-        if kinds[0] in (HUNT, BIT) and kinds[1] in (HUNT, START):
-            self.start_gap = max(self.start_gap, look[1] - last[1])
+        if kinds[0] in (HUNT, BIT) and kinds[1] == START:
+            gap = look[1] - last[1]
+            self.starts.add((look[2] % ROUND, look[2] - look[1], gap))
         elif kinds[0] in (START, WAIT, BIT) and kinds[1] in (WAIT, BIT):
-            self.bit_gap = max(self.bit_gap, look[2] - last[2])
+            self.waits.add((last[2] % ROUND, look[2] - last[2]))
 
 
 def writes_port(word: Word, known: Known) -> bool:
@@ -238,18 +303,24 @@ def writes_port(word: Word, known: Known) -> bool:
     return word.f in PORTS or (word.f == INDF and known.get(FSR, PORTS[0]) in PORTS)
 
 
-def guarantee(listing: Listing, streamed: Streaming, fines: Iterable[int] = range(ROUND)) -> Guarantee:
+def guarantee(
+    listing: Listing,
+    streamed: Streaming,
+    fines: Iterable[int] = range(ROUND),
+    tell: Tell = lambda what, done, of: None,
+) -> Guarantee:
     """Return what the interrupt of a program guarantees. Raises InterruptChanged.
 
     `fines`: the cycles of its round in which a fall is followed: all of them, unless a test has less time.
     """
     layout = streamed.layout
-    exact = _Closure(_interrupt(listing, streamed, gaps=False), layout, tuple(fines), MASKED)
+    exact = _Closure(_interrupt(listing, streamed, gaps=False), layout, tuple(fines), MASKED, tell, "edges")
     exact.close()
-    # A write to the EEPROM delays one sample of a byte; it is counted apart (`settings.MASKED`).
-    gaps = _Closure(_interrupt(listing, streamed, gaps=True), layout, tuple(fines), 0)
+    # Only a trim's write to the EEPROM masks interrupts, and senders leave the line alone while it begins.
+    gaps = _Closure(_interrupt(listing, streamed, gaps=True), layout, tuple(fines), 0, tell, "samples")
     gaps.close()
-    return Guarantee(exact.rise, gaps.one.start_gap, gaps.one.bit_gap, len(exact.firsts) + len(exact.seconds))
+    starts, waits = frozenset(gaps.one.starts), frozenset(gaps.one.waits)
+    return Guarantee(exact.rise, starts, waits, len(exact.firsts) + len(exact.seconds))
 
 
 @dataclass(slots=True)
@@ -260,8 +331,9 @@ class _Closure:
     layout: Layout
     fines: tuple[int, ...]
     masked: int
+    tell: Tell
+    what: str
     rise: int = -1
-    _before_rise: int = -1
     firsts: _Entries = field(default_factory=dict)
     """Interrupts with which a round begins."""
     seconds: _Entries = field(default_factory=dict)
@@ -275,27 +347,23 @@ class _Closure:
         try:
             self._check_counts()
             for begin in self._begins(0, 0):
-                self._add(True, begin, NO_LOOK)
+                self._add(True, begin, NO_LOOK, ANY)
             while self._waiting:
                 self._run_plain()
-                begins = [(begin, last) for (begin, _), last in self._new if begin <= self._usual]
+                begins = [(begin, last) for (begin, _, may), last in self._new if FALL in may]
                 self._new.clear()
-                for fine in self.fines if begins else ():
+                for number, fine in enumerate(self.fines if begins else ()):
+                    self.tell(self.what, number, len(self.fines))
                     self._fall(begins, fine)
         except LookupError as error:
             raise InterruptChanged(str(error)) from None
-
-    @property
-    def _usual(self) -> int:
-        """Return the latest begin of a round's first interrupt, but after a fall."""
-        return LATENCY + 2 + self.masked + MARGIN
 
     def _run_plain(self) -> None:
         """Execute all but the falls, until nothing new comes."""
         while self._waiting:
             first, entry = self._waiting.pop()
             last = (self.firsts if first else self.seconds)[entry]
-            self._run(first, entry[0], last)
+            self._run(first, entry[0], last, entry[2])
             if first:
                 self._new.append((entry, last))
 
@@ -308,56 +376,47 @@ class _Closure:
         latest = LATENCY if self.one.gaps else LATENCY + 2 + self.masked
         return range(max(overflow + 2, end), max(overflow, end) + latest + 1)
 
-    def _add(self, first: bool, begin: int, last: _Last) -> None:
-        entries, entry = self.firsts if first else self.seconds, (begin, last[0])
+    def _add(self, first: bool, begin: int, last: _Last, may: str) -> None:
+        entries, entry = self.firsts if first else self.seconds, (begin, last[0], may)
         if self.masked:
-            entry, last = (begin, ""), NO_LOOK  # only the edges are of interest
+            last = (last[0], last[2], last[2])  # only when a bit was taken is of interest
         if entry not in entries or last[1:] < entries[entry][1:]:
             entries[entry] = last
             if (first, entry) not in self._waiting:
                 self._waiting.append((first, entry))
 
-    def _next(self, end: _End, rounds: int) -> None:
+    def _next(self, end: _End, rounds: int, may: str = ANY) -> None:
         """Add the first interrupts of the round after `rounds` rounds."""
         kind, sample, stamp = end.last
         moved = (kind, sample - rounds * ROUND, stamp - rounds * ROUND)
         for begin in self._begins(0, end.cycle - rounds * ROUND):
-            self._add(True, begin, moved if kind else NO_LOOK)
+            self._add(True, begin, moved if kind else NO_LOOK, may)
 
-    def _run(self, first: bool, begin: int, last: _Last) -> None:
+    def _run(self, first: bool, begin: int, last: _Last, may: str) -> None:
         ram = self.one.code.ram
         if not first:
             for end in self.one.run([(begin, last)], {ram["ticks"]: MANY - 1, AHEAD: HALF}):
                 self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
                 self._next(end, 1)
             return
+        if RISE in may:
+            self._rise(begin, last)
+        if PLAIN not in may:
+            return
         for end in self.one.run([(begin, last)], {ram["ticks"]: MANY, AHEAD: 0}):
             if end.ahead == HALF:
                 self._check(end.ticks == MANY - 1, "a round's first interrupt", end)
                 for following in self._begins(HALF, end.cycle):
-                    self._add(False, following, end.last)
+                    self._add(False, following, end.last, PLAIN)
             else:
                 self._check(end.ahead == 0 and end.ticks == MANY - 2, "the interrupt of a whole round", end)
                 self._next(end, 1)
-        self._rise(begin, last)
 
     def _rise(self, begin: int, last: _Last) -> None:
-        """Execute a rise: its edge is in the same cycle for every begin after a fall that is not too late."""
-        if begin > self._latest_before_rise():
-            return
+        """Execute a rise: its edge is in the same cycle for every begin."""
         for end in self._edge([(begin, last)], 0, None):
             self._check(end.ahead == 0 and not end.cleared, "a rise", end)
-            self._next(end, 1)
-
-    def _latest_before_rise(self) -> int:
-        """Return the latest begin of a round with a rise: after a fall `LATEST` cycles after the rise's."""
-        if self.rise < 0:
-            return LATENCY + 2 + self.masked
-        if self._before_rise >= 0:
-            return self._before_rise
-        ends = [end.cycle for end in self._edge([(2, NO_LOOK)], 1, LATEST)]
-        self._before_rise = max(self._begins(0, max(ends) - ROUND))
-        return self._before_rise
+            self._next(end, 1, PLAIN + FALL)
 
     def _fall(self, begins: list[tuple[int, _Last]], fine: int) -> None:
         rests = (1, MANY) if fine <= LATEST else (MANY,)
@@ -365,7 +424,9 @@ class _Closure:
             for end in self._edge(begins, rest, fine):
                 whole = 2 * end.cleared
                 self._check(end.ahead == 0 and end.ticks == rest - whole and end.rest == 0, "a fall", end)
-                self._next(end, 2 if end.cleared else 1)
+                # With so little left, the next rise is in the next round; else it is later.
+                may = PLAIN + RISE if end.cleared else RISE if rest == 1 else PLAIN
+                self._next(end, 2 if end.cleared else 1, may)
 
     def _edge(self, begins: list[tuple[int, _Last]], rest: int, fine: int | None) -> list[_End]:
         """Return the ends of an interrupt with an edge; check its cycle."""
@@ -425,6 +486,7 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     _check_writes(ran, ram, listing)
     _check_receiver(words, ram, subroutines[1], hunt, bit_units, first_units)
     looks = {at: _looks(code, at, hunt) for at in subroutines}
+    _check_samples(code, subroutines[1])
     answers = {
         (word.f, word.b)
         for word in map(word_of, ran.values())
@@ -432,7 +494,9 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     }
     if len(answers) > 1:
         raise InterruptChanged("the interrupt writes more than one pin bit by bit")
-    return _Interrupt(code, looks, next(iter(answers), None), gaps, 4 * (bit_units - ROUND // 4))
+    return _Interrupt(
+        code, looks, next(iter(answers), None), gaps, 4 * (bit_units - ROUND // 4), UNIT * first_units + 1
+    )
 
 
 def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listing) -> None:
@@ -516,6 +580,29 @@ def _check_receiver(
     sample = word_of(words[hunt])
     if sample.name != "BTFSC" or sample.f not in PORTS:
         raise InterruptChanged("a start bit is not looked for at a pin")
+
+
+def _check_samples(code: Round, take: int) -> None:
+    """Check how long after its time stamp a bit is sampled; rx_bits is 1 before the stop bit."""
+    bits = code.ram["rx_bits"]
+    for before, limits in ((1, (SAMPLE_AFTER[0], STOP_AFTER)), (None, SAMPLE_AFTER)):
+        begin: Known = {} if before is None else {bits: before}
+        waiting: list[tuple[int, tuple[int, ...], int, int, bool, Known]] = [(take, (), 0, 0, False, begin)]
+        seen = set()
+        while waiting:
+            at, stack, now, stamp, taken, known = waiting.pop()
+            word = word_of(code.words[at])
+            stamp = now if word.has_f and word.f == TMR0 else stamp
+            taken |= word.writes_f and word.f == code.ram["rx_left"] and word.name == "ADDWF"
+            after = now - stamp
+            if taken and word.tests_bit and word.f in PORTS and not limits[0] <= after <= limits[1]:
+                raise InterruptChanged(f"a bit is sampled {after} cycles after its time stamp, at 0x{at:03X}")
+            for target, more, cycles, then in code.steps(at, stack, now, word, dict(known)):
+                kept = {place: value for place, value in then.items() if place in (bits, ZERO)}
+                state = (target, more, now + cycles, stamp, taken, tuple(sorted(kept.items())))
+                if target >= 0 and state not in seen:
+                    seen.add(state)
+                    waiting.append((target, more, now + cycles, stamp, taken, kept))
 
 
 def _looks(code: Round, begin: int, hunt: int) -> tuple[_Look, ...]:

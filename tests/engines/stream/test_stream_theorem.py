@@ -1,7 +1,10 @@
 """What the stream's interrupt guarantees for every line; changes that break it are noticed.
 
-`tools/prove_streams.py` follows every cycle of a fall's round; here none or one of them is.
+`servogen prove --any-line` follows every cycle of a fall's round; here none or one of them is.
 """
+
+from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
@@ -30,6 +33,22 @@ def test_edges_are_exact_and_samples_as_close_as_the_receiver_is_reckoned_for(te
     assert (found.start_gap, found.bit_gap) <= (START_GAP, BIT_GAP)
 
 
+def test_a_fall_late_in_the_last_round_but_one_keeps_samples_away_but_not_out_of_their_bits(
+    text: str,
+) -> None:
+    # The next slot's interrupt comes so soon after a fall in cycle 64 that there is no sample between.
+    found = guarantee(listing_of(text), STREAMED, (64,))
+    assert START_GAP < found.start_gap <= START_GAP + 9
+    bit = STREAMED.plan.schedule.clock.cycles_per_second / STREAMED.stream.baud
+    for k in range(10):
+        latest = found.latest_sample(k, STREAMED.first_units, STREAMED.bit_units)
+        earliest = found.earliest_sample(k, STREAMED.first_units, STREAMED.bit_units)
+        assert k * bit / Fraction(98, 100) <= earliest < latest <= (k + 1) * bit / Fraction(102, 100)
+    # With twice the gaps the stop bit would be over.
+    far = replace(found, starts=frozenset((at, since, 2 * gap) for at, since, gap in found.starts))
+    assert far.latest_sample(9, STREAMED.first_units, STREAMED.bit_units) > 10 * bit / Fraction(102, 100)
+
+
 def listing_of(text: str):  # type: ignore[no-untyped-def]
     return compile_sources([Source(text, "main.c2c.c")], Options(device=JOB.device)).listing
 
@@ -47,6 +66,8 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
         ("sublw   16", "sublw   15", "after the rise of a pulse"),
         # A bit's time.
         ("movlw   104", "movlw   103", "the receiver's clock"),
+        # A bit is sampled too late.
+        ("st_data:\n", "st_data:\n" + "    nop\n" * 5, "a bit is sampled 3"),
         # A start bit moves a pin.
         ("movlw   10\n    movwf   _rx_bits", "movwf   PORTB\n    movwf   _rx_bits", "the receiver's clock"),
         ("bcf     INTCON, 2           ; T0IF", "clrf    PORTB", "writes a port"),
