@@ -226,6 +226,7 @@ TABLES_OF_MNEMONICS = {
     "pic/analysis/state.py": "what instructions make of sets of values",
     "pic/known_values.py": "what instructions compute: the second implementation beside the simulator's",
     "pic/wcet.py": "the instructions that count loops",
+    "prove/stream/execution.py": "what instructions make of bits that are terms of a solver",
     "simulator/block_cache.py": "the instructions that a wait may contain",
 }
 """Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""

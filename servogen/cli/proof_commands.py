@@ -21,7 +21,9 @@ from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 if TYPE_CHECKING:
     from servogen.pic.analysis.facts import Answer
     from servogen.pic.image import Image
+    from servogen.programs import Program
     from servogen.prove import Counterexample, Proof, Quantifiers
+    from servogen.prove.stream.proof import LineProof
     from servogen.pulse import PulseSchedule
 
 
@@ -83,6 +85,15 @@ def prove(
             "keep the schedule's levels.",
         ),
     ] = False,
+    any_line: Annotated[
+        Path | None,
+        typer.Option(
+            "--any-line",
+            metavar="JOB.toml",
+            help="With --against: for every waveform on the serial line of this job, which says what "
+            "commands mean; takes minutes.",
+        ),
+    ] = None,
     power_up: Annotated[
         list[str] | None,
         typer.Option(
@@ -161,6 +172,10 @@ def prove(
         )
         times = {"watchdog_us": watchdog_us, "eeprom_write_us": eeprom_write_us}
         given = {name: value for name, value in times.items() if value is not None}
+        if any_line is not None and (certificate is not None or hold_inputs or any_eeprom):
+            raise InputError(
+                "conflicting-options", "--any-line has neither --certificate, --hold-inputs nor --any-eeprom"
+            )
         request = Request(
             against=against,
             certificate=certificate,
@@ -168,11 +183,12 @@ def prove(
             over=over,
             times=given,
             max_states=max_states,
+            any_line=any_line,
         )
         raise typer.Exit(prove_schedule(file, device, request, json))
     switched = hold_inputs or plain_tmr0 or any_eeprom or power_up or no_resets
     switched = switched or watchdog_us is not None or eeprom_write_us is not None
-    if certificate is not None or switched or max_states is not None:
+    if certificate is not None or switched or max_states is not None or any_line is not None:
         raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
     from servogen.pic.device import DEVICES
@@ -219,6 +235,8 @@ class Request:
     times: Mapping[str, Any]
     """Options of the simulated chip that are not quantified over."""
     max_states: int | None
+    any_line: Path | None
+    """The job whose serial line may have any waveform."""
 
     @property
     def content(self) -> Path:
@@ -268,11 +286,55 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         _write_stimulus(proof.counterexample, schedule, request.counterexample)
         if proof.counterexample.eeprom is not None:
             _write_content(proof.counterexample.eeprom, program.image, request.content)
+    line = None
+    if proof.proven and request.any_line is not None:
+        line = _any_line(program, request.any_line, schedule, request.against)
     if json:
-        as_json(_proof_to_json(proof, file, request, schedule))
+        found = _proof_to_json(proof, file, request, schedule)
+        as_json(found if line is None else found | _line_to_json(line))
     else:
-        print("\n".join(_lines(proof, file, request, schedule)))
-    return PROVEN if proof.proven else NOT_PROVEN
+        lines = _lines(proof, file, request, schedule)
+        print("\n".join(lines if line is None else _line_lines(line, lines)))
+    return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
+
+
+def _any_line(program: Program, job_file: Path, schedule: PulseSchedule, against: Path) -> LineProof:
+    """Return the answer for any waveform on a job's line. Raises InputError, ToolError."""
+    from servogen.engines.stream.engine import stream
+    from servogen.job import load, plan_job
+    from servogen.prove.stream.proof import prove_line
+
+    job = plan_job(load(job_file))
+    _, streamed = stream(job)
+    planned = streamed.plan.schedule
+    same = ("clock", "period", "channels", "lead_in", "loop", "inputs")
+    if any(getattr(planned, name) != getattr(schedule, name) for name in same):
+        raise InputError("conflicting-options", f"is not the schedule of {job_file}", Location(str(against)))
+    with status("any line") as tell:
+        return prove_line(program.image, program.listing, job, streamed, tell)
+
+
+def _line_lines(line: LineProof, idle: list[str]) -> list[str]:
+    """Return the answer for any line as text; `idle` is the one for an idle line."""
+    if not line.proven:
+        return [f"not decided for any line: {line.reason}", *(f"  idle line: {idle[0]}" for _ in idle[:1])]
+    return [
+        "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
+        "at its slot's cycle and is as wide as complete commands say",
+        *(f"  {finding}" for finding in line.findings),
+        *idle[1:],
+        *(f"    {assumption}" for assumption in line.assumptions),
+    ]
+
+
+def _line_to_json(line: LineProof) -> dict[str, object]:
+    """Return the answer for any line as values of JSON."""
+    answer = "proven" if line.proven else "not decided"
+    return {
+        "answer": answer,
+        "reason": line.reason,
+        "any_line": {"findings": list(line.findings), "assumptions": list(line.assumptions)},
+    }
 
 
 def _write_stimulus(counterexample: Counterexample, schedule: PulseSchedule, path: Path) -> None:

@@ -1,0 +1,313 @@
+"""Bit-vectors that are numbers where they are known, and terms of the solver bitwuzla where they are not.
+
+In: numbers, named unknowns, and the operations of a byte machine. Out: `Bits` and `Truth`, and from `Solver`
+whether a statement can be true. Operations on numbers give numbers: specifications that are written with
+these operations run on plain numbers, too, without the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from servogen.errors import ToolError
+
+TIME_LIMIT_MS = 1_200_000
+"""The time after which the solver gives up one question."""
+
+
+class GivenUp(Exception):
+    """Raised if the solver does not answer within its time."""
+
+
+@cache
+def _library() -> Any:
+    """Return the solver's module. Raises ToolError if it is not installed."""
+    if find_spec("bitwuzla") is None:
+        raise ToolError(
+            "tool-missing",
+            "the proof for any line needs the solver bitwuzla",
+            hint="pip install 'servogen[solver]'",
+        )
+    return import_module("bitwuzla")
+
+
+@cache
+def _manager() -> Any:
+    return _library().TermManager()
+
+
+@cache
+def _sort(width: int) -> Any:
+    return _manager().mk_bv_sort(width)
+
+
+@cache
+def _number(width: int, value: int) -> Any:
+    return _manager().mk_bv_value(_sort(width), value)
+
+
+def _term(kind: str, *operands: Any, indices: tuple[int, ...] = ()) -> Any:
+    return _manager().mk_term(getattr(_library().Kind, kind), list(operands), list(indices))
+
+
+class Truth:
+    """A statement: true, false, or a term."""
+
+    __slots__ = ("_made", "known")
+
+    def __init__(self, known: bool | None, made: Any = None) -> None:
+        self.known = known
+        self._made = made
+
+    @property
+    def term(self) -> Any:
+        if self._made is None:
+            self._made = _manager().mk_true() if self.known else _manager().mk_false()
+        return self._made
+
+    def __and__(self, other: Truth) -> Truth:
+        if self.known is not None:
+            return other if self.known else self
+        if other.known is not None:
+            return self if other.known else other
+        return self if self._made is other._made else Truth(None, _term("AND", self.term, other.term))
+
+    def __or__(self, other: Truth) -> Truth:
+        return ~(~self & ~other)
+
+    def __invert__(self) -> Truth:
+        if self.known is not None:
+            return Truth(not self.known)
+        return Truth(None, _term("NOT", self._made))
+
+
+TRUE, FALSE = Truth(True), Truth(False)
+
+
+class Bits:
+    """`width` bits: a number, or a term."""
+
+    __slots__ = ("_made", "_parts", "value", "width")
+
+    def __init__(
+        self, width: int, value: int | None, made: Any = None, parts: tuple[Bits, Bits] | None = None
+    ) -> None:
+        self.width = width
+        self._parts = parts
+        """The higher and the lower bits that it was put together from."""
+        self.value = None if value is None else value & ((1 << width) - 1)
+        self._made = made
+
+    @property
+    def term(self) -> Any:
+        if self._made is None:
+            assert self.value is not None
+            self._made = _number(self.width, self.value)
+        return self._made
+
+    def _of_two(self, other: Bits | int, kind: str) -> Bits:
+        return Bits(self.width, None, _term(kind, self.term, self._as_bits(other).term))
+
+    def _as_bits(self, other: Bits | int) -> Bits:
+        return other if isinstance(other, Bits) else Bits(self.width, other)
+
+    def _known_with(self, other: Bits | int) -> int | None:
+        return other if isinstance(other, int) else other.value
+
+    def __add__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value + number)
+        if number == 0:
+            return self
+        if self._parts is not None and number is not None and number > 0:
+            upper, lower = self._parts
+            if lower.value is not None and lower.value + number < 1 << lower.width:
+                return upper.above(lower + number)
+        return self._of_two(other, "BV_ADD")
+
+    def __sub__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value - number)
+        return self if number == 0 else self._of_two(other, "BV_SUB")
+
+    def __mul__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value * number)
+        return self._of_two(other, "BV_MUL")
+
+    def __floordiv__(self, other: Bits | int) -> Bits:
+        """Return the quotient, rounded down; all ones if the divisor is 0."""
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value // number if number else -1)
+        return self._of_two(other, "BV_UDIV")
+
+    def __and__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value & number)
+        if number == 0 or self.value == 0:
+            return Bits(self.width, 0)
+        if number is not None and self._parts is not None:
+            upper, lower = self._parts
+            return (upper & (number >> lower.width)).above(lower & (number & (1 << lower.width) - 1))
+        return self if number == (1 << self.width) - 1 else self._of_two(other, "BV_AND")
+
+    def __or__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value | number)
+        return self if number == 0 else self._of_two(other, "BV_OR")
+
+    def __xor__(self, other: Bits | int) -> Bits:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, self.value ^ number)
+        return self if number == 0 else self._of_two(other, "BV_XOR")
+
+    def __invert__(self) -> Bits:
+        return self ^ ((1 << self.width) - 1)
+
+    def __rshift__(self, places: int) -> Bits:
+        return self[places:].wide(self.width) if places < self.width else Bits(self.width, 0)
+
+    def __getitem__(self, which: slice) -> Bits:
+        """Return bits `start` up to, but not including, `stop`; the lowest is bit 0."""
+        low, high, _ = which.indices(self.width)
+        if low == 0 and high == self.width:
+            return self
+        if self.value is not None:
+            return Bits(high - low, self.value >> low)
+        if self._parts is not None:
+            upper, lower = self._parts
+            if high <= lower.width:
+                return lower[low:high]
+            if low >= lower.width:
+                return upper[low - lower.width : high - lower.width]
+            return upper[: high - lower.width].above(lower[low:])
+        return Bits(high - low, None, _term("BV_EXTRACT", self._made, indices=(high - 1, low)))
+
+    def bit(self, number: int) -> Truth:
+        """Return whether a bit is 1."""
+        if self.value is not None:
+            return Truth(bool(self.value >> number & 1))
+        return self[number : number + 1].equals(1)
+
+    def with_bit(self, number: int, value: int) -> Bits:
+        """Return the same with one bit set to a value."""
+        bit = Bits(1, value)
+        found = bit if number == 0 else bit.above(self[:number])
+        return found if number + 1 == self.width else self[number + 1 :].above(found)
+
+    def above(self, low: Bits) -> Bits:
+        """Return these bits followed by lower ones."""
+        width = self.width + low.width
+        if self.value is not None and low.value is not None:
+            return Bits(width, self.value << low.width | low.value)
+        return Bits(width, None, _term("BV_CONCAT", self.term, low.term), (self, low))
+
+    def wide(self, width: int) -> Bits:
+        """Return the number with zeros above it."""
+        return self if width == self.width else Bits(width - self.width, 0).above(self)
+
+    def signed(self, width: int) -> Bits:
+        """Return the number in two's complement with more bits."""
+        if self.value is not None:
+            return Bits(width, self.value - (self.value >> self.width - 1 << self.width))
+        return Bits(width, None, _term("BV_SIGN_EXTEND", self._made, indices=(width - self.width,)))
+
+    def equals(self, other: Bits | int) -> Truth:
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Truth(self.value == number & ((1 << self.width) - 1))
+        if isinstance(other, Bits) and other._made is self._made:
+            return TRUE
+        return Truth(None, _term("EQUAL", self.term, self._as_bits(other).term))
+
+    def less(self, other: Bits | int) -> Truth:
+        """Return whether it is smaller, without signs."""
+        number = self._known_with(other)
+        if self.value is not None and number is not None:
+            return Truth(self.value < number)
+        return Truth(None, _term("BV_ULT", self.term, self._as_bits(other).term))
+
+
+def byte(value: int) -> Bits:
+    """Return a known byte."""
+    return Bits(8, value)
+
+
+def unknown(name: str, width: int = 8) -> Bits:
+    """Return bits of which nothing is known; each call makes others."""
+    return Bits(width, None, _manager().mk_const(_sort(width), name))
+
+
+def choose(condition: Truth, yes: Bits, no: Bits) -> Bits:
+    """Return `yes` where the condition is true, else `no`."""
+    if condition.known is not None:
+        return yes if condition.known else no
+    if yes is no or (yes.value is not None and yes.value == no.value):
+        return yes
+    if yes.value is None and yes._made is no._made:
+        return yes
+    return Bits(yes.width, None, _term("ITE", condition.term, yes.term, no.term))
+
+
+def choose_truth(condition: Truth, yes: Truth, no: Truth) -> Truth:
+    """Return `yes` where the condition is true, else `no`."""
+    return yes if yes is no else (condition & yes) | (~condition & no)
+
+
+def as_bit(truth: Truth) -> Bits:
+    """Return 1 where it is true, else 0."""
+    return choose(truth, Bits(1, 1), Bits(1, 0))
+
+
+def all_of(truths: Iterable[Truth]) -> Truth:
+    """Return whether all are true."""
+    found = TRUE
+    for truth in truths:
+        found = found & truth
+    return found
+
+
+class Solver:
+    """Answers whether statements can be true together."""
+
+    def __init__(self) -> None:
+        self.questions = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: what was learned of other terms only makes the next questions slower."""
+        library = _library()
+        options = library.Options()
+        options.set(library.Option.PRODUCE_MODELS, True)
+        options.set(library.Option.TIME_LIMIT_PER, TIME_LIMIT_MS)
+        self._solver = library.Bitwuzla(_manager(), options)
+        self._yes, self._no = library.Result.SAT, library.Result.UNSAT
+
+    def possible(self, statement: Truth) -> bool:
+        """Return whether a statement can be true. Raises GivenUp."""
+        if statement.known is not None:
+            return statement.known
+        self.questions += 1
+        result = self._solver.check_sat(statement.term)
+        if result == self._yes:
+            return True
+        if result == self._no:
+            return False
+        raise GivenUp
+
+    def example(self, bits: Bits) -> int:
+        """Return the value of bits in the last possible statement."""
+        if bits.value is not None:
+            return bits.value
+        return int(self._solver.get_value(bits.term).value(10))

@@ -1,0 +1,249 @@
+"""What a chip of the stream engine does, as docs/firmware.md states it: the specification of its program.
+
+In: the numbers of a stream, and the chip's variables. Out: the variables after a frame's beginning, after a
+pulse is prepared, after a command, after a look at the line. Values are `Bits`, known or not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from servogen.engines.stream.protocol import BITS, NO_TRIM, SYNC, TRIM_ZERO, Kind
+from servogen.engines.stream.settings import HOLD, NEUTRAL, OFF
+from servogen.engines.stream.streaming import Streaming
+from servogen.prove.stream.bits import FALSE, TRUE, Bits, Truth, all_of, byte, choose, choose_truth
+
+LEAST_TRIM, MOST_TRIM = -128, 127
+
+
+@dataclass(slots=True)
+class Chip:
+    """The variables of the C; widths and goals have 16 bits, one entry per servo."""
+
+    streamed: Streaming
+    widths: list[Bits]
+    goals: list[Bits]
+    speeds: list[Bits]
+    trims: list[Bits]
+    """The servos' bytes in the EEPROM."""
+    waiting: list[Truth]
+    """Which servos wait for their group to start."""
+    group: list[Truth]
+    """Which servos are in the group that moves."""
+    left: Bits
+    starting: Truth
+    """Whether the group starts with the next frame."""
+    gathering: Truth
+    """Whether positions wait for their group."""
+    silence: Bits
+    answer: Bits | None = field(default=None)
+    """The byte that is sent."""
+
+    @property
+    def servos(self) -> int:
+        return len(self.widths)
+
+    def valid(self) -> Truth:
+        """Return what holds of the variables between any two steps."""
+        servos = range(self.servos)
+        found = [self._within(n, value) for n in servos for value in (self.widths[n], self.goals[n])]
+        if self.streamed.stream.fail_safe == OFF:
+            off = [(self.widths[n].equals(0), self.goals[n].equals(0)) for n in servos]
+            found = [
+                (within_width & within_goal & ~no_pulse & ~no_goal) | (no_pulse & no_goal)
+                for within_width, within_goal, (no_pulse, no_goal) in zip(
+                    found[::2], found[1::2], off, strict=True
+                )
+            ]
+        found += [~self.left.equals(0) | ~member for member in self.group]
+        if self.streamed.stream.fail_safe != HOLD:
+            found.append(self.silence.less(self._most_silence + 1))
+        return all_of(found)
+
+    def _within(self, n: int, value: Bits) -> Truth:
+        """Return whether a width without its trim is in the servo's range."""
+        travel, plain = self.streamed.travels[n], value - self.trim(n)
+        return ~plain.less(int(travel.minimum)) & plain.less(int(travel.maximum) + 1)
+
+    @property
+    def _most_silence(self) -> int:
+        return self.streamed.silence_frames + (self.streamed.stream.fail_safe == NEUTRAL)
+
+    def trim(self, n: int) -> Bits:
+        """Return the trim of a servo in cycles."""
+        return choose(self.trims[n].equals(NO_TRIM), Bits(16, 0), self.trims[n].signed(16))
+
+    def begin_frame(self) -> None:
+        """Count the frames of groups and of silence."""
+        fewer = choose(self.left.equals(0), self.left, self.left - 1)
+        over = ~self.starting & ~self.left.equals(0) & fewer.equals(0)
+        self.left = choose(self.starting, self.left, fewer)
+        self.group = [choose_truth(over, FALSE, member) for member in self.group]
+        self.starting = FALSE
+        if self.streamed.stream.fail_safe == HOLD:
+            return
+        counts = self.silence.less(self._most_silence)
+        self.silence = choose(counts, self.silence + 1, self.silence)
+        if self.streamed.stream.fail_safe == NEUTRAL:
+            now = counts & self.silence.equals(self.streamed.silence_frames)
+            self.group = [choose_truth(now, TRUE, member) for member in self.group]
+            self.waiting = [choose_truth(now, FALSE, waits) for waits in self.waiting]
+            self.starting = choose_truth(now, TRUE, self.starting)
+            self.gathering = choose_truth(now, FALSE, self.gathering)
+            self.left = choose(now, byte(self.streamed.soft_frames), self.left)
+
+    def prepare(self, n: int) -> None:
+        """Move a servo's width towards its goal, to that of its next pulse."""
+        fail_safe = self.streamed.stream.fail_safe
+        silent = self.silence.equals(self.streamed.silence_frames)
+        if fail_safe == NEUTRAL:
+            neutral = Bits(16, int(self.streamed.neutral[n]))
+            self._go(n, neutral, silent & self.group[n])
+        elif fail_safe == OFF:
+            self.goals[n] = choose(silent, Bits(16, 0), self.goals[n])
+            self.widths[n] = choose(silent, Bits(16, 0), self.widths[n])
+        goal, width = self.goals[n], self.widths[n]
+        down = goal.less(width)
+        way = choose(down, width - goal, goal - width)
+        speed = self.speeds[n].wide(16)
+        limited = choose(~speed.equals(0) & speed.less(way), speed, way)
+        step = choose(self.group[n], way // self.left.wide(16), limited)
+        step = choose(self.waiting[n] | (self.group[n] & self.starting), Bits(16, 0), step)
+        self.widths[n] = choose(down, width - step, width + step)
+
+    def _go(self, n: int, target: Bits, where: Truth = TRUE) -> None:
+        """Make a width without trim a servo's goal; a servo without pulses is there at once."""
+        goal = target + self.trim(n)
+        width = choose(self.widths[n].equals(0), goal, self.widths[n])
+        self.goals[n] = choose(where, goal, self.goals[n])
+        self.widths[n] = choose(where, width, self.widths[n])
+
+    def execute(self, second: int, value: Bits) -> None:
+        """Execute the command with these bytes after SYNC; another one changes nothing."""
+        kind = next((kind for kind in Kind if 0 <= second - kind.value < self._numbers(kind)), None)
+        if kind is None:
+            return
+        n = second - kind.value
+        if kind is Kind.POSITION:
+            travel = self.streamed.travels[n]
+            offset = (value.wide(32) * travel.scale + 128 >> 8)[0:16]
+            self._go(n, offset + int(travel.minimum))
+            self.group[n] = FALSE
+            self.waiting[n] = self.gathering
+        elif kind is Kind.SPEED:
+            self.speeds[n] = value
+        elif kind is Kind.TRIM:
+            before = self.trim(n)
+            self.trims[n] = value - TRIM_ZERO
+            moved, off = self.trim(n) - before, self.goals[n].equals(0)
+            self.goals[n] = choose(off, self.goals[n], self.goals[n] + moved)
+            self.widths[n] = choose(off, self.widths[n], self.widths[n] + moved)
+        elif kind is Kind.GROUP:
+            begins = value.equals(0)
+            self.gathering = begins
+            self.starting = choose_truth(begins, self.starting, TRUE)
+            self.group = [choose_truth(begins, *each) for each in zip(self.group, self.waiting, strict=True)]
+            self.waiting = [choose_truth(begins, waits, FALSE) for waits in self.waiting]
+            self.left = choose(begins, self.left, value)
+        elif kind is Kind.QUERY:
+            asked = self.widths[0]
+            for number in range(1, self.servos):
+                asked = choose(value[0:3].equals(number), self.widths[number], asked)
+            self.answer = choose(value.bit(3), asked[0:8], asked[8:16])
+        self.silence = byte(0)
+
+    def _numbers(self, kind: Kind) -> int:
+        """Return how many servos a kind of command has numbers for."""
+        if kind is Kind.QUERY:
+            return int(self.streamed.stream.transmit_pin is not None)
+        return self.servos if kind.of_a_servo else 1
+
+
+NOTHING = 0xFE
+"""What `command` and `todo` are while there is no command, a byte with which no command begins."""
+BROKEN, SENDING = 7, 6
+"""Bits of `bits`: a byte without its stop bit came, the line is not high again; the chip answers."""
+
+
+@dataclass(slots=True)
+class Receiver:
+    """The variables of the receiver; `bits` is how many bits of a byte are still to come, 10 at its start."""
+
+    streamed: Streaming
+    bits: Bits
+    left: Bits
+    """Units of time until the next bit is due."""
+    last: Bits
+    """The unit of time of the last look, modulo 64."""
+    byte: Bits
+    command: Bits
+    """0xFF after SYNC; then the second byte of a command; else `NOTHING`."""
+    todo: Bits
+    value: Bits
+    level: Truth | None = None
+    """What the chip sends if a bit is due at this look; None while it receives."""
+    due: Truth = FALSE
+    """Whether a bit is due at this look."""
+
+    def look(self, now: Bits, line: Truth) -> None:
+        """Look at the line while a byte is being received or sent; `now` is the unit of time."""
+        bits = self.bits.value
+        assert bits is not None
+        if bits >> BROKEN & 1:
+            self.bits = choose(line, byte(0), self.bits)
+            return
+        passed = (now - self.last) & 0x3F
+        due = self.due = self.left.less(passed)
+        left = self.left - passed
+        self.left = choose(due, left + self.streamed.bit_units, left)
+        self.last = now
+        taken = Receiver(
+            self.streamed, self.bits, self.left, now, self.byte, self.command, self.todo, self.value
+        )
+        if bits >> SENDING & 1 and self.streamed.stream.transmit_pin is not None:
+            taken._send(bits)
+        else:
+            taken._take((bits - 1) & 0xFF, line)
+        for name in ("bits", "left", "byte", "command", "todo", "value"):
+            setattr(self, name, choose(due, getattr(taken, name), getattr(self, name)))
+        if taken.level is not None:
+            self.level = taken.level
+
+    def _take(self, bits: int, line: Truth) -> None:
+        """Take a bit of the line; `bits` are still to come after it."""
+        self.bits = byte(bits)
+        if bits == 0:
+            self._end(line)
+        elif bits & 9 == 9:  # the start bit: a high line was noise
+            self.bits = choose(line, byte(0), byte(bits))
+        else:
+            self.byte = choose(line, Bits(1, 1), Bits(1, 0)).above(self.byte[1:8])
+
+    def _end(self, line: Truth) -> None:
+        """End a byte with its stop bit."""
+        sync, second = self.byte.equals(SYNC), self.command.equals(SYNC)
+        third = ~sync & ~second & ~self.command.equals(NOTHING) & line
+        self.todo = choose(third, self.command, self.todo)
+        self.value = choose(third, self.byte, self.value)
+        kept = choose(sync, byte(SYNC), choose(second, self.byte, byte(NOTHING)))
+        self.command = choose(line, kept, byte(NOTHING))
+        self.bits = choose(line, byte(0), byte(1 << BROKEN))
+
+    def _send(self, bits: int) -> None:
+        """Send a bit of an answer, the lowest of its byte first; then stop bits."""
+        bits -= 1
+        self.bits = byte(bits)
+        if bits & 9 == 9:
+            self.left = byte(self.streamed.bit_units)
+            self.level = FALSE
+            return
+        self.level = self.byte.bit(0)
+        self.byte = Bits(1, 1).above(self.byte[1:8])
+        if bits & 0x3F == 0:
+            self.bits = byte(0)
+
+    def start(self, now: Bits, line: Truth) -> None:
+        """Look for a start bit while no byte is being received."""
+        self.bits = choose(line, self.bits, byte(BITS))
+        self.left = choose(line, self.left, byte(self.streamed.first_units))
+        self.last = choose(line, self.last, now)

@@ -1,0 +1,430 @@
+"""Symbolic execution of a program's words: every path between two places, for every value of every byte.
+
+In: words, a state in which bytes may be unknown, and where to stop. Out: the states there, as terms over the
+bytes of the first one. Where an unknown bit decides, both ways are followed that the solver finds possible;
+states that meet again at an address become one, whose bytes depend on the way.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+
+from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.isa import encode
+from servogen.pic.known_values import Undefined, Word, word_of
+from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
+
+INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, PCLATH, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 11
+BANK_1 = 0x80
+OPTION, TRISA, TRISB, EECON1, EECON2 = BANK_1 | TMR0, BANK_1 | PORTA, BANK_1 | PORTB, BANK_1 | 8, BANK_1 | 9
+EEPROM = 0x100
+"""The place of the EEPROM's first byte."""
+IN_BOTH_BANKS = (PCL, STATUS, FSR, PCLATH, INTCON)
+VOLATILE = (TMR0, PORTA, PORTB)
+RD, WR, WREN, GIE = 0, 1, 2, 7
+RP0 = 5
+MAX_STEPS = 60_000
+MAX_VALUES = 256
+RETURNED = -1
+"""The address to which a subroutine returns that is executed by itself."""
+UNLOCK = tuple(
+    encode(name, **operands)
+    for name, operands in (
+        ("MOVLW", {"k": 0x55}),
+        ("MOVWF", {"f": EECON2 & 0x7F}),
+        ("MOVLW", {"k": 0xAA}),
+        ("MOVWF", {"f": EECON2 & 0x7F}),
+    )
+)
+"""The words before the one that starts a write to the EEPROM (DS35007 section 3.2)."""
+
+
+class NotFollowed(Exception):
+    """Raised where the execution does not reach so far; says why and where."""
+
+
+@dataclass(slots=True)
+class State:
+    """All chips at an address, those of a path condition."""
+
+    pc: int
+    stack: tuple[int, ...]
+    bank: int
+    """RP0."""
+    w: Bits
+    carry: Truth
+    digit_carry: Truth
+    zero: Truth
+    bytes: dict[int, Bits]
+    """By place: an address, `BANK_1` and an address, or `EEPROM` and one; others are as at the beginning."""
+    path: Truth = TRUE
+    looks: tuple[int, ...] = ()
+    """The volatile registers that were read since the beginning, one after the other."""
+
+
+@dataclass(slots=True)
+class Execution:
+    """Executes words; `reads` and `writes` collect the addresses in the RAM and the registers."""
+
+    words: Mapping[int, int]
+    solver: Solver
+    given: Truth = TRUE
+    """What holds of the first state."""
+    reads: set[int] = field(default_factory=set)
+    writes: set[int] = field(default_factory=set)
+    busy: list[Truth] = field(default_factory=list)
+    """Whether the EEPROM is being written, at each read of EECON1."""
+    first: dict[int, Bits] = field(default_factory=dict)
+    """The bytes of the first state, those that are asked for."""
+    _number: Iterator[int] = field(default_factory=count)
+
+    def state(self, pc: int, known: Mapping[int, Bits], stack: tuple[int, ...] = ()) -> State:
+        """Return a state in which only the bytes of `known` are known, in bank 0."""
+        self.first.update(known)
+        carry, digit_carry, zero = (unknown(name, 1).bit(0) for name in ("C", "DC", "Z"))
+        return State(pc, stack, 0, unknown("W"), carry, digit_carry, zero, dict(known))
+
+    def byte(self, state: State, place: int) -> Bits:
+        """Return the byte at a place."""
+        found = state.bytes.get(place)
+        return self.at_first(place) if found is None else found
+
+    def at_first(self, place: int) -> Bits:
+        """Return the byte that was at a place in the first state."""
+        if place not in self.first:
+            self.first[place] = unknown(f"0x{place:02X}")
+        return self.first[place]
+
+    def run(self, start: State, stops: Collection[int], *, anywhere: bool = False) -> list[State]:
+        """Return the states at the addresses of `stops` that are reached from `start`.
+
+        `anywhere`: in subroutines, too. Raises NotFollowed, GivenUp.
+        """
+        waiting: list[tuple[int, int, int]] = []
+        states: dict[tuple[object, ...], State] = {}
+        numbers: dict[int, tuple[object, ...]] = {}
+        found: list[State] = []
+        depth = len(start.stack)
+
+        def add(state: State) -> None:
+            key = self._key(state)
+            if key in states:
+                states[key] = self._merged(states[key], state)
+                return
+            states[key] = state
+            number = next(self._number)
+            numbers[number] = key
+            heapq.heappush(waiting, (-len(state.stack), state.pc, number))
+
+        for following in self._step(start):
+            add(following)
+        for _ in range(MAX_STEPS):
+            if not waiting:
+                return found
+            state = states.pop(numbers.pop(heapq.heappop(waiting)[2]))
+            if state.pc == RETURNED or (state.pc in stops and (anywhere or len(state.stack) <= depth)):
+                found.append(state)
+                continue
+            for following in self._step(state):
+                add(following)
+        raise NotFollowed(f"the program does not come to an end, at 0x{start.pc:03X}")
+
+    def _key(self, state: State) -> tuple[object, ...]:
+        pointer = self.byte(state, FSR).value
+        page = self.byte(state, PCLATH).value
+        return state.pc, state.stack, state.bank, pointer, page, state.looks
+
+    def _merged(self, one: State, other: State) -> State:
+        where = one.path
+        places = {*one.bytes, *other.bytes}
+        merged = {p: choose(where, self.byte(one, p), self.byte(other, p)) for p in places}
+        return State(
+            one.pc,
+            one.stack,
+            one.bank,
+            choose(where, one.w, other.w),
+            choose_truth(where, one.carry, other.carry),
+            choose_truth(where, one.digit_carry, other.digit_carry),
+            choose_truth(where, one.zero, other.zero),
+            merged,
+            one.path | other.path,
+            one.looks,
+        )
+
+    def _possible(self, state: State, condition: Truth) -> bool:
+        return self.solver.possible(self.given & state.path & condition)
+
+    def _ways(self, state: State, condition: Truth) -> Iterable[tuple[State, bool]]:
+        """Return the state where a condition holds, and where it does not, if they are possible."""
+        if condition.known is not None:
+            return [(state, condition.known)]
+        found = []
+        for holds, truth in ((True, condition), (False, ~condition)):
+            if self._possible(state, truth):
+                found.append((replace(state, bytes=dict(state.bytes), path=state.path & truth), holds))
+        return found
+
+    def _values(self, state: State, bits: Bits) -> Iterable[tuple[State, int]]:
+        """Return the state with each of the values that bits can have."""
+        if bits.value is not None:
+            return [(state, bits.value)]
+        found: list[tuple[State, int]] = []
+        left = state.path
+        while self.solver.possible(self.given & left):
+            value = self.solver.example(bits)
+            this = bits.equals(value)
+            found.append((replace(state, bytes=dict(state.bytes), path=state.path & this), value))
+            left = left & ~this
+            if len(found) > MAX_VALUES:
+                raise NotFollowed(f"a pointer has too many values at 0x{state.pc:03X}")
+        return found
+
+    # registers
+
+    def _place(self, state: State, f: int) -> Iterable[tuple[State, int]]:
+        """Return the place that an operand addresses, for each value of the pointer."""
+        if f != INDF:
+            return [(state, self._banked(f, state.bank))]
+        return [
+            (one, self._banked(pointer & 0x7F, pointer >> 7))
+            for one, pointer in self._values(state, self.byte(state, FSR))
+        ]
+
+    def _banked(self, f: int, bank: int) -> int:
+        if f in IN_BOTH_BANKS or f >= RAM_FIRST or not bank:
+            return f
+        return f | BANK_1
+
+    def _read(self, state: State, place: int) -> Bits:
+        self.reads.add(place)
+        if place == STATUS:
+            return self.status(state)
+        if place in VOLATILE:
+            state.looks = (*state.looks, place)
+            return self.at_first(place) if state.looks.count(place) == 1 else unknown("later")
+        if place == EECON1:
+            kept = self.byte(state, place)
+            self.busy.append(unknown("WR", 1).bit(0))
+            return kept[2:8].above(as_bit(self.busy[-1])).above(Bits(1, 0))
+        if place == INTCON:
+            return self.byte(state, place)[3:8].above(unknown("flags", 3))
+        if place in (INDF, INDF | BANK_1, EECON2, PCL) or not self._exists(place):
+            if place == PCL:
+                raise NotFollowed(f"PCL is read at 0x{state.pc:03X}")
+            return byte(0)
+        return self.byte(state, place)
+
+    def _exists(self, place: int) -> bool:
+        return (
+            place in (*IN_BOTH_BANKS, EEDATA, EEADR, OPTION, TRISA, TRISB) or RAM_FIRST <= place <= RAM_LAST
+        )
+
+    def status(self, state: State) -> Bits:
+        """Return the byte STATUS."""
+        low = self._flag(state.digit_carry).above(self._flag(state.carry))
+        low = self._flag(state.zero).above(low)
+        rest = self.byte(state, STATUS)
+        return rest[6:8].above(Bits(1, state.bank)).above(rest[3:5]).above(low)
+
+    @staticmethod
+    def _flag(truth: Truth) -> Bits:
+        return choose(truth, Bits(1, 1), Bits(1, 0))
+
+    def _write(self, state: State, place: int, value: Bits) -> None:
+        self.writes.add(place)
+        if place == STATUS:
+            if value[5:6].value is None:
+                raise NotFollowed(f"an unknown bank is selected at 0x{state.pc:03X}")
+            state.bank = value[5:6].value or 0
+            state.carry, state.digit_carry, state.zero = (value.bit(n) for n in range(3))
+            old = self.byte(state, STATUS)
+            state.bytes[STATUS] = value[5:8].above(old[3:5]).above(value[0:3])
+        elif place == EECON1:
+            self._write_eecon1(state, value)
+        elif place in (INDF, INDF | BANK_1, EECON2):
+            pass
+        else:
+            state.bytes[place] = value
+
+    def _write_eecon1(self, state: State, value: Bits) -> None:
+        read, write = value.bit(RD).known, value.bit(WR).known
+        state.bytes[EECON1] = value
+        if read is None:
+            raise NotFollowed(f"EECON1 is written with an unknown value at 0x{state.pc:03X}")
+        if read:
+            state.bytes[EEDATA] = self.byte(state, EEPROM + self._address(state))
+        before = tuple(self.words.get(state.pc - n) for n in (4, 3, 2, 1))
+        if before == UNLOCK and value.bit(WREN).known and write:
+            if self.byte(state, INTCON).bit(GIE).known is not False:
+                raise NotFollowed(f"the EEPROM is written while interrupts are enabled, at 0x{state.pc:03X}")
+            state.bytes[EEPROM + self._address(state)] = self.byte(state, EEDATA)
+
+    def _address(self, state: State) -> int:
+        address = self.byte(state, EEADR).value
+        if address is None or address >= EEPROM_BYTES:
+            raise NotFollowed(f"the EEPROM's address is not known at 0x{state.pc:03X}")
+        return address
+
+    # instructions
+
+    def _step(self, state: State) -> Iterator[State]:
+        """Yield the states after one instruction."""
+        try:
+            word = word_of(self.words[state.pc])
+        except (KeyError, Undefined):
+            raise NotFollowed(f"there is no instruction at 0x{state.pc:03X}") from None
+        if word.flow in ("jump", "call", "return"):
+            yield self._jump(state, word)
+        elif word.name in ("SLEEP", "TRIS", "OPTION"):
+            raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
+        elif word.has_f:
+            for one, place in self._place(self._copied(state), word.f):
+                yield from self._with_file(one, word, place)
+        else:
+            after = self._copied(state)
+            self._without_file(after, word)
+            after.pc += 1
+            yield after
+
+    def _copied(self, state: State) -> State:
+        return replace(state, bytes=dict(state.bytes))
+
+    def _jump(self, state: State, word: Word) -> State:
+        if word.flow == "jump":
+            return replace(state, pc=word.k)
+        if word.flow == "call":
+            return replace(state, pc=word.k, stack=(*state.stack, state.pc + 1))
+        if not state.stack:
+            raise NotFollowed(f"a return without a call at 0x{state.pc:03X}")
+        w = byte(word.k) if word.name == "RETLW" else state.w
+        return replace(state, pc=state.stack[-1], stack=state.stack[:-1], w=w)
+
+    def _without_file(self, state: State, word: Word) -> None:
+        literal = byte(word.k)
+        if word.name in ("NOP", "CLRWDT"):
+            return
+        if word.name == "CLRW":
+            state.w, state.zero = byte(0), TRUE
+        elif word.name == "MOVLW":
+            state.w = literal
+        elif word.name in ("ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW"):
+            state.w = self._of_two(state, word.name[:3], literal, state.w)
+        else:
+            raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
+
+    def _with_file(self, state: State, word: Word, place: int) -> Iterator[State]:
+        if word.tests_bit:
+            bit = self._tested(state, word, place)
+            skips = bit if word.name == "BTFSS" else ~bit
+            for one, holds in self._ways(state, skips):
+                one.pc += 1 + holds
+                yield one
+            return
+        if word.changes_bit and place == STATUS:
+            self.writes.add(STATUS)
+            self._change_status(state, word)
+            state.pc += 1
+            yield state
+            return
+        operand = byte(0) if word.name in ("MOVWF", "CLRF") else self._operand(state, word, place)
+        result = self._result(state, word, operand)
+        if word.writes_w:
+            state.w = result
+        elif word.writes_f:
+            if place == PCL:
+                yield from self._computed(state, result)
+                return
+            self._write(state, place, result)
+        if word.flow != "skip":
+            state.pc += 1
+            yield state
+            return
+        for one, holds in self._ways(state, result.equals(0)):
+            one.pc += 1 + holds
+            yield one
+
+    def _operand(self, state: State, word: Word, place: int) -> Bits:
+        if place == PCL:  # ADDWF PCL,F: the address of the next instruction
+            return byte(state.pc + 1)
+        if place == EECON1 and word.changes_bit:
+            return self.byte(state, place)[2:8].above(Bits(2, 0))
+        if place == INTCON and word.changes_bit:
+            return self.byte(state, place)
+        if place in (PORTA, PORTB) and word.changes_bit:
+            self.reads.add(place)
+            return self.byte(state, place)  # of the latch: the levels of inputs do not matter
+        return self._read(state, place)
+
+    def _tested(self, state: State, word: Word, place: int) -> Truth:
+        flags = {0: state.carry, 1: state.digit_carry, 2: state.zero}
+        if place == STATUS and word.b in flags:
+            return flags[word.b]
+        return self._read(state, place).bit(word.b)
+
+    def _change_status(self, state: State, word: Word) -> None:
+        to = Truth(word.name == "BSF")
+        if word.b == 0:
+            state.carry = to
+        elif word.b == 1:
+            state.digit_carry = to
+        elif word.b == 2:
+            state.zero = to
+        elif word.b == RP0:
+            state.bank = int(word.name == "BSF")
+        elif word.name == "BSF":
+            raise NotFollowed(f"IRP or RP1 is set at 0x{state.pc:03X}")
+
+    def _computed(self, state: State, result: Bits) -> Iterator[State]:
+        """Yield the states after a computed jump."""
+        page = self.byte(state, PCLATH).value
+        if page is None:
+            raise NotFollowed(f"PCLATH is not known at 0x{state.pc:03X}")
+        for one, low in self._values(state, result):
+            one.pc = ((page & 3) << 8) | low
+            yield one
+
+    def _result(self, state: State, word: Word, f: Bits) -> Bits:
+        name = word.name
+        if name == "MOVWF":
+            return state.w
+        if name in ("BSF", "BCF"):
+            return f.with_bit(word.b, int(name == "BSF"))
+        if name == "SWAPF":
+            return f[0:4].above(f[4:8])
+        if name in ("RLF", "RRF"):
+            into = self._flag(state.carry)
+            state.carry = f.bit(7 if name == "RLF" else 0)
+            return f[0:7].above(into) if name == "RLF" else into.above(f[1:8])
+        if name in ("INCFSZ", "DECFSZ"):
+            return f + 1 if name == "INCFSZ" else f - 1
+        if name in ("ADDWF", "SUBWF", "ANDWF", "IORWF", "XORWF"):
+            return self._of_two(state, name[:3], f, state.w)
+        results = {
+            "MOVF": lambda: f,
+            "INCF": lambda: f + 1,
+            "DECF": lambda: f - 1,
+            "COMF": lambda: ~f,
+            "CLRF": lambda: byte(0),
+        }
+        if name not in results:
+            raise NotFollowed(f"{name} at 0x{state.pc:03X} is not followed")
+        result = results[name]()
+        state.zero = result.equals(0)
+        return result
+
+    def _of_two(self, state: State, name: str, value: Bits, w: Bits) -> Bits:
+        """Return the result of an operation of a byte or literal and W; update the flags."""
+        if name == "ADD":
+            whole = value.wide(9) + w.wide(9)
+            low = value[0:4].wide(5) + w[0:4].wide(5)
+            result, state.carry, state.digit_carry = whole[0:8], whole.bit(8), low.bit(4)
+        elif name == "SUB":
+            result = value - w
+            state.carry, state.digit_carry = ~value.less(w), ~value[0:4].less(w[0:4])
+        else:
+            result = {"AND": value & w, "IOR": value | w, "XOR": value ^ w}[name]
+        state.zero = result.equals(0)
+        return result

@@ -1,0 +1,518 @@
+"""What the words of a stream program do with every byte: each lemma for every value of every variable.
+
+In: a program's words and names, and the numbers of its stream. Out: nothing where a lemma holds; `Fails` with
+what differs, for which values, or `NotFollowed` where the execution does not reach so far.
+
+    start      ──▶ main loop ─┬─ request: begin_frame, prepare ─▶ cleared ─┬─ command: execute ─▶ main loop
+                              └─ no request ─▶ main loop                   └─ none ─▶ main loop
+    interrupt      rise: the pulse that was prepared ─▶ ticks, rest, fine
+                   look: receiver, parser ─▶ todo, value
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, fields
+
+from servogen.engines.stream.settings import HOLD
+from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.known_values import word_of
+from servogen.pic.wcet import Program
+from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, all_of, byte, choose, unknown
+from servogen.prove.stream.chip import BROKEN, NOTHING, SENDING, Chip, Receiver
+from servogen.prove.stream.execution import (
+    BANK_1,
+    EEADR,
+    EECON1,
+    EEDATA,
+    EEPROM,
+    FSR,
+    INTCON,
+    OPTION,
+    PCL,
+    PCLATH,
+    RETURNED,
+    STATUS,
+    TMR0,
+    WREN,
+    Execution,
+    NotFollowed,
+    State,
+)
+from servogen.prove.stream.names import SCRATCH, Names
+
+ENABLED = 0xA0
+"""INTCON while main runs: GIE and T0IE."""
+TMR0_COUNTS_CYCLES = 0x8F
+"""OPTION_REG: the prescaler is the watchdog's."""
+SLOT = 0x3F
+STARTING, GATHERING = 6, 7
+REQUEST, COMMAND = 1, 2
+"""Bits of `due`."""
+MAX_BYTE = 0xFF
+MAX_SHOWN = 8
+"""The maximum number of values that a failed lemma shows."""
+
+Tell = Callable[[str, int, int], None]
+
+
+def _between_steps() -> dict[int, Bits]:
+    """Return the registers that main leaves to its next step: interrupts enabled, no write to the EEPROM."""
+    return {INTCON: byte(ENABLED), EECON1: unknown("EECON1", 5).above(Bits(3, 0))}
+
+
+class Fails(Exception):
+    """Raised where a lemma does not hold; says what differs, and for which values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accesses:
+    """What main's words read and write, by address."""
+
+    reads: frozenset[int]
+    writes: frozenset[int]
+
+
+@dataclass(slots=True)
+class Lemmas:
+    """The lemmas of one program."""
+
+    names: Names
+    solver: Solver
+    tell: Tell
+    runs: int = 0
+
+    def _execution(self, given: Truth = TRUE) -> Execution:
+        self.runs += 1
+        self.solver.forget()
+        return Execution(self.names.words, self.solver, given)
+
+    # states as the specification has them
+
+    def _chip(self, of: Callable[[int], Bits]) -> Chip:
+        """Return the chip's variables, read by `of`."""
+        names, servos = self.names, range(self.names.servos)
+
+        def pair(name: str, n: int) -> Bits:
+            return of(names.at(f"{name}_high", n)).above(of(names.at(f"{name}_low", n)))
+
+        slot, group, waiting = (of(names.at(name)) for name in ("slot", "group", "waiting"))
+        silent = names.streamed.stream.fail_safe != HOLD
+        return Chip(
+            names.streamed,
+            [pair("width", n) for n in servos],
+            [pair("goal", n) for n in servos],
+            [of(names.at("speed", n)) for n in servos],
+            [of(EEPROM + n) for n in servos],
+            [waiting.bit(names.group_bit(n)) for n in servos],
+            [group.bit(names.group_bit(n)) for n in servos],
+            of(names.at("left")),
+            slot.bit(STARTING),
+            slot.bit(GATHERING),
+            of(names.at("silence")) if silent else byte(0),
+        )
+
+    def _others(self, of: Callable[[int], Bits]) -> Truth:
+        """Return whether the bits of the groups that are no servo's are 0."""
+        everybody = sum(1 << self.names.group_bit(n) for n in range(self.names.servos))
+        kept = [of(self.names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
+        return all_of(each.equals(0) for each in kept)
+
+    def _bytes_of(self, chip: Chip, slot: Bits) -> dict[int, Bits]:
+        """Return the bytes of the chip's variables, by address."""
+        names, found = self.names, {}
+        for n in range(names.servos):
+            for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
+                found[names.at(f"{name}_low", n)] = pair[0:8]
+                found[names.at(f"{name}_high", n)] = pair[8:16]
+            found[names.at("speed", n)] = chip.speeds[n]
+            found[EEPROM + n] = chip.trims[n]
+        for name, members in (("group", chip.group), ("waiting", chip.waiting)):
+            together = byte(0)
+            for n, member in enumerate(members):
+                together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
+            found[names.at(name)] = together
+        found[names.at("left")] = chip.left
+        if names.streamed.stream.fail_safe != HOLD:
+            found[names.at("silence")] = chip.silence
+        flags = choose(chip.starting, byte(1 << STARTING), byte(0))
+        flags = flags | choose(chip.gathering, byte(1 << GATHERING), byte(0))
+        found[names.at("slot")] = slot | flags
+        return found
+
+    def _unchanged(self, one: Execution) -> dict[int, Bits]:
+        """Return the variables, and those registers that no step of main changes, as they were."""
+        places = {
+            address + offset
+            for name, (address, size) in self.names.variables.items()
+            if name not in SCRATCH
+            for offset in range(size)
+        }
+        ports = {self.names.port(pin) for pin in self.names.pins}
+        places |= ports | {port | BANK_1 for port in ports} | {OPTION}
+        return {place: one.at_first(place) for place in sorted(places)}
+
+    def _compare(
+        self, where: str, one: Execution, state: State, wanted: Mapping[int, Bits], more: Truth = TRUE
+    ) -> None:
+        """Raise Fails unless all bytes of a state are as wanted, and `more` holds."""
+        more = more & (~one.byte(state, EECON1).bit(WREN) | one.at_first(EECON1).bit(WREN))
+        differs = {place: ~one.byte(state, place).equals(value) for place, value in wanted.items()}
+        some = ~more
+        for truth in differs.values():
+            some = some | truth
+        context = one.given & state.path
+        if not self.solver.possible(context & some):
+            return
+        for place, truth in differs.items():
+            if self.solver.possible(context & truth):
+                is_, should = (self.solver.example(bits) for bits in (one.byte(state, place), wanted[place]))
+                raise Fails(f"{where}: {self._name(place)} becomes {is_}, not {should}{self._shown(one)}")
+        raise Fails(f"{where}: what holds between two steps is lost{self._shown(one)}")
+
+    def _shown(self, one: Execution) -> str:
+        """Return values of the example that the solver has found, as text: those that are not 0."""
+        values = {
+            self._named[place]: value
+            for place, bits in sorted(one.first.items())
+            if bits.value is None and place in self._named and (value := self.solver.example(bits))
+        }
+        shown = [f"{name} = {value}" for name, value in values.items()][:MAX_SHOWN]
+        return ", if " + ", ".join(shown) if shown else ""
+
+    @property
+    def _named(self) -> dict[int, str]:
+        found = {EEPROM + n: f"byte {n} of the EEPROM" for n in range(self.names.servos)}
+        for name, register in registers().items():
+            found[register.address] = name
+        for name, (address, size) in self.names.variables.items():
+            for offset in range(size):
+                found[address + offset] = f"{name}[{offset}]" if size > 1 else name
+        return found
+
+    def _name(self, place: int) -> str:
+        return self._named.get(place, f"place 0x{place:02X}")
+
+    # main
+
+    def start(self) -> Accesses:
+        """Check what main leaves to its loop after a reset: everything is unknown before it."""
+        names = self.names
+        one = self._execution()
+        known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
+        ends = one.run(one.state(0, known), {names.head})
+        for end in ends:
+            chip = self._chip(lambda place: one.at_first(place))
+            goals = [Bits(16, int(width)) + chip.trim(n) for n, width in enumerate(names.streamed.neutral)]
+            chip.widths, chip.goals = list(goals), list(goals)
+            chip.speeds = [byte(0)] * names.servos
+            chip.group, chip.waiting = [FALSE] * names.servos, [FALSE] * names.servos
+            chip.left, chip.silence, chip.starting, chip.gathering = byte(0), byte(0), FALSE, FALSE
+            chip.begin_frame()
+            chip.prepare(0)
+            wanted = self._bytes_of(chip, byte(0)) | self._pulse(chip, 0)
+            for name, value in (("todo", NOTHING), ("command", NOTHING), ("rx_bits", 0), ("rest", 0)):
+                wanted[names.at(name)] = byte(value)
+            wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
+            wanted |= {INTCON: byte(ENABLED), OPTION: byte(TMR0_COUNTS_CYCLES)}
+            outputs = [one.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
+            self._compare("after a reset", one, end, wanted, chip.valid() & all_of(~each for each in outputs))
+        if not ends:
+            raise Fails("after a reset the main loop is not reached")
+        return Accesses(frozenset(one.reads), frozenset(one.writes))
+
+    def _pulse(self, chip: Chip, n: int) -> dict[int, Bits]:
+        """Return the bytes with which the interrupt makes a servo's pulse; a pulse of 0 has no pin."""
+        names, width = self.names, chip.widths[n]
+        off = width.equals(0)
+        wanted = {
+            names.at("mask"): choose(off, byte(0), byte(1 << int(names.pins[n][2]))),
+            names.at("next_hi"): choose(off, byte(1), width[8:16]),
+            names.at("next_lo"): width[0:8],
+        }
+        if names.two_ports:
+            wanted[names.at("next_port")] = byte(names.port(names.pins[n]))
+        return wanted
+
+    def prepare(self, numbers: Iterable[int] | None = None) -> Accesses:
+        """Check every pulse's preparation, from the request until it is cleared.
+
+        `numbers`: the slots during which a pulse is requested, unless all.
+        """
+        names, slots = self.names, self.names.streamed.layout.slots
+        reads: set[int] = set()
+        writes: set[int] = set()
+        for number in range(slots) if numbers is None else numbers:
+            self.tell("pulses prepared", number, slots)
+            slot = unknown("flags", 2).above(Bits(STARTING, number))
+            due = Bits(5, 0).above(unknown("command", 1)).above(Bits(1, 1)).above(unknown("late", 1))
+            one = self._execution()
+            begin = one.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
+            chip = self._chip(one.at_first)
+            one.given = chip.valid() & self._others(one.at_first)
+            following = (number + 1) % slots
+            if following == 0:
+                chip.begin_frame()
+            wanted = self._unchanged(one)
+            if following < names.servos:
+                chip.prepare(following)
+                wanted |= self._pulse(chip, following)
+            else:
+                wanted |= {names.at("mask"): byte(0), names.at("next_hi"): byte(1)}
+                wanted.pop(names.at("next_lo"))
+                if names.two_ports:
+                    wanted.pop(names.at("next_port"))
+            wanted |= self._bytes_of(chip, byte(following))
+            wanted |= {names.at("due"): due & 1, names.at("sum_lo"): due, INTCON: byte(ENABLED)}
+            where = f"the pulse of slot {following}"
+            for end in self._ends(one, begin, {names.cleared}, where):
+                self._compare(where, one, end, wanted, chip.valid())
+            reads |= one.reads
+            writes |= one.writes
+        return Accesses(frozenset(reads), frozenset(writes))
+
+    def _ends(self, one: Execution, begin: State, stops: set[int], where: str) -> list[State]:
+        ends = one.run(begin, stops)
+        covered = FALSE
+        for end in ends:
+            covered = covered | end.path
+            if end.bank:
+                raise Fails(f"{where}: bank 1 is still selected")
+        if self.solver.possible(one.given & ~covered):
+            raise Fails(f"{where}: the end is not reached{self._shown(one)}")
+        return ends
+
+    def idle(self) -> None:
+        """Check that main does nothing in a turn of its loop without a request."""
+        names = self.names
+        one = self._execution()
+        due = Bits(6, 0).above(Bits(1, 0)).above(unknown("late", 1))
+        begin = one.state(names.head, {names.at("due"): due, **_between_steps()})
+        wanted = self._unchanged(one) | {EEPROM + n: one.at_first(EEPROM + n) for n in range(names.servos)}
+        for end in self._ends(one, begin, {names.head}, "without a request"):
+            self._compare("without a request", one, end, wanted)
+
+    def execute(self, seconds: Iterable[int] = range(256)) -> Accesses:
+        """Check every command with one of these second bytes, and any third one that a receiver takes."""
+        names, slots = self.names, self.names.streamed.layout.slots
+        reads: set[int] = set()
+        writes: set[int] = set()
+        for second in seconds:
+            if second % 16 == 0:
+                self.tell("commands", second, 256)
+            due = Bits(7, 0).above(unknown("late", 1))
+            one = self._execution()
+            begin = one.state(
+                names.cleared,
+                {names.at("todo"): byte(second), names.at("due"): due, **_between_steps()},
+            )
+            value, slot, copied = (one.at_first(names.at(name)) for name in ("value", "slot", "sum_lo"))
+            before = self._chip(one.at_first)
+            one.given = before.valid() & self._others(one.at_first)
+            one.given = one.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
+            where = f"the command FF {second:02X}"
+            ends = self._ends(one, begin, {names.head}, where)
+            if len(one.busy) != 1:
+                raise NotFollowed(f"{where}: EECON1 is read {len(one.busy)} times")
+            runs = copied.bit(COMMAND) & ~one.busy[0]
+            chip = self._chip(one.at_first)
+            chip.execute(second, value)
+            after = self._bytes_of(chip, slot & SLOT)
+            wanted = self._unchanged(one)
+            for place, changed in after.items():
+                wanted[place] = choose(runs, changed, one.at_first(place))
+            wanted[names.at("todo")] = choose(runs, byte(NOTHING), byte(second))
+            wanted.pop(names.at("value"))
+            if chip.answer is not None:
+                sent = {"rx_byte": chip.answer, "rx_left": byte(0), "rx_bits": byte(1 << SENDING | 10)}
+                for name, changed in sent.items():
+                    wanted[names.at(name)] = choose(runs, changed, one.at_first(names.at(name)))
+            wanted[INTCON] = byte(ENABLED)
+            for end in ends:
+                kept = runs | one.byte(end, names.at("value")).equals(value)
+                self._compare(where, one, end, wanted, kept & self._chip(lambda p: one.byte(end, p)).valid())  # noqa: B023
+            reads |= one.reads
+            writes |= one.writes
+        return Accesses(frozenset(reads), frozenset(writes))
+
+    # the interrupt
+
+    def rise(self) -> None:
+        """Check what a rise takes over of the pulse that was prepared: for each of 2^16 widths."""
+        names, rounds = self.names, self.names.streamed.layout.rounds
+        one = self._execution()
+        begin = one.state(names.edge + 1, {names.at("rest"): byte(0)})
+        high, low = (one.at_first(names.at(name)) for name in ("next_hi", "next_lo"))
+        one.given = ~high.equals(0) & high.less(rounds) & self._reachable(one)
+        ends = one.run(begin, {names.listing.label("st_out")})
+        for end in ends:
+            ticks = high + high - 1
+            todo = one.byte(end, names.at("todo")).equals(NOTHING)
+            due = one.at_first(names.at("due")) | 1 << REQUEST
+            wanted = {
+                names.at("ticks"): ticks,
+                names.at("rest"): byte(2 * rounds - 2) - ticks,
+                names.at("fine"): low,
+                names.at("due"): choose(todo, due, due | 1 << COMMAND),
+                names.at("mask"): one.at_first(names.at("mask")),
+            }
+            self._compare("a rise", one, end, wanted)
+        if not ends:
+            raise Fails("a rise does not end")
+
+    @property
+    def _counts(self) -> list[int]:
+        """Return what rx_bits can be."""
+        answers = self.names.streamed.stream.transmit_pin is not None
+        sending = [1 << SENDING | bits for bits in range(1, 11)] if answers else []
+        return [*range(11), *sending, 1 << BROKEN]
+
+    def _reachable(self, one: Execution) -> Truth:
+        found = FALSE
+        for count in self._counts:
+            found = found | one.at_first(self.names.at("rx_bits")).equals(count)
+        return found
+
+    def receive(self) -> None:
+        """Check a look at the line, in every state of the receiver and of the parser."""
+        names = self.names
+        port, bit = names.line
+        for number, bits in enumerate(self._counts):
+            self.tell("states of the receiver", number, len(self._counts))
+            one = self._execution()
+            begin = one.state(names.listing.label("st_look"), {names.at("rx_bits"): byte(bits)}, (RETURNED,))
+            own = ("rx_left", "rx_last", "rx_byte", "command", "todo", "value")
+            line = one.at_first(port).bit(bit)
+            timer, ticks = one.at_first(TMR0), one.at_first(names.at("ticks"))
+            now = choose(ticks.bit(0), timer, timer + 128) >> 2
+            left, last_look, shifted, command, todo, value = (one.at_first(names.at(name)) for name in own)
+            receiver = Receiver(names.streamed, byte(bits), left, last_look, shifted, command, todo, value)
+            ends = one.run(begin, {RETURNED})
+            if bits:
+                receiver.look(now & SLOT, line)
+            else:
+                receiver.start(now & SLOT, line)
+            values = [getattr(receiver, each.name) for each in fields(receiver)[1:8]]
+            wanted = self._unchanged(one) | dict(
+                zip([names.at(name) for name in ("rx_bits", *own)], values, strict=True)
+            )
+            last = names.at("rx_last")
+            wanted_last = wanted.pop(last)
+            wanted.pop(names.at("t"))
+            among = FALSE
+            for count in self._counts:
+                among = among | receiver.bits.equals(count)
+            where = f"a look at the line, {bits} in rx_bits"
+            covered = FALSE
+            for end in ends:
+                covered = covered | end.path
+                if end.looks.count(port) > 1 or end.looks.count(TMR0) > 1:
+                    raise Fails(f"{where}: the line or the timer is read twice")
+                kept = ((one.byte(end, last) ^ wanted_last) & SLOT).equals(0)
+                self._compare(where, one, end, wanted, kept & among & self._sent(one, end, receiver))
+            if self.solver.possible(one.given & ~covered):
+                raise Fails(f"{where}: it does not return")
+
+    def _sent(self, one: Execution, end: State, receiver: Receiver) -> Truth:
+        """Return whether the transmit pin's latch is as it should be after a look."""
+        pin = self.names.streamed.stream.transmit_pin
+        if pin is None:
+            return TRUE
+        place, bit = self.names.port(pin), int(pin[2])
+        after, before = one.byte(end, place), one.at_first(place)
+        if receiver.level is None:
+            return after.equals(before)
+        sent = choose(receiver.level, before.with_bit(bit, 1), before.with_bit(bit, 0))
+        return after.equals(choose(receiver.due, sent, before))
+
+    def dispatch(self) -> None:
+        """Check that a bit is taken only while a byte is being received, a start bit looked for only else."""
+        names = self.names
+        take, hunt, late = (names.listing.label(name) for name in ("st_take", "st_hunt", "st_late"))
+        for label in (names.body, names.listing.label("st_plain_quiet")):
+            one = self._execution()
+            begin = one.state(label, {})
+            ends = one.run(begin, {take, hunt, late, names.listing.label("st_out")}, anywhere=True)
+            for end in ends:
+                idle = one.byte(end, names.at("rx_bits")).equals(0)
+                wrong = {take: idle, hunt: ~idle}.get(end.pc, FALSE)
+                if self.solver.possible(end.path & wrong):
+                    raise Fails(f"the line is looked at in the wrong way, from 0x{label:03X}")
+
+    def context(self) -> frozenset[int]:
+        """Check that an interrupt leaves the C its registers, and return where it keeps them."""
+        return self._context(0) | self._context(1)
+
+    def _context(self, bank: int) -> frozenset[int]:
+        names = self.names
+        one = self._execution()
+        before = one.state(INTERRUPT_VECTOR, {})
+        before.bank = bank
+        first = copy(before)
+        status = one.status(before)
+        (inside,) = one.run(before, {names.body})
+        if inside.bank:
+            raise Fails("the interrupt does not select bank 0")
+        kept = frozenset(one.writes) - {STATUS, PCLATH, FSR, INTCON}
+        changed = {word_of(names.words[at]) for at in self._between()}
+        own = {word.f for word in changed if word.writes_f}
+        if kept & own:
+            raise Fails("the interrupt writes where the compiler keeps the C's registers")
+        after = copy(inside)
+        after.bytes = dict(inside.bytes)
+        after.path = TRUE
+        after.pc = names.listing.label("st_out")
+        after.w = unknown("W")
+        after.carry, after.digit_carry, after.zero = (unknown(name, 1).bit(0) for name in ("C", "DC", "Z"))
+        for place in own - {STATUS}:
+            after.bytes[place] = unknown(f"0x{place:02X}")
+        # RETFIE returns to what was interrupted.
+        after.stack = (RETURNED,)
+        for end in one.run(after, {RETURNED}):
+            wanted = {place: one.at_first(place) for place in (FSR, PCLATH)}
+            same = end.w.equals(first.w) & one.status(end).equals(status)
+            self._compare("an interrupt's end", one, end, wanted, same)
+        if frozenset(one.writes) - kept - {STATUS, PCLATH, FSR, INTCON}:
+            raise Fails("the interrupt's end writes a variable")
+        return kept
+
+    def _between(self) -> Iterator[int]:
+        """Yield the addresses of the interrupt without the compiler's words before and after it."""
+        names = self.names
+        end = names.listing.label("st_out")
+        reached = Program(names.words, ()).reached(names.body)
+        outside = Program(names.words, ()).reached(end)
+        yield from sorted(reached - outside)
+
+    def apart(self, main: Accesses, preparing: Accesses, executing: Accesses, kept: frozenset[int]) -> None:
+        """Check that main and the interrupt share only what the argument about times covers."""
+        names = self.names
+        interrupt = {word_of(names.words[at]) for at in self._between()}
+        touched = {word.f for word in interrupt if word.has_f and word.f >= RAM_FIRST}
+        written = {word.f for word in interrupt if word.writes_f and RAM_FIRST <= word.f <= RAM_LAST}
+
+        def addresses(*wanted: str) -> set[int]:
+            return {names.at(name) for name in wanted if names.has(name)}
+
+        taken_over = addresses("mask", "next_lo", "next_hi", "next_port", "due", "todo", "value")
+        sent = addresses("rx_byte", "rx_left", "rx_bits")
+        for place in sorted(kept & (main.reads | main.writes)):
+            raise Fails(f"main uses {self._name(place)}, where the interrupt keeps its registers")
+        loop = (preparing.reads | preparing.writes | executing.reads | executing.writes) & written
+        for place in sorted(loop - taken_over - sent):
+            raise Fails(f"main uses {self._name(place)}, which the interrupt writes")
+        for place in sorted((preparing.writes | executing.writes) & touched - taken_over - sent):
+            raise Fails(f"main writes {self._name(place)}, which the interrupt uses")
+        late = addresses("mask", "next_lo", "next_hi", "next_port", "due")
+        for place in sorted((executing.writes & late) | (executing.reads & addresses("due"))):
+            raise Fails(f"main uses {self._name(place)} after the request is cleared")
+        early = (preparing.writes & addresses("todo", "value")) | (preparing.writes & sent)
+        for place in sorted(early):
+            raise Fails(f"main writes {self._name(place)} before the request is cleared")
+        allowed = {STATUS, FSR, PCLATH, EEADR, EEDATA, EECON1, EECON1 + 1, INTCON, PCL}
+        out = names.streamed.stream.transmit_pin
+        allowed |= {names.port(out), names.port(out) | BANK_1} if out else set()
+        for place in sorted((preparing.writes | executing.writes) - allowed):
+            if not RAM_FIRST <= place <= RAM_LAST:
+                raise Fails(f"main writes {self._name(place)} in its loop")

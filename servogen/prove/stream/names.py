@@ -1,0 +1,113 @@
+"""Where a stream program has its variables and the parts of its interrupt, as its listing says.
+
+A wrong name cannot make a wrong program proven: the lemmas are about what the words do with these places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from servogen.engines.stream.response import main_loop
+from servogen.engines.stream.streaming import Streaming
+from servogen.pic.device import INTERRUPT_VECTOR, registers
+from servogen.pic.isa import encode
+from servogen.pic.known_values import word_of
+from servogen.pic.listing import Listing
+from servogen.pic.wcet import Program
+
+SCRATCH = ("n", "x_lo", "x_hi", "sum_lo", "sum_hi")
+"""Variables of the C whose values no step leaves to the next."""
+T0IF = 2
+
+
+@dataclass(frozen=True)
+class Names:
+    """The places of a stream program."""
+
+    listing: Listing
+    streamed: Streaming
+
+    @cached_property
+    def words(self) -> Mapping[int, int]:
+        return {row.address: row.word for row in self.listing.rows}
+
+    @cached_property
+    def variables(self) -> Mapping[str, tuple[int, int]]:
+        """Return the address and the size of each variable that the C names."""
+        return {
+            name: (address, size)
+            for address, name, size in self.listing.variables
+            if not name.endswith("(temporary)")
+        }
+
+    def at(self, name: str, offset: int = 0) -> int:
+        """Return the address of a variable's byte. Raises LookupError."""
+        if name not in self.variables:
+            raise LookupError(f"no variable is called {name}")
+        return self.variables[name][0] + offset
+
+    def has(self, name: str) -> bool:
+        return name in self.variables
+
+    @property
+    def servos(self) -> int:
+        return len(self.streamed.neutral)
+
+    @property
+    def pins(self) -> list[str]:
+        return [channel.pin for channel in self.streamed.plan.schedule.channels]
+
+    @property
+    def two_ports(self) -> bool:
+        return len({pin[1] for pin in self.pins}) > 1
+
+    def group_bit(self, n: int) -> int:
+        """Return the bit of a servo among those of a group."""
+        return n if self.two_ports else int(self.pins[n][2])
+
+    def port(self, pin: str) -> int:
+        """Return the address of a pin's port."""
+        return registers()[f"PORT{pin[1]}"].address
+
+    @property
+    def line(self) -> tuple[int, int]:
+        """Return the port and the bit of the receive pin."""
+        pin = self.streamed.stream.receive_pin
+        return self.port(pin), int(pin[2])
+
+    @cached_property
+    def head(self) -> int:
+        """Return where the main loop begins."""
+        return main_loop(self.listing)[0]
+
+    @cached_property
+    def cleared(self) -> int:
+        """Return the address after the instruction that clears the request of a pulse."""
+        return main_loop(self.listing)[1] + 1
+
+    @cached_property
+    def of_interrupt(self) -> tuple[int, ...]:
+        """Return the addresses of the words that an interrupt can execute."""
+        return tuple(sorted(Program(self.words, ()).reached(INTERRUPT_VECTOR)))
+
+    @cached_property
+    def body(self) -> int:
+        """Return the first address of the interrupt after the compiler's words. Raises LookupError."""
+        first = encode("BCF", f=registers()["INTCON"].address, b=T0IF)
+        for at in range(INTERRUPT_VECTOR, max(self.words)):
+            if self.words.get(at) == first:
+                return at
+        raise LookupError("the interrupt does not begin with clearing its flag")
+
+    @cached_property
+    def edge(self) -> int:
+        """Return the address of the instruction that makes an edge. Raises LookupError."""
+        wait = encode("CALL", k=self.listing.label("st_exactly"))
+        called = [at for at in self.of_interrupt if self.words[at] == wait]
+        after = [at for at in self.of_interrupt if called and at > called[0]]
+        found = next((at for at in after if word_of(self.words[at]).name == "MOVWF"), None)
+        if found is None:
+            raise LookupError("the interrupt makes no edge")
+        return found

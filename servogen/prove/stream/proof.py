@@ -1,0 +1,218 @@
+"""The proof of a stream program for any waveform on its line: the lemmas, put together.
+
+In: an image, its job's numbers, the listing if one is known. Out: `LineProof`: proven, with what was found
+and what is assumed, or why it is not decided. docs/proof.md states the theorem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from servogen.engines.protocol import EngineJob
+from servogen.engines.stream.engine import TRIMS, compiled
+from servogen.engines.stream.layout import LATEST, ROUND
+from servogen.engines.stream.protocol import BITS, BYTES
+from servogen.engines.stream.response import Response, response
+from servogen.engines.stream.settings import BAUD_ERROR, HOLD, UNIT
+from servogen.engines.stream.streaming import Streaming
+from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarantee
+from servogen.pic.image import Image
+from servogen.pic.listing import Listing
+from servogen.prove.stream.bits import GivenUp, Solver
+from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
+from servogen.prove.stream.execution import NotFollowed
+from servogen.prove.stream.lemmas import Fails, Lemmas
+from servogen.prove.stream.names import Names
+from servogen.units import Cycles
+
+DIALECTS = ("c2c", "xc8", "sdcc")
+MAX_UNLIKE = 24
+"""Words in which a program may differ from servogen's own one, whose names it then borrows."""
+AFTER_TRIM_MS, AFTER_QUERY_MS = 25, 20
+"""For so long a sender leaves the line alone after these commands (docs/firmware.md, "Protocol")."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class LineProof:
+    """The answer about any line."""
+
+    reason: str
+    """Why it is not decided; empty if it is proven."""
+    findings: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def proven(self) -> bool:
+        return not self.reason
+
+
+class Undecided(Exception):
+    """Raised where a part of the proof fails; says which and why."""
+
+
+def prove_line(
+    image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
+) -> LineProof:
+    """Return the answer for a program. Raises ToolError without the solver."""
+    try:
+        findings = _Proof(_listing(image, listing, job, streamed, tell), job, streamed, tell).prove()
+    except (Undecided, InterruptChanged, Fails, NotFollowed) as error:
+        return LineProof(str(error))
+    except GivenUp:
+        return LineProof("the solver does not answer within 20 minutes")
+    except (LookupError, ValueError) as error:
+        return LineProof(f"the program is not laid out as a stream: {error}")
+    return LineProof("", tuple(findings), _assumptions(streamed))
+
+
+def _assumptions(streamed: Streaming) -> tuple[str, ...]:
+    found = [
+        f"no command ends within {AFTER_TRIM_MS} ms of a trim's: the EEPROM is being written",
+        "a byte begins while the chip waits for one: after a byte, or after the line was high for ten bits",
+        f"a sender's rate is within {float(100 * BAUD_ERROR):g} % of {streamed.stream.baud} baud",
+    ]
+    if streamed.stream.transmit_pin is not None:
+        found.append(f"no byte ends within {AFTER_QUERY_MS} ms of a query: the chip answers")
+    return tuple(found)
+
+
+def _listing(
+    image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
+) -> Listing:
+    """Return a listing with the words of the image. Raises Undecided.
+
+    Without one, the names are those of the dialect whose program differs least from it.
+    """
+    candidates = [listing] if listing is not None else []
+    for dialect in DIALECTS if listing is None else ():
+        tell(f"looking for its names: {dialect}")
+        candidates.append(compiled(job, streamed, dialect).compilation.listing)
+    unlike = [(_unlike(image, each), number) for number, each in enumerate(candidates)]
+    fewest, number = min(unlike)
+    if fewest > MAX_UNLIKE:
+        raise Undecided(
+            "the names of its variables are not known: the program is not one of servogen's for this job; "
+            "give its C file instead"
+        )
+    found = candidates[number]
+    rows = tuple(replace(row, word=image.program[row.address]) for row in found.rows)
+    return replace(found, rows=rows)
+
+
+def _unlike(image: Image, listing: Listing) -> int:
+    """Return in how many words an image differs from a listing."""
+    listed = {row.address: row.word for row in listing.rows}
+    if listed.keys() - image.program.keys():
+        return len(listed) + len(image.program)
+    return sum(listed.get(at) != word for at, word in image.program.items())
+
+
+@dataclass(slots=True)
+class _Proof:
+    listing: Listing
+    job: EngineJob
+    streamed: Streaming
+    tell: Tell
+
+    def prove(self) -> list[str]:
+        """Return what was found. Raises Undecided, Fails, InterruptChanged, NotFollowed, GivenUp."""
+        return [*self._widths(), *self._times(), *self._data(), *self._edges()]
+
+    def _widths(self) -> list[str]:
+        """Check that every width of the lemmas fits its slot."""
+        layout = self.streamed.layout
+        longest = max(travel.maximum for travel in self.streamed.travels) + MOST_TRIM
+        shortest = min(travel.minimum for travel in self.streamed.travels) + LEAST_TRIM
+        if shortest < ROUND or longest > (layout.rounds - 1) * ROUND + LATEST:
+            raise Undecided(f"pulses of {shortest} to {longest} cycles do not fit {layout.rounds} rounds")
+        return [f"pulses of {shortest} to {longest} cycles, in slots of {layout.rounds * ROUND}"]
+
+    def _times(self) -> list[str]:
+        """Check that the C is in time, for pulses and for commands."""
+        streamed, rounds = self.streamed, self.streamed.layout.rounds
+        byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
+        travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
+        found = response(self.listing, rounds, travel, BYTES * byte)
+        worst = found.after_command
+        if worst is None or found.supply is None or found.execute is None or worst > found.supply:
+            raise Undecided(f"the C may be late for a pulse: it takes {worst} of {found.supply} cycles")
+        self._command_in_time(found, worst, BYTES * byte, travel)
+        clock = streamed.plan.schedule.clock
+        written = self.job.device.max_eeprom_write_us
+        if streamed.stream.fail_safe != HOLD:
+            silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
+            if silent_us < written:
+                raise Undecided("the fail-safe may read the EEPROM while it is written")
+        # A round more than two slots: the command is complete some cycles after the sample of its stop bit.
+        after_us = clock.us(Cycles((2 * rounds + 1) * ROUND))
+        latest_us = after_us + clock.us(streamed.layout.period)
+        return [
+            f"the C takes at most {worst} cycles to prepare a pulse; interrupts leave it {found.supply} of "
+            f"{rounds * ROUND}",
+            f"a command takes effect in every pulse that begins {float(after_us):g} µs after its stop bit "
+            f"or later: within {float(latest_us):g} µs",
+        ]
+
+    def _command_in_time(self, found: Response, worst: int, apart: int, travel: int) -> None:
+        """Check that a command is executed before the next one can end: then none is torn."""
+        rounds = self.streamed.layout.rounds
+        window = (apart - rounds * ROUND) // ROUND - 1
+        if window >= rounds:
+            left = (window // rounds) * (found.supply or 0)
+        else:
+            left = response(self.listing, window, travel, apart).supply or 0 if window > 3 else 0
+        if worst + (found.execute or 0) > left:
+            raise Undecided("a command may end before the one before it is executed")
+
+    def _data(self) -> list[str]:
+        """Check what the words do with every byte."""
+        lemmas = Lemmas(
+            Names(self.listing, self.streamed),
+            Solver(),
+            lambda what, done, of: self.tell(f"{what}: {done} of {of}"),
+        )
+        kept = lemmas.context()
+        lemmas.dispatch()
+        lemmas.rise()
+        lemmas.receive()
+        main = lemmas.start()
+        lemmas.idle()
+        executing = lemmas.execute()
+        preparing = lemmas.prepare()
+        lemmas.apart(main, preparing, executing, kept)
+        return [
+            f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
+            f"{lemmas.solver.questions} questions to the solver"
+        ]
+
+    def _edges(self) -> list[str]:
+        """Check the cycle of every edge, and that every bit is sampled within its time."""
+        found = guarantee(
+            self.listing,
+            self.streamed,
+            tell=lambda what, done, of: self.tell(f"{what}: {done} of {of} cycles"),
+        )
+        self._sampled(found)
+        return [
+            f"every edge is exact: a pulse begins in cycle {found.rise} of its round; interrupts begin in "
+            f"{found.states} states",
+            f"samples of the line are at most {found.start_gap} cycles apart before a start bit, "
+            f"{found.bit_gap} within a byte",
+        ]
+
+    def _sampled(self, found: Guarantee) -> None:
+        streamed = self.streamed
+        bit = streamed.plan.schedule.clock.cycles_per_second / Fraction(streamed.stream.baud)
+        for k in range(BITS):
+            latest = found.latest_sample(k, streamed.first_units, streamed.bit_units)
+            earliest = found.earliest_sample(k, streamed.first_units, streamed.bit_units)
+            begins, ends = k * bit / (1 - BAUD_ERROR), (k + 1) * bit / (1 + BAUD_ERROR)
+            if earliest < begins or latest > ends:
+                raise Undecided(
+                    f"bit {k} of a byte is sampled {earliest} to {latest} cycles after its beginning; "
+                    f"it lasts from {float(begins):.1f} to {float(ends):.1f}"
+                )

@@ -1,0 +1,256 @@
+"""What a stream program's words do with every byte; a changed word is noticed, with the place of the fault.
+
+`servogen prove --any-line` checks all commands and slots; here some of them are.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.protocol import NO_TRIM, SYNC, Kind, command_of
+from servogen.job import load, plan_job
+from servogen.pic.isa import encode
+from servogen.pic.listing import Listing
+from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
+from servogen.prove.stream.chip import NOTHING, Chip, Receiver
+from tests.engines.stream import chip_model
+from tests.engines.stream.stream_soak import JOBS
+
+ARM = plan_job(load(JOBS / "stream-arm.toml"))
+STREAMED = stream(ARM)[1]
+
+
+@pytest.fixture(scope="module")
+def listing() -> Listing:
+    return compiled(ARM, STREAMED, "c2c").compilation.listing
+
+
+def lemmas(listing: Listing):  # type: ignore[no-untyped-def]
+    pytest.importorskip("bitwuzla", reason="the solver is not installed")
+    from servogen.prove.stream.bits import Solver
+    from servogen.prove.stream.lemmas import Lemmas
+    from servogen.prove.stream.names import Names
+
+    return Lemmas(Names(listing, STREAMED), Solver(), lambda what, done, of: None)
+
+
+def changed(listing: Listing, at: int, word: int) -> Listing:
+    assert any(row.address == at and row.word != word for row in listing.rows)
+    rows = tuple(replace(row, word=word) if row.address == at else row for row in listing.rows)
+    return replace(listing, rows=rows)
+
+
+def found(listing: Listing, word: int, after: int) -> int:
+    """The first address of a word from `after` on."""
+    return next(row.address for row in listing.rows if row.address >= after and row.word == word)
+
+
+def test_the_words_are_the_protocol_s(listing: Listing) -> None:
+    one = lemmas(listing)
+    one.context()
+    one.dispatch()
+    one.rise()
+    one.receive()
+    one.start()
+    one.idle()
+    one.execute((0x01, 0x08, 0x42, 0x80, 0xC0, 0xF0))
+    assert one.runs > 25
+
+
+Change = Callable[[Listing], Listing]
+
+
+def of_label(label: str, old: str, new: int, **operands: str | int) -> Change:
+    """Another word for the first one after a label that is the instruction `old`."""
+
+    def change(listing: Listing) -> Listing:
+        places = {
+            name: listing.variable(value) if isinstance(value, str) else value
+            for name, value in operands.items()
+        }
+        at = found(listing, encode(old, **places), listing.label(label))
+        return changed(listing, at, new)
+
+    return change
+
+
+NOP = encode("NOP")
+
+
+@pytest.mark.parametrize(
+    ("lemma", "change", "why"),
+    [
+        # The receiver: a bit is shifted the wrong way; a byte without its stop bit; the third byte is lost.
+        ("receive", of_label("st_data", "RRF", NOP, f="rx_byte", d=1), "rx_byte becomes"),
+        ("receive", of_label("st_break", "MOVWF", NOP, f="command"), "command becomes"),
+        ("receive", of_label("st_take", "MOVWF", NOP, f="value"), "value becomes"),
+        # A command that does not begin with SYNC is taken for one.
+        ("receive", of_label("st_sync", "MOVLW", encode("MOVLW", k=0xFD), k=0xFF), "command becomes"),
+        # A rise: the width is not the prepared one; a command is not noted.
+        ("rise", of_label("st_poll", "MOVWF", NOP, f="fine"), "fine becomes"),
+        # A bit is taken though no byte is being received.
+        ("dispatch", lambda listing: changed(listing, listing.label("st_plain_quiet") + 6, NOP), "wrong way"),
+    ],
+)
+def test_a_changed_interrupt_is_noticed(lemma: str, change: Change, why: str, listing: Listing) -> None:
+    one = lemmas(listing)
+    from servogen.prove.stream.lemmas import Fails
+
+    if lemma == "rise":
+        edge = one.names.edge
+        word = encode("MOVWF", f=listing.variable("fine"))
+        one = lemmas(changed(listing, found(listing, word, edge), NOP))
+    else:
+        one = lemmas(change(listing))
+    with pytest.raises(Fails, match=why):
+        getattr(one, lemma)()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "change", "why"),
+    [
+        # The product is rounded down.
+        ((0,), of_label("st_multiply", "RRF", NOP, f="value", d=1), r"FF 00.*goal"),
+        # A servo's speed goes to another one; the trim is not stored; a group has another time.
+        ((0x41,), None, r"FF 41.*speed"),
+        ((0xC1,), None, r"FF C1.*byte 1 of the EEPROM"),
+        ((0x80,), None, r"FF 80.*left"),
+    ],
+)
+def test_a_changed_command_is_noticed(
+    seconds: tuple[int, ...], change: Change | None, why: str, listing: Listing
+) -> None:
+    from servogen.prove.stream.lemmas import Fails
+
+    if change is None:
+        change = {
+            0x41: lambda it: swapped(it, encode("ADDLW", k=it.variable("speed")), 1),
+            0xC1: lambda it: changed(it, found(it, encode("BSF", f=8, b=1), 0), NOP),
+            0x80: lambda it: swapped(it, encode("MOVWF", f=it.variable("left")), None),
+        }[seconds[0]]
+    one = lemmas(change(listing))
+    with pytest.raises(Fails, match=why):
+        one.execute(seconds)
+
+
+def swapped(listing: Listing, word: int, more: int | None) -> Listing:
+    """The listing with another word wherever one is: with a larger operand, or none."""
+    rows = tuple(
+        replace(row, word=NOP if more is None else word + more) if row.word == word else row
+        for row in listing.rows
+    )
+    assert rows != listing.rows
+    return replace(listing, rows=rows)
+
+
+def test_a_changed_start_is_noticed(listing: Listing) -> None:
+    from servogen.prove.stream.lemmas import Fails
+
+    # OPTION_REG: TMR0 would count the ticks of its pin.
+    one = lemmas(swapped(listing, encode("MOVLW", k=0x8F), 0x20))
+    with pytest.raises(Fails, match="after a reset: OPTION_REG becomes 175, not 143"):
+        one.start()
+
+
+def test_main_may_not_touch_a_pulse_after_it_has_been_prepared(listing: Listing) -> None:
+    from servogen.prove.stream.lemmas import Accesses, Fails
+
+    one, none = lemmas(listing), frozenset[int]()
+    mask = frozenset([listing.variable("mask")])
+    one.apart(Accesses(none, none), Accesses(none, mask), Accesses(none, none), none)
+    with pytest.raises(Fails, match="main uses mask after the request is cleared"):
+        one.apart(Accesses(none, none), Accesses(none, none), Accesses(none, mask), none)
+    with pytest.raises(Fails, match="main uses ticks, which the interrupt writes"):
+        ticks = frozenset([listing.variable("ticks")])
+        one.apart(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
+
+
+# the specification, with the second one that the simulator's edges are compared with
+
+
+@pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
+def test_both_specifications_of_the_chip_agree(name: str) -> None:
+    streamed = stream(plan_job(load(JOBS / f"{name}.toml")))[1]
+    servos, dice = len(streamed.neutral), random.Random(7)
+    model = chip_model.Chip(streamed)
+    goals = [Bits(16, int(width)) for width in streamed.neutral]
+    chip = Chip(
+        streamed,
+        list(goals),
+        list(goals),
+        [byte(0)] * servos,
+        [byte(NO_TRIM)] * servos,
+        [FALSE] * servos,
+        [FALSE] * servos,
+        byte(0),
+        FALSE,
+        FALSE,
+        byte(0),
+    )
+    for _ in range(400):
+        model.begin_frame()
+        chip.begin_frame()
+        for n in range(servos):
+            width = model.prepare(n)
+            chip.prepare(n)
+            assert chip.widths[n].value == (width or 0)
+            assert chip.valid().known
+        for second, third in commands(dice, servos):
+            answers = streamed.stream.transmit_pin is not None
+            command = command_of(second, third, servos, answers=answers)
+            if command is not None:
+                model.execute(command)
+            chip.execute(second, byte(third))
+        if dice.random() < 0.01:
+            for _ in range(streamed.silence_frames + 3):
+                model.begin_frame()
+                chip.begin_frame()
+                for n in range(servos):
+                    model.prepare(n)
+                    chip.prepare(n)
+
+
+def commands(dice: random.Random, servos: int) -> Iterator[tuple[int, int]]:
+    for _ in range(dice.randrange(3)):
+        kind = dice.choices([*Kind], (6, 1, 2, 1, 1))[0]
+        second = kind.value + (dice.randrange(servos + 1) if kind.of_a_servo else dice.randrange(2))
+        yield second, dice.choice((0, 1, 7, 126, 127, 254, dice.randrange(255)))
+
+
+def test_both_receivers_make_the_same_commands() -> None:
+    dice, model = random.Random(3), chip_model.Receiver(len(STREAMED.neutral), answers=True)
+    chip = Receiver(STREAMED, byte(0), byte(0), byte(0), byte(0), byte(NOTHING), byte(NOTHING), byte(0))
+    for _ in range(3000):
+        value = dice.choice((SYNC, 0, 1, 0x41, 0x80, NOTHING, dice.randrange(256)))
+        whole = dice.random() < 0.9
+        chip.todo = byte(NOTHING)
+        sent(chip, value, whole)
+        command = model.byte(value) if whole else model.broken()
+        complete = chip.todo.value != NOTHING
+        second, third = chip.todo.value or 0, chip.value.value or 0
+        made = command_of(second, third, len(STREAMED.neutral)) if complete else None
+        assert made == command
+
+
+BEGINS = 11
+"""When a byte begins, in units of time: any is as good."""
+
+
+def sent(chip: Receiver, value: int, whole: bool) -> None:
+    """A byte whose bits are looked at in their middle, in units of time."""
+    units, now = STREAMED.bit_units, BEGINS
+    chip.start(byte(now & 0x3F), FALSE)
+    levels = [0, *(value >> n & 1 for n in range(8)), int(whole)]
+    end = now + units * 10
+    while chip.bits.value and now < end:
+        now += 30
+        number = (now - BEGINS) // units
+        chip.look(byte(now & 0x3F), Truth(bool(levels[min(number, 9)])))
+    if not whole:
+        chip.look(byte(now & 0x3F), Truth(True))
+    assert chip.bits.value == 0
