@@ -211,8 +211,8 @@ def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> It
             remarks = (*compiled[index].remarks, *grade.remarks)
             yield index, Graded(submissions[index], replace(grade, remarks=remarks))
         else:
-            what = f"running it for {float(task.lab.watch_s):g} s of the chip's time"
-            yield index, _failed(submissions[index], task.lab, what, grade)
+            activity = f"running it for {float(task.lab.watch_s):g} s of the chip's time"
+            yield index, _failed(submissions[index], task.lab, activity, grade)
 
 
 def _compile(read: Read, submission: Submission) -> Compiled:
@@ -221,12 +221,12 @@ def _compile(read: Read, submission: Submission) -> Compiled:
     return Compiled(program.image, program.clock, program.remarks, program.listing)
 
 
-def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:
-    """Return the grade of a program that failed with `error` during `what`."""
+def _failed(submission: Submission, lab: Lab, activity: str, error: Exception) -> Graded:
+    """Return the grade of a program that failed with `error` during `activity`."""
     if isinstance(error, InputError):
         return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
     if isinstance(error, LimitExceeded):
-        return Graded(submission, refused(lab.name, f"{what} {error}"))
+        return Graded(submission, refused(lab.name, f"{activity} {error}"))
     shown = str(error) if isinstance(error, ServogenError) else f"{type(error).__name__}: {error}"
     text = message(shown)
     return Graded(submission, refused(lab.name, f"servogen failed on it: {text}"), text)
@@ -291,9 +291,9 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is not an answer
     submissions, task = pickle.load(sys.stdin.buffer)
-    found = dict(_in_forks(submissions, task, 1))
+    results = dict(_in_forks(submissions, task, 1))
     with answers:
-        pickle.dump([found[index] for index in range(len(submissions))], answers)
+        pickle.dump([results[index] for index in range(len(submissions))], answers)
 
 
 # On a cluster.

@@ -163,20 +163,20 @@ def _since(writes: Sequence[_Write], index: int) -> int:
     return writes[index].cycle - (writes[index - 1].cycle if index else 0)
 
 
-def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: str) -> None:
+def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, name: str) -> None:
     """Raise InputError for the first write that differs."""
     for number, (here, there) in enumerate(zip(seen, wanted, strict=False), 1):
         if here.changes != there.changes:
             raise InputError(
                 "foreign-program",
-                f"is not {what}: the port write {number}, at cycle {here.cycle}, makes {here.changes}, "
+                f"is not {name}: the port write {number}, at cycle {here.cycle}, makes {here.changes}, "
                 f"not {there.changes}",
                 Location(file),
             )
     if len(seen) < len(wanted):
         raise InputError(
             "foreign-program",
-            f"is not {what}: it writes {len(seen)} times to its pins, not {len(wanted)} times",
+            f"is not {name}: it writes {len(seen)} times to its pins, not {len(wanted)} times",
             Location(file),
         )
 

@@ -144,8 +144,8 @@ def grade(
     failure = _write_pages(pages, names, task.lab, graded) if pages else None
     formats.write(task.lab, graded)
     if json:
-        what = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
-        as_json({**what, "programs": _rows(task.lab, graded, names)})
+        task_of_lab = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
+        as_json({**task_of_lab, "programs": _rows(task.lab, graded, names)})
     else:
         _show(task.lab, graded)
     if watch:

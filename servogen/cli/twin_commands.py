@@ -68,9 +68,9 @@ def twin(
     from servogen.twin.pictures import csv_text, twin_plot, twin_scene
 
     keep_apart([path for path in (job, hexfile, stimulus) if path], picture, film, csv)
-    for path, suffixes, what in ((picture, SUFFIXES, "picture"), (film, FILM_SUFFIXES, "film")):
+    for path, suffixes, kind in ((picture, SUFFIXES, "picture"), (film, FILM_SUFFIXES, "film")):
         if path:
-            check_suffix(path, suffixes, what)
+            check_suffix(path, suffixes, kind)
     loaded = plan_job(load(job))
     settings = Settings(
         ground=Ground(friction, math.radians(slope_deg), step_mm / 1000, rough=rough_mm / 1000, seed=seed),

@@ -190,7 +190,7 @@ def run_to(
 
 def first_stop(breakpoints: Sequence[Breakpoint], chunk: EdgeChunk) -> tuple[int, Breakpoint] | None:
     """Return the cycle of the first edge of a recording at which a breakpoint stops, and that breakpoint."""
-    edges = [each for each in breakpoints if isinstance(each, AtEdge)]
+    edges = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtEdge)]
     for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True) if edges else ():
         for breakpoint in edges:
             if _is_edge(breakpoint, pin, level):

@@ -166,7 +166,7 @@ def _stimulus_of(job: PlannedJob, chain: Chain, period: int) -> LineStimulus | H
     if isinstance(chain.read, CommandLine):
         return LineStimulus(PINS.index(chain.read.pin), line_baud(job))
     named = {NEXT: chain.read.button} if isinstance(chain.read, CommandButton) else chain.read.buttons
-    buttons = {name: (PINS.index(each.pin), each.level) for name, each in named.items()}
+    buttons = {name: (PINS.index(button.pin), button.level) for name, button in named.items()}
     return HeldButtons(buttons, period)
 
 

@@ -124,11 +124,11 @@ def _commands(
     key = ("walk", "commands")
     engine = table.firmware.engine
     if table.stream is not None or (engine != AUTO and not ENGINES[engine].commands):
-        what = "a job with [stream]" if table.stream is not None else f"the {engine} engine"
+        listener = "a job with [stream]" if table.stream is not None else f"the {engine} engine"
         raise document.error(
             "engine-unsupported",
             key,
-            f"{what} does not read commands for a walk",
+            f"{listener} does not read commands for a walk",
             "remove [stream]" if table.stream is not None else 'write engine = "player"',
         )
     if buttons.any:

@@ -119,8 +119,8 @@ def walk_on_command(
         heavy += _upright(document, endless)
         last = len(direction.angles) - 1
         text = f"{names[0]} and {names[1]}: " + ", ".join(
-            f"{what} of {count} frames"
-            for what, count in (
+            f"{phase} of {count} frames"
+            for phase, count in (
                 ("a start", direction.first),
                 ("a cycle", direction.end - direction.first),
                 ("a stop", last - direction.end),

@@ -140,10 +140,10 @@ class Program:
 
     def word(self, at: int) -> Word:
         """Return the instruction at an address. Raises Undefined."""
-        found = self._decoded.get(at)
-        if found is None:
-            found = self._decoded[at] = word_of(self._words.get(at, ERASED))
-        return found
+        decoded = self._decoded.get(at)
+        if decoded is None:
+            decoded = self._decoded[at] = word_of(self._words.get(at, ERASED))
+        return decoded
 
     @cached_property
     def plain(self) -> frozenset[int]:

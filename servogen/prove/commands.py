@@ -168,10 +168,10 @@ def reader_of(rule: CommandRule) -> Reader:
     """Return what follows the inputs of a rule."""
     selectors = [direction.selector for direction in rule.directions]
     if isinstance(rule.read, CodeLine):
-        return Line(rule.read, tuple(each for each in selectors if isinstance(each, str)))
+        return Line(rule.read, tuple(selector for selector in selectors if isinstance(selector, str)))
     if isinstance(rule.read, StepButton):
         return OneButton(rule.read, len(rule.directions))
-    return Buttons(rule.read, tuple(each for each in selectors if isinstance(each, Input)))
+    return Buttons(rule.read, tuple(selector for selector in selectors if isinstance(selector, Input)))
 
 
 class Commands:

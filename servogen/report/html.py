@@ -386,4 +386,4 @@ def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str],
         return ()
     own = programs[0]
     used = (("program words", own.words, PROGRAM_WORDS), ("bytes of RAM", own.ram_bytes, RAM_BYTES))
-    return tuple((what, part, whole, f"{100 * part / whole:z.1f}") for what, part, whole in used)
+    return tuple((name, part, whole, f"{100 * part / whole:z.1f}") for name, part, whole in used)

@@ -21,12 +21,12 @@ SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
 
 
-def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "picture") -> None:
+def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, kind: str = "picture") -> None:
     """Raise InputError for a suffix that is not one of `suffixes`."""
     if path.suffix.lower() not in suffixes:
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is not a {what} that can be written",
+            f"'{path.suffix}' is not a {kind} that can be written",
             Location(str(path)),
             f"one of: {', '.join(suffixes)}",
         )

@@ -179,7 +179,7 @@ def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Ex
         return
     row = int(rows[np.argmin(errors.time[rows])])
     error, wanted = float(errors.error[row]), float(errors.wanted[row])
-    code, what = {
+    code, property_name = {
         "width": ("wrong-pulse", f"a pulse of {wanted + error:z.2f} µs where {wanted:z.2f} µs are scheduled"),
         "period": (
             "wrong-pulse",
@@ -187,7 +187,7 @@ def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Ex
         ),
         "edge": ("wrong-pulse", "an edge that is not where it is scheduled"),
     }[errors.noun]
-    text = f"{what} ({error:+z.2f} µs, allowed ±{errors.limit:z.2f} µs)"
+    text = f"{property_name} ({error:+z.2f} µs, allowed ±{errors.limit:z.2f} µs)"
     yield _mismatch(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, code, text)
 
 
@@ -226,7 +226,7 @@ def _cut(
     begin = np.array([float(line.cycles(0))])
     cut, wanted = signals.cut[number], signals.scheduled[number]
     first, last = end_errors(cut, wanted, begin, line.b, scale.end)
-    for error, step, edge, what in (
+    for error, step, edge, verb in (
         (first, 0, cut.first_fall, "ends"),
         (last, scale.end, cut.last_rise, "begins"),
     ):
@@ -234,7 +234,7 @@ def _cut(
             text = (
                 "a pulse that it cuts is missing"
                 if edge is None
-                else f"a pulse {what} where none is scheduled to"
+                else f"a pulse {verb} where none is scheduled to"
             )
             place = "beginning" if step == 0 else "end"
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
