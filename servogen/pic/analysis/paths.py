@@ -10,6 +10,7 @@ turn by turn, until an address has `MAX_STATES` of them; from then on they are j
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -237,7 +238,7 @@ class Explorer:
     def _follow(self, at: int, stack: tuple[int, ...], state: State) -> None:
         """Follow every path from a state to its end."""
         nodes: dict[tuple[int, tuple[int, ...]], _Node] = {}
-        waiting: list[tuple[int, tuple[int, ...], State]] = []
+        waiting: deque[tuple[int, tuple[int, ...], State]] = deque()
         pending: set[int] = set()
         entry: State | None = None
 
@@ -294,7 +295,7 @@ class Explorer:
         self._reach, self._interruptible = reach, interruptible
         reach(at, stack, state.copy())
         while waiting:
-            at, stack, state = waiting.pop()
+            at, stack, state = waiting.popleft()
             pending.discard(id(state))
             self._run(at, stack, state.copy())
 
