@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from importlib.util import find_spec
 
 import pytest
 
@@ -303,28 +300,6 @@ def test_a_serial_adapter_sends_at_its_moment_and_the_chip_answers(serve: Serve)
             adapter.start()
             assert line.line.baudrate == 2400
             assert line.read_whole(6, 30) == b"servo!"
-
-
-@pytest.mark.skipif(not find_spec("pyfirmata2"), reason="pyfirmata2 is not installed: pip install pyfirmata2")
-def test_pyfirmata2_drives_the_chip_through_the_emulated_board(serve: Serve) -> None:
-    """A client that nobody here wrote: what it writes to pin 2 is at RB0."""
-    rig = Rig(program(IDLE))
-    path = serve({"inputs": rig.board}).paths["inputs"]
-    script = (
-        "import sys, pyfirmata2\n"
-        "board = pyfirmata2.Board(sys.argv[1])\n"
-        "print(board.get_firmata_version(), board.firmware)\n"
-        "board.get_pin('d:2:o').write(1)\n"
-        "sys.stdin.readline()\n"
-        "board.exit()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", script, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as client:
-        assert client.stdout is not None and client.stdin is not None
-        assert client.stdout.readline() == "(2, 8) ConfigurableFirmata\n"
-        until(lambda: rig.chip.word >> RB0 & 1)
-        client.stdin.write("\n")
 
 
 def test_the_doctor_shows_the_board(serve: Serve, run: Run) -> None:
