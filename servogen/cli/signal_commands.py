@@ -193,6 +193,8 @@ def measure(
         as_json(measurement.to_json(), warnings)
         return
     print("\n".join(measurement_lines(measurement)))
+    if schedule is not None:
+        print(f"{schedule}: written")
     warn_of_all(warnings)
 
 
