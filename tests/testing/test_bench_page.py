@@ -4,6 +4,7 @@ emulated Firmata board and seen by a SUMP analyser, both on pseudo-terminals.
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
@@ -94,3 +95,14 @@ def test_the_programmer_reads_the_eeprom_that_the_program_wrote(pytester: pytest
     write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
     with rig() as bench:
         run(pytester, *bench_options(bench)).assert_outcomes(passed=1)
+
+
+def test_the_stimulus_of_a_capture_is_played(pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
+    text = re.sub(r"def .*", "", TESTS["test_sleep.py"].partition("@pytest")[2], flags=re.S)
+    test = (
+        f"import pytest\n\n@pytest{text}".replace('"sleep.c",', '"sleep.c", seconds=0.2,')
+        + "def test_press(servogen_capture):\n"
+        + '    assert servogen_capture.rising_us("RB1") == pytest.approx([20_000], abs=3000)\n'
+    )
+    write(pytester.path, PROGRAMS, {"test_press.py": test})
+    run(pytester, *bench_of(serve, pytester.path / "sleep.c")).assert_outcomes(passed=1)
