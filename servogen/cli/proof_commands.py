@@ -19,6 +19,7 @@ from servogen.inputs import read_input
 from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
+    from servogen.job import PlannedJob
     from servogen.pic.analysis.facts import Answer
     from servogen.pic.image import Image
     from servogen.programs import Program
@@ -264,6 +265,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     chip = device_for(schedule, request.against, device)
     board = replace(Options(device=chip), **request.times)
     program = program_for(schedule, file, chip, read_program)
+    job = None if request.any_line is None else _line_job(request.any_line, schedule, request.against)
     with status("looking for every state") as tell:
         proof = prove_for_all(
             program.image,
@@ -287,8 +289,8 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         if proof.counterexample.eeprom is not None:
             _write_content(proof.counterexample.eeprom, program.image, request.content)
     line = None
-    if proof.proven and request.any_line is not None:
-        line = _any_line(program, request.any_line, schedule, request.against)
+    if proof.proven and job is not None:
+        line = _any_line(program, job)
     if json:
         found = _proof_to_json(proof, file, request, schedule)
         as_json(found if line is None else found | _line_to_json(line))
@@ -298,20 +300,26 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
 
 
-def _any_line(program: Program, job_file: Path, schedule: PulseSchedule, against: Path) -> LineProof:
-    """Return the answer for any waveform on a job's line. Raises InputError, ToolError."""
+def _line_job(job_file: Path, schedule: PulseSchedule, against: Path) -> PlannedJob:
+    """Return the job whose line may have any waveform. Raises InputError if the schedule is another's."""
     from servogen.engines.stream.engine import stream
     from servogen.job import load, plan_job
-    from servogen.prove.stream.proof import prove_line
 
     job = plan_job(load(job_file))
-    _, streamed = stream(job)
-    planned = streamed.plan.schedule
+    planned = stream(job)[1].plan.schedule
     same = ("clock", "period", "channels", "lead_in", "loop", "inputs")
     if any(getattr(planned, name) != getattr(schedule, name) for name in same):
         raise InputError("conflicting-options", f"is not the schedule of {job_file}", Location(str(against)))
+    return job
+
+
+def _any_line(program: Program, job: PlannedJob) -> LineProof:
+    """Return the answer for any waveform on a job's line. Raises ToolError."""
+    from servogen.engines.stream.engine import stream
+    from servogen.prove.stream.proof import prove_line
+
     with status("any line") as tell:
-        return prove_line(program.image, program.listing, job, streamed, tell)
+        return prove_line(program.image, program.listing, job, stream(job)[1], tell)
 
 
 def _line_lines(line: LineProof, idle: list[str]) -> list[str]:

@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +22,7 @@ from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, Chip, Receiver
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
+from tests.prove.attack import servogen
 
 ARM = plan_job(load(JOBS / "stream-arm.toml"))
 STREAMED = stream(ARM)[1]
@@ -168,6 +171,24 @@ def test_main_may_not_touch_a_pulse_after_it_has_been_prepared(listing: Listing)
     with pytest.raises(Fails, match="main uses ticks, which the interrupt writes"):
         ticks = frozenset([listing.variable("ticks")])
         one.apart(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
+
+
+def test_a_fault_that_no_idle_line_shows_is_noticed_with_any_line(tmp_path: Path) -> None:
+    pytest.importorskip("bitwuzla", reason="the solver is not installed")
+    folder = JOBS.parent / "firmware" / "stream-arm"
+    text = (folder / "main.c2c.c").read_text()
+    assert text.count("speed[n] = value;") == 1
+    file = tmp_path / "main.c"
+    file.write_text(text.replace("speed[n] = value;", "speed[n] = value | 1;"))
+    prove = ("prove", file, "--against", folder / "schedule.json", "--json")
+    answer = json.loads(servogen(*prove, "--any-line", JOBS / "stream-arm.toml"))
+    assert answer["answer"] == "not decided"
+    assert "the command FF 40: speed[0] becomes" in answer["reason"]
+    assert answer["states"] > 0, "with an idle line it is proven"
+    with pytest.raises(AssertionError):  # exit code 2: a line cannot be held and have any waveform
+        servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--hold-inputs")
+    with pytest.raises(AssertionError):  # exit code 2: another job's schedule
+        servogen(*prove, "--any-line", JOBS / "stream-eight.toml")
 
 
 # the specification, with the second one that the simulator's edges are compared with

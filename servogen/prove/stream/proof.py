@@ -120,7 +120,7 @@ class _Proof:
 
     def prove(self) -> list[str]:
         """Return what was found. Raises Undecided, Fails, InterruptChanged, NotFollowed, GivenUp."""
-        return [*self._widths(), *self._times(), *self._data(), *self._edges()]
+        return [*self._widths(), *self._data(), *self._times(), *self._edges()]
 
     def _widths(self) -> list[str]:
         """Check that every width of the lemmas fits its slot."""
