@@ -151,6 +151,22 @@ def swapped(listing: Listing, word: int, more: int | None) -> Listing:
     return replace(listing, rows=rows)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        # The way is not divided by the frames that are left; a width goes down by too much.
+        of_label("st_part", "RLF", NOP, f="sum_lo", d=1),
+        of_label("st_down", "SUBWF", NOP, f="next_lo", d=1),
+    ],
+)
+def test_a_changed_preparation_is_noticed(change: Change, listing: Listing) -> None:
+    one = lemmas(change(listing))
+    from servogen.prove.stream.lemmas import Fails
+
+    with pytest.raises(Fails, match=r"the pulse of slot 1: width_low\[1\] becomes"):
+        one.prepare([0])
+
+
 def test_a_changed_start_is_noticed(listing: Listing) -> None:
     from servogen.prove.stream.lemmas import Fails
 
