@@ -115,12 +115,13 @@ class InputAdapter:
     """A run that this process plays: (ms, what to do)."""
 
     def release(self) -> None:
-        """Let go of the chip: every wired pin of the board becomes an input, but MARK, which is low."""
+        """Let go of the chip: every wired pin of the board becomes an input, but MARK, which stays low."""
+        self.stop()
         messages = b"".join(self._off(port) for port in list(self._bauds))
         for pin in sorted(self.wiring.outputs - {self.wiring.pins[MARK]}):
             messages += firmata.pin_mode(pin, Mode.INPUT)
             self._levels[pin] = None
-        self.port.write(messages + self._driven(self.wiring.pins[MARK], 0))
+        self.port.write(messages)
 
     def apply(self, inputs: Iterable[Drive | Close | Send]) -> None:
         """Do something now, without a capture."""
