@@ -19,6 +19,7 @@ from servogen.engines.stream.settings import BAUD_ERROR, HOLD, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarantee
 from servogen.pic.image import Image
+from servogen.pic.known_values import Undefined
 from servogen.pic.listing import Listing
 from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
@@ -64,6 +65,8 @@ def prove_line(
         return LineProof(str(error))
     except GivenUp:
         return LineProof("the solver does not answer within 20 minutes")
+    except Undefined:
+        return LineProof("the program has a word that no data sheet defines")
     except (LookupError, ValueError) as error:
         return LineProof(f"the program is not laid out as a stream: {error}")
     return LineProof("", tuple(findings), _assumptions(streamed))
