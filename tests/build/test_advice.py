@@ -25,13 +25,13 @@ def refused(text: str) -> InputError:
 
 
 def test_beyond_its_limit_nothing_is_built_and_within_it_all_is() -> None:
-    """A Tiny-S turns 0.36° in a µs; the tripod is 1.376 µs from its plan."""
+    """A Tiny-S turns 0.36° in a µs; the tripod is 1.487 µs from its plan."""
     error = refused(TRIPOD + "max_error_us = 1.3\n")
     assert isinstance(error, ResourceError) and error.code == "beyond-max-error"
     assert error.location is not None and error.location.key == "firmware.max_error_us"
-    assert "1.376 µs, 0.496°" in error.message
+    assert "1.487 µs, 0.535°" in error.message
     assert "max_error_us allows 1.3 µs" in error.message
-    assert planned(plan_job(loads(TRIPOD + "max_error_us = 1.38\n", "job.toml"))).engine == "player"
+    assert planned(plan_job(loads(TRIPOD + "max_error_us = 1.49\n", "job.toml"))).engine == "player"
 
 
 def test_without_a_limit_of_its_own_a_job_has_ten_microseconds() -> None:
