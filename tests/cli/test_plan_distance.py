@@ -36,7 +36,7 @@ def test_a_walk_that_is_proven_says_how_many_degrees_it_is_off(run: Run) -> None
     assert first.startswith("proven: ")
     assert first.endswith(
         "0 cycles from the schedule; "
-        "the schedule is within 2.126 µs, 0.765°, 0.923 mm at the foot L3 of the plan"
+        "the schedule is within 2.126 µs, 0.765°, 0.902 mm at the foot R1 of the plan"
     )
 
 
@@ -54,8 +54,8 @@ def test_the_json_of_a_verdict_has_the_units_in_its_keys(run: Run) -> None:
         "width_us": 2.126,
         "angle_deg": 0.765,
         "speed_deg_s": None,
-        "end": "foot L3",
-        "end_mm": 0.923,
+        "end": "foot R1",
+        "end_mm": 0.902,
     }
 
 
