@@ -109,7 +109,7 @@ def compile_c(
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,
         dump_ir=_pass_to_dump(dump),
-        unwanted=frozenset(no_warning),
+        unwanted=_unwanted(no_warning),
     )
     if verify_ir:
         options = replace(options, verify_ir=True)
@@ -144,6 +144,21 @@ def compile_c(
             print("\n".join(savings) or "; no pass saved a word")
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
     warn_of_all(compilation.diagnostics, compilation.source_lines)
+
+
+def _unwanted(codes: list[str]) -> frozenset[str]:
+    """Return the codes of `--no-warning`. Raises InputError."""
+    from servogen.compiler.diagnostics import WARNINGS
+    from servogen.errors import InputError, did_you_mean
+
+    for code in codes:
+        if code not in WARNINGS:
+            raise InputError(
+                "bad-option",
+                f"--no-warning: no warning has the code '{code}'",
+                hint=did_you_mean(code, sorted(WARNINGS)),
+            )
+    return frozenset(codes)
 
 
 def _pass_to_dump(asked: str | None) -> str | None:

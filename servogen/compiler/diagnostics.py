@@ -10,6 +10,52 @@ from collections.abc import Mapping
 from servogen.compiler.limits import ERRORS
 from servogen.errors import Diagnostic, InputError, Location, Severity, SourceLines
 
+WARNINGS = frozenset(
+    (
+        "c-assignment-condition",
+        "c-case-missing",
+        "c-case-range",
+        "c-comment",
+        "c-comparison",
+        "c-conversion",
+        "c-dangling-else",
+        "c-empty-body",
+        "c-indentation",
+        "c-index",
+        "c-initialiser",
+        "c-input-pin",
+        "c-interrupt-enable",
+        "c-interrupt-flag",
+        "c-local-address",
+        "c-logical-constant",
+        "c-loop-condition",
+        "c-missing-return",
+        "c-no-effect",
+        "c-number",
+        "c-open-drain",
+        "c-overflow",
+        "c-port-direction",
+        "c-pragma",
+        "c-precedence",
+        "c-return",
+        "c-shared-variable",
+        "c-shift",
+        "c-sign-compare",
+        "c-sizeof",
+        "c-string-comparison",
+        "c-uninitialised",
+        "c-unreachable",
+        "c-unsequenced",
+        "c-unused",
+        "c-unused-result",
+        "c-user-message",
+        "c-watchdog",
+        "c-xor-power",
+        "delay-rounded",
+    )
+)
+"""The codes that a warning can have, which `unwanted` leaves out; some are also codes of errors."""
+
 
 class CompileError(InputError):
     """Raised when the program cannot be compiled; `diagnostics` holds errors and warnings in source order."""

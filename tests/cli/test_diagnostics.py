@@ -81,6 +81,19 @@ def test_a_warning_in_c_stands_in_the_document_of_the_result(run: Run, tmp_path:
     assert document["words"] > 0
 
 
+def test_a_warning_is_switched_off_by_its_code(run: Run, tmp_path: Path) -> None:
+    source = tmp_path / "x.c"
+    source.write_text("void main(void) { 1; while (1); }\n")
+    assert "c-no-effect" in run("compile", source).err
+    ran = run("compile", source, "--no-warning", "c-unused", "--no-warning", "c-no-effect")
+    assert (ran.code, ran.err) == (0, "")
+    for code in ("c-no-efect", "c-lvalue"):  # misspelt; the code of an error
+        ran = run("compile", source, "--no-warning", code)
+        assert ran.code == 2
+        assert f"no warning has the code '{code}'" in ran.err
+    assert "did you mean 'c-no-effect'?" in run("compile", source, "--no-warning", "c-no-efect").err
+
+
 def test_an_error_in_assembly(run: Run, tmp_path: Path) -> None:
     source = tmp_path / "x.asm"
     source.write_text(" list p=16f84\n movlw nothing\n end\n")

@@ -6,6 +6,8 @@ Python's `%` has C's conversions; numbers are reduced to 16 or 32 bits first, as
 from __future__ import annotations
 
 import random
+import re
+import string
 
 import pytest
 
@@ -108,6 +110,65 @@ def test_utoa_writes_a_number_that_python_reads_back(base: int, value: int) -> N
     assert int(memory(text)["b"].split(b"\0")[0], base) == value
 
 
+@pytest.mark.parametrize(
+    ("function", "base", "value"),
+    [
+        ("ltoa", 10, -(2**31)),
+        ("ltoa", 10, 2**31 - 1),
+        ("ltoa", 16, -0x7ABCDEF),
+        ("ultoa", 10, 2**32 - 1),
+        ("ultoa", 2, 0x10001),
+    ],
+)
+def test_ltoa_and_ultoa_write_a_number_that_python_and_atol_read_back(
+    function: str, base: int, value: int
+) -> None:
+    number = f"({value + 1}L - 1)" if value < 0 else f"{value}UL"  # 2147483648 is not a long
+    text = (
+        "#include <stdlib.h>\nchar b[20]; long back;\n"
+        f"void main(void) {{ {function}(b, {number}, {base}); back = atol(b); while (1); }}"
+    )
+    found = memory(text)
+    assert int(found["b"].split(b"\0")[0], base) == value
+    if base == 10:
+        assert int.from_bytes(found["back"], "little") == value % 2**32
+
+
+@pytest.mark.parametrize(
+    ("function", "value"), [("_itoa", -1234), ("_uitoa", 65000), ("_ltoa", -70000), ("_ultoa", 4_000_000_000)]
+)
+def test_sdccs_functions_take_the_number_first(function: str, value: int) -> None:
+    suffix = "UL" if value > 70000 else "L" if "l" in function else "U" if value > 0 else ""
+    call = f"{function}({value}{suffix}, b, 10)"
+    text = f"#include <stdlib.h>\nchar b[18];\nvoid main(void) {{ {call}; while (1); }}"
+    assert int(memory(text, "sdcc")["b"].split(b"\0")[0]) == value
+
+
+@pytest.mark.parametrize("dialect", ["xc8", "sdcc"])
+@pytest.mark.parametrize("value", [0, 1, -1, 12345, -12345, -32767, 70000, -70000, 1 - 2**31])
+def test_absolute_values_are_pythons(value: int, dialect: str) -> None:
+    call = f"n = abs({value});" if abs(value) < 2**15 else ""
+    text = f"#include <stdlib.h>\nint n; long m; void main(void) {{ {call} m = labs({value}L); while (1); }}"
+    found = memory(text, dialect)
+    assert int.from_bytes(found["m"], "little") == abs(value)
+    if call:
+        assert int.from_bytes(found["n"], "little") == abs(value)
+
+
+@pytest.mark.parametrize("text", [" \t-32768", "+17x", "-", "", "0x10", "  42 43"])
+def test_a_number_is_read_up_to_what_is_not_a_digit(text: str) -> None:
+    digits = re.match(r"\s*([+-]?\d+)", text)
+    expected = int(digits[1]) if digits else 0
+    literal = text.replace("\t", "\\t")
+    source = (
+        "#include <stdlib.h>\nint n; long m;\n"
+        f'void main(void) {{ n = atoi("{literal}"); m = atol("{literal}"); while (1); }}'
+    )
+    found = memory(source)
+    assert int.from_bytes(found["n"], "little", signed=True) == expected
+    assert int.from_bytes(found["m"], "little", signed=True) == expected
+
+
 def test_rand_is_the_generator_of_the_c_standard() -> None:
     text = "#include <stdlib.h>\nint a, b; void main(void) { srand(5); a = rand(); b = rand(); while (1); }"
     state, expected = 5, []
@@ -148,6 +209,49 @@ def test_characters_are_classed_as_python_classes_them() -> None:
     found = memory(text, cycles=800_000)
     assert list(found["sums"]) == sums
     assert list(found["changed"]) == changed
+
+
+def test_other_classes_of_characters_are_pythons() -> None:
+    classes = {
+        "isxdigit": set(string.hexdigits),
+        "ispunct": set(string.punctuation),
+        "isgraph": set(string.ascii_letters + string.digits + string.punctuation),
+        "iscntrl": {chr(c) for c in (*range(32), 127)},
+    }
+    masks = " | ".join(f"({name}(c) ? {1 << bit} : 0)" for bit, name in enumerate(classes))
+    text = (
+        "#include <ctype.h>\nunsigned char sums[16];\n"
+        "void main(void) { unsigned char c = 0; do {"
+        f" sums[c >> 4] = sums[c >> 4] * 31 + ({masks}); }} while (++c); while (1); }}"
+    )
+    sums = [0] * 16
+    for c in range(256):
+        mask = sum((chr(c) in members) << bit for bit, members in enumerate(classes.values()))
+        sums[c >> 4] = (sums[c >> 4] * 31 + mask) & 0xFF
+    assert list(memory(text, cycles=800_000)["sums"]) == sums
+
+
+@pytest.mark.parametrize("dialect", ["xc8", "c2c", "sdcc"])
+def test_memory_is_set_copied_and_searched(dialect: str) -> None:
+    text = """
+#include <string.h>
+const unsigned char table[4] = { 9, 8, 7, 6 };
+unsigned char a[6], b[6], place, missing, same;
+void main(void) {
+  memset(a, 0xA5, 5);
+  memcpy(a + 1, table, 3);
+  same = memcpy(b, a, 6) == b;
+  place = (unsigned char *)memchr(b, 7, 6) - b;
+  missing = memchr(b, 7, 3) == 0;
+  memmove(b, b + 1, 4);
+  memset(b, 1, 0);
+  while (1);
+}"""
+    state = memory(text, dialect)
+    copied = bytes((0xA5, 9, 8, 7, 0xA5, 0))
+    assert state["a"] == copied
+    assert state["b"] == copied[1:5] + copied[4:]
+    assert (state["place"][0], state["missing"][0], state["same"][0]) == (copied.index(7), 1, 1)
 
 
 def test_strings_are_copied_joined_compared_and_searched() -> None:

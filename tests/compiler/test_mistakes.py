@@ -7,16 +7,18 @@ about a line, in words of its own, must be said here too.
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 import subprocess
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from servogen.compiler import CompileError, Options, Source, compile_sources, driver
-from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.diagnostics import WARNINGS, Reporter
 from servogen.errors import Diagnostic
 from servogen.pic.device import register_bits, registers
 from servogen.programs import dialect_of, included_names
@@ -57,9 +59,11 @@ def mistakes() -> list[Mistake]:
 ALL = mistakes()
 
 
-def reported(mistake: Mistake) -> tuple[Diagnostic, ...]:
+@cache
+def reported(mistake: Mistake, unwanted: frozenset[str] = frozenset()) -> tuple[Diagnostic, ...]:
+    options = Options(mistake.dialect, unwanted=unwanted)
     try:
-        return compile_sources([Source(mistake.text)], Options(mistake.dialect)).diagnostics
+        return compile_sources([Source(mistake.text)], options).diagnostics
     except CompileError as error:
         return error.diagnostics
 
@@ -74,6 +78,38 @@ def test_there_are_at_least_a_hundred_and_each_states_what_is_reported() -> None
 def test_a_mistake_is_named_in_its_line_and_nothing_else_is(mistake: Mistake) -> None:
     found = {(each.location.line, each.code) for each in reported(mistake)}
     assert found == mistake.expected
+
+
+OTHERS = (
+    Mistake("pragma", "#pragma unknown\nvoid main(void) { }\n", "c2c"),
+    Mistake("message", "#warning later\nvoid main(void) { }\n", "c2c"),
+    Mistake("escape", "char a;\nvoid main(void) { a = '\\q'; }\n", "c2c"),
+    Mistake("delay", "#pragma CLOCK_FREQ 3579545\nvoid main(void) { delay_us(10); }\n", "c2c"),
+)
+"""Warnings that are not about mistakes of students."""
+
+
+@pytest.mark.parametrize("code", sorted(WARNINGS))
+def test_each_warning_can_be_switched_off_alone(code: str) -> None:
+    for mistake in (*ALL, *OTHERS):
+        found = reported(mistake)
+        named = {each for each in found if (each.severity, each.code) == ("warning", code)}
+        if named:
+            rest = tuple(each for each in found if each not in named)
+            assert reported(mistake, frozenset((code,))) == rest
+            return
+    pytest.fail(f"no program has this warning: {code}")
+
+
+def test_the_warnings_are_those_that_the_source_gives() -> None:
+    given = set()
+    for path in Path(driver.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("reporter.warn"):
+                code = node.args[0]
+                assert isinstance(code, ast.Constant), f"{path}:{node.lineno}"
+                given.add(code.value)
+    assert given == WARNINGS
 
 
 @pytest.mark.skipif(CLANG is None, reason="clang is not installed")

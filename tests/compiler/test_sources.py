@@ -48,10 +48,19 @@ def errors(text: str, **options: object) -> list[str]:
         ("#pragma DATA 0x2007, 0x3FF9\n" + EMPTY, 0x3FF9),
         ("#pragma DATA _CONFIG, _HS_OSC & _WDT_OFF & _PWRTE_ON & _CP_OFF\n" + EMPTY, 0x3FF2),
         ("void main(void) { __CONFIG(FOSC_HS & WDTE_OFF & PWRTE_ON); }", 0x3FF2),
+        (f"typedef unsigned int word;\nword __at 0x2007 CONFIG = 0x3FF9;\n{EMPTY}", 0x3FF9),
+        (f"#include <pic16f84a.h>\n__code unsigned __at(_CONFIG) c = _HS_OSC & _WDT_OFF;\n{EMPTY}", 0x3FFA),
     ],
 )
 def test_the_configuration_word(text: str, word: int) -> None:
-    assert build(text, dialect="xc8" if "CONFIG(" in text else "c2c").image.config == word
+    dialect = "xc8" if "CONFIG(" in text else "sdcc" if "__at" in text else "c2c"
+    assert build(text, dialect=dialect).image.config == word
+
+
+@pytest.mark.parametrize("text", [f"__IDLOC(12AF);\n{EMPTY}", "void main(void) { __IDLOC(12AF); }"])
+def test_each_digit_of_idloc_is_in_a_word_of_its_own(text: str) -> None:
+    assert build(text, dialect="xc8").image.ids == {0: 0x1, 1: 0x2, 2: 0xA, 3: 0xF}
+    assert not build(EMPTY, dialect="xc8").image.ids
 
 
 @pytest.mark.parametrize(
