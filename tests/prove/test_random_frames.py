@@ -27,10 +27,10 @@ def test_a_certificate_that_lacks_states_would_be_noticed() -> None:
 def test_a_state_that_is_another_one_would_be_noticed(column: str) -> None:
     aim = target()
     cells = aim.claim.columns[column]
-    columns = {**aim.claim.columns, column: [cell ^ 1 & ~(cell >> 8) for cell in cells]}
+    known = ~(cells >> 8) & 1
+    columns = {**aim.claim.columns, column: cells ^ known}
     other = replace(aim, claim=replace(aim.claim, columns=columns))
-    changed = columns[column] != cells
-    assert bool(list(walk(other, 1, FRAMES))) == bool(changed)
+    assert bool(list(walk(other, 1, FRAMES))) == bool(known.any())
 
 
 def test_a_wrong_edge_would_be_noticed() -> None:
