@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -49,6 +50,16 @@ def test_constraints_hold_a_version_that_pyproject_allows(requirement: Requireme
 
 def test_an_excluded_version_would_be_seen() -> None:
     assert PINS["numpy"] not in Requirement("numpy<2").specifier
+
+
+def test_every_folder_of_tests_is_collected(request: pytest.FixtureRequest) -> None:
+    """By default pytest skips folders that are named `build`, among others."""
+    skipped = request.config.getini("norecursedirs")
+    folders = {
+        part for path in (ROOT / "tests").rglob("test_*.py") for part in path.relative_to(ROOT).parts[:-1]
+    }
+    assert "build" in folders
+    assert not [folder for folder in sorted(folders) if any(fnmatch(folder, each) for each in skipped)]
 
 
 def test_libraries_that_only_some_commands_need_are_extras() -> None:

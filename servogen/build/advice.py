@@ -102,11 +102,22 @@ def _walk_changes(job: PlannedJob, walk: WalkTable) -> Iterator[list[Change]]:
     yield [Change("walk", "lift_mm", value, f"lift_mm = {value:g}") for value in lower]
     if walk.gait != "tripod" and walk.duty is None:
         yield [Change("walk", "gait", "tripod", 'gait = "tripod"')]
-    route = tuple(job.document.data["walk"]["route"])
-    if len(route) > 1:
+    if len(walk.route) > 1:
+        route = tuple(job.document.data["walk"]["route"])
         yield [
             Change("walk", "route", route[:count], f"only the first {counted(count, 'segment')} of the route")
             for count in range(len(route) - 1, 0, -1)
+        ]
+    if walk.commands is not None and walk.commands.forward_mm and walk.commands.turn_deg:
+        asked = job.document.data["walk"]["commands"]
+        yield [
+            Change(
+                "walk",
+                "commands",
+                {key: value for key, value in asked.items() if key != without},
+                f"commands without {without}",
+            )
+            for without in ("turn_deg", "forward_mm")
         ]
 
 

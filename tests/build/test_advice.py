@@ -81,6 +81,20 @@ def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     assert "segment 4 alone takes" in parts
 
 
+def test_a_walk_on_command_that_does_not_fit_has_changes_that_do() -> None:
+    text = (ROOT / "jobs" / "hexapod-command.toml").read_text().replace('gait = "tripod"', 'gait = "wave"')
+    error = refused(text)
+    assert error.code == "does-not-fit" and error.hint is not None
+    assert 'gait = "tripod" (' in error.hint
+    found = re.search(
+        r"commands without turn_deg \((\d+) bytes of motion, (\d+) words, ([\d.]+) µs\)", error.hint
+    )
+    assert found
+    made = planned(plan_job(loads(text.replace("turn_deg = 20, ", ""), "job.toml")))
+    assert made.data_bytes == int(found[1])
+    assert made.make("c2c").compilation.words == int(found[2])
+
+
 def test_nothing_is_tried_for_other_errors() -> None:
     """A pulse of 10 cycles fits no change of the motion."""
     text = job_text(1, poses([[31], [77]], 1), clock_hz=125_000, firmware="max_error_us = 20")

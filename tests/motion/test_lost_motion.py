@@ -150,6 +150,12 @@ def test_nothing_lost_is_nothing_changed_and_a_swing_that_suffices_stays() -> No
     )
 
 
+def test_nothing_is_taken_up_where_no_foot_leaves_the_ground() -> None:
+    made = walked("tripod", 0.13, Segment(), LOST)
+    assert made.ground.all() and made.beyond == 0
+    assert made.lost_motion_text() is None
+
+
 def test_the_swing_is_lengthened_by_a_limited_share_and_that_is_said() -> None:
     made = walked("tripod", 0.13, Segment(forward=0.005, cycles=2), math.radians(3))
     assert made.beyond == MAX_BEYOND

@@ -155,8 +155,11 @@ class Walk:
         )
 
     def lost_motion_text(self) -> str | None:
-        """Return in words how the swings take up the servos' lost motion; None if that is not compensated."""
-        if self.lost <= 0:
+        """Return in words how the swings take up the servos' lost motion.
+
+        None if that is not compensated, or no foot ever leaves the ground.
+        """
+        if self.lost <= 0 or self.ground.all():
             return None
         lost = f"lost motion of {math.degrees(self.lost):.2f}°"
         if self.beyond <= 0:

@@ -3,9 +3,16 @@
 import pytest
 
 from tests.engines.player.player_jobs import ROOT
-from tests.engines.player.sizes import JOBS, row
+from tests.engines.player.sizes import JOBS, flash, row
 
 
 @pytest.mark.parametrize("name", JOBS)
 def test_the_table_in_the_docs_is_what_is_measured(name: str) -> None:
     assert row(name) in (ROOT / "docs" / "firmware.md").read_text()
+
+
+def test_the_map_of_the_flash_in_the_docs_is_what_is_measured() -> None:
+    text = (ROOT / "docs" / "firmware.md").read_text()
+    assert f"| flash, words of `{JOBS[0]}` |" in text
+    for part, words in flash(JOBS[0]).items():
+        assert f"\n| {words} | {part}" in text
