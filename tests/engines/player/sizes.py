@@ -1,7 +1,7 @@
 """Measures what the player's tables hold for the kept jobs.
 
-`python -m tests.engines.player.sizes` prints the rows of two tables in docs/firmware.md: of the jobs, and of the
-flash of one of them.
+`python -m tests.engines.player.sizes` prints the rows of two tables in docs/firmware.md: of the
+jobs, and of the flash of one of them.
 """
 
 from __future__ import annotations
