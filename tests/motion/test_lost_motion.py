@@ -159,7 +159,7 @@ def test_nothing_is_taken_up_where_no_foot_leaves_the_ground() -> None:
 def test_the_swing_is_lengthened_by_a_limited_share_and_that_is_said() -> None:
     made = walked("tripod", 0.13, Segment(forward=0.005, cycles=2), math.radians(3))
     assert made.beyond == MAX_BEYOND
-    assert "15.0 % of their length more, so that part of the servos' lost motion" in str(
+    assert "a further 15.0 % of their length, so that part of the servos' lost motion" in str(
         made.lost_motion_text()
     )
 
@@ -197,8 +197,8 @@ def test_a_job_compensates_unless_it_says_otherwise() -> None:
     notes = [note.message for note in on.notes if note.code == "lost-motion"]
     assert len(notes) == 1
     assert re.fullmatch(
-        r"the swings overshoot their footholds by \d\.\d % of their length more, so that the servos' lost "
-        r"motion of 1\.44° is taken up before the feet land \(assumed: dead_band_us\)",
+        r"the swings overshoot their footholds by a further \d\.\d % of their length, so that the servos' "
+        r"lost motion of 1\.44° is taken up before the feet land \(assumed: dead_band_us\)",
         notes[0],
     )
     assert not [note for note in off.notes if note.code == "lost-motion"]

@@ -166,7 +166,7 @@ class Walk:
             return f"the swings take up the servos' {lost} before the feet land"
         what = "part of the servos'" if self.beyond >= MAX_BEYOND else "the servos'"
         return (
-            f"the swings overshoot their footholds by {100 * self.beyond:.1f} % of their length more, "
+            f"the swings overshoot their footholds by a further {100 * self.beyond:.1f} % of their length, "
             f"so that {what} {lost} is taken up before the feet land"
         )
 
