@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -18,7 +19,7 @@ from servogen.bench.inputs.adapter import (
     SerialAdapter,
     input_adapter,
 )
-from servogen.bench.inputs.firmata import Command, Kind, Mode, Reader
+from servogen.bench.inputs.firmata import Command, Kind, Message, Mode, Reader
 from servogen.bench.inputs.wiring import MARK_CHANNEL, input_wiring
 from servogen.bench.ports import open_port
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
@@ -133,6 +134,81 @@ def until(true: Callable[[], object], seconds: float = 30) -> None:
     while not true():
         assert time.monotonic() < end
         time.sleep(0.01)
+
+
+ANNOUNCEMENT = bytes((0xF9, 2, 8, 0xF0, 0x79, 2, 8)) + b"".join(
+    bytes((ord(letter), 0)) for letter in "ConfigurableFirmata"
+)
+"""REPORT_VERSION and REPORT_FIRMWARE, without the end of the latter (protocol.md)."""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux has inotify")
+def test_opening_the_port_resets_the_board_which_says_what_it_is(serve: Serve) -> None:
+    rig = Rig(program(IDLE))
+    path = serve({"inputs": rig.board}).paths["inputs"]
+    with open_port(path, 57_600) as port:
+        assert port.read_whole(len(ANNOUNCEMENT) + 1, 30) == ANNOUNCEMENT + b"\xf7"
+        port.write(firmata.pin_mode(2, Mode.OUTPUT) + firmata.pin_value(2, 1))
+        until(lambda: rig.chip.word >> RB0 & 1)
+    with open_port(path, 57_600) as port:
+        port.write(bytes((Kind.VERSION,)))  # at once: the announcement still comes before the answer
+        assert port.read_whole(len(ANNOUNCEMENT) + 4, 30) == ANNOUNCEMENT + b"\xf7\xf9\x02\x08"
+        assert not rig.chip.word >> RB0 & 1
+
+
+@pytest.mark.parametrize("options", [BoardOptions(silent=True), BoardOptions(garbage=True)])
+def test_a_broken_board_does_not_say_what_it_is(options: BoardOptions) -> None:
+    board = Rig(program(IDLE), options=options).board
+    board.restarted()
+    assert not board.outgoing
+
+
+def test_inputs_are_reported_when_they_change_until_they_are_not_asked_for() -> None:
+    """RB0 is bit 2 of port 0, RB5 is bit 7, whose level has a byte of its own (protocol.md)."""
+    rig = Rig(program(IDLE))
+    rb1, rb5 = (PINS.index(name) for name in ("RB1", "RB5"))
+
+    def reported(message: bytes = b"") -> str:
+        rig.board.received(message)
+        rig.chip.run(10)
+        found = rig.board.outgoing.hex(" ")
+        rig.board.outgoing.clear()
+        return found
+
+    assert reported(bytes((Kind.REPORT_DIGITAL, 1))) == "90 00 00", "the levels now"
+    assert reported() == ""
+    rig.chip.drive(RB0, 1)
+    assert reported() == "90 04 00"
+    rig.chip.drive(rb5, 1)
+    assert reported() == "90 04 01"
+    assert reported(firmata.pin_mode(3, Mode.OUTPUT) + firmata.pin_value(3, 1)) == "", "pin 3 is an output"
+    assert rig.chip.word >> rb1 & 1
+    assert reported(firmata.pin_mode(2, Mode.OUTPUT)) == "90 00 01", "and pin 2 now as well"
+    assert reported(firmata.pin_mode(2, Mode.PULL_UP)) == "90 04 01"
+    assert reported(bytes((Kind.REPORT_DIGITAL, 0))) == ""
+    rig.chip.drive(rb5, 0)
+    assert reported() == ""
+
+
+def test_the_board_answers_what_other_clients_send() -> None:
+    """What firmata 2.3.0 (npm) and pyfirmata2 2.5.1 (PyPI) send to drive pin 2 and read pin 22."""
+    rig = Rig(program(IDLE))
+
+    def answers(text: str) -> list[Message]:
+        rig.board.received(bytes.fromhex(text))
+        found = list(Reader().read(bytes(rig.board.outgoing)))
+        rig.board.outgoing.clear()
+        return found
+
+    assert answers("F9") == [Message(Kind.VERSION, b"\x02\x08")]
+    (firmware,) = answers("F0 79 F7")
+    assert firmware.data == ANNOUNCEMENT[4:]
+    (capabilities,) = answers("F0 6B F7")
+    assert capabilities.data[0] == 0x6C and capabilities.data.count(0x7F) == 70
+    (analog,) = answers("F0 69 F7")
+    assert analog.data == bytes((0x6A, *70 * [0x7F]))
+    assert answers("F4 02 01 90 04 00 F4 16 00 D2 01 F0 7A 13 00 F7") == [Message(0x92, bytes(2))]
+    assert rig.chip.word >> RB0 & 1
 
 
 def test_the_client_stores_a_run_on_the_board_and_starts_it(serve: Serve) -> None:

@@ -72,10 +72,23 @@ class VirtualBoard:
     _tasks: dict[int, _Stored] = field(default_factory=dict)
     _bauds: dict[int, int] = field(default_factory=dict)
     _sent_until: dict[int, int] = field(default_factory=dict)
+    _reported: dict[int, int] = field(default_factory=dict)
+    """The levels that the client knows of each port whose changes it asked for."""
 
     def __post_init__(self) -> None:
         self.chip.alarms.append(self)
+        self.chip.listeners.append(lambda levels, cycle: self._report_changes())
         self._restart()
+
+    def restarted(self) -> None:
+        """Begin anew and say what the board is, as an Arduino does whose port is opened."""
+        if self.options.silent or self.options.garbage or self.gone:
+            return
+        self.outgoing.clear()
+        self._reader = Reader(asks_version=True)
+        self._restart()
+        self._version()
+        self._firmware(b"")
 
     @property
     def name(self) -> str:
@@ -103,6 +116,7 @@ class VirtualBoard:
             return
         for message in self._reader.read(data):
             self._obey(message)
+        self._report_changes()
 
     def next_at(self) -> int | None:
         """Return the chip's cycle at which a stored run goes on."""
@@ -136,8 +150,9 @@ class VirtualBoard:
         return whole(Fraction(ms, 1000) * self.chip.cycles_per_second)
 
     def _restart(self) -> None:
-        """Forget modes and runs, as after a reset: StandardFirmata drives all its pins low."""
+        """Forget modes, runs and reports, as after a reset: StandardFirmata drives all its pins low."""
         self._tasks.clear()
+        self._reported.clear()
         mode = Mode.INPUT if self.options.scheduler else Mode.OUTPUT
         for pin in range(FIRST_PIN, PINS_OF_A_MEGA):
             self._modes[pin], self._levels[pin] = mode, 0
@@ -155,10 +170,10 @@ class VirtualBoard:
             levels = message.data[0] | message.data[1] << 7
             for bit in range(8):
                 self._set_level(8 * (message.kind & 0x0F) + bit, levels >> bit & 1)
-        elif message.kind & 0xF0 == Kind.REPORT_DIGITAL and message.data[0]:
-            self._report(message.kind & 0x0F)
+        elif message.kind & 0xF0 == Kind.REPORT_DIGITAL:
+            self._set_reporting(message.kind & 0x0F, bool(message.data[0]))
         elif message.kind == Kind.VERSION:
-            self.outgoing += bytes((Kind.VERSION, *FIRMATA_VERSION))
+            self._version()
         elif message.kind == Kind.RESET:
             self._restart()
 
@@ -194,13 +209,39 @@ class VirtualBoard:
             if own == pin:
                 self.chip.connect(frozenset(PINS.index(name) for name in contact), level == HIGH)
 
-    def _report(self, port: int) -> None:
-        levels = self.chip.word
+    def _set_reporting(self, port: int, wanted: bool) -> None:
+        """Report a port's inputs now and whenever they change, or no longer."""
+        self._reported.pop(port, None)
+        if wanted:
+            self._report(port, self._inputs(port))
+
+    def _report_changes(self) -> None:
+        """Report the inputs that are not as the client knows them."""
+        for port, known in list(self._reported.items()):
+            found = self._inputs(port)
+            if found != known:
+                self._report(port, found)
+
+    def _report(self, port: int, levels: int) -> None:
+        self._reported[port] = levels
+        self.outgoing += bytes((Kind.DIGITAL | port, levels & 0x7F, levels >> 7))
+
+    def _inputs(self, port: int) -> int:
+        """Return the levels at a port's pins that are inputs; the others are 0."""
+        word = self.chip.word
+        wired = {pin: PINS.index(name) for name, pin in self.wiring.pins.items() if name in PINS}
         found = 0
-        for name, pin in self.wiring.pins.items():
-            if pin // 8 == port and name in PINS:
-                found |= (levels >> PINS.index(name) & 1) << pin % 8
-        self.outgoing += bytes((Kind.DIGITAL | port, found & 0x7F, found >> 7))
+        for bit in range(8):
+            pin = 8 * port + bit
+            mode = self._modes.get(pin)
+            if pin in wired and mode in (Mode.INPUT, Mode.PULL_UP):
+                found |= (word >> wired[pin] & 1) << bit
+            elif mode == Mode.PULL_UP:
+                found |= 1 << bit
+        return found
+
+    def _version(self) -> None:
+        self.outgoing += bytes((Kind.VERSION, *FIRMATA_VERSION))
 
     def _command(self, number: bytes, data: bytes) -> None:
         commands: Mapping[int, Callable[[bytes], None]] = {

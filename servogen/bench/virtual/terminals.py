@@ -10,11 +10,12 @@ import os
 import select
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from servogen.bench.virtual.openings import Openings
 from servogen.errors import ToolError
 
 if os.name == "posix":
@@ -25,6 +26,11 @@ if os.name == "posix":
 READ_BYTES = 4096
 POLL_S = 0.05
 PASSED_ON_S = 0.2
+STARTED_S = 0.5
+"""From the opening of a port to the restart of its device, unless the client sends something earlier.
+
+A client discards what it has received when it opens a port, and would miss what came at once.
+"""
 
 
 class Device(Protocol):
@@ -44,6 +50,14 @@ class Device(Protocol):
     def work(self) -> None: ...
 
 
+@runtime_checkable
+class ResetByOpening(Protocol):
+    """A device that the modem lines of its port reset when a client opens it."""
+
+    def restarted(self) -> None:
+        """Begin anew, as after a reset."""
+
+
 @dataclass(slots=True)
 class _Terminal:
     device: Device
@@ -51,6 +65,8 @@ class _Terminal:
     slave: int
     """Kept open, so that the terminal outlives its clients."""
     sent_at: float = 0.0
+    opened_at: float | None = None
+    """When a client opened it whose device has not restarted yet."""
 
 
 class Terminals:
@@ -64,6 +80,7 @@ class Terminals:
                 hint="servogen simulate and servogen watch run programs without them",
             )
         self._open: dict[str, _Terminal] = {}
+        self._openings = Openings()
         self.paths: dict[str, str] = {}
         for name, device in devices.items():
             master, slave = os.openpty()
@@ -71,6 +88,8 @@ class Terminals:
             os.set_blocking(master, False)
             self._open[name] = _Terminal(device, master, slave)
             self.paths[name] = os.ttyname(slave)
+            if isinstance(device, ResetByOpening):
+                self._openings.watch(self.paths[name])
 
     def serve(self, ended: Callable[[], bool]) -> None:
         """Transfer bytes until `ended`."""
@@ -80,14 +99,18 @@ class Terminals:
     def close(self) -> None:
         for name in list(self._open):
             self._unplug(name)
+        self._openings.close()
 
     def _turn(self) -> None:
         masters = {terminal.master: terminal for terminal in self._open.values()}
         sending = [fd for fd, terminal in masters.items() if terminal.device.outgoing]
         busy = any(terminal.device.working for terminal in masters.values())
-        readable, writable, _ = select.select(list(masters), sending, (), 0 if busy else POLL_S)
+        openings = [] if self._openings.handle is None else [self._openings.handle]
+        readable, writable, _ = select.select([*masters, *openings], sending, (), 0 if busy else POLL_S)
+        self._restart(readable)
         for fd in readable:
-            _receive(masters[fd])
+            if fd in masters:
+                _receive(masters[fd])
         for fd in writable:
             _send(masters[fd])
         for name, terminal in list(self._open.items()):
@@ -95,6 +118,20 @@ class Terminals:
                 terminal.device.work()
             if terminal.device.gone and not terminal.device.outgoing and not _unread(terminal):
                 self._unplug(name)
+
+    def _restart(self, readable: Sequence[int]) -> None:
+        """Restart the devices whose ports have been opened, before they take what the client sends."""
+        now = time.monotonic()
+        for path, opened in self._openings.changes():
+            for name, terminal in self._open.items():
+                if self.paths[name] == path:
+                    terminal.opened_at = now if opened else None
+        for terminal in self._open.values():
+            due = terminal.opened_at is not None and now >= terminal.opened_at + STARTED_S
+            if terminal.opened_at is not None and (due or terminal.master in readable):
+                terminal.opened_at = None
+                assert isinstance(terminal.device, ResetByOpening)  # no other one is watched
+                terminal.device.restarted()
 
     def _unplug(self, name: str) -> None:
         terminal = self._open.pop(name)
