@@ -14,15 +14,10 @@ from collections.abc import Callable
 import numpy as np
 
 from servogen.errors import InputError
-from servogen.kinematics.hexapod import feet
-from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.twin import Ground, Settings, Variation, Verdict
-from tests.twin.walking import SUPPLIED, Firmware, walking
+from tests.twin.walking import CURVE, SUPPLIED, TURN, WALK, Firmware, rigid_end, walking
 
 FRICTIONS = (0.3, 0.5, 0.8, 1.0)
-WALK = "{ forward_mm = 40, cycles = 4 }"
-TURN = "{ turn_deg = 20, cycles = 9 }"
-CURVE = "{ forward_mm = 30, turn_deg = 10, cycles = 9 }"
 
 
 def shown(verdict: Verdict) -> str:
@@ -107,12 +102,9 @@ def oracle() -> None:
     """The quasi-static model against the physics: planned, and with the joint angles that the physics had."""
     for name, rows in (("straight", WALK), ("turn", TURN), ("curve", CURVE)):
         seen = walking(rows, extra=SUPPLIED).twin()
-        rig, record, rigid = seen.record.rig, seen.record, seen.planned.rigid
+        rigid = seen.planned.rigid
         assert rigid is not None
-        angles = record.angle[record.first :: 4]
-        joints = [each.position(angles[:, index]) for index, each in enumerate(rig.bindings)]
-        legs = feet(rig.robot, np.stack(joints, axis=1).reshape(len(angles), -1, 2))  # type: ignore[arg-type]
-        x, y, yaw = rigid_body_path(legs, (0.0, 0.0)).pose[-1].tolist()
+        x, y, yaw = rigid_end(seen)
         planned = f"{1000 * rigid[-1, 0]:.1f} {1000 * rigid[-1, 1]:.1f} mm {math.degrees(rigid[-1, 2]):.1f}°"
         print(
             f"{name}: physics {shown(seen)}; rigid legs as planned {planned}, "

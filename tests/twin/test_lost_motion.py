@@ -7,9 +7,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
 from servogen.twin import Ground, Settings
-from tests.twin.walking import SUPPLIED, walking
-
-WALK, TURN = "{ forward_mm = 40, cycles = 4 }", "{ turn_deg = 20, cycles = 9 }"
+from tests.twin.walking import SUPPLIED, TURN, WALK, walking
 
 
 def share_of_way(compensate: bool) -> float:

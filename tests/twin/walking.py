@@ -8,9 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from servogen.build.engines import Planned, planned
 from servogen.build.twinning import twin_of_image
 from servogen.job import PlannedJob, loads, plan_job
+from servogen.kinematics.hexapod import feet
+from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.pic.image import Image
 from servogen.twin import Settings, Verdict
 
@@ -74,3 +78,17 @@ def firmware(text: str) -> Firmware:
 
 AHEAD = "{ forward_mm = 40, cycles = 2 }"
 SUPPLIED = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.1\n"
+
+WALK = "{ forward_mm = 40, cycles = 4 }"
+TURN = "{ turn_deg = 20, cycles = 9 }"
+CURVE = "{ forward_mm = 30, turn_deg = 10, cycles = 9 }"
+
+
+def rigid_end(verdict: Verdict) -> tuple[float, float, float]:
+    """Return x, y and yaw to which rigid legs with the joint angles of the physics would take the body."""
+    rig, record = verdict.record.rig, verdict.record
+    angles = record.angle[record.first :: 4]
+    joints = [each.position(angles[:, index]) for index, each in enumerate(rig.bindings)]
+    legs = feet(rig.robot, np.stack(joints, axis=1).reshape(len(angles), -1, 2))  # type: ignore[arg-type]
+    x, y, yaw = rigid_body_path(legs, (0.0, 0.0)).pose[-1].tolist()
+    return x, y, yaw
