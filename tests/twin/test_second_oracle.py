@@ -32,7 +32,7 @@ def test_with_the_joint_angles_of_the_physics_it_goes_where_the_physics_goes(rou
 
 @pytest.mark.parametrize("route", [WALK, TURN])
 def test_the_path_of_the_plan_is_the_one_of_the_physics(route: str) -> None:
-    """Of the curve it is not: where the joints lag behind the plan, the direction of all that follows changes."""
+    """Of the curve it is not: where joints lag, the direction of all that follows changes."""
     seen = walking(route, extra=SUPPLIED).twin()
     way, turn = apart(planned_end(seen), seen.done)
     assert way <= 5 and turn <= 3
