@@ -22,7 +22,7 @@ from servogen.pulse import from_json
 
 ROOT = Path(__file__).parent.parent.parent
 JOBS = ("lab8-program", "lab8-exercise", "lab9-program", "lab9-exercise")
-MUTATIONS = 200
+MUTATIONS = 60
 
 
 @cache
