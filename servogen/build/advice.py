@@ -89,7 +89,7 @@ def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:
         yield [Change("motion", "poses", poses[:count], f"only the first {count} poses") for count in counts]
     limit = job.firmware.max_error_us
     if error.code == "beyond-max-error":
-        larger = [math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)]
+        larger = sorted({math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)})
         yield [Change("firmware", "max_error_us", value, f"max_error_us = {value}") for value in larger]
 
 

@@ -104,8 +104,11 @@ def _planned(job: PlannedJob) -> Planned:
     if not isinstance(smallest, ResourceError):
         raise smallest
     title = engine_named(names[-1]).title
+    codes = {error.code for error in refused}
     raise ResourceError(
-        "does-not-fit", f"{smallest.message}; nor can {title}: {largest.message}", hint=largest.hint
+        codes.pop() if len(codes) == 1 else "does-not-fit",
+        f"{smallest.message}; nor can {title}: {largest.message}",
+        hint=largest.hint,
     )
 
 

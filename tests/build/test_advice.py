@@ -95,6 +95,15 @@ def test_a_walk_on_command_that_does_not_fit_has_changes_that_do() -> None:
     assert made.make("c2c").compilation.words == int(found[2])
 
 
+def test_a_limit_that_no_engine_keeps_has_a_larger_one_that_fits() -> None:
+    """The widths of lab9-exercise are whole cycles, 0.433 µs off."""
+    text = (ROOT / "jobs" / "lab9-exercise.toml").read_text() + "\n[firmware]\nmax_error_us = 0.4\n"
+    error = refused(text)
+    assert error.code == "beyond-max-error" and "nor can the player" in error.message
+    assert error.hint is not None and re.search(r"max_error_us = 1 \([^)]*, 0\.433 µs\)", error.hint)
+    assert planned(plan_job(loads(text.replace("= 0.4\n", "= 1\n"), "job.toml"))).engine == "sequence"
+
+
 def test_nothing_is_tried_for_other_errors() -> None:
     """A pulse of 10 cycles fits no change of the motion."""
     text = job_text(1, poses([[31], [77]], 1), clock_hz=125_000, firmware="max_error_us = 20")
