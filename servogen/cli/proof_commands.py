@@ -293,10 +293,10 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         line = _any_line(program, job)
     if json:
         found = _proof_to_json(proof, file, request, schedule)
-        as_json(found if line is None else found | _line_to_json(line))
+        as_json(found if line is None else found | _line_to_json(line, proof, schedule))
     else:
         lines = _lines(proof, file, request, schedule)
-        print("\n".join(lines if line is None else _line_lines(line, lines)))
+        print("\n".join(lines if line is None else _line_lines(line, proof, schedule)))
     return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
 
 
@@ -322,26 +322,41 @@ def _any_line(program: Program, job: PlannedJob) -> LineProof:
         return prove_line(program.image, program.listing, job, stream(job)[1], tell)
 
 
-def _line_lines(line: LineProof, idle: list[str]) -> list[str]:
+def _line_lines(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[str]:
     """Return the answer for any line as text; `idle` is the one for an idle line."""
+    size = f"{idle.states} states, {idle.runs} runs of {idle.cycles} cycles together"
     if not line.proven:
-        return [f"not decided for any line: {line.reason}", *(f"  idle line: {idle[0]}" for _ in idle[:1])]
+        return [
+            f"not decided for any line: {line.reason}",
+            f"  with an idle line every edge is the schedule's: {size}",
+        ]
     return [
         "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
         "at its slot's cycle and is as wide as complete commands say",
         *(f"  {finding}" for finding in line.findings),
-        *idle[1:],
-        *(f"    {assumption}" for assumption in line.assumptions),
+        "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
+        f"  {size}",
+        "  assumed:",
+        *(f"    {assumption}" for assumption in _of_any_line(line, idle, schedule)),
     ]
 
 
-def _line_to_json(line: LineProof) -> dict[str, object]:
+def _of_any_line(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[str]:
+    """Return the assumptions: of those of the proof with an idle line, the ones that concern every line."""
+    from servogen.prove.prover import AS_IN_THE_FILE, held_assumptions
+
+    of_idle = {AS_IN_THE_FILE, *held_assumptions(idle.held, schedule)}
+    return [*(each for each in idle.assumptions if each not in of_idle), *line.assumptions]
+
+
+def _line_to_json(line: LineProof, idle: Proof, schedule: PulseSchedule) -> dict[str, object]:
     """Return the answer for any line as values of JSON."""
     answer = "proven" if line.proven else "not decided"
     return {
         "answer": answer,
         "reason": line.reason,
-        "any_line": {"findings": list(line.findings), "assumptions": list(line.assumptions)},
+        "any_line": list(line.findings),
+        "assumptions": _of_any_line(line, idle, schedule),
     }
 
 

@@ -6,7 +6,7 @@ assumptions, a counterexample that a plain run has shown, or why it is not decid
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
@@ -267,10 +267,7 @@ class _Prover:
             write = "at most " if self._quantifiers.eeprom_write else ""
             assumptions.append(f"an EEPROM write takes {write}{self._write_us / 1000:g} ms")
         assumptions += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
-        for pin, level in sorted(self._held.items()):
-            assumptions.append(
-                f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}"
-            )
+        assumptions += held_assumptions(self._held, self._schedule)
         if not self._quantifiers.tmr0_phase:
             assumptions.append("TMR0 counts from the cycle after OPTION_REG is written")
         return tuple(assumptions)
@@ -286,6 +283,14 @@ def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
         "the EEPROM holds anything; each pulse is longer than the schedule's by the byte that is its trim, "
         f"in two's complement, 0xFF being none: byte {named}"
     )
+
+
+def held_assumptions(held: Mapping[int, int], schedule: PulseSchedule) -> list[str]:
+    """Return what is assumed of the pins that are held, by number of the pin and level."""
+    return [
+        f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(schedule)}"
+        for pin, level in sorted(held.items())
+    ]
 
 
 def _why_held(schedule: PulseSchedule) -> str:

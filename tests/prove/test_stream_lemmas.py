@@ -201,6 +201,7 @@ def test_a_fault_that_no_idle_line_shows_is_noticed_with_any_line(tmp_path: Path
     assert answer["answer"] == "not decided"
     assert "the command FF 40: speed[0] becomes" in answer["reason"]
     assert answer["states"] > 0, "with an idle line it is proven"
+    assert not [text for text in answer["assumptions"] if "held" in text or "the EEPROM holds" in text]
     with pytest.raises(AssertionError):  # exit code 2: a line cannot be held and have any waveform
         servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--hold-inputs")
     with pytest.raises(AssertionError):  # exit code 2: another job's schedule
