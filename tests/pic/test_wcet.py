@@ -6,7 +6,7 @@ import pytest
 
 from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.listing import ListedFunction
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import Program, Times
 from servogen.simulator import Machine
 from servogen.units import Clock
 
@@ -90,6 +90,21 @@ def test_a_function_whose_time_is_its_argument_is_gone_through_each_time() -> No
         "f_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
     )
     assert most(text) == sum(2 + 2 + 3 * (turns - 1) + 2 + 2 for turns in (3, 7))
+
+
+def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_calls() -> None:
+    made = code(
+        "main\n movlw 3\n movwf 0x20\n call f_wait\n movlw 7\n movwf 0x20\n call f_wait\ndone\n goto done\n"
+        "f_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
+    )
+    labels, words = dict(made.labels), made.image.program
+    main = ListedFunction("main", labels["main"], labels["f_wait"])
+    wait = ListedFunction("f_wait", labels["f_wait"], max(words) + 1)
+    program = Program(words, [main, wait])
+    assert program.times(wait.start).longest is None
+    assert program.times_with_arguments(wait.start) == program.times(wait.start), "no call is known yet"
+    assert program.longest(main.start, {labels["done"]}) is not None
+    assert program.times_with_arguments(wait.start) == Times(*(3 * (turns - 1) + 2 + 2 for turns in (3, 7)))
 
 
 def test_a_table_costs_its_jump_and_its_return() -> None:

@@ -94,7 +94,9 @@ def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
         length = base.type.length
         if length is not None and not 0 <= index.value < max(length, 1):
             analyser.reporter.warn(
-                "c-index", f"index {index.value} is outside the array of {length} elements", index.place
+                "c-index",
+                f"index {index.value} is outside the array of {length} element{'s' * (length != 1)}",
+                index.place,
             )
         return _lvalue(
             analyser, Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place)
