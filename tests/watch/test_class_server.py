@@ -6,10 +6,8 @@ import http.client
 import json
 import re
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +28,7 @@ from servogen.watch.graded import class_pages, class_rooms
 from servogen.watch.server import WatchServer
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 from tests.watch.browser import Browser, needs_axe, violations, wait
+from tests.watch.commands import served_by
 from tests.watch.serving import Running
 
 PROGRAMS = Path(__file__).parent.parent / "grade" / "programs"
@@ -333,24 +332,11 @@ def test_axe_finds_nothing(running: Running, browser: Browser, dark: bool) -> No
         tab.close()
 
 
-INTERRUPTIBLE = (
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "  # ignored in a background job
-    "from servogen.cli import main; main()"
-)
-
-
 def test_the_command_serves_until_ctrl_c_and_ends_with_the_grades_code(graded: list[Graded]) -> None:
     folder = graded[2].submission.file.parent
-    command = [sys.executable, "-c", INTERRUPTIBLE, "grade", "lab8-exercise", str(folder), "--level", "0"]
-    with (
-        subprocess.Popen(
-            [*command, "--watch", "--no-browser"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as served,
-        ExitStack() as ended,
-    ):
-        ended.callback(served.kill)  # whatever fails: the test does not wait for a server that runs on
-        assert served.stdout is not None and served.stderr is not None
-        lines = iter(served.stdout.readline, "")
+    command = ["grade", "lab8-exercise", str(folder), "--level", "0", "--watch", "--no-browser"]
+    with served_by(*command) as (served, output, errors):
+        lines = iter(output.readline, "")
         found = next(
             filter(
                 None, (re.search(r"lab8-exercise: (http://127\.0\.0\.1:\d+/\S+/)", line) for line in lines)
@@ -362,7 +348,7 @@ def test_the_command_serves_until_ctrl_c_and_ends_with_the_grades_code(graded: l
         assert "0 of 1 programs passed" in connection.getresponse().read().decode()
         served.send_signal(signal.SIGINT)
         assert served.wait(60) == 1, "the program has not passed"
-        assert "Traceback" not in served.stderr.read()
+        assert "Traceback" not in errors.read()
 
 
 def test_bad_input_ends_before_anything_is_graded(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

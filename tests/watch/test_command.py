@@ -8,7 +8,6 @@ import os
 import re
 import select
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -19,6 +18,7 @@ if os.name == "posix":
     import tty
 
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
+from tests.watch.commands import served_by
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -59,20 +59,17 @@ def test_without_websockets_it_says_what_to_install(run: Run, monkeypatch: pytes
 
 
 def test_the_server_ends_with_the_command() -> None:
-    command = [sys.executable, "-m", "servogen", "watch", "firmware/lab8-exercise/main.hex", "--no-browser"]
-    with subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as served:
-        assert served.stdout is not None and served.stderr is not None
-        found = re.search(r"main\.hex: (http://127\.0\.0\.1:\d+/\S+/)", served.stdout.readline())
+    command = ["watch", "firmware/lab8-exercise/main.hex", "--no-browser"]
+    with served_by(*command) as (served, output, errors):
+        found = re.search(r"main\.hex: (http://127\.0\.0\.1:\d+/\S+/)", output.readline())
         assert found
         address = urlsplit(found[1])
         connection = http.client.HTTPConnection(address.netloc, timeout=60)
         connection.request("GET", address.path, headers={"Sec-Fetch-Site": "none"})
         assert connection.getresponse().status == 200
         served.send_signal(signal.SIGINT)
-        assert served.wait(20) == 0
-        assert "Traceback" not in served.stderr.read()
+        assert served.wait(60) == 0
+        assert "Traceback" not in errors.read()
     with pytest.raises(ConnectionRefusedError):
         http.client.HTTPConnection(address.netloc, timeout=60).connect()
 
@@ -85,14 +82,10 @@ def test_a_slider_moves_a_robot_at_a_port() -> None:
 
     robot, port = os.openpty()
     tty.setraw(port)
-    command = [sys.executable, "-m", "servogen", "watch", "jobs/stream-arm.toml", "--no-browser"]
-    command += ["--robot", os.ttyname(port)]
+    command = ["watch", "jobs/stream-arm.toml", "--no-browser", "--robot", os.ttyname(port)]
     try:
-        with subprocess.Popen(
-            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as served:
-            assert served.stdout is not None and served.stderr is not None
-            found = re.search(r"http://(127\.0\.0\.1:\d+)(/\S+/)", served.stdout.readline())
+        with served_by(*command) as (served, output, errors):
+            found = re.search(r"http://(127\.0\.0\.1:\d+)(/\S+/)", output.readline())
             assert found
             origin = {"Origin": f"http://{found[1]}"}
             with connect(f"ws://{found[1]}{found[2]}socket", additional_headers=origin, proxy=None) as socket:
@@ -108,7 +101,7 @@ def test_a_slider_moves_a_robot_at_a_port() -> None:
                 assert received == bytes([255, 2, 254, 255, 0, 7])
             served.send_signal(signal.SIGINT)
             assert served.wait(60) == 0
-            assert "Traceback" not in served.stderr.read()
+            assert "Traceback" not in errors.read()
     finally:
         os.close(robot)
         os.close(port)
