@@ -104,12 +104,10 @@ def _planned(job: PlannedJob) -> Planned:
     if not isinstance(smallest, ResourceError):
         raise smallest
     title = engine_named(names[-1]).title
-    codes = {error.code for error in refused}
-    raise ResourceError(
-        codes.pop() if len(codes) == 1 else "does-not-fit",
-        f"{smallest.message}; nor can {title}: {largest.message}",
-        hint=largest.hint,
-    )
+    message = f"{smallest.message}; nor can {title}: {largest.message}"
+    if all(error.code == "beyond-max-error" for error in refused):
+        raise ResourceError("beyond-max-error", message, hint=largest.hint)
+    raise ResourceError("does-not-fit", message, hint=largest.hint)
 
 
 def _suitable(job: PlannedJob) -> Sequence[str]:
