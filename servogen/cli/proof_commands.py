@@ -19,6 +19,7 @@ from servogen.inputs import read_input
 from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
+    from servogen.engines.stream.streaming import Streaming
     from servogen.job import PlannedJob
     from servogen.pic.analysis.facts import Answer
     from servogen.pic.image import Image
@@ -265,7 +266,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     chip = device_for(schedule, request.against, device)
     board = replace(Options(device=chip), **request.times)
     program = program_for(schedule, file, chip, read_program)
-    job = None if request.any_line is None else _line_job(request.any_line, schedule, request.against)
+    planned = None if request.any_line is None else _line_job(request.any_line, schedule, request.against)
     with status("looking for every state") as tell:
         proof = prove_for_all(
             program.image,
@@ -288,54 +289,54 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         _write_stimulus(proof.counterexample, schedule, request.counterexample)
         if proof.counterexample.eeprom is not None:
             _write_content(proof.counterexample.eeprom, program.image, request.content)
-    line = None
-    if proof.proven and job is not None:
-        line = _any_line(program, job)
+    line = _any_line(program, *planned) if proof.proven and planned is not None else None
     if json:
-        found = _proof_to_json(proof, file, request, schedule)
-        as_json(found if line is None else found | _line_to_json(line, proof, schedule))
+        answer = _proof_to_json(proof, file, request, schedule)
+        as_json(answer if line is None else answer | _line_to_json(line, proof, schedule))
+    elif line is None:
+        print("\n".join(_lines(proof, file, request, schedule)))
     else:
-        lines = _lines(proof, file, request, schedule)
-        print("\n".join(lines if line is None else _line_lines(line, proof, schedule)))
+        print("\n".join(_line_lines(line, proof, schedule)))
     return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
 
 
-def _line_job(job_file: Path, schedule: PulseSchedule, against: Path) -> PlannedJob:
-    """Return the job whose line may have any waveform. Raises InputError if the schedule is another's."""
+def _line_job(job_file: Path, schedule: PulseSchedule, against: Path) -> tuple[PlannedJob, Streaming]:
+    """Return the job whose line may have any waveform, and its streams. Raises InputError if the schedule is
+    another's.
+    """
     from servogen.engines.stream.engine import stream
     from servogen.job import load, plan_job
 
     job = plan_job(load(job_file))
-    planned = stream(job)[1].plan.schedule
+    streamed = stream(job)[1]
+    planned = streamed.plan.schedule
     same = ("clock", "period", "channels", "lead_in", "loop", "inputs")
     if any(getattr(planned, name) != getattr(schedule, name) for name in same):
         raise InputError("conflicting-options", f"is not the schedule of {job_file}", Location(str(against)))
-    return job
+    return job, streamed
 
 
-def _any_line(program: Program, job: PlannedJob) -> LineProof:
+def _any_line(program: Program, job: PlannedJob, streamed: Streaming) -> LineProof:
     """Return the answer for any waveform on a job's line. Raises ToolError."""
-    from servogen.engines.stream.engine import stream
     from servogen.prove.stream.proof import prove_line
 
     with status("any line") as tell:
-        return prove_line(program.image, program.listing, job, stream(job)[1], tell)
+        return prove_line(program.image, program.listing, job, streamed, tell)
 
 
 def _line_lines(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[str]:
     """Return the answer for any line as text; `idle` is the one for an idle line."""
-    size = f"{idle.states} states, {idle.runs} runs of {idle.cycles} cycles together"
     if not line.proven:
         return [
             f"not decided for any line: {line.reason}",
-            f"  with an idle line every edge is the schedule's: {size}",
+            f"  with an idle line every edge is the schedule's: {_size(idle)}",
         ]
     return [
         "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
         "at its slot's cycle and is as wide as complete commands say",
         *(f"  {finding}" for finding in line.findings),
         "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
-        f"  {size}",
+        f"  {_size(idle)}",
         "  assumed:",
         *(f"    {assumption}" for assumption in _of_any_line(line, idle, schedule)),
     ]
@@ -392,16 +393,20 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
             f"counterexample: {counterexample.message}, cycle {counterexample.cycle} from reset",
             f"  {_command(counterexample, file, request, schedule)}",
         ]
-    size = f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
     if not proof.proven:
-        return [f"not decided: {proof.reason}", f"  {size}"]
+        return [f"not decided: {proof.reason}", f"  {_size(proof)}"]
     over = _over(proof)
     return [
         f"proven for {over}: every edge of all pins is the schedule's",
-        f"  {size}",
+        f"  {_size(proof)}",
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
+
+
+def _size(proof: Proof) -> str:
+    """Return how much was searched."""
+    return f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
 
 
 def _over(proof: Proof) -> str:

@@ -14,13 +14,12 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load, plan_job
-from servogen.kinematics.catalogue import robot as named_robot
-from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.protocol import BodyMotion, Posture
 from servogen.motion.gait.phases import NAMES, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.units import Clock, Cycles
+from tests.motion.robots import hexapod_with_limits
 
 ROOT = Path(__file__).parents[2]
 LOWER = Posture(body_height=0.130)
@@ -48,16 +47,8 @@ FEET_MM = {
 }
 
 
-def hexapod(alpha_deg: float = 90) -> Hexapod:
-    robot = named_robot("hexapod")
-    assert isinstance(robot, Hexapod)
-    alpha, beta = robot.leg.joints
-    limit = math.radians(alpha_deg)
-    return replace(robot, leg=replace(robot.leg, joints=(replace(alpha, lower=-limit, upper=limit), beta)))
-
-
 def walked(*segments: Segment, name: str = "tripod", posture: Posture = LOWER, alpha_deg: float = 90) -> Walk:
-    robot = hexapod(alpha_deg)
+    robot = hexapod_with_limits(alpha_deg)
     return walk(
         robot, gait(name, robot), segments, posture, Cycles(20_000), Clock(4_000_000), frames_per_cycle=48
     )

@@ -9,16 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.kinematics.catalogue import robot
-from servogen.kinematics.hexapod import Hexapod
 from servogen.motion.gait.phases import NAMES, Gait, custom, gait
 from servogen.motion.gait.stability import margin, support_polygon
-
-
-def hexapod() -> Hexapod:
-    found = robot("hexapod")
-    assert isinstance(found, Hexapod)
-    return found
+from tests.motion.robots import hexapod
 
 
 def in_the_air(made: Gait, time: Fraction) -> set[str]:

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from servogen.job import load, loads, plan_job
-from servogen.kinematics.catalogue import robot as named_robot
-from servogen.kinematics.hexapod import Hexapod, feet
+from servogen.kinematics.hexapod import feet
 from servogen.kinematics.protocol import Posture
 from servogen.motion.gait import footwork
 from servogen.motion.gait.footwork import MAX_BEYOND, swing_share
@@ -26,6 +25,7 @@ from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits
 from servogen.robot.servo_models import servo_model
 from servogen.units import Clock, Cycles
+from tests.motion.robots import hexapod_with_limits
 
 JOBS = Path(__file__).parents[2] / "jobs"
 LOST = math.radians(4 * 180 / 500)
@@ -42,18 +42,10 @@ WALKS = [
 ]
 
 
-def hexapod(alpha_deg: float = 90) -> Hexapod:
-    robot = named_robot("hexapod")
-    assert isinstance(robot, Hexapod)
-    alpha, beta = robot.leg.joints
-    limit = math.radians(alpha_deg)
-    return replace(robot, leg=replace(robot.leg, joints=(replace(alpha, lower=-limit, upper=limit), beta)))
-
-
 def walked(
     name: str, height: float, segment: Segment, lost: float, *, frames: int = FRAMES, alpha_deg: float = 90
 ) -> Walk:
-    robot = hexapod(alpha_deg)
+    robot = hexapod_with_limits(alpha_deg)
     return walk(
         robot,
         gait(name, robot),
@@ -126,7 +118,7 @@ def test_rigid_legs_on_such_joints_go_where_the_walk_leads(
     cycles = 9 if segment is TURN else 4
     made = walked(name, height, replace(segment, cycles=cycles), LOST)
     angles = shafts(made.trajectory.angles, LOST).reshape(len(made.ground), -1, 2)
-    x, _, yaw = rigid_body_path(feet(hexapod(), angles), (0.0, 0.0)).pose[-1].tolist()
+    x, _, yaw = rigid_body_path(feet(hexapod_with_limits(), angles), (0.0, 0.0)).pose[-1].tolist()
     if segment is TURN:
         assert math.degrees(yaw) == pytest.approx(180, abs=2)
     else:

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.catalogue import robot as named_robot
-from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.protocol import Posture
 from servogen.kinematics.transforms import to_body, to_leg
@@ -19,6 +17,7 @@ from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits, stretch
 from servogen.robot.model import Mount
 from servogen.units import Clock, Cycles
+from tests.motion.robots import hexapod
 
 CLOCK, PERIOD, FRAME_S = Clock(4_000_000), Cycles(20_000), 0.02
 SERVO = Limits(speed=math.radians(750), acceleration=300.0)
@@ -30,12 +29,6 @@ SEGMENTS = {
     "curve": Segment(forward=0.03, turn=0.1, cycles=2),
     "short": Segment(forward=0.04, cycles=0.25),
 }
-
-
-def hexapod() -> Hexapod:
-    found = named_robot("hexapod")
-    assert isinstance(found, Hexapod)
-    return found
 
 
 def walked(name: str, *segments: Segment, frames: int | None = 48, **options: object) -> Walk:

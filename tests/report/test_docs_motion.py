@@ -8,8 +8,6 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load, plan_job
-from servogen.kinematics.catalogue import robot
-from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.protocol import Posture
 from servogen.motion.gait.phases import NAMES, gait
 from servogen.motion.gait.steps import Segment
@@ -18,6 +16,7 @@ from servogen.motion.laws import law
 from servogen.pulse.plan import plan
 from servogen.report.tracks import errors_of, tracks_of, worst_of
 from servogen.units import Clock, Cycles
+from tests.motion.robots import hexapod
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "motion.md").read_text()
@@ -27,12 +26,6 @@ def rows(first_column: str) -> list[list[str]]:
     """The cells of the table whose header begins so."""
     table = TEXT.split(f"| {first_column} |")[1].split("\n\n")[0].splitlines()[2:]
     return [[cell.strip(" `") for cell in line.strip("|").split("|")] for line in table]
-
-
-def hexapod() -> Hexapod:
-    found = robot("hexapod")
-    assert isinstance(found, Hexapod)
-    return found
 
 
 @pytest.mark.parametrize("row", rows("job"), ids=lambda row: row[0])

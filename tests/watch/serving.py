@@ -68,3 +68,16 @@ class Running:
             additional_headers={name: value for name, value in asked.items() if value},
             proxy=None,
         )
+
+    def handshake(self, room: str = "", **headers: str) -> int:
+        """Return the status of the answer to a request for a socket with these headers."""
+        status, _, _ = self.get(
+            f"/{self.token}/{room}socket",
+            Sec_Fetch_Site="",
+            Upgrade="websocket",
+            Connection="Upgrade",
+            Sec_WebSocket_Version="13",
+            Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==",
+            **headers,
+        )
+        return status

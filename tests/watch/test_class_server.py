@@ -155,21 +155,7 @@ def test_a_socket_is_refused(running: Running, token: str | None, headers: dict[
 
 
 def test_a_socket_with_a_foreign_host_is_refused(running: Running) -> None:
-    connection = http.client.HTTPConnection(running.host, timeout=60)
-    connection.putrequest(
-        "GET", f"/{running.token}/watch/0/socket", skip_host=True, skip_accept_encoding=True
-    )
-    for name, value in (
-        ("Host", "evil.example"),
-        ("Origin", "http://evil.example"),
-        ("Upgrade", "websocket"),
-        ("Connection", "Upgrade"),
-        ("Sec-WebSocket-Version", "13"),
-        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
-    ):
-        connection.putheader(name, value)
-    connection.endheaders()
-    assert connection.getresponse().status == 403
+    assert running.handshake("watch/0/", Host="evil.example", Origin="http://evil.example") == 403
 
 
 @pytest.mark.parametrize(

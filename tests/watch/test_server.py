@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -116,19 +115,7 @@ def test_a_socket_with_a_wrong_token_is_refused(running: Running) -> None:
 
 def test_a_socket_with_a_foreign_host_is_refused(running: Running) -> None:
     """The name leads to this machine, as that of a page may that rebinds it; its origin is its own."""
-    connection = http.client.HTTPConnection(running.host, timeout=60)
-    connection.putrequest("GET", f"/{running.token}/socket", skip_host=True)
-    for name, value in (
-        ("Host", "evil.example"),
-        ("Origin", "http://evil.example"),
-        ("Upgrade", "websocket"),
-        ("Connection", "Upgrade"),
-        ("Sec-WebSocket-Version", "13"),
-        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
-    ):
-        connection.putheader(name, value)
-    connection.endheaders()
-    assert connection.getresponse().status == 403
+    assert running.handshake(Host="evil.example", Origin="http://evil.example") == 403
 
 
 @pytest.mark.parametrize(
