@@ -1,6 +1,6 @@
 """Serial ports: opened for one process alone, with errors that say what is wrong with the port.
 
-In: a path. Out: an open `Port`, or `PortError`.
+In: a path. Out: an open `Port`, or `ToolError`.
 """
 
 from __future__ import annotations
@@ -33,11 +33,7 @@ POLL_S = 0.05
 """How long one look at the port waits for bytes."""
 
 
-class PortError(ToolError):
-    """Raised when a port cannot be opened or used."""
-
-
-class Unplugged(PortError):
+class Unplugged(ToolError):
     """Raised when a port disappears while in use."""
 
 
@@ -97,7 +93,7 @@ class Port:
 
 @contextmanager
 def open_port(path: str, baud: int) -> Iterator[Port]:
-    """Yield the port at `path`, opened for this process alone. Raises PortError."""
+    """Yield the port at `path`, opened for this process alone. Raises ToolError."""
     import serial
 
     try:
@@ -128,7 +124,7 @@ def held(path: str) -> Iterator[None]:
         except OSError as error:
             refuse(path, error)
         if not os.isatty(handle):
-            raise PortError("no-such-port", "is not a serial port", Location(path))
+            raise ToolError("no-such-port", "is not a serial port", Location(path))
         yield
     finally:
         os.close(handle)
@@ -143,18 +139,18 @@ def close(line: serial.Serial) -> None:
 
 
 def refuse(path: str, error: Exception) -> NoReturn:
-    """Raise the PortError for an error on opening `path`."""
+    """Raise the ToolError for an error on opening `path`."""
     code = error.errno if isinstance(error, OSError) else None
     place = Location(path)
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        raise PortError(
+        raise ToolError(
             "no-such-port", "there is no such port", place, "`servogen doctor` lists the ports"
         ) from error
     if code in (errno.EBUSY, errno.EAGAIN):
-        raise PortError(
+        raise ToolError(
             "port-busy", "is in use by another program", place, "close the other program"
         ) from error
     if code in (errno.EACCES, errno.EPERM):
         hint = "join the group that owns it, as: sudo usermod -aG dialout $USER, and log in again"
-        raise PortError("port-denied", "may not be opened: permission denied", place, hint) from error
-    raise PortError("no-such-port", f"cannot be opened as a serial port: {error}", place) from error
+        raise ToolError("port-denied", "may not be opened: permission denied", place, hint) from error
+    raise ToolError("no-such-port", f"cannot be opened as a serial port: {error}", place) from error

@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-from servogen.bench.ports import PortError, open_port
+from servogen.bench.ports import open_port
 from servogen.errors import Diagnostic, ToolError
 
 BITS_PER_BYTE = 10
@@ -31,7 +31,7 @@ class Wire(Protocol):
 
 
 Opener = Callable[[], AbstractContextManager[Wire]]
-"""Opens the port. Raises PortError."""
+"""Opens the port. Raises ToolError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class SerialLink:
     """An open serial line; `close` it, or use it in a `with` statement."""
 
     def __init__(self, opener: Opener, baud: int, time: Time, patience_s: float) -> None:
-        """Open the line; `reopen` waits up to `patience_s` seconds for the port. Raises PortError."""
+        """Open the line; `reopen` waits up to `patience_s` seconds for the port. Raises ToolError."""
         self.byte_s = BITS_PER_BYTE / baud
         self._opener = opener
         self._time = time
@@ -107,7 +107,7 @@ class SerialLink:
         """Wait until the last byte is sent."""
         self._time.sleep(max(0.0, self._free_at - self._time.now()))
 
-    def reopen(self, waiting: Callable[[PortError], None] = lambda error: None) -> float:
+    def reopen(self, waiting: Callable[[ToolError], None] = lambda error: None) -> float:
         """Open a port that has disappeared as soon as it is back; return the seconds that this took.
 
         `waiting` is called with each new reason why the port cannot be opened. Raises ToolError if the port
@@ -119,7 +119,7 @@ class SerialLink:
         while True:
             try:
                 self._wire = self._held.enter_context(self._opener())
-            except PortError as error:
+            except ToolError as error:
                 away = self._time.now() - begin
                 if away + RETRY_S > self._patience_s:
                     raise ToolError(

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
-from servogen.bench.ports import PortError, Unplugged
+from servogen.bench.ports import Unplugged
 from servogen.drive.commands import QUIT, CommandSource, NoCommands
 from servogen.drive.controller import ServoController
 from servogen.drive.motions import Motion
@@ -208,7 +208,7 @@ class Session:
         self._known = False
         self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
 
-    def _waits(self, error: PortError) -> None:
+    def _waits(self, error: ToolError) -> None:
         """Log why the port cannot be opened, such as another program using it, unless it is still missing."""
         if error.code != "no-such-port":
             self.log({"s": self._now(), "event": "waiting", "text": str(error)})

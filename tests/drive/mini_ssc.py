@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from servogen.bench.ports import PortError, Unplugged
+from servogen.bench.ports import Unplugged
 from servogen.drive.serial_link import Time
-from servogen.errors import Location
+from servogen.errors import Location, ToolError
 
 BITS = 10
 
@@ -81,7 +81,7 @@ class Robot:
     @contextmanager
     def open(self) -> Iterator["Robot"]:
         if self._away():
-            raise PortError("no-such-port", "there is no such port", Location("/dev/robot"))
+            raise ToolError("no-such-port", "there is no such port", Location("/dev/robot"))
         self.opened += 1
         self.open_now += 1
         try:

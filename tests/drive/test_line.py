@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from servogen.bench.ports import Port, PortError, Unplugged
+from servogen.bench.ports import Port, Unplugged
 from servogen.drive.serial_link import SerialLink, VirtualTime, port_opener
 from servogen.errors import ToolError
 from tests.drive.mini_ssc import Robot
@@ -54,7 +54,7 @@ def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> No
     def gone() -> Iterator[Gone]:
         looks.append(time.at)
         if len(looks) > 1:
-            raise PortError("no-port", "there is no such port")
+            raise ToolError("no-port", "there is no such port")
         yield Gone()
 
     line = SerialLink(gone, 2400, time.time(), 2.0)

@@ -16,7 +16,7 @@ CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 ERRORS = frozenset(
     (
-        *("InputError", "ToolError", "PortError", "Unplugged", "Differs", "ResourceError", "RenderError"),
+        *("InputError", "ToolError", "Unplugged", "Differs", "ResourceError", "RenderError"),
         *("TuningError", "SourceError", "ServogenError"),
     )
 )
