@@ -98,7 +98,7 @@ def _write_mjcf(name: str | None, path: Path) -> None:
     model = bodies(robot(name))
     write_text(path, model.text)
     for text in model.assumptions:
-        print(text)
+        print(f"assumed: {text}")
     print(path)
 
 

@@ -1,7 +1,6 @@
 """An arm, or a base on omni wheels, as MJCF: beside the hexapod's legs, which are in `bodies`.
 
-In: the robot, the elements to add to, a function that adds a joint with its servo. Out: what was assumed, and
-the mass.
+In: a scene and the robot. Out: elements that are added to the scene, what was assumed, and the mass.
 
     arm         each DH row with a joint is a body whose frame stands at a point of the joint's axis and is
                 parallel to the base's while all joints are at 0
@@ -12,7 +11,6 @@ the mass.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from math import cos, radians, sin
 from xml.etree import ElementTree as xml
 
@@ -22,7 +20,7 @@ from servogen.errors import InputError
 from servogen.kinematics.forward import link_frames, row_axes
 from servogen.kinematics.omni import OmniBase
 from servogen.robot.model import Arm
-from servogen.twin.ground import Ground
+from servogen.twin.mjcf import CONTACT, STIFF, Scene, add_joint, numbers
 
 ASSUMED_LINK_KG = 0.01
 """Of a link whose joint states no mass."""
@@ -39,35 +37,21 @@ WHEEL_HALF_M = 0.002
 LINK_INERTIA_M = 0.01
 """The radius of gyration of a link about its centre: it is a lump there."""
 
-CONTACT = {"solref": "0.004 1", "solimp": "0.95 0.99 0.0005"}
-"""Contacts that pass the oracles of docs/twin.md at steps of 1 ms, with elliptic cones and impratio 10."""
 
-STIFF = {"solref": "0.002 1", "solimp": "0.99 0.999 0.0001"}
-"""Of equality constraints: the shortest time that a step of 1 ms can follow."""
-
-JointAdder = Callable[[xml.Element, str, Sequence[float], float, float, str], None]
-
-
-def add_arm(
-    root: xml.Element,
-    world: xml.Element,
-    arm: Arm,
-    add_joint: JointAdder,
-    driven: frozenset[str] | None,
-    payload: float | None,
-) -> tuple[list[str], float]:
-    """Add an arm on its base; `driven` are the joints with a servo, None: all move freely."""
+def add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
+    """Add an arm on its base; where any of its joints has a servo, those without one are held."""
+    payload = scene.variation.payload
     zeros = np.zeros(len(arm.joints))
     axes, tool = row_axes(arm, zeros)
     frames = link_frames(arm, zeros)
     rows = [index for index, row in enumerate(arm.rows) if row.joint is not None]
     assumptions, total = [], 0.0
-    equality = xml.SubElement(root, "equality")
-    parent, here, owned = world, np.zeros(3), set[int]()
+    equality = xml.SubElement(scene.root, "equality")
+    parent, here, owned = scene.world, np.zeros(3), set[int]()
     unstated = [joint.name for joint in arm.joints if not joint.mass]
     if unstated:
         assumptions.append(
-            f"links of {', '.join(unstated)}: {1000 * ASSUMED_LINK_KG:g} g each assumed (mass_g)"
+            f"links of {', '.join(unstated)}: {1000 * ASSUMED_LINK_KG:g} g each (without mass_g)"
         )
     for number, (axis, row) in enumerate(zip(axes, rows, strict=True)):
         index = axis.row.joint
@@ -75,11 +59,11 @@ def add_arm(
         joint = arm.joints[index]
         kind = "hinge" if joint.turning else "slide"
         body = xml.SubElement(
-            parent, "body", {"name": f"link{number + 1}", "pos": _numbers(*(axis.point - here))}
+            parent, "body", {"name": f"link{number + 1}", "pos": numbers(*(axis.point - here))}
         )
         if index in owned:
             name = f"{joint.name}_{number + 1}"
-            add_joint(body, name, axis.direction.tolist(), 1.0, 0.0, kind)
+            add_joint(scene, body, name, axis.direction.tolist(), 1.0, 0.0, kind)
             xml.SubElement(
                 equality,
                 "joint",
@@ -88,8 +72,8 @@ def add_arm(
         else:
             owned.add(index)
             direction = (axis.direction * axis.row.ratio).tolist()
-            add_joint(body, joint.name, direction, joint.lower, joint.upper, kind)
-            if driven is not None and joint.name not in driven:
+            add_joint(scene, body, joint.name, direction, joint.lower, joint.upper, kind)
+            if scene.actuators and scene.servo_of(joint.name) is None:
                 xml.SubElement(
                     equality,
                     "joint",
@@ -106,42 +90,41 @@ def add_arm(
             total += mass
         parent, here = body, axis.point
     carried = arm.payload if payload is None else payload
-    xml.SubElement(parent, "site", {"name": "tool", "pos": _numbers(*(tool[:3, 3] - here))})
+    xml.SubElement(parent, "site", {"name": "tool", "pos": numbers(*(tool[:3, 3] - here))})
     if carried:
-        load = xml.SubElement(parent, "body", {"name": "payload", "pos": _numbers(*(tool[:3, 3] - here))})
+        load = xml.SubElement(parent, "body", {"name": "payload", "pos": numbers(*(tool[:3, 3] - here))})
         _lump(load, np.zeros(3), carried)
     return assumptions, total + carried
 
 
-def add_omni(
-    root: xml.Element, world: xml.Element, base: OmniBase, add_joint: JointAdder, ground: Ground
-) -> tuple[list[str], float]:
-    """Add a base on three omni wheels. Raises InputError for ground that is no plane."""
+def add_omni(scene: Scene, base: OmniBase) -> tuple[list[str], float]:
+    """Add a base on three omni wheels. Raises InputError for ground that is not a plane."""
+    ground = scene.ground
     if ground.rough or ground.step:
         raise InputError("wrong-robot-kind", f"{base.name}: its wheels are modelled on a plane only")
     assumptions: list[str] = []
     mass = base.mass
     if mass is None:
         mass = ASSUMED_BASE_KG
-        assumptions.append(f"mass of the robot: {mass:g} kg assumed (its file states no mass_g)")
+        assumptions.append(f"mass of the robot: {mass:g} kg (its file states no mass_g)")
     radius, out = base.wheel_radius, base.wheel_distance
     assumptions.append("the base is a disc, 5 % of its mass in each wheel; its rollers turn without friction")
     wheel = 0.05 * mass
     rest = mass - 3 * wheel
-    body = xml.SubElement(world, "body", {"name": "body", "pos": f"0 0 {radius:.9g}"})
+    body = xml.SubElement(scene.world, "body", {"name": "body", "pos": f"0 0 {radius:.9g}"})
     xml.SubElement(body, "freejoint", {"name": "body"})
     turning, tilting = rest * out**2 / 2, rest * out**2 / 4
     xml.SubElement(
         body,
         "inertial",
-        {"pos": "0 0 0", "mass": _numbers(rest), "diaginertia": _numbers(tilting, tilting, turning)},
+        {"pos": "0 0 0", "mass": numbers(rest), "diaginertia": numbers(tilting, tilting, turning)},
     )
-    contact = xml.SubElement(root, "contact")
+    contact = xml.SubElement(scene.root, "contact")
     for number, degrees in enumerate(WHEELS_DEG, 1):
         axle = (cos(radians(degrees)), sin(radians(degrees)), 0.0)
         place = [out * part for part in axle]
-        hub = xml.SubElement(body, "body", {"name": f"wheel{number}", "pos": _numbers(*place)})
-        add_joint(hub, f"wheel{number}", axle, 1.0, 0.0, "hinge")
+        hub = xml.SubElement(body, "body", {"name": f"wheel{number}", "pos": numbers(*place)})
+        add_joint(scene, hub, f"wheel{number}", axle, 1.0, 0.0, "hinge")
         half = [WHEEL_HALF_M * part for part in axle]
         xml.SubElement(
             hub,
@@ -149,9 +132,9 @@ def add_omni(
             {
                 "name": f"wheel{number}",
                 "type": "capsule",
-                "fromto": _numbers(*(-part for part in half), *half),
-                "size": _numbers(radius),
-                "mass": _numbers(wheel),
+                "fromto": numbers(*(-part for part in half), *half),
+                "size": numbers(radius),
+                "mass": numbers(wheel),
                 "contype": "0",
                 "conaffinity": "0",
             },
@@ -163,7 +146,7 @@ def add_omni(
                 "geom1": "ground",
                 "geom2": f"wheel{number}",
                 "condim": "3",
-                "friction": _numbers(ROLLER_FRICTION, ground.friction, 1e-5, 1e-5, 1e-5),
+                "friction": numbers(ROLLER_FRICTION, ground.friction, 1e-5, 1e-5, 1e-5),
                 **CONTACT,
             },
         )
@@ -175,9 +158,5 @@ def _lump(body: xml.Element, centre: np.ndarray[tuple[int], np.dtype[np.float64]
     xml.SubElement(
         body,
         "inertial",
-        {"pos": _numbers(*centre), "mass": _numbers(mass), "diaginertia": _numbers(*[inertia] * 3)},
+        {"pos": numbers(*centre), "mass": numbers(mass), "diaginertia": numbers(*[inertia] * 3)},
     )
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(f"{value:.9g}" for value in values)

@@ -167,13 +167,13 @@ class _Said:
         """Return the stated value, or the default, which is noted as an assumption."""
         value = default if stated is None else stated
         if stated is None or key in self._model.motor.assumed:
-            self.note(f"{key} = {_in_key(key, value):.4g} assumed" + (f" ({unit})" if "," in unit else ""))
+            self.note(f"{key} = {_in_key(key, value):.4g}" + (f" ({unit})" if "," in unit else ""))
         return value
 
     def tell(self, key: str, text: str) -> None:
         """Note a sentence if the value of `key` is assumed."""
         if key in self._model.motor.assumed:
-            self.note(f"{text} (assumed)")
+            self.note(text)
 
     def note(self, text: str) -> None:
         self.sentences.append(f"{self._model.title}: {text}")

@@ -15,8 +15,8 @@ from servogen.job import Job
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
-from servogen.twin.bodies import Actuator
 from servogen.twin.drive import Drive, drive_of
+from servogen.twin.mjcf import Actuator
 from servogen.twin.supply import Supply
 from servogen.twin.world import Wiring
 
@@ -108,7 +108,7 @@ def _supply(job: Job, drives: Sequence[Drive]) -> tuple[Supply, list[str]]:
     least = MIN_V if job.clock.hz <= HIGH_SPEED_HZ else MIN_HS_V
     if job.supply is None:
         volts = min(drive.supply_v for drive in drives)
-        said = [f"supply: {volts:g} V without resistance or limit assumed (no [supply])"]
+        said = [f"supply: {volts:g} V without resistance or limit (the job has no [supply])"]
         return Supply(volts, feeds_chip=False, chip_minimum_v=least), said
     table = job.supply
     return Supply(table.voltage_v, table.resistance_ohm, table.limit_a, table.feeds_chip, least), []

@@ -27,8 +27,9 @@ from servogen.pulse import PulseSchedule
 from servogen.report.tracks import ends_of
 from servogen.simulator import Change, Levels, Machine, Stimuli
 from servogen.simulator.sources import pin_number
-from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, Variation, bodies
+from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, bodies
 from servogen.twin.ground import Ground
+from servogen.twin.mjcf import Variation
 from servogen.twin.pulses import Pulse, Receiver
 from servogen.twin.rig import Rig, rig_of, unplugged
 from servogen.twin.sensors import Feed, Sensor

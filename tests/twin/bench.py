@@ -8,9 +8,10 @@ from xml.etree import ElementTree as xml
 import numpy as np
 
 from servogen.robot.servo import Servo
-from servogen.twin.bodies import Bodies, document
+from servogen.twin.bodies import Bodies
 from servogen.twin.drive import Drive, drive_of
 from servogen.twin.ground import Ground
+from servogen.twin.mjcf import document
 from servogen.twin.pulses import Pulse
 from servogen.twin.supply import Supply
 from servogen.twin.world import Energies, Wiring, World

@@ -6,8 +6,8 @@ import math
 from typing import Any
 from xml.etree import ElementTree as xml
 
-from servogen.twin.bodies import ROBOT_BITS, document
 from servogen.twin.ground import Ground
+from servogen.twin.mjcf import ROBOT_BITS, document
 from servogen.twin.world import mujoco
 
 

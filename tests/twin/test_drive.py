@@ -61,7 +61,7 @@ def test_a_stated_no_load_current_becomes_dry_friction_and_keeps_the_data_sheet(
 
 def test_assumptions_are_named_and_stated_facts_are_not() -> None:
     said = " ".join(drive_of(of("mpx-tiny-s")).assumptions)
-    assert "efficiency = 0.66 assumed" in said and "1.03 A" in said
+    assert "efficiency = 0.66" in said and "1.03 A" in said
     motor = Motor(1.0, 0.05, None, 2.0, 5.0, 0.1, 0.01, 0.0)
     stated = drive_of(of("mpx-tiny-s", motor=motor, idle_a=0.01, max_a=None))
     assert stated.assumptions == ()

@@ -51,7 +51,7 @@ def test_the_command_compares_and_exits_with_0(
     assert answer["passed"] and answer["asked"] == pytest.approx([0.04, 0.0, 0.0])
     assert answer["simulated"][0] == pytest.approx(0.04, rel=0.05)
     assert [check["name"] for check in answer["checks"]] == ["falls", "robot", "turn"]
-    assert any("0.64 kg assumed" in text for text in answer["assumptions"])
+    assert any("0.64 kg (its file states no mass_g)" in text for text in answer["assumptions"])
     assert plot.read_bytes().startswith(b"\x89PNG")
     rows = csv.read_text().splitlines()
     assert rows[0].startswith("time_s,x_mm,y_mm,z_mm,yaw_deg") and len(rows) > 200
@@ -111,7 +111,7 @@ def test_the_page_shows_the_twin() -> None:
     made = walking(AHEAD, extra=SUPPLIED)
     facts = page_facts(made.twin())
     html = html_page(PageFacts(made.found.job, made.found.plan, (), twin=facts))
-    assert '<h2 id="twin">' in html and "height of the feet" in html and "0.64 kg assumed" in html
+    assert '<h2 id="twin">' in html and "height of the feet" in html and "0.64 kg (its file" in html
     assert '<h2 id="twin">' not in html_page(PageFacts(made.found.job, made.found.plan, ()))
 
 
