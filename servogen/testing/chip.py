@@ -188,11 +188,8 @@ class Chip(Signals):
         changes = self._contact(begin, checked_level(pin, active), bounce_ms, bounces, seed)
         if hold_ms is not None:
             self._check_time("hold_ms", hold_ms, Fraction(1, 1000))
+            check_hold(self.clock, hold_ms, bounce_ms)
             released = begin + self._cycles_in(hold_ms, 1000)
-            if released <= changes[-1][0]:
-                raise InputError(
-                    "out-of-range", f"hold_ms = {hold_ms:g} is not longer than bounce_ms = {bounce_ms:g}"
-                )
             changes += self._contact(released, 1 - active, bounce_ms, bounces, seed + 1)
         self._apply(pin, changes)
 
@@ -637,6 +634,15 @@ def check_time(name: str, value: float, unit_s: Fraction) -> None:
     if not isfinite(value) or not 0 <= value * float(unit_s) <= MAX_RUN_S:
         raise InputError(
             "out-of-range", f"{name} = {value:g} is not between 0 and {MAX_RUN_S / float(unit_s):g}"
+        )
+
+
+def check_hold(clock: Clock, hold_ms: float, bounce_ms: float) -> None:
+    """Raise InputError for a button that is released before its contact has settled."""
+    held, settled = (clock.round_us(Fraction(str(ms)) * 1000).cycles for ms in (hold_ms, bounce_ms))
+    if held <= settled:
+        raise InputError(
+            "out-of-range", f"hold_ms = {hold_ms:g} is not longer than bounce_ms = {bounce_ms:g}"
         )
 
 

@@ -33,6 +33,7 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.testing.chip import (
     Chip,
     Keypad,
+    check_hold,
     check_time,
     checked_level,
     contact_changes,
@@ -214,9 +215,12 @@ class SeenChip(Signals):
         seed: int = 1,
     ) -> None:
         self._needs_board("press", pin)
-        self._contact(pin, checked_level(pin, active), bounce_ms, bounces, seed)
         if hold_ms is not None:
             check_time("hold_ms", hold_ms, Fraction(1, 1000))
+            check_time("bounce_ms", bounce_ms, Fraction(1, 1000))
+            check_hold(self.clock, hold_ms, bounce_ms)
+        self._contact(pin, checked_level(pin, active), bounce_ms, bounces, seed)
+        if hold_ms is not None:
             self._contact(pin, 1 - active, bounce_ms, bounces, seed + 1, Fraction(str(hold_ms)))
 
     def release(

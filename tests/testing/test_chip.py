@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
@@ -18,6 +21,7 @@ from servogen.pic.assembler import assemble
 from servogen.simulator import Button, Options, Serial, Stimuli
 from servogen.testing import chip as chip_module
 from servogen.testing.chip import Board, Chip
+from servogen.testing.seen_chip import Player, SeenChip
 from servogen.testing.signals import Signals
 from servogen.testing.waves import wave_lines
 from servogen.units import Clock, Cycles
@@ -253,6 +257,15 @@ def test_a_press_and_a_release_bounce_as_often_as_said() -> None:
     chip.press("RA4", active=1)
     chip.run_cycles(3)
     assert chip.pin("RA4") == 1
+
+
+@pytest.mark.parametrize("hold_ms", [0, 4.9, 5])
+def test_a_button_is_not_released_while_it_still_bounces(hold_ms: float) -> None:
+    board = cast(Player, SimpleNamespace(wiring=input_wiring(["RA4=17"])))
+    for chip in (chip_of(COUNTER, inputs={"RA4": 1}), SeenChip("bench", Clock(4_000_000), board)):
+        with pytest.raises(InputError, match=f"hold_ms = {hold_ms:g} is not longer than bounce_ms = 5"):
+            chip.press("RA4", bounce_ms=5, hold_ms=hold_ms)
+        chip.press("RA4", bounce_ms=5, hold_ms=5.1)
 
 
 def test_bounces_are_over_when_they_should_be() -> None:
