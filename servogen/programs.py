@@ -61,7 +61,7 @@ class Program:
     remarks: tuple[Diagnostic, ...] = ()
     """Warnings about a HEX file that can be read nevertheless."""
     device: str | None = None
-    """The chip that it was built for, where a job says it."""
+    """The chip that it was built for, where a job or the schedule of a build says it."""
 
     def __repr__(self) -> str:
         clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""
@@ -111,12 +111,14 @@ def program_file(path: Path) -> Path:
 
 def read_program(path: Path, device_name: str | None = None) -> Program:
     """Return the program in a HEX file, in a C or assembly file, compiled within limits, or in the folder of
-    a build, which has the clock of the schedule beside it. Raises InputError.
+    a build, which has the clock and the chip of the schedule beside it. Raises InputError.
     """
     if path.is_dir():
-        schedule = path / BUILT_SCHEDULE
-        clock = read_schedule(schedule).clock if schedule.is_file() else None
-        return replace(read_program(program_file(path), device_name), clock=clock)
+        program = read_program(program_file(path), device_name)
+        if not (path / BUILT_SCHEDULE).is_file():
+            return program
+        schedule = read_schedule(path / BUILT_SCHEDULE)
+        return replace(program, clock=schedule.clock, device=schedule.device)
     if path.suffix.lower() not in (C_SUFFIX, *ASSEMBLY_SUFFIXES):
         return compile_program(path, device_name)
     return within_limits(lambda: compile_program(path, device_name), path)

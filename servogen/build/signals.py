@@ -7,13 +7,14 @@ for measured pulses, the warnings that planned pulses would get from the servos'
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from servogen.build.job_program import read_program
 from servogen.build.proof import running
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
-from servogen.pic.device import DEVICES
+from servogen.pic.device import DEVICES, Device
 from servogen.pic.device import device as device_named
 from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, is_job
 from servogen.pulse import PulseSchedule
@@ -61,12 +62,20 @@ def device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str
         built = None if schedule.device is None else device_named(schedule.device)
     except InputError as error:
         raise error.at(Location(str(against), key="device")) from error
+    return chosen_device(built, against, asked).name
+
+
+def chosen_device(built: Device | None, file: Path, asked: str | None) -> Device:
+    """Return the chip that the schedule or job in `file` was built for, or else the requested one.
+
+    Raises InputError if they differ.
+    """
     chip = built or DEVICES[0] if asked is None else device_named(asked)
     if built is not None and chip != built:
         raise InputError(
-            "wrong-chip", f"was built for a {built.name}, --device is {chip.name}", Location(str(against))
+            "wrong-chip", f"was built for a {built.name}, --device is {chip.name}", Location(str(file))
         )
-    return chip.name
+    return chip
 
 
 def program_for(schedule: PulseSchedule, file: Path, device: str, read: Read = read_program) -> Program:
@@ -102,13 +111,23 @@ def scheduled_edges(
 
 
 def unscheduled_edges(
-    file: Path, seconds: float | None, clock_hz: int | None, options: Options, read: Read = read_program
+    file: Path,
+    seconds: float | None,
+    clock_hz: int | None,
+    options: Options,
+    read: Read = read_program,
+    *,
+    own_device: bool = False,
 ) -> EdgeTrace:
     """Return the edges of a program or a file without a schedule, by default for `MEASURED_SECONDS` or up to
     the file's end.
+
+    With `own_device` a program that was built for a chip, such as a job's, runs on that one.
     """
     if is_program(file):
         program = read(file, options.device)
+        if own_device and program.device is not None:
+            options = replace(options, device=program.device)
         clock = clock_of(program, clock_hz)
         span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
         return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)

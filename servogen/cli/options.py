@@ -39,6 +39,13 @@ ServerPort = Annotated[
 ]
 OpensBrowser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")]
 DeviceName = Annotated[str, typer.Option("--device", help="The chip: PIC16F84 or PIC16F84A.")]
+OwnDevice = Annotated[
+    str | None,
+    typer.Option(
+        "--device",
+        help="The chip: PIC16F84 or PIC16F84A (default: that of the job or schedule, else PIC16F84).",
+    ),
+]
 
 
 def duration(text: str) -> float:

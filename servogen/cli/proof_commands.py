@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from servogen.cli.files import keep_apart, read_program
-from servogen.cli.options import ClockHz, Json
+from servogen.cli.options import ClockHz, Json, OwnDevice
 from servogen.cli.show import as_json, status
 from servogen.errors import InputError, Location
 from servogen.inputs import read_input
@@ -141,12 +141,7 @@ def prove(
         Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
     ] = Interrupts.INCLUDED,
     clock_hz: ClockHz = None,
-    device: Annotated[
-        str | None,
-        typer.Option(
-            "--device", help="The chip: PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."
-        ),
-    ] = None,
+    device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.

@@ -13,13 +13,14 @@ from servogen.cli.options import (
     ChipOptions,
     ClockHz,
     Json,
+    OwnDevice,
     Partial,
     Seconds,
     takes_chip_options,
 )
 from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Location
-from servogen.programs import read_schedule
+from servogen.programs import DEFAULT_DEVICE, read_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,12 +37,6 @@ SignalFile = Annotated[
     typer.Argument(
         help="A HEX, C or assembly file, a job or its build, or recorded edges: CSV, JSONL or VCD.",
         show_default=False,
-    ),
-]
-OwnDevice = Annotated[
-    str | None,
-    typer.Option(
-        "--device", help="The chip: PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."
     ),
 ]
 
@@ -173,7 +168,6 @@ def measure(
 ) -> None:
     """Measure the pulses of a program (for 20 s) or of recorded edges, and warn about suspicious ones."""
     from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
-    from servogen.pic.device import DEVICES
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
@@ -181,8 +175,8 @@ def measure(
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
-    board = chip.on(device or DEVICES[0].name)
-    trace = unscheduled_edges(file, seconds, clock_hz, board, read_program)
+    board = chip.on(device or DEFAULT_DEVICE)
+    trace = unscheduled_edges(file, seconds, clock_hz, board, read_program, own_device=device is None)
     if schedule is not None:
         trace = trace.stored()
         _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, device)
@@ -226,7 +220,6 @@ def plot(
         scheduled_edges,
         unscheduled_edges,
     )
-    from servogen.pic.device import DEVICES
     from servogen.report.pulse_plot import pulse_plot
 
     keep_apart([path for path in (file, against) if path], output)
@@ -234,8 +227,8 @@ def plot(
     if device is not None or chip.given:
         refuse_chip_options(file)
     if schedule is None or against is None:
-        board = chip.on(device or DEVICES[0].name)
-        trace = unscheduled_edges(file, seconds, clock_hz, board, read_program)
+        board = chip.on(device or DEFAULT_DEVICE)
+        trace = unscheduled_edges(file, seconds, clock_hz, board, read_program, own_device=device is None)
         span = trace.end
     elif clock_hz is not None:
         raise InputError(

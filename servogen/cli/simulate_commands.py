@@ -14,6 +14,7 @@ from servogen.cli.options import (
     ChipOptions,
     ClockHz,
     Json,
+    OwnDevice,
     Seconds,
     takes_chip_options,
 )
@@ -62,12 +63,7 @@ def simulate(
         Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
     ] = None,
     clock_hz: ClockHz = None,
-    device: Annotated[
-        str | None,
-        typer.Option(
-            "--device", help="The chip: PIC16F84 or PIC16F84A (default: a job's own, else PIC16F84)."
-        ),
-    ] = None,
+    device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""

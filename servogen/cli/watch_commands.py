@@ -11,8 +11,8 @@ import typer
 from servogen.cli.options import (
     ChipOptions,
     ClockHz,
-    DeviceName,
     OpensBrowser,
+    OwnDevice,
     ServerPort,
     takes_chip_options,
 )
@@ -63,16 +63,17 @@ def watch(
     port: ServerPort = 0,
     browser: OpensBrowser = True,
     clock_hz: ClockHz = None,
-    device: DeviceName = "PIC16F84",
+    device: OwnDevice = None,
 ) -> None:
     """Show a job, a program or a capture in the browser: robot, chip, waves, forwards and backwards.
 
     The page is on this machine only, at an address that is printed; the command ends with Ctrl-C.
     """
     require_server()
+    from servogen.build.signals import chosen_device, device_for
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
-    from servogen.programs import is_job, read_schedule
+    from servogen.programs import DEFAULT_DEVICE, is_job, read_schedule
     from servogen.watch.editing import Editor
     from servogen.watch.live_line import LiveLine
     from servogen.watch.server import Room, WatchServer
@@ -87,17 +88,23 @@ def watch(
             Location(str(file), key="--against"),
         )
     by_job = against is not None and is_job(against)
-    if by_job and against is not None:
-        load(against)
+    schedule = read_schedule(against) if against and not by_job else None
+    if schedule is not None and against is not None:
+        device_for(schedule, against, device)
+    job_file = file if watches_job else against if by_job else None
+    job = None if job_file is None else load(job_file)
+    if job is not None and job_file is not None:
+        chosen_device(job.device, job_file, device)
     setting = Setting(
-        options=chip.on(device),
+        options=chip.on(device or DEFAULT_DEVICE),
         clock_hz=clock_hz,
         stimulus=stimulus,
-        schedule=read_schedule(against) if against and not by_job else None,
+        schedule=schedule,
         job=against if by_job else None,
         at_cycle=at_cycle,
+        device=device,
     )
-    stream = load(file).stream if watches_job else None
+    stream = job.stream if job is not None and watches_job else None
     if robot is not None and stream is None:
         raise InputError(
             "conflicting-options",

@@ -87,7 +87,7 @@ _CONDITION = re.compile(
 
 def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
     """Return the breakpoint that a text describes. Raises InputError."""
-    text = text.strip()[:200]
+    text = text.strip()
     if match := _LINE.fullmatch(text):
         return _at_line(text, match["file"], int(match["line"]), listing)
     if match := _ADDRESS.fullmatch(text):

@@ -70,6 +70,7 @@ MAX_SPEED = 1000.0
 MIN_SPEED = 1e-5
 MAX_SERIAL_BYTES = 256
 MAX_BREAKPOINTS = 32
+MAX_BREAKPOINT_CHARACTERS = 200
 MAX_CHANGES = 50_000
 """Of a stimulus, that are shown in the waves."""
 LAST = 8
@@ -371,14 +372,22 @@ class Session:
         self._look_back()
         yield self.shown()
 
-    def _do_breakpoints(self, message: Mapping[str, Any]) -> Iterator[Message]:
-        texts = [str(text) for text in message["texts"]][:MAX_BREAKPOINTS]
-        parsed = [parse_breakpoint(text, self.subject.listing) for text in texts]
-        if self.chip is None and not all(isinstance(each, AtEdge) for each in parsed):
-            raise InputError(
-                "not-allowed", "a recording has edges, but neither instructions nor memory", hint="RB0 rise"
-            )
-        self.breakpoints = parsed
+    def _do_breakpoint(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Add or remove one breakpoint: a window that sent them all could undo what it has not yet seen."""
+        text = str(message["text"]).strip()[:MAX_BREAKPOINT_CHARACTERS]
+        others = [breakpoint for breakpoint in self.breakpoints if breakpoint.text != text]
+        if message.get("on"):
+            added = parse_breakpoint(text, self.subject.listing)
+            if self.chip is None and not isinstance(added, AtEdge):
+                raise InputError(
+                    "not-allowed",
+                    "a recording has edges, but neither instructions nor memory",
+                    hint="RB0 rise",
+                )
+            if len(others) == MAX_BREAKPOINTS:
+                raise InputError("not-allowed", f"there are {MAX_BREAKPOINTS} breakpoints: remove one first")
+            others.append(added)
+        self.breakpoints = others
         yield self.shown()
 
     def _do_waves(self, message: Mapping[str, Any]) -> Iterator[Message]:
@@ -574,7 +583,7 @@ ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]]
         "run": Session._do_run,
         "step": Session._do_step,
         "seek": Session._do_seek,
-        "breakpoints": Session._do_breakpoints,
+        "breakpoint": Session._do_breakpoint,
         "waves": Session._do_waves,
         "pin": Session._do_pin,
         "serial": Session._do_serial,

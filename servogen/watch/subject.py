@@ -23,6 +23,7 @@ from servogen.pic.listing import Listing
 from servogen.programs import (
     ASSEMBLY_SUFFIXES,
     C_SUFFIX,
+    DEFAULT_DEVICE,
     HEX_SUFFIXES,
     JOB_SUFFIX,
     PROGRAM_SUFFIXES,
@@ -59,6 +60,8 @@ class Setting:
     job: Path | None = None
     """A job whose schedule is compared instead; it also states what the servos on the pins move."""
     at_cycle: int = 0
+    device: str | None = None
+    """The chip that the command line names, for a program that does not come with its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,16 +120,19 @@ def load_subject(path: Path, setting: Setting, progress: Callable[[str], None] =
 
 
 def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
-    path = program_file(path)
+    given, path = path, program_file(path)
     suffix = path.suffix.lower()
     if suffix == JOB_SUFFIX:
         return job_subject(path, plan_job(load(path)), setting, progress)
     setting, job = _against(setting, progress)
     if suffix in (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES):
         progress("compiling" if suffix not in HEX_SUFFIXES else "reading")
-        program = read_program(path, setting.options.device)
+        program = read_program(
+            given, setting.device or DEFAULT_DEVICE
+        )  # of a folder, also its clock and chip
         clock = clock_of(program, setting.clock_hz)
-        options, schedule = setting.options, setting.schedule
+        chip = setting.device or program.device or setting.options.device
+        options, schedule = replace(setting.options, device=chip), setting.schedule
         stimuli = load_stimuli(setting.stimulus, clock) if setting.stimulus else None
         if schedule is not None:
             options, clock = board_of(schedule, options), schedule.clock

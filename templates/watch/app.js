@@ -190,7 +190,7 @@ let pending = false;
 setInterval(() => { if (pending) ask(true); }, 60);
 
 function breakpoints(texts) {
-  $("breakpoints").replaceChildren(...texts.map(text => element("li", {}, element("code", {}, text), " ", element("button", { type: "button", class: "plain", "aria-label": `remove ${text}`, click: () => send({ do: "breakpoints", texts: texts.filter(each => each !== text) }) }, "remove"))));
+  $("breakpoints").replaceChildren(...texts.map(text => element("li", {}, element("code", {}, text), " ", element("button", { type: "button", class: "plain", "aria-label": `remove ${text}`, click: () => send({ do: "breakpoint", text, on: false }) }, "remove"))));
 }
 
 const step = (what, count, pin) => send({ do: "step", what, count, ...(pin === undefined ? {} : { pin }) });
@@ -212,7 +212,7 @@ $("speed").addEventListener("change", () => run(!!latest?.running));
 $("moment").addEventListener("input", () => send({ do: "seek", cycle: +$("moment").value }));
 $("breakpoint-form").addEventListener("submit", event => {
   event.preventDefault();
-  send({ do: "breakpoints", texts: [...(latest?.breakpoints || []), $("breakpoint").value] });
+  send({ do: "breakpoint", text: $("breakpoint").value, on: true });
   $("breakpoint").value = "";
 });
 

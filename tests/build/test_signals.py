@@ -56,6 +56,19 @@ def test_a_program_with_another_clock_than_the_schedules_is_refused() -> None:
         program_for(schedule, HEX, "PIC16F84", lambda path, device: Program(image, None, Clock(8_000_000)))
 
 
+def test_a_program_that_was_built_for_a_chip_runs_on_it_unless_another_is_named() -> None:
+    """A chip that does not exist shows which one was chosen."""
+    image = read_program(HEX).image
+
+    def edges(own_device: bool) -> Cycles:
+        read = lambda path, device: Program(image, device="PIC99")  # noqa: E731
+        return unscheduled_edges(HEX, 0.01, None, Options(), read, own_device=own_device).end
+
+    assert edges(own_device=False) == 10_000
+    with pytest.raises(InputError, match="PIC99"):
+        edges(own_device=True)
+
+
 def test_a_program_runs_as_long_as_asked_and_a_recording_ends_where_it_does(tmp_path: Path) -> None:
     assert unscheduled_edges(HEX, 0.5, None, Options()).end == 500_000
     assert unscheduled_edges(HEX, None, 8_000_000, Options()).end == 2_000_000 * MEASURED_SECONDS

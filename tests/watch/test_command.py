@@ -32,6 +32,14 @@ ROOT = Path(__file__).parent.parent.parent
         (["firmware/lab8-exercise/main.hex", "--against", "missing.json"], "cannot be read"),
         (["firmware/lab8-exercise/main.hex", "--against", "missing.toml"], "cannot be read"),
         (["jobs/lab8-exercise.toml", "--against", "jobs/lab9-exercise.toml"], "its own schedule"),
+        (
+            ["jobs/lab8-exercise.toml", "--device", "PIC16F84A"],
+            "was built for a PIC16F84, --device is PIC16F84A",
+        ),
+        (
+            ["firmware/lab8-exercise/main.hex", "--against", "jobs/stream-fast.toml", "--device", "PIC16F84"],
+            "was built for a PIC16F84A, --device is PIC16F84",
+        ),
         (["firmware/lab8-exercise/main.hex", "--port", "99999"], "65535"),
         (
             ["firmware/lab8-exercise/main.hex", "--at-cycle", "18000000001"],

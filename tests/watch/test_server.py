@@ -202,7 +202,7 @@ def test_it_runs_at_the_chosen_speed_until_it_is_paused(running: Running) -> Non
         '{"do": "pin", "pin": "RB0", "level": 7}',
         '{"do": "serial", "pin": "RB0", "baud": 0, "bytes": [1]}',
         '{"do": "serial", "pin": "RB0", "baud": 2400, "bytes": [999]}',
-        '{"do": "breakpoints", "texts": ["__import__(1)"]}',
+        '{"do": "breakpoint", "text": "__import__(1)", "on": true}',
         '{"do": "save", "text": "x"}',
         '{"do": "build", "text": "x"}',
     ],

@@ -20,7 +20,7 @@ from servogen.units import Clock, Cycles
 from servogen.watch.differences import Edge, Wanted
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import Session
+from servogen.watch.session import MAX_BREAKPOINTS, Session
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.engines.player.command_walks import target
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -148,9 +148,31 @@ def test_bytes_wait_for_those_that_are_on_the_line() -> None:
     assert [round((fall - falls[0]) / (2 * 416.67)) for fall in falls] == list(range(10))
 
 
+def test_the_folder_of_a_build_has_its_clock_and_its_chip() -> None:
+    """stream-fast is built for a PIC16F84A with 20 MHz; what the command line names goes first."""
+    folder = ROOT / "firmware" / "stream-fast"
+    subject = load_subject(folder, Setting())
+    assert (subject.options.device, subject.clock) == ("PIC16F84A", Clock(20_000_000))
+    named = load_subject(folder, Setting(clock_hz=8_000_000, device="PIC16F84"))
+    assert (named.options.device, named.clock) == ("PIC16F84", Clock(8_000_000))
+
+
+def test_breakpoints_are_added_and_removed_one_by_one(lab8: Subject) -> None:
+    """A request names one of them, so that one typed before the last answer came replaces none."""
+    session = Session(lab8)
+    for text in ("RB0 rise", "0x01F", "RB0 rise"):
+        answer(session, do="breakpoint", text=text, on=True)
+    assert session.shown()["breakpoints"] == ["0x01F", "RB0 rise"]
+    answer(session, do="breakpoint", text="0x01F", on=False)
+    assert session.shown()["breakpoints"] == ["RB0 rise"]
+    for address in range(MAX_BREAKPOINTS - 1):
+        answer(session, do="breakpoint", text=f"0x{address:03X}", on=True)
+    assert "remove one first" in answer(session, do="breakpoint", text="RB0 fall", on=True)["text"]
+
+
 def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
     session = Session(lab8)
-    answer(session, do="breakpoints", texts=["RB0 fall"])
+    answer(session, do="breakpoint", text="RB0 fall", on=True)
     answer(session, do="run", running=True, speed=None)
     found = list(session.tick(0.05))[-1]
     assert not found["running"] and found["stopped"] == "RB0 fall"
@@ -210,7 +232,7 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     assert "no instructions" in answer(session, do="step", what="line")["text"]
     assert "no inputs" in answer(session, do="pin", pin="RA0", level=1)["text"]
     answer(session, do="seek", cycle=0)
-    answer(session, do="breakpoints", texts=["RB0 fall"])
+    answer(session, do="breakpoint", text="RB0 fall", on=True)
     for fall in (6500, 26_500, 46_500):
         answer(session, do="run", running=True, speed=None)
         stopped = list(session.tick(0.1))[-1]
@@ -218,9 +240,10 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     answer(session, do="run", running=True, speed=None)
     assert list(session.tick(0.1))[-1]["stopped"] == "the end of the recording"
     for text in ("0x01F", "0x20 == 3", "line 3"):
-        refused = answer(session, do="breakpoints", texts=[text])
+        refused = answer(session, do="breakpoint", text=text, on=True)
         assert refused["is"] == "problem", text
-    assert "neither instructions nor memory" in answer(session, do="breakpoints", texts=["0x01F"])["text"]
+    refused = answer(session, do="breakpoint", text="0x01F", on=True)
+    assert "neither instructions nor memory" in refused["text"]
     assert session.shown()["breakpoints"] == ["RB0 fall"]
 
 
