@@ -73,6 +73,7 @@ class Program:
             "words_left": PROGRAM_WORDS - compilation.words,
             "ram_bytes": compilation.ram_bytes,
             "ram_left": RAM_BYTES - compilation.ram_bytes,
+            "script": self.firmware.script.to_json() if self.firmware.script else None,
             "c_between_pulses": [room.to_json() for room in self.firmware.timing_budgets],
             "overrun_cycle": self.overrun,
             "proven": self.proven,
@@ -272,6 +273,7 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
             verdict=program.verdict,
             timing_budgets=program.firmware.timing_budgets,
             overrun=None if program.firmware.overrun is None else Overrun(program.overrun),
+            script=program.firmware.script,
         )
         for program in done.programs
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.stored_script import Stored
 from servogen.errors import Diagnostic, InputError
 from servogen.units import Cycles
 
@@ -44,6 +45,8 @@ class Firmware:
     overrun: int | None = None
     """The address of the byte whose bit 0 is set once the C takes too long; None if the engine has none."""
     warnings: tuple[Diagnostic, ...] = ()
+    script: Stored | None = None
+    """Where the player's script is; None for other engines."""
     overheads: Overheads = field(default_factory=Overheads)
     """The cycles that the sequence engine subtracted from its delays."""
 

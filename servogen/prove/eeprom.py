@@ -46,9 +46,26 @@ class TrimSearch:
             mismatch = self._compared(content, frames)
             if mismatch is not None:
                 cycle, message = mismatch
+                text = ", ".join(f"byte {byte} is 0x{value:02X}" for byte, value in content.items())
+                message = f"{message} if {text} in the EEPROM"
                 levels = levels_of((), self._held)
                 return Counterexample(message, cycle, self._board, levels, eeprom=dict(content))
         return None
+
+    def erased(self) -> Counterexample | None:
+        """Return the first edge that is wrong once the bytes behind those of the trims are erased.
+
+        The file must not hold trims there. The result is None if it holds nothing there, or nothing that the
+        program plays.
+        """
+        first = len(self._schedule.channels)
+        held = sorted(n for n, value in self._image.eeprom.items() if n >= first and value != NO_TRIM)
+        mismatch = self._compared({}, len(self._frames)) if held else None
+        if mismatch is None:
+            return None
+        cycle, message = mismatch
+        message = f"the EEPROM holds more than trims: with bytes {held[0]} to {held[-1]} erased {message}"
+        return Counterexample(message, cycle, self._board, levels_of((), self._held), eeprom={})
 
     def _contents(self, suspect: Mapping[int, int]) -> Iterator[tuple[Mapping[int, int], int]]:
         every = len(self._frames)
@@ -87,9 +104,8 @@ class TrimSearch:
         last = frames * self._schedule.period
         for edge in sorted({*wanted} ^ {edge for edge in seen if edge[0] < last}):
             where = "missing" if edge in wanted else "not the schedule's"
-            text = ", ".join(f"byte {byte} is 0x{value:02X}" for byte, value in content.items())
             level = "rise" if edge[2] else "fall"
-            return edge[0] + offset, f"the {level} of {PINS[edge[1]]} is {where} if {text} in the EEPROM"
+            return edge[0] + offset, f"the {level} of {PINS[edge[1]]} is {where}"
         return None
 
     def _wanted(self, trims: Mapping[int, int], frames: int) -> Iterator[Edge]:

@@ -152,6 +152,10 @@ class _Prover:
 
     def _any_eeprom(self, plain: Proof, generaliser: Generaliser, starts: list[ChipState]) -> Proof:
         """Return the answer for any content of the EEPROM, where the file's has been proven."""
+        runs = TrimSearch(self._image, self._schedule, self._board, self._held)
+        erased = runs.erased()
+        if erased is not None:
+            return replace(plain, proven=False, counterexample=erased)
         idle = replace(self._image, program=dict.fromkeys(range(PROGRAM_WORDS), encode("NOP")))
         chip = AbstractChip(
             idle, self._schedule.clock, self._board, self._held, self._quantifiers.watchdog, self._longest
@@ -176,7 +180,7 @@ class _Prover:
             )
             trims = _trims_text(self._schedule, trimmed.bytes)
             return replace(plain, assumptions=(*assumptions, trims), runs=plain.runs + trimmed.runs)
-        shown = TrimSearch(self._image, self._schedule, self._board, self._held).search(suspect)
+        shown = runs.search(suspect)
         return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
 
     def _starts(self, written: frozenset[int]) -> list[ChipState]:

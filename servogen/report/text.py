@@ -12,6 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from servogen.engines.firmware import TimingBudget
+from servogen.engines.stored_script import Stored
 from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
@@ -57,6 +58,8 @@ class ProgramFacts:
     timing_budgets: tuple[TimingBudget, ...] = ()
     overrun: Overrun | None = None
     """None: the engine keeps no such bit."""
+    script: Stored | None = None
+    """Where the player's script is; None for other engines."""
 
     @property
     def proven(self) -> bool:
@@ -213,6 +216,11 @@ def timing_budgets_text(programs: Sequence[ProgramFacts], clock: Clock) -> Itera
         f"{program.dialect}: overrun: {program.overrun.text(clock)}{_if_not_for_every_path(program)}"
         for program in programs
         if program.overrun
+    )
+    yield from (
+        f"{program.dialect}: script: {program.script.text}; the trims are before it"
+        for program in programs
+        if program.script and program.script.eeprom
     )
 
 

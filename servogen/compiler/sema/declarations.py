@@ -46,6 +46,7 @@ from servogen.compiler.sema.type_names import declared_type, enter_name
 from servogen.errors import Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
+    EEPROM_ADDRESS,
     EEPROM_BYTES,
     RAM_BYTES,
     RAM_FIRST,
@@ -131,6 +132,8 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, add
         return _in_eeprom(analyser, name, kind, place)
     if address == CONFIG_ADDRESS:
         return _configuration(analyser, name, kind, place)
+    if address is not None and is_const_object(kind) and address in EEPROM_IN_HEX:
+        return _at_eeprom(analyser, name, kind, place, address - EEPROM_ADDRESS)
     where = "flash" if is_const_object(kind) else "global"
     symbol = Symbol(name, kind, where, place, asm_name=f"_{name}")
     symbol.volatile = holds_volatile(kind)
@@ -140,6 +143,18 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, add
         raise analyser.reporter.fatal(
             "c-const", f"the constant '{name}' cannot have a volatile member", place
         )
+    analyser.program.symbols.append(symbol)
+    return symbol
+
+
+EEPROM_IN_HEX = range(EEPROM_ADDRESS, EEPROM_ADDRESS + EEPROM_BYTES)
+"""The addresses at which a HEX file, and a constant in SDCC's C, holds the EEPROM."""
+
+
+def _at_eeprom(analyser: Analyser, name: str, kind: CType, place: Location, first: int) -> Symbol:
+    """Return the symbol of a constant that lies in the EEPROM from byte `first` on."""
+    symbol = Symbol(name, kind, "eeprom", place, address=first)
+    symbol.initial = {}
     analyser.program.symbols.append(symbol)
     return symbol
 

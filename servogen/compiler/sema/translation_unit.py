@@ -96,6 +96,11 @@ def finish(analyser: Analyser, settings: Settings) -> None:
             analyser.program.eeprom[at] = value if isinstance(value, int) else 0
     for symbol in [each for each in analyser.program.symbols if each.kind == "eeprom"]:
         analyser.program.symbols.remove(symbol)
+        end = (symbol.address or 0) + symbol.size
+        if end > EEPROM_BYTES:
+            message = f"'{symbol.name}' ends at byte {end} of the EEPROM, which has {EEPROM_BYTES}"
+            analyser.reporter.error("c-address", message, symbol.place)
+            continue
         for offset in range(symbol.size):
             value = (symbol.initial or {}).get(offset, 0)
             analyser.program.eeprom[(symbol.address or 0) + offset] = value if isinstance(value, int) else 0

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-from servogen.compiler import Options
-from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
+from servogen.compiler import CompileError, Options
+from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.commanded import commanded
@@ -19,6 +19,7 @@ from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
+from servogen.engines.stored_script import Stored, eeprom_room, in_eeprom, in_flash
 from servogen.errors import Diagnostic
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing
@@ -30,15 +31,18 @@ CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
 frames.
 """
 
+EEPROM_C = 16
+"""The words of the C, at most, that reads a script from the EEPROM and the table before it."""
+
 TITLE = "the player"
 HINT = "fewer parts: let more of the motion repeat"
 """The hint if the chip is too small."""
 
 
-def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
+def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
-    Raises InputError.
+    Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError.
     """
     buttons = job.firmware.buttons
     frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
@@ -46,7 +50,7 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     soft = len(begun.angles) - len(job.trajectory.angles)
     ends = tuple(range(frames, soft + 1, frames)) if soft else ()
     if job.firmware.commands is not None:
-        line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES
+        line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES + more_bytes
         played, tour = commanded(
             begun, job.directions, line, job.servos, job.bindings, job.frame, ends, maximum
         )
@@ -58,7 +62,7 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
         bindings=job.bindings,
         soft=ends,
         max_error_us=job.firmware.max_error_us,
-        max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0),
+        max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
     )
     waiting = waited(played.plan.schedule, buttons.waiting)
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
@@ -67,9 +71,30 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
-    """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
-    text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
-    return firmware(text, job, played.layout, dialect)
+    """Return the firmware in `dialect`, with its script in flash, or, if flash is too small, in the EEPROM.
+
+    Raises ResourceError if the chip is too small for both.
+    """
+    script = played.encoded.script.data
+
+    def with_script(stored: Stored) -> Firmware:
+        text = render_player(played, stored, job.firmware.buttons, dialect, job.device, job.name)
+        return replace(firmware(text, job, played.layout, dialect), script=stored)
+
+    try:
+        return with_script(in_flash(script))
+    except ResourceError as error:
+        stored = in_eeprom(script, len(played.order))
+        try:
+            return with_script(stored)
+        except ResourceError as larger:
+            why = larger.__cause__
+            assert isinstance(why, CompileError)
+            raise ResourceError(
+                "does-not-fit",
+                f"{error.message}; with its script in the EEPROM, as far as it fits there, {why.message}",
+                hint=HINT,
+            ) from error
 
 
 def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
@@ -112,6 +137,12 @@ def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
             )
 
 
+def _error_us(played: Playing) -> float:
+    """Return the largest distance of a pulse from the plan."""
+    error = played.plan.schedule.plan_error
+    return 0.0 if error is None else error.width_us
+
+
 class PlayerEngine:
     """Plays poses from flash, moving between them by laws computed on the chip."""
 
@@ -120,6 +151,10 @@ class PlayerEngine:
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         motion, played, whole = play(job)
+        if _error_us(played) > job.firmware.max_error_us:
+            finer = play(job, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
+            if _error_us(finer[1]) <= job.firmware.max_error_us:
+                motion, played, whole = finer
         make = cache(lambda dialect: compiled(job, played, dialect))
         tour = None if played.chain is None else (played.trajectory, whole)
         return EnginePlan(motion, played.plan, make, played.encoded.size, tour)

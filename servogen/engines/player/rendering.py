@@ -1,6 +1,6 @@
 """The `player` engine as C: `templates/player/main.c.j2` is the body, `player/*.asm` are its assembly.
 
-In: what is played and a dialect. Out: the text of one C file.
+In: what is played, where its script is, and a dialect. Out: the text of one C file.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from servogen.engines.player.commands import (
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
-from servogen.pic.device import Device, oscillator_for, registers
+from servogen.engines.stored_script import Stored
+from servogen.pic.device import EEPROM_ADDRESS, Device, oscillator_for, registers
 from servogen.units import Cycles
 
 PRESCALER = 0x84
@@ -122,8 +123,10 @@ class _Pad:
     rest: tuple[str, ...]
 
 
-def render_player(played: Playing, buttons: Buttons, dialect: str, device: Device, title: str) -> str:
-    """Return the C file of `played` in `dialect`. Raises RenderError."""
+def render_player(
+    played: Playing, stored: Stored, buttons: Buttons, dialect: str, device: Device, title: str
+) -> str:
+    """Return the C file of `played` in `dialect`, with its script as `stored`. Raises RenderError."""
     schedule, encoded = played.plan.schedule, played.encoded
     legs, timings = encoded.legs, encoded.script.timings
     tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
@@ -162,7 +165,13 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         lift_law=constants.place("LAW") + ENTRIES if legs else None,
         spot_law=constants.place("LAW") + 2 * ENTRIES if spots else None,
         spots=spots,
-        script=list(encoded.script.data),
+        script=list(stored.flash),
+        script_bytes=stored.size,
+        eeprom=list(stored.eeprom),
+        eeprom_first=stored.first,
+        eeprom_address=EEPROM_ADDRESS,
+        eeprom_offset=stored.offset,
+        fetch=list(assembly(render_template("player/fetch.asm"))),
         loop=encoded.script.loop,
         again=AGAIN,
         at=AT,
