@@ -22,6 +22,9 @@ _BANK_1 = 0x80
 Known = dict[int, int]
 """Known values by place."""
 
+Compute = Callable[[int | None, int | None, int | None, int, int | None], tuple[int | None, int | None]]
+"""The (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not known."""
+
 
 class Undefined(Exception):
     """Raised for a word that no data sheet defines."""
@@ -44,10 +47,12 @@ class Word:
     has_f: bool
     writes_f: bool
     writes_w: bool
-
-    @property
-    def writes_pcl(self) -> bool:
-        return self.f == PCL and self.writes_f
+    writes_pcl: bool
+    sets_carry: bool
+    sets_zero: bool
+    place: int | None
+    """The place that f addresses, unless that is INDF."""
+    compute: Compute
 
 
 @cache
@@ -57,6 +62,8 @@ def word_of(number: int) -> Word:
     if decoded is None:
         raise Undefined
     row = decoded.instruction
+    has_f = "f" in row.operands
+    writes_f = row.writes_file(decoded.d)
     return Word(
         name=row.mnemonic,
         f=decoded.f,
@@ -68,29 +75,71 @@ def word_of(number: int) -> Word:
         reads=row.reads,
         tests_bit=row.tests_bit,
         changes_bit=row.changes_bit,
-        has_f="f" in row.operands,
-        writes_f=row.writes_file(decoded.d),
+        has_f=has_f,
+        writes_f=writes_f,
         writes_w=row.writes_w(decoded.d),
+        writes_pcl=writes_f and decoded.f == PCL,
+        sets_carry="C" in row.flags,
+        sets_zero="Z" in row.flags,
+        place=place_of(decoded.f, {}) if has_f else None,
+        compute=_COMPUTE.get(row.mnemonic, _unknown),
     )
 
 
-_OF_ONE: Mapping[str, Callable[[int, int], int]] = {
-    "MOVF": lambda f, b: f,
-    "INCF": lambda f, b: f + 1,
-    "INCFSZ": lambda f, b: f + 1,
-    "DECF": lambda f, b: f - 1,
-    "DECFSZ": lambda f, b: f - 1,
-    "COMF": lambda f, b: ~f,
-    "SWAPF": lambda f, b: f << 4 | f >> 4,
-    "BSF": lambda f, b: f | 1 << b,
-    "BCF": lambda f, b: f & ~(1 << b),
+def _unknown(
+    w: int | None, f: int | None, k: int | None, b: int, carry: int | None
+) -> tuple[int | None, int | None]:
+    return None, None
+
+
+def _of_byte(operation: Callable[[int, int], int]) -> Compute:
+    """Return how an instruction computes its result from its byte and the number of a bit."""
+    return lambda w, f, k, b, carry: (None if f is None else operation(f, b) & 0xFF, None)
+
+
+def _of_two(operation: Callable[[int, int], tuple[int, int | None]]) -> tuple[Compute, Compute]:
+    """Return how the two forms of an instruction, xxxLW and xxxWF, compute a literal or a byte with W."""
+
+    def literal(
+        w: int | None, f: int | None, k: int | None, b: int, carry: int | None
+    ) -> tuple[int | None, int | None]:
+        if w is None or k is None:
+            return None, None
+        result, out = operation(k, w)
+        return result & 0xFF, out
+
+    return literal, lambda w, f, k, b, carry: literal(w, None, f, b, carry)
+
+
+_OF_TWO: Mapping[str, tuple[Compute, Compute]] = {
+    "ADD": _of_two(lambda value, w: (value + w, int(value + w > 0xFF))),
+    "SUB": _of_two(lambda value, w: (value - w, int(value >= w))),
+    "AND": _of_two(lambda value, w: (value & w, None)),
+    "IOR": _of_two(lambda value, w: (value | w, None)),
+    "XOR": _of_two(lambda value, w: (value ^ w, None)),
 }
-_OF_TWO: Mapping[str, Callable[[int, int], tuple[int, int | None]]] = {
-    "ADD": lambda value, w: (value + w, int(value + w > 0xFF)),
-    "SUB": lambda value, w: (value - w, int(value >= w)),
-    "AND": lambda value, w: (value & w, None),
-    "IOR": lambda value, w: (value | w, None),
-    "XOR": lambda value, w: (value ^ w, None),
+_COMPUTE: Mapping[str, Compute] = {
+    "MOVLW": lambda w, f, k, b, carry: (k, None),
+    "MOVWF": lambda w, f, k, b, carry: (w, None),
+    "CLRF": lambda w, f, k, b, carry: (0, None),
+    "CLRW": lambda w, f, k, b, carry: (0, None),
+    "MOVF": _of_byte(lambda f, b: f),
+    "INCF": _of_byte(lambda f, b: f + 1),
+    "INCFSZ": _of_byte(lambda f, b: f + 1),
+    "DECF": _of_byte(lambda f, b: f - 1),
+    "DECFSZ": _of_byte(lambda f, b: f - 1),
+    "COMF": _of_byte(lambda f, b: ~f),
+    "SWAPF": _of_byte(lambda f, b: f << 4 | f >> 4),
+    "BSF": _of_byte(lambda f, b: f | 1 << b),
+    "BCF": _of_byte(lambda f, b: f & ~(1 << b)),
+    "RLF": lambda w, f, k, b, carry: (
+        (None, None) if f is None else (None if carry is None else (f << 1 | carry) & 0xFF, f >> 7)
+    ),
+    "RRF": lambda w, f, k, b, carry: (
+        (None, None) if f is None else (None if carry is None else f >> 1 | carry << 7, f & 1)
+    ),
+    **{f"{name}LW": literal for name, (literal, _) in _OF_TWO.items()},
+    **{f"{name}WF": byte for name, (_, byte) in _OF_TWO.items()},
 }
 
 
@@ -100,23 +149,7 @@ def known_result(
     """Return the (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not
     known.
     """
-    if mnemonic == "MOVLW":
-        return k, None
-    if mnemonic == "MOVWF":
-        return w, None
-    if mnemonic in ("CLRF", "CLRW"):
-        return 0, None
-    if f is not None and mnemonic in _OF_ONE:
-        return _OF_ONE[mnemonic](f, b) & 0xFF, None
-    if f is not None and mnemonic == "RLF":
-        return None if carry is None else (f << 1 | carry) & 0xFF, f >> 7
-    if f is not None and mnemonic == "RRF":
-        return None if carry is None else f >> 1 | carry << 7, f & 1
-    other = k if mnemonic.endswith("LW") else f
-    if w is None or other is None or mnemonic[:3] not in _OF_TWO:
-        return None, None
-    result, out = _OF_TWO[mnemonic[:3]](other, w)
-    return result & 0xFF, out
+    return _COMPUTE.get(mnemonic, _unknown)(w, f, k, b, carry)
 
 
 def place_of(f: int, known: Known) -> int | None:
@@ -146,24 +179,27 @@ def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | 
 
 def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
     """Update what is known by executing an instruction; places that are `changing` are never known."""
-    name = word.name
-    place = place_of(word.f, known) if word.has_f else None
     if word.f == STATUS and word.writes_f:
         _write_status(word, known)
         return
-    operand = None if place is None else known.get(place)
-    result, carry = known_result(name, known.get(W), operand, word.k, word.b, known.get(CARRY))
-    if "C" in word.flags:
+    place = word.place
+    if place is None and word.has_f and word.f == INDF:
+        place = place_of(INDF, known)
+    value = known.get
+    operand = None if place is None else value(place)
+    result, carry = word.compute(value(W), operand, word.k, word.b, value(CARRY))
+    if word.sets_carry:
         _put(known, CARRY, carry)
-    if "Z" in word.flags:
+    if word.sets_zero:
         _put(known, ZERO, None if result is None else int(result == 0))
     if word.writes_w:
         _put(known, W, result)
-    elif word.writes_f and place is not None:
-        _put(known, place, None if place in changing else result)
-    elif word.writes_f and word.f == INDF:
-        for other in [address for address in known if address >= RAM_FIRST]:
-            del known[other]  # it may be any of them
+    elif word.writes_f:
+        if place is not None:
+            _put(known, place, None if place in changing else result)
+        elif word.f == INDF:
+            for other in [address for address in known if address >= RAM_FIRST]:
+                del known[other]  # it may be any of them
 
 
 def _write_status(word: Word, known: Known) -> None:

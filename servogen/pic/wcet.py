@@ -84,8 +84,12 @@ class Times:
 
 _State = tuple[int, int, tuple[int, ...], tuple[tuple[int, int], ...]]
 """An address, the function that it belongs to, the return addresses, the known values."""
-_Edge = tuple[int, int | None, _State | None]
-"""(minimum cycles, maximum cycles, next state or None for the end)."""
+_Point = tuple[int, int, tuple[int, ...], Known]
+"""A state on the way from one node of the graph to the next: the known values are updated in place."""
+_Step = tuple[int, int | None, _Point | None]
+"""(minimum cycles, maximum cycles, where they lead, or None for the end)."""
+_Edge = tuple[int, int | None, int | None]
+"""(minimum cycles, maximum cycles, number of the next state, or None for the end)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -476,37 +480,47 @@ class _Walk:
     """The places that are tracked; None: all."""
     counts_standing_still: bool = False
     """Whether a jump to itself is a loop without a bound even if no path leads to an end."""
-    edges: dict[_State, list[_Edge]] = field(default_factory=dict)
+    states: list[_State] = field(default_factory=list)
+    """The nodes of the graph, from the start on; their index is their number."""
+    numbers: dict[_State, int] = field(default_factory=dict)
+    edges: dict[int, list[_Edge]] = field(default_factory=dict)
     complete: bool = True
     reasons: dict[Unbounded, None] = field(default_factory=dict)
-    start: _State | None = None
     uneven: set[int] = field(default_factory=set)
     """Heads of loops whose turns differ."""
 
     def explore(self, start: _State) -> None:
         """Follow every path from a state to the ends."""
-        self.start = start
-        waiting = [start]
+        waiting = [self._number(start)]
         while waiting:
-            state = waiting.pop()
-            if state in self.edges:
+            number = waiting.pop()
+            if number in self.edges:
                 continue
             if len(self.edges) >= self.limit:
                 self.complete = False
                 return
-            self.edges[state] = self.turns(state) or list(self._run(state))
-            waiting += [after for _, _, after in self.edges[state] if after is not None]
+            state = self.states[number]
+            self.edges[number] = [
+                (minimum, maximum, None if after is None else self._number(self._kept(after)))
+                for minimum, maximum, after in self.turns(state) or self._run(state)
+            ]
+            waiting += [after for _, _, after in self.edges[number] if after is not None]
+
+    def _number(self, state: _State) -> int:
+        number = self.numbers.setdefault(state, len(self.states))
+        if number == len(self.states):
+            self.states.append(state)
+        return number
 
     # answers
 
     def times(self) -> Times:
         shortest = self._shortest()
         if not self.complete:
-            assert self.start is not None
-            often = Counter(at for at, *_ in self.edges)
-            at = max(often, key=lambda address: often[address], default=self.start[0])
+            often = Counter(self.states[number][0] for number in self.edges)
+            at = max(often, key=lambda address: often[address], default=self.states[0][0])
             return Times(shortest, None, (Unbounded("too many states", (at,)),))
-        unbounded = self.unbounded
+        unbounded = self._unbounded(returns=shortest is not None)
         if unbounded or shortest is None:
             return Times(shortest, None, unbounded)
         return Times(shortest, self.longest())
@@ -516,27 +530,30 @@ class _Walk:
         """Return everything without a bound: calls and jumps as they were met, then loops, outer ones
         first.
         """
-        graph = {
-            state: [after for _, _, after in ways if after is not None] for state, ways in self.edges.items()
-        }
-        returns = self.counts_standing_still or self._shortest() is not None
-        loops = dict.fromkeys(Unbounded("loop", part) for part in self._loops(graph, returns=returns))
-        return tuple({**self.reasons, **loops})
+        return self._unbounded(returns=self._shortest() is not None)
 
-    def _loops(self, graph: Mapping[_State, list[_State]], *, returns: bool) -> Iterator[tuple[int, ...]]:
+    def _unbounded(self, *, returns: bool) -> tuple[Unbounded, ...]:
+        graph = {
+            number: [after for _, _, after in edges if after is not None]
+            for number, edges in self.edges.items()
+        }
+        parts = self._loops(graph, returns=returns or self.counts_standing_still)
+        return tuple({**self.reasons, **dict.fromkeys(Unbounded("loop", part) for part in parts)})
+
+    def _loops(self, graph: Mapping[int, list[int]], *, returns: bool) -> Iterator[tuple[int, ...]]:
         """Yield the addresses of each loop, then of the loops that remain inside it without its first
         address.
 
         If the function never returns, a jump to itself is its end.
         """
         for part in components(graph):
-            if not returns and len(part) == 1 and self._stands_still(part[0][0]):
+            if not returns and len(part) == 1 and self._stands_still(self.states[part[0]][0]):
                 continue
-            addresses = tuple(sorted({state[0] for state in part}))
+            addresses = tuple(sorted({self.states[number][0] for number in part}))
             yield addresses
-            inside = {state for state in part if state[0] != addresses[0]}
+            inside = {number for number in part if self.states[number][0] != addresses[0]}
             yield from self._loops(
-                {state: [follower for follower in graph[state] if follower in inside] for state in inside},
+                {number: [after for after in graph[number] if after in inside] for number in inside},
                 returns=returns,
             )
 
@@ -545,22 +562,20 @@ class _Walk:
         return word.flow == "jump" and word.k == at
 
     def longest(self) -> Cycles | None:
-        assert self.start is not None
-        length = longest_path(self.start, self.edges)
+        length = longest_path(0, self.edges)
         return None if length is None else Cycles(length)
 
     def _shortest(self) -> Cycles | None:
         """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
-        assert self.start is not None
-        best = {self.start: 0}
-        heap: list[tuple[int, int, _State]] = [(0, 0, self.start)]
+        best = {0: 0}
+        heap: list[tuple[int, int, int]] = [(0, 0, 0)]
         end: int | None = None
         count = 0
         while heap:
-            cost, _, state = heapq.heappop(heap)
-            if cost > best[state] or (end is not None and cost >= end):
+            cost, _, number = heapq.heappop(heap)
+            if cost > best[number] or (end is not None and cost >= end):
                 continue
-            for minimum, _, after in self.edges.get(state, ()):
+            for minimum, _, after in self.edges.get(number, ()):
                 if (
                     after is None or after not in self.edges
                 ):  # the search was abandoned: this is a lower bound
@@ -573,7 +588,7 @@ class _Walk:
 
     # states
 
-    def turns(self, state: _State) -> list[_Edge]:
+    def turns(self, state: _State) -> list[_Step]:
         """Return all iterations of a loop except the last as one step, if they differ only in the counter.
 
         One iteration is executed. It must be the only path and leave everything else that is known unchanged,
@@ -581,16 +596,15 @@ class _Walk:
         whether it is 0. Then every iteration down to the last value of the counter is the same path with the
         same cycles. Empty if these conditions do not hold.
         """
-        at = state[0]
+        at, home, stack, before = state
         if at in self.uneven or at not in self.program.heads:
             return []
         self.uneven.add(at)
         cycles = 0
-        here: _State | None = state
+        here: _Point = (at, home, stack, dict(before))
         touched: Counter[int] = Counter()
         counted: set[int] = set()
         for _ in range(_MAX_TURN):
-            assert here is not None
             word = self.program.word(here[0])
             if word.flow == "return" or word.f == INDF or here[0] in self.program.bounds:
                 return []
@@ -600,16 +614,19 @@ class _Walk:
                 touched[word.f] += 1
                 if word.name in ("DECFSZ", "DECF") and word.d:
                     counted.add(word.f)
-            ways = list(self._steps(here))
-            if len(ways) != 1 or ways[0][0] != ways[0][1] or ways[0][2] is None:
+            steps = list(self._steps(here))
+            if len(steps) != 1:
                 return []
-            cycles += ways[0][0]
-            here = ways[0][2]
+            minimum, maximum, following = steps[0]
+            if minimum != maximum or following is None:
+                return []
+            cycles += minimum
+            here = following
             if here[0] == at:
                 break
         else:
             return []
-        known, after = dict(state[3]), dict(self._kept(here)[3])  # type: ignore[index]
+        known, after = dict(before), dict(self._kept(here)[3])
         changed = {place for place in known.keys() | after.keys() if known.get(place) != after.get(place)}
         counter = next(iter(changed)) if len(changed) == 1 else None
         if counter not in counted or touched[counter] != 1 or counter not in known or counter not in after:
@@ -618,49 +635,48 @@ class _Walk:
         turns = (known[counter] - 1) & 0xFF
         if not turns or not after[counter]:
             return []
-        last = _frozen(known | {counter: 1})
-        return [(turns * cycles, turns * cycles, (at, state[1], state[2], last))]
+        return [(turns * cycles, turns * cycles, (at, home, stack, known | {counter: 1}))]
 
-    def _run(self, state: _State) -> Iterator[_Edge]:
+    def _run(self, state: _State) -> list[_Step]:
         """Follow the only path from a state up to where paths part or meet."""
+        at, home, stack, before = state
+        point: _Point = (at, home, stack, dict(before))
+        heads = self.program.heads
         minimum, maximum = 0, 0
         unknown = False
         while True:
-            state, passed = self._straight(state)
+            point, passed = self._straight(point)
             minimum += passed
             maximum += passed
-            steps = [self._within(state, step) for step in self._steps(state)]
-            if len(steps) == 1:
-                fewest, slowest, after = steps[0]
-                minimum += fewest
-                maximum += slowest or 0
-                unknown |= slowest is None
-                if after is None or after[0] in self.program.heads:
-                    yield minimum, None if unknown else maximum, self._kept(after)
-                    return
-                state = after
-                continue
-            for fewest, slowest, after in steps:
-                longest = None if unknown or slowest is None else maximum + slowest
-                yield minimum + fewest, longest, self._kept(after)
-            return
+            steps = [self._within(point, step) for step in self._steps(point)]
+            if len(steps) != 1:
+                return [
+                    (minimum + fewest, None if unknown or slowest is None else maximum + slowest, after)
+                    for fewest, slowest, after in steps
+                ]
+            fewest, slowest, after = steps[0]
+            minimum += fewest
+            maximum += slowest or 0
+            unknown |= slowest is None
+            if after is None or after[0] in heads:
+                return [(minimum, None if unknown else maximum, after)]
+            point = after
 
-    def _straight(self, state: _State) -> tuple[_State, int]:
-        """Return the state after the plain instructions that follow, and their number, which is their cycles.
+    def _straight(self, point: _Point) -> tuple[_Point, int]:
+        """Return the point after the plain instructions that follow, and their number, which is their cycles.
 
         `_steps` would yield the same one by one, but most of a program is plain, and this is much faster.
         """
         program = self.program
-        first, home, stack, before = state
-        at, known = first, dict(before)
-        while at in program.plain and at not in self.ends and at not in self.without:
-            if at + 1 in program.heads:
-                break
-            execute(program.word(at), known, program.changing)
+        plain, heads, changing = program.plain, program.heads, program.changing
+        first, home, stack, known = point
+        at = first
+        while at in plain and at + 1 not in heads and at not in self.ends and at not in self.without:
+            execute(program.word(at), known, changing)
             at += 1
-        return (state, 0) if at == first else ((at, home, stack, _frozen(known)), at - first)
+        return (at, home, stack, known), at - first
 
-    def _within(self, before: _State, step: _Edge) -> _Edge:
+    def _within(self, before: _Point, step: _Step) -> _Step:
         """Return the edge, ended at the boundary of the function if its code runs on into another: the
         start-up code before main.
         """
@@ -670,74 +686,74 @@ class _Walk:
         runs_on = after[0] in (before[0] + 1, before[0] + 2) and after[0] != before[1]
         return (minimum, maximum, None) if runs_on else step
 
-    def _kept(self, state: _State | None) -> _State | None:
-        """Return a state without the values that need not be remembered."""
-        if state is None:
-            return None
-        at, home, stack, known = state
-        live = self.program.live.get(at, 0)
-        kept = tuple(
-            fact
-            for fact in known
-            if is_live(fact[0], live)
-            and (self.tracked is None or fact[0] in self.tracked or fact[0] >= _PASSES)
-        )
-        return at, home, stack, kept
+    def _kept(self, point: _Point) -> _State:
+        """Return a point as a state, without the values that need not be remembered."""
+        at, home, stack, known = point
+        if not known:
+            return at, home, stack, ()
+        live, tracked = self.program.live.get(at, 0), self.tracked
+        kept = [
+            (place, value)
+            for place, value in known.items()
+            if place >= _PASSES
+            or (live >> _BITS.get(place, place) & 1 and (tracked is None or place in tracked))
+        ]
+        return at, home, stack, tuple(sorted(kept))
 
-    def _steps(self, state: _State) -> Iterator[_Edge]:
-        """Yield the successors of one instruction, or of one loop that only counts."""
-        at, home, stack, before = state
-        if at in self.ends and state != self.start:
+    def _steps(self, point: _Point) -> Iterator[_Step]:
+        """Yield the successors of one instruction, or of one loop that only counts; the values known at the
+        point are those of its successors afterwards.
+        """
+        at, home, stack, known = point
+        if at in self.ends and (at, home, stack, tuple(sorted(known.items()))) != self.states[0]:
             yield 0, 0, None
             return
         if at in self.without:
             return
-        known = dict(before)
         if not self._passed(at, known):
             return
         piece = self.program.piece(at)
         if piece is not None and not self.ends & set(range(at + 1, piece.end)):
             kept = {place: value for place, value in known.items() if place not in piece.changes}
-            yield piece.cycles, piece.cycles, (piece.end, home, stack, _frozen(kept))
+            yield piece.cycles, piece.cycles, (piece.end, home, stack, kept)
             return
         word = self.program.word(at)
         counted = _counted_loop(self.program, at, word, known)
         if counted is not None:
             cycles, after = counted
-            yield cycles, cycles, (after, home, stack, _frozen(known))
+            yield cycles, cycles, (after, home, stack, known)
         elif word.flow == "jump":
-            yield from self._jump(at, word, state, known)
+            yield from self._jump(word, point)
         elif word.flow == "call":
-            yield from self._call(at, word, state, known)
+            yield from self._call(word, point)
         elif word.flow == "return":
             if word.name == "RETLW":
                 known[W] = word.k
-            yield from self._return(2, at, state, known)
+            yield from self._return(2, point)
         elif word.writes_pcl:
-            yield from self._computed_jump(at, state, known)
+            yield from self._computed_jump(point)
         elif word.name == "SLEEP":
             yield from self._no_bound("sleep", at)
         elif word.flow == "skip":
             taken = skipped(word, known, self.program.changing)
-            after_known = _frozen(known)
             if taken is not True:
-                yield 1, 1, (_beyond(at, 1), home, stack, after_known)
+                yield 1, 1, (_beyond(at, 1), home, stack, known)
             if taken is not False:
-                yield 2, 2, (_beyond(at, 2), home, stack, after_known)
+                yield 2, 2, (_beyond(at, 2), home, stack, known)
         else:
             execute(word, known, self.program.changing)
-            yield 1, 1, (_beyond(at, 1), home, stack, _frozen(known))
+            yield 1, 1, (_beyond(at, 1), home, stack, known)
 
-    def _jump(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
+    def _jump(self, word: Word, point: _Point) -> Iterator[_Step]:
         """Yield the edges of a jump inside the function, or to another function, which returns in its
         place.
         """
-        _, home, stack, _ = state
+        at, home, stack, known = point
         elsewhere = word.k in self.program.functions and word.k != home
         if self.returns_to_callers:
-            yield 2, 2, (word.k, self._home(word.k, home), stack, _frozen(known))
+            yield 2, 2, (word.k, self._home(word.k, home), stack, known)
         elif not elsewhere:
-            yield 2, 2, (word.k, home, stack, _frozen(known))
+            yield 2, 2, (word.k, home, stack, known)
         else:
             times = self._call_times(at, word, known)
             if times.shortest is not None:
@@ -755,16 +771,16 @@ class _Walk:
         known[_PASSES + at] = known.get(_PASSES + at, 0) + 1
         return known[_PASSES + at] <= bound
 
-    def _no_bound(self, kind: str, at: int) -> Iterator[_Edge]:
+    def _no_bound(self, kind: str, at: int) -> Iterator[_Step]:
         if self.returns_to_callers:
             raise _NoBound(kind, at)
         self.reasons[Unbounded(kind, (at,))] = None
         yield 2, None, None
 
-    def _call(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
-        _, home, stack, _ = state
+    def _call(self, word: Word, point: _Point) -> Iterator[_Step]:
+        at, home, stack, known = point
         if self.program.reached(word.k) & (self.ends | self.without):
-            yield 2, 2, (word.k, word.k, (*stack, at + 1), _frozen(known))
+            yield 2, 2, (word.k, word.k, (*stack, at + 1), known)
             return
         times = self._call_times(at, word, known)
         if times.shortest is None:
@@ -772,7 +788,7 @@ class _Walk:
         changed = self.program.changes(word.k)
         kept = {place: value for place, value in known.items() if place not in changed}
         maximum = None if times.longest is None else 2 + times.longest
-        yield 2 + times.shortest, maximum, (at + 1, home, stack, _frozen(kept))
+        yield 2 + times.shortest, maximum, (at + 1, home, stack, kept)
 
     def _call_times(self, at: int, word: Word, known: Known) -> Times:
         """Return the times of the function that is entered at `at`."""
@@ -783,28 +799,27 @@ class _Walk:
             self.reasons[Unbounded("call", (at,))] = None
         return times
 
-    def _computed_jump(self, at: int, state: _State, known: Known) -> Iterator[_Edge]:
+    def _computed_jump(self, point: _Point) -> Iterator[_Step]:
         """Yield the edges of a jump into a table: the jump takes two cycles, the RETLW it reaches two
         more; or those of a jump whose targets are known.
         """
+        at, home, stack, known = point
         try:
             self.program.check_table(at)
         except _NoBound:
             targets = self.program.targets(at)
             if targets:
-                _, home, stack, _ = state
                 execute(self.program.word(at), known, self.program.changing)
                 for target in targets:
-                    yield 2, 2, (target, self._home(target, home), stack, _frozen(known))
+                    yield 2, 2, (target, self._home(target, home), stack, known)
                 return
             yield from self._no_bound("computed jump", at)
             return
         known.pop(W, None)
-        yield from self._return(2 + 2, at, state, known)
+        yield from self._return(2 + 2, point)
 
-    def _return(self, cycles: int, at: int, state: _State, known: Known) -> Iterator[_Edge]:
-        _, home, stack, _ = state
-        after = _frozen(known)
+    def _return(self, cycles: int, point: _Point) -> Iterator[_Step]:
+        at, home, stack, after = point
         if stack:
             yield cycles, cycles, (stack[-1], self._home(stack[-1], home), stack[:-1], after)
         elif not self.returns_to_callers:
@@ -851,7 +866,3 @@ def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[
 def _is_goto(program: Program, at: int, target: int) -> bool:
     word = program.word(at)
     return word.name == "GOTO" and word.k == target
-
-
-def _frozen(known: Known) -> tuple[tuple[int, int], ...]:
-    return tuple(sorted(known.items()))
