@@ -1,12 +1,12 @@
-"""Strongly connected components and longest paths of graphs.
+"""Strongly connected components of graphs, and orders of graphs without cycles.
 
-In: a graph as nodes and their successors. Out: its components that contain a cycle; the longest path of an
-acyclic graph.
+In: a graph as nodes and their successors. Out: its components that contain a cycle; the nodes below a node,
+each after its successors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 Node = TypeVar("Node", bound=Hashable)
@@ -58,24 +58,25 @@ def _taken(held: list[Node], on_hold: set[Node], node: Node) -> list[Node]:
             return part
 
 
-def longest(start: Node, edges: Mapping[Node, Sequence[tuple[int, int | None, Node | None]]]) -> int | None:
-    """Return the length of the longest path to the end (None) of an acyclic graph, ignoring dead ends."""
-    done: dict[Node, int | None] = {}
-    stack: list[tuple[Node, bool]] = [(start, False)]
+def bottom_up(start: Node, successors: Callable[[Node], Iterable[Node]]) -> list[Node] | None:
+    """Return the nodes that can be reached from a node, each after all those that it leads to; None if they
+    contain a cycle.
+    """
+    order: list[Node] = []
+    finished: dict[Node, bool] = {start: False}
+    stack = [(start, iter(successors(start)))]
     while stack:
-        node, leaving = stack.pop()
-        if leaving:
-            lengths = [
-                most if after is None else most + rest
-                for _, most, after in edges[node]
-                if most is not None
-                for rest in [0 if after is None else done[after]]
-                if rest is not None
-            ]
-            done[node] = max(lengths, default=None)
-        elif node not in done:
-            stack.append((node, True))
-            stack += [
-                (after, False) for _, _, after in edges[node] if after is not None and after not in done
-            ]
-    return done[start]
+        node, rest = stack[-1]
+        for after in rest:
+            done = finished.get(after)
+            if done is None:
+                finished[after] = False
+                stack.append((after, iter(successors(after))))
+                break
+            if not done:
+                return None
+        else:
+            stack.pop()
+            finished[node] = True
+            order.append(node)
+    return order

@@ -27,8 +27,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from servogen.graph import components
-from servogen.graph import longest as longest_path
+from servogen.graph import bottom_up, components
 from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.known_values import (
     CARRY,
@@ -109,6 +108,18 @@ class _NoBound(Exception):
         self.why = Unbounded(kind, (at,))
 
 
+class _Decoded(dict[int, Word]):
+    """The instructions by address, decoded when they are first needed. Raises Undefined."""
+
+    def __init__(self, words: Mapping[int, int]) -> None:
+        super().__init__()
+        self._words = words
+
+    def __missing__(self, at: int) -> Word:
+        word = self[at] = word_of(self._words.get(at, ERASED))
+        return word
+
+
 class Program:
     """The words of a program, and the times of its functions.
 
@@ -128,7 +139,7 @@ class Program:
         targets: Mapping[int, Collection[int]] | None = None,
     ) -> None:
         self._words = words
-        self._decoded: dict[int, Word] = {}
+        self.decoded = _Decoded(words)
         self._targets = targets or {}
         self.functions = {function.start: function for function in functions}
         self.changing = frozenset(changing)
@@ -144,10 +155,7 @@ class Program:
 
     def word(self, at: int) -> Word:
         """Return the instruction at an address. Raises Undefined."""
-        decoded = self._decoded.get(at)
-        if decoded is None:
-            decoded = self._decoded[at] = word_of(self._words.get(at, ERASED))
-        return decoded
+        return self.decoded[at]
 
     @cached_property
     def plain(self) -> frozenset[int]:
@@ -201,7 +209,7 @@ class Program:
             walk.explore((start, self._home_of(start), (), ()))
         except (_NoBound, Undefined):
             return None
-        return None if walk.unbounded or not walk.complete else walk.longest()
+        return walk.times().longest
 
     def between(
         self, start: int, ends: Collection[int], *, without: Collection[int] = (), must_end: bool = False
@@ -515,24 +523,41 @@ class _Walk:
     # answers
 
     def times(self) -> Times:
+        if self.complete and not self.reasons:
+            order = bottom_up(
+                0, lambda number: [after for _, _, after in self.edges[number] if after is not None]
+            )
+            if order is not None:
+                return self._times_without_loops(order)
         shortest = self._shortest()
         if not self.complete:
             often = Counter(self.states[number][0] for number in self.edges)
             at = max(often, key=lambda address: often[address], default=self.states[0][0])
             return Times(shortest, None, (Unbounded("too many states", (at,)),))
-        unbounded = self._unbounded(returns=shortest is not None)
-        if unbounded or shortest is None:
-            return Times(shortest, None, unbounded)
-        return Times(shortest, self.longest())
+        return Times(shortest, None, self._unbounded(returns=shortest is not None))
 
-    @property
-    def unbounded(self) -> tuple[Unbounded, ...]:
+    def _times_without_loops(self, order: Sequence[int]) -> Times:
+        """Return the lengths of the shortest and the longest path; in `order`, states follow all those that
+        they lead to.
+        """
+        extremes: dict[int | None, tuple[int, int]] = {None: (0, 0)}
+        for number in order:
+            lengths = [
+                (minimum + extremes[after][0], maximum + extremes[after][1])
+                for minimum, maximum, after in self.edges[number]
+                if maximum is not None and after in extremes
+            ]
+            if lengths:  # otherwise no path leads from here to the end
+                shortest, longest = zip(*lengths, strict=True)
+                extremes[number] = min(shortest), max(longest)
+        if 0 not in extremes:
+            return Times(None, None)
+        return Times(Cycles(extremes[0][0]), Cycles(extremes[0][1]))
+
+    def _unbounded(self, *, returns: bool) -> tuple[Unbounded, ...]:
         """Return everything without a bound: calls and jumps as they were met, then loops, outer ones
         first.
         """
-        return self._unbounded(returns=self._shortest() is not None)
-
-    def _unbounded(self, *, returns: bool) -> tuple[Unbounded, ...]:
         graph = {
             number: [after for _, _, after in edges if after is not None]
             for number, edges in self.edges.items()
@@ -560,10 +585,6 @@ class _Walk:
     def _stands_still(self, at: int) -> bool:
         word = self.program.word(at)
         return word.flow == "jump" and word.k == at
-
-    def longest(self) -> Cycles | None:
-        length = longest_path(0, self.edges)
-        return None if length is None else Cycles(length)
 
     def _shortest(self) -> Cycles | None:
         """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
@@ -605,7 +626,7 @@ class _Walk:
         touched: Counter[int] = Counter()
         counted: set[int] = set()
         for _ in range(_MAX_TURN):
-            word = self.program.word(here[0])
+            word = self.program.decoded[here[0]]
             if word.flow == "return" or word.f == INDF or here[0] in self.program.bounds:
                 return []
             if word.flow == "call":
@@ -614,7 +635,7 @@ class _Walk:
                 touched[word.f] += 1
                 if word.name in ("DECFSZ", "DECF") and word.d:
                     counted.add(word.f)
-            steps = list(self._steps(here))
+            steps = self._steps(here)
             if len(steps) != 1:
                 return []
             minimum, maximum, following = steps[0]
@@ -668,11 +689,11 @@ class _Walk:
         `_steps` would yield the same one by one, but most of a program is plain, and this is much faster.
         """
         program = self.program
-        plain, heads, changing = program.plain, program.heads, program.changing
+        plain, heads, decoded, changing = program.plain, program.heads, program.decoded, program.changing
         first, home, stack, known = point
         at = first
         while at in plain and at + 1 not in heads and at not in self.ends and at not in self.without:
-            execute(program.word(at), known, changing)
+            execute(decoded[at], known, changing)
             at += 1
         return (at, home, stack, known), at - first
 
@@ -700,65 +721,58 @@ class _Walk:
         ]
         return at, home, stack, tuple(sorted(kept))
 
-    def _steps(self, point: _Point) -> Iterator[_Step]:
-        """Yield the successors of one instruction, or of one loop that only counts; the values known at the
+    def _steps(self, point: _Point) -> list[_Step]:
+        """Return the successors of one instruction, or of one loop that only counts; the values known at the
         point are those of its successors afterwards.
         """
         at, home, stack, known = point
         if at in self.ends and (at, home, stack, tuple(sorted(known.items()))) != self.states[0]:
-            yield 0, 0, None
-            return
-        if at in self.without:
-            return
-        if not self._passed(at, known):
-            return
+            return [(0, 0, None)]
+        if at in self.without or not self._passed(at, known):
+            return []
         piece = self.program.piece(at)
-        if piece is not None and not self.ends & set(range(at + 1, piece.end)):
+        if piece is not None and not any(at < end < piece.end for end in self.ends):
             kept = {place: value for place, value in known.items() if place not in piece.changes}
-            yield piece.cycles, piece.cycles, (piece.end, home, stack, kept)
-            return
-        word = self.program.word(at)
+            return [(piece.cycles, piece.cycles, (piece.end, home, stack, kept))]
+        word = self.program.decoded[at]
         counted = _counted_loop(self.program, at, word, known)
         if counted is not None:
             cycles, after = counted
-            yield cycles, cycles, (after, home, stack, known)
-        elif word.flow == "jump":
-            yield from self._jump(word, point)
-        elif word.flow == "call":
-            yield from self._call(word, point)
-        elif word.flow == "return":
+            return [(cycles, cycles, (after, home, stack, known))]
+        if word.flow == "jump":
+            return self._jump(word, point)
+        if word.flow == "call":
+            return self._call(word, point)
+        if word.flow == "return":
             if word.name == "RETLW":
                 known[W] = word.k
-            yield from self._return(2, point)
-        elif word.writes_pcl:
-            yield from self._computed_jump(point)
-        elif word.name == "SLEEP":
-            yield from self._no_bound("sleep", at)
-        elif word.flow == "skip":
+            return self._return(2, point)
+        if word.writes_pcl:
+            return self._computed_jump(point)
+        if word.name == "SLEEP":
+            return self._no_bound("sleep", at)
+        if word.flow == "skip":
             taken = skipped(word, known, self.program.changing)
-            if taken is not True:
-                yield 1, 1, (_beyond(at, 1), home, stack, known)
-            if taken is not False:
-                yield 2, 2, (_beyond(at, 2), home, stack, known)
-        else:
-            execute(word, known, self.program.changing)
-            yield 1, 1, (_beyond(at, 1), home, stack, known)
+            following: _Step = (1, 1, (_beyond(at, 1), home, stack, known))
+            beyond: _Step = (2, 2, (_beyond(at, 2), home, stack, known))
+            return [following, beyond] if taken is None else [beyond] if taken else [following]
+        execute(word, known, self.program.changing)
+        return [(1, 1, (_beyond(at, 1), home, stack, known))]
 
-    def _jump(self, word: Word, point: _Point) -> Iterator[_Step]:
-        """Yield the edges of a jump inside the function, or to another function, which returns in its
+    def _jump(self, word: Word, point: _Point) -> list[_Step]:
+        """Return the step of a jump inside the function, or to another function, which returns in its
         place.
         """
         at, home, stack, known = point
         elsewhere = word.k in self.program.functions and word.k != home
         if self.returns_to_callers:
-            yield 2, 2, (word.k, self._home(word.k, home), stack, known)
-        elif not elsewhere:
-            yield 2, 2, (word.k, home, stack, known)
-        else:
-            times = self._call_times(at, word, known)
-            if times.shortest is not None:
-                maximum = None if times.longest is None else 2 + times.longest
-                yield 2 + times.shortest, maximum, None
+            return [(2, 2, (word.k, self._home(word.k, home), stack, known))]
+        if not elsewhere:
+            return [(2, 2, (word.k, home, stack, known))]
+        times = self._call_times(at, word, known)
+        if times.shortest is None:
+            return []
+        return [(2 + times.shortest, None if times.longest is None else 2 + times.longest, None)]
 
     def _home(self, at: int, home: int) -> int:
         return self.program.home.get(at, home)
@@ -771,24 +785,23 @@ class _Walk:
         known[_PASSES + at] = known.get(_PASSES + at, 0) + 1
         return known[_PASSES + at] <= bound
 
-    def _no_bound(self, kind: str, at: int) -> Iterator[_Step]:
+    def _no_bound(self, kind: str, at: int) -> list[_Step]:
         if self.returns_to_callers:
             raise _NoBound(kind, at)
         self.reasons[Unbounded(kind, (at,))] = None
-        yield 2, None, None
+        return [(2, None, None)]
 
-    def _call(self, word: Word, point: _Point) -> Iterator[_Step]:
+    def _call(self, word: Word, point: _Point) -> list[_Step]:
         at, home, stack, known = point
-        if self.program.reached(word.k) & (self.ends | self.without):
-            yield 2, 2, (word.k, word.k, (*stack, at + 1), known)
-            return
+        if (self.ends or self.without) and self.program.reached(word.k) & (self.ends | self.without):
+            return [(2, 2, (word.k, word.k, (*stack, at + 1), known))]
         times = self._call_times(at, word, known)
         if times.shortest is None:
-            return  # it never comes back
+            return []  # it never comes back
         changed = self.program.changes(word.k)
         kept = {place: value for place, value in known.items() if place not in changed}
         maximum = None if times.longest is None else 2 + times.longest
-        yield 2 + times.shortest, maximum, (at + 1, home, stack, kept)
+        return [(2 + times.shortest, maximum, (at + 1, home, stack, kept))]
 
     def _call_times(self, at: int, word: Word, known: Known) -> Times:
         """Return the times of the function that is entered at `at`."""
@@ -799,36 +812,34 @@ class _Walk:
             self.reasons[Unbounded("call", (at,))] = None
         return times
 
-    def _computed_jump(self, point: _Point) -> Iterator[_Step]:
-        """Yield the edges of a jump into a table: the jump takes two cycles, the RETLW it reaches two
-        more; or those of a jump whose targets are known.
+    def _computed_jump(self, point: _Point) -> list[_Step]:
+        """Return the step of a jump into a table: the jump takes two cycles, the RETLW it reaches two more;
+        or those of a jump whose targets are known.
         """
         at, home, stack, known = point
         try:
             self.program.check_table(at)
         except _NoBound:
             targets = self.program.targets(at)
-            if targets:
-                execute(self.program.word(at), known, self.program.changing)
-                for target in targets:
-                    yield 2, 2, (target, self._home(target, home), stack, known)
-                return
-            yield from self._no_bound("computed jump", at)
-            return
+            if not targets:
+                return self._no_bound("computed jump", at)
+            execute(self.program.word(at), known, self.program.changing)
+            return [(2, 2, (target, self._home(target, home), stack, known)) for target in targets]
         known.pop(W, None)
-        yield from self._return(2 + 2, point)
+        return self._return(2 + 2, point)
 
-    def _return(self, cycles: int, point: _Point) -> Iterator[_Step]:
-        at, home, stack, after = point
+    def _return(self, cycles: int, point: _Point) -> list[_Step]:
+        at, home, stack, known = point
         if stack:
-            yield cycles, cycles, (stack[-1], self._home(stack[-1], home), stack[:-1], after)
-        elif not self.returns_to_callers:
-            yield cycles, cycles, None
-        elif self.program.word(at).name == "RETFIE":
+            return [(cycles, cycles, (stack[-1], self._home(stack[-1], home), stack[:-1], known))]
+        if not self.returns_to_callers:
+            return [(cycles, cycles, None)]
+        if self.program.word(at).name == "RETFIE":
             raise _NoBound("computed jump", at)
-        else:
-            for back in self.program.callers(at):
-                yield cycles, cycles, (back, self.program._home_of(back), (), after)
+        return [
+            (cycles, cycles, (back, self.program._home_of(back), (), known))
+            for back in self.program.callers(at)
+        ]
 
 
 def _beyond(at: int, words: int) -> int:
