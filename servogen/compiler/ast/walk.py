@@ -30,15 +30,14 @@ def nodes(root: object) -> Iterator[object]:
     """Yield a statement or an expression, and all below it; of a list or tuple, those of its elements."""
     waiting = [root]
     while waiting:
-        each = waiting.pop()
-        if isinstance(each, list | tuple):
-            waiting += reversed(each)
-            continue
-        names = CHILD_FIELDS.get(each.__class__)
+        node = waiting.pop()
+        names = CHILD_FIELDS.get(node.__class__)
         if names is not None:
-            yield each
+            yield node
             for name in names:
-                waiting.append(getattr(each, name))
+                waiting.append(getattr(node, name))
+        elif isinstance(node, (list, tuple)):
+            waiting += reversed(node)
 
 
 def expressions(root: object) -> Iterator[Expr]:

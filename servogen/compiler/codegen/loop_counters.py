@@ -139,7 +139,7 @@ def _narrow_reads(body: Stmt, variable: Ref) -> None:
     for node in list(nodes(body)):
         for name in CHILD_FIELDS[node.__class__]:
             value = getattr(node, name)
-            if isinstance(value, Ref | list):
+            if isinstance(value, (Ref, list)):
                 setattr(node, name, narrow(value))
 
 
@@ -197,7 +197,7 @@ def _is_same(expr: object, variable: Ref) -> bool:
 def _is_entered_in_the_middle(body: Block) -> bool:
     """Return whether a `goto`, assembly or a `case` may lead into a loop."""
     below = list(nodes(body))
-    if any(isinstance(each, Asm | LabelStmt) for each in below):
+    if any(isinstance(each, (Asm, LabelStmt)) for each in below):
         return True
     for loop in [each for each in below if isinstance(each, Loop)]:
         inside = list(nodes(loop.body))
@@ -211,7 +211,7 @@ def _may_change(counting: _Counting) -> bool:
     """Return whether the body may change the variable."""
     symbol = counting.variable.symbol
     return any(
-        isinstance(each, Assign | Update | AddressOf) and getattr(each.target, "symbol", None) is symbol
+        isinstance(each, (Assign, Update, AddressOf)) and getattr(each.target, "symbol", None) is symbol
         for each in nodes(counting.loop.body)
     )
 

@@ -97,20 +97,21 @@ class Function:
         """Append labels and instructions, starting new blocks where necessary."""
         blocks = self.blocks
         here = blocks[-1] if blocks else None
+        # a skip leads over one instruction: the block behind a skip is complete as soon as it has one
+        guarded = len(blocks) > 1 and blocks[-2].skips
+        complete = here is not None and here.last is not None and (guarded or here.last.ends_block)
         for line in lines:
-            if here is None or (here.instructions if isinstance(line, Label) else self._is_closed(here)):
+            is_label = isinstance(line, Label)
+            if here is None or (here.instructions if is_label else complete):
+                guarded = here is not None and here.skips
                 here = Block()
                 blocks.append(here)
+                complete = False
             if isinstance(line, Label):
                 here.labels.append(line)
             else:
                 here.instructions.append(line)
-
-    def _is_closed(self, last: Block) -> bool:
-        """Return whether the last block is complete: by its end, or because a skip leads over it."""
-        if not last.instructions:
-            return False
-        return last.instructions[-1].ends_block or (len(self.blocks) > 1 and self.blocks[-2].skips)
+                complete = guarded or line.ends_block
 
     def replace(self, lines: Iterable[Line]) -> None:
         """Replace the contents, and divide them into blocks again."""
@@ -152,16 +153,16 @@ class Function:
         found: list[tuple[Block | None, ...]] = []
         for number, block in enumerate(self.blocks):
             last = block.last
-            if last is not None and last.op == "GOTO":
-                found.append((labelled.get(last.target),))
-            elif last is not None and last.op in ENDS:
-                found.append((None,))
-            elif last is not None and last.leaves:
-                found.append((None, following[number]))
-            elif block.skips:
-                found.append((following[number], following[number + 1]))
-            else:
+            if last is None or not last.ends_block:
                 found.append((following[number],))
+            elif last.op == "GOTO":
+                found.append((labelled.get(last.target),))
+            elif last.op in ENDS:
+                found.append((None,))
+            elif last.skips:
+                found.append((following[number], following[number + 1]))
+            else:  # a write to PCL
+                found.append((None, following[number]))
         return found
 
     def skipped(self) -> set[Block]:

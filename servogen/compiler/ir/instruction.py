@@ -158,7 +158,9 @@ class Instruction:
     @property
     def leaves(self) -> bool:
         """Return whether the following instruction is not executed next: a jump, a return, a write to PCL."""
-        return self.op in ENDS or (self.f == PCL and self.writes_f)
+        if self.op in ENDS:
+            return True
+        return self.f.__class__ is Reg and self.f == PCL and self.writes_f
 
     @property
     def ends_block(self) -> bool:

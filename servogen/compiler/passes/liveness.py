@@ -8,6 +8,8 @@ every CALL.
 
 from __future__ import annotations
 
+from functools import cache, cached_property
+
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import (
     BIT_TESTS,
@@ -40,32 +42,60 @@ def is_private(loc: object) -> bool:
     )
 
 
+@cache
+def _without_byte(op: str, d: int) -> tuple[int, int]:
+    """Return what an instruction needs, and what it overwrites, of W and the flags, whatever its byte is."""
+    ins = Instruction(op, d=d)
+    uses = (W_BIT if ins.reads_w else 0) | (C_BIT if ins.reads_carry else 0)
+    kills = W_BIT if ins.writes_w else 0
+    for letter in ins.flags:
+        kills |= FLAG_LETTERS[letter]
+    return uses, kills
+
+
 class Liveness:
-    """The analysis of one function: `after[instruction]` is the set that is live after it."""
+    """The analysis of one function, which is done when an answer is first needed: most passes find nothing
+    that they could change, and do without.
+    """
 
     def __init__(self, function: Function) -> None:
         self.function = function
-        self.number: dict[Byte, int] = {}
-        own = set(map(id, function.own))
-        for each in function.instructions():
-            if isinstance(each.f, Byte) and each.f not in self.number and is_private(each.f):
-                self.number[each.f] = len(self.number)
-        if function.result is not None:
-            for offset in range(function.result.size):
-                self.number.setdefault(Byte(function.result, offset), len(self.number))
-        self.foreign = 0
-        for byte in self.number:
-            if id(byte.symbol) not in own:
-                self.foreign |= self.bit(byte)
-        self.after: dict[Instruction, int] = {}
-        self._exit = self._at_exit()
-        self.entry = self._solve()
-        """What is live before the first instruction."""
+
+    @cached_property
+    def number(self) -> dict[Byte, int]:
+        """Return the private bytes of the function with their numbers."""
+        number: dict[Byte, int] = {}
+        for ins in self.function.instructions():
+            if isinstance(ins.f, Byte) and ins.f not in number and is_private(ins.f):
+                number[ins.f] = len(number)
+        result = self.function.result
+        if result is not None:
+            for offset in range(result.size):
+                number.setdefault(Byte(result, offset), len(number))
+        return number
+
+    @cached_property
+    def foreign(self) -> int:
+        """Return the bytes that belong to other functions."""
+        own = set(map(id, self.function.own))
+        return sum(self.bit(byte) for byte in self.number if id(byte.symbol) not in own)
+
+    @property
+    def after(self) -> dict[Instruction, int]:
+        """Return what is live after each instruction."""
+        return self._solution[0]
+
+    @property
+    def entry(self) -> int:
+        """Return what is live before the first instruction."""
+        return self._solution[1]
 
     def bit(self, byte: Byte) -> int:
         return 1 << self.number[byte] + _FIRST
 
-    def _at_exit(self) -> int:
+    @cached_property
+    def _exit(self) -> int:
+        """Return what a return needs: the result."""
         function = self.function
         live = W_BIT if function.returns_w else 0
         if function.result is not None and is_private(Byte(function.result, 0)):
@@ -84,24 +114,20 @@ class Liveness:
             return W_BIT | self.foreign, W_BIT | ALL_FLAGS | self.foreign
         if op in RETURNS:
             return (self._exit & ~W_BIT, W_BIT) if ins.writes_w else (self._exit, 0)
-        uses = W_BIT if ins.reads_w else 0
-        kills = W_BIT if ins.writes_w else 0
-        for letter in ins.flags:
-            kills |= FLAG_LETTERS[letter]
-        if ins.reads_carry:
-            uses |= C_BIT
-        if ins.f == STATUS:
+        uses, kills = _without_byte(op, ins.d)
+        if isinstance(ins.f, Byte):
+            if ins.f in self.number:
+                mask = self.bit(ins.f)
+                if ins.reads_f:
+                    uses |= mask
+                elif ins.writes_f:
+                    kills |= mask
+        elif ins.f == STATUS:
             if op in BIT_TESTS:
                 return uses | FLAG_BITS.get(ins.b, 0), kills
             if op in BIT_WRITES:
                 return uses, FLAG_BITS.get(ins.b, 0)
-            return uses | (ALL_FLAGS if ins.reads_f else 0), kills
-        if isinstance(ins.f, Byte) and ins.f in self.number:
-            mask = self.bit(ins.f)
-            if ins.reads_f:
-                uses |= mask
-            elif ins.writes_f:
-                kills |= mask
+            return uses | (ALL_FLAGS if ins.reads_f else 0), kills | (ALL_FLAGS if ins.writes_f else 0)
         return uses, kills
 
     def before(self, ins: Instruction) -> int:
@@ -109,11 +135,13 @@ class Liveness:
         uses, kills = self._uses_and_kills(ins)
         return uses | self.after[ins] & ~kills
 
-    def _solve(self) -> int:
-        """Iterate backwards over the blocks until nothing changes, then fill in `after`."""
+    @cached_property
+    def _solution(self) -> tuple[dict[Instruction, int], int]:
+        """Iterate backwards over the blocks until nothing changes; return `after` and `entry`."""
         blocks = self.function.blocks
+        after_each: dict[Instruction, int] = {}
         if not blocks:
-            return self._exit
+            return after_each, self._exit
         facts = [[self._uses_and_kills(each) for each in block.instructions] for block in blocks]
         # summarise each block, so that the iteration below works on blocks instead of instructions
         summary = []
@@ -145,9 +173,9 @@ class Liveness:
         for number, block in enumerate(blocks):
             live = live_out[number]
             for ins, (uses, kills) in zip(reversed(block.instructions), reversed(facts[number]), strict=True):
-                self.after[ins] = live
+                after_each[ins] = live
                 live = uses | live & ~kills
-        return live_in[0]
+        return after_each, live_in[0]
 
     def _exit_of(self, last: Instruction | None) -> int:
         """Return what is needed when the function is left; a jump into another function needs everything that

@@ -5,7 +5,7 @@ In: the typed tree of a program. Out: a `CallGraph`; errors for missing, duplica
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import (
@@ -28,7 +28,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.errors import Location
 
 
-def called(function: FunctionDefinition) -> dict[str, Call]:
+def _called(function: FunctionDefinition) -> dict[str, Call]:
     """Return the functions that a function calls, with the location of the call."""
     found: dict[str, Call] = {}
     if function.body is not None:
@@ -58,17 +58,16 @@ def has_assembly(node: Stmt) -> bool:
     return any(isinstance(each, Asm) for each in statements(node))
 
 
-def reachable(program: Program, start: str) -> list[str]:
+def _reachable(calls: Mapping[str, Mapping[str, Call]], start: str) -> list[str]:
     """Return the functions that `start` reaches, itself first."""
-    found: dict[str, None] = {}
+    reached: dict[str, None] = {}
     waiting = [start]
     while waiting:
         name = waiting.pop(0)
-        if name in found or name not in program.functions:
-            continue
-        found[name] = None
-        waiting += called(program.functions[name])
-    return list(found)
+        if name not in reached and name in calls:
+            reached[name] = None
+            waiting += calls[name]
+    return list(reached)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +75,14 @@ class CallGraph:
     """The functions that main and the interrupt reach, each list beginning with its root."""
 
     program: Program
+    calls: Mapping[str, Mapping[str, Call]]
+    """The calls in each function, by the function that they call."""
     main: list[str]
     handler: str | None
     """The interrupt function."""
     isr: list[str]
-
-    @property
-    def program_has_assembly(self) -> bool:
-        """Return whether a function contains assembly, which may do what the C does not show."""
-        bodies = (function.body for function in self.program.functions.values())
-        return any(body is not None and has_assembly(body) for body in bodies)
+    program_has_assembly: bool
+    """Whether a function contains assembly, which may do what the C does not show."""
 
     @property
     def shared(self) -> set[str]:
@@ -96,8 +93,15 @@ class CallGraph:
 def call_graph(program: Program) -> CallGraph:
     """Return the call graph of a program from main and from its interrupt function."""
     handler = next((name for name, function in program.functions.items() if function.interrupt), None)
+    calls = {name: _called(function) for name, function in program.functions.items()}
+    bodies = (function.body for function in program.functions.values())
     return CallGraph(
-        program, reachable(program, "main"), handler, reachable(program, handler) if handler else []
+        program,
+        calls,
+        main=_reachable(calls, "main"),
+        handler=handler,
+        isr=_reachable(calls, handler) if handler else [],
+        program_has_assembly=any(body is not None and has_assembly(body) for body in bodies),
     )
 
 
@@ -120,7 +124,7 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
         if handler.parameters or not isinstance(handler.result, VoidType):
             reporter.error("c-interrupt", "an interrupt function takes and returns nothing", handler.place)
     for name in dict.fromkeys([*graph.main, *graph.isr]):
-        for callee, call in called(functions[name]).items():
+        for callee, call in graph.calls[name].items():
             if functions[callee].body is None:
                 reporter.error(
                     "c-undefined", f"the function '{callee}' is declared but not defined", call.place
@@ -133,7 +137,7 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
 
     def visit(name: str, path: list[str]) -> bool:
         state[name] = 1
-        for callee, call in called(graph.program.functions[name]).items():
+        for callee, call in graph.calls[name].items():
             if state.get(callee) == 1:
                 cycle = [*path[path.index(callee) :], callee]
                 reporter.error(
