@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any, NoReturn
 
 from pycparser import c_lexer
-from pycparser.c_parser import CParser, ParseError, _TokenStream
+from pycparser.c_parser import CParser, ParseError
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.preprocessor import PToken
@@ -95,22 +95,39 @@ def _keywords() -> dict[str, str]:
     }
 
 
-class _Feed:
-    """Replaces pycparser's lexer and hands out ready-made tokens."""
+class _NoLexer:
+    """Stands where pycparser expects its lexer: the tokens are ready-made."""
+
+    filename = ""
 
     def __init__(self, error_func: Callable[[str, int, int], None], *, dialect: str = "legacy") -> None:
-        self.tokens: list[c_lexer.Token] = []
-        self.filename = ""
-        self._next = 0
+        pass
 
-    def input(self, text: str, filename: str = "") -> None:
-        self._next = 0
+    def token(self) -> None:
+        """Return no token: `_Tokens` has them."""
 
-    def token(self) -> c_lexer.Token | None:
-        if self._next >= len(self.tokens):
-            return None
-        self._next += 1
-        return self.tokens[self._next - 1]
+
+class _Tokens:
+    """Replaces pycparser's token stream, which asks a lexer for each token; None behind the last token."""
+
+    def __init__(self, tokens: list[c_lexer.Token]) -> None:
+        self.tokens = tokens
+        self.index = 0
+
+    def peek(self, ahead: int = 1) -> c_lexer.Token | None:
+        at = self.index + ahead - 1
+        return self.tokens[at] if at < len(self.tokens) else None
+
+    def next(self) -> c_lexer.Token | None:
+        token = self.peek()
+        self.index += 1
+        return token
+
+    def mark(self) -> int:
+        return self.index
+
+    def reset(self, mark: int) -> None:
+        self.index = mark
 
 
 class _Parser(CParser):  # type: ignore[misc]
@@ -133,10 +150,9 @@ class _Parser(CParser):  # type: ignore[misc]
         self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]
     ) -> list[Any]:
         """Parse the whole file; `fault` reports an error and returns the token at which to resume."""
-        self.clex.tokens = tokens
         self._scope_stack = [dict.fromkeys(typedefs, True)]
         self._typedef_checked_token = None
-        self._tokens = _TokenStream(self.clex.token)
+        self._tokens = _Tokens(tokens)
         found: list[Any] = []
         while self._peek() is not None:
             start = self.index()
@@ -163,8 +179,9 @@ def parse(
     """Return the external declarations of a file. Syntax errors are reported to the reporter; the identities
     of the expressions that stand in parentheses are added to `parenthesised`.
     """
-    stream = [_token(each, reporter) for each in tokens]
-    parser = _Parser(lexer=_Feed)
+    kinds = _punctuators() | _keywords()
+    stream = [_token(token, kinds, reporter) for token in tokens]
+    parser = _Parser(lexer=_NoLexer)
     parser.parenthesised = parenthesised
 
     def fault(error: Exception, start: int, at: int) -> int:
@@ -178,16 +195,17 @@ def parse(
     return parser.units(stream, typedefs, fault)
 
 
-def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
-    text = token.text
-    kind = _punctuators().get(text) or _keywords().get(text)
+def _token(token: PToken, kinds: dict[str, str], reporter: Reporter) -> c_lexer.Token:
+    """Return a token as pycparser reads it; `kinds` holds the kinds of words and signs, and learns names."""
+    text, place = token
+    kind = kinds.get(text)
     if kind is None:
         if text[0] == '"':
             kind = "STRING_LITERAL"
         elif text[0] == "'":
             kind = "CHAR_CONST"
         elif _NAME.fullmatch(text):
-            kind = "ID"
+            kind = kinds[text] = "ID"
         elif _FLOAT.fullmatch(text):
             kind = "FLOAT_CONST"
         elif _HEX_FLOAT.fullmatch(text):
@@ -195,18 +213,15 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
         elif match := _INTEGER.fullmatch(text):
             kind = "INT_CONST_DEC"
             if match[1].lower() not in ("", "u", "l", "ul", "lu", "ll", "ull", "llu"):
-                reporter.error(
-                    "c-number", f"'{text}' is not a number: unknown suffix '{match[1]}'", token.place
-                )
+                reporter.error("c-number", f"'{text}' is not a number: unknown suffix '{match[1]}'", place)
                 text = "0"
             elif text[0] == "0" and text[1:2] not in ("x", "X") and re.search("[89]", text):
-                reporter.error("c-number", f"'{text}' is not a number: octal digits are 0 to 7", token.place)
+                reporter.error("c-number", f"'{text}' is not a number: octal digits are 0 to 7", place)
                 text = "0"
         elif text[0].isdigit():
-            reporter.error("c-number", f"'{text}' is not a number", token.place)
+            reporter.error("c-number", f"'{text}' is not a number", place)
             kind, text = "INT_CONST_DEC", "0"
         else:
-            reporter.error("c-syntax", f"the character {text!r} has no meaning in C", token.place)
+            reporter.error("c-syntax", f"the character {text!r} has no meaning in C", place)
             kind, text = "SEMI", ";"
-    place = token.place
     return c_lexer.Token(kind, text, place.line or 0, place.column or 0, place.file or "")

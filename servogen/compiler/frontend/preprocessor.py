@@ -10,9 +10,11 @@ import copy
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 from pcpp.evaluator import Value
+from pcpp.parser import default_lexer
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
 import servogen.compiler.library as library
@@ -30,8 +32,7 @@ _LONGEST_MESSAGE = 200
 """Characters of the preprocessor's own messages, which quote the source."""
 
 
-@dataclass(frozen=True, slots=True)
-class PToken:
+class PToken(NamedTuple):
     """A preprocessing token: its text and its location in the user's source."""
 
     text: str
@@ -62,6 +63,9 @@ _SHIFT = Value.__lshift__
 Value.__lshift__ = _shifted
 
 
+_lexer = cache(default_lexer)
+
+
 class _Pcpp(Preprocessor):  # type: ignore[misc]
     """pcpp with its files, errors and pragmas routed to this compiler."""
 
@@ -72,7 +76,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         resolver: Resolver | None,
         blocks: list[AsmBlock],
     ) -> None:
-        super().__init__()
+        super().__init__(_lexer().clone())
         self.rewrite_paths: list[tuple[str, str]] = []  # a file keeps the name by which its text is found
         self.reporter = reporter
         self.headers = headers
@@ -301,24 +305,23 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
     last = Location()
     touching = False
     for tok in stream:
-        if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
+        text = tok.value
+        if tok.type in ("CPP_WS", "CPP_LINECONT") or not text.strip():
             touching = False
             continue
-        place = _place(tok, starts, reporter, last)
-        long = held is not None and len(held.text) > limits.TOKEN_CHARACTERS
-        if (
-            held is not None
-            and touching
-            and not long
-            and (_belongs(held.text, tok.value) or _begins_number(name, held.text, tok.value))
+        last = _place(tok, starts, reporter, last)
+        if held is None:
+            held = PToken(text, last)
+        elif (
+            touching
+            and (_belongs(held.text, text) or _begins_number(name, held.text, text))
+            and len(held.text) <= limits.TOKEN_CHARACTERS
         ):
-            held = PToken(held.text + tok.value, held.place)
+            held = PToken(held.text + text, held.place)
         else:
-            if held is not None:
-                yield held
-                name = held.text
-            held = PToken(tok.value, place)
-        last = place
+            yield held
+            name = held.text
+            held = PToken(text, last)
         touching = True
     if held is not None:
         yield held
