@@ -113,7 +113,7 @@ def rig(
         Path | None, typer.Option("--hex", help="The program on the chip at the start (default: the job's).")
     ] = None,
     crystal_ppm: Annotated[
-        float, typer.Option("--crystal-ppm", help="How much too fast the chip's crystal is.")
+        float, typer.Option("--crystal-ppm", help="By how many ppm the chip's crystal is fast.")
     ] = 0.0,
     memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = 24
     * 1024,
@@ -155,7 +155,8 @@ def rig(
     scheduler: Annotated[
         bool,
         typer.Option(
-            "--scheduler/--no-scheduler", help="The input board is ConfigurableFirmata, or StandardFirmata."
+            "--scheduler/--no-scheduler",
+            help="Whether the input board runs ConfigurableFirmata, with its scheduler, or StandardFirmata.",
         ),
     ] = True,
     json: Json = False,

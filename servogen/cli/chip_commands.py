@@ -58,7 +58,8 @@ def compile_c(
     device: Annotated[
         str | None,
         typer.Option(
-            "--device", help="Default: the chip that a header names, else PIC16F84, above 10 MHz PIC16F84A."
+            "--device",
+            help="The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
         ),
     ] = None,
     clock_hz: Annotated[
@@ -68,7 +69,7 @@ def compile_c(
     float_bits: Annotated[
         int | None,
         typer.Option(
-            "--float", metavar="24|32", help="Bits of float and double (default: 24 in xc8, else 32)."
+            "--float", metavar="24|32", help="Size of float and double in bits (default: 24 in xc8, else 32)."
         ),
     ] = None,
     dump: Annotated[
@@ -82,9 +83,7 @@ def compile_c(
     ] = None,
     no_warning: Annotated[
         list[str],
-        typer.Option(
-            "--no-warning", metavar="CODE", help="Leave out the warnings with this code; repeatable."
-        ),
+        typer.Option("--no-warning", metavar="CODE", help="Suppress warnings with this code (repeatable)."),
     ] = [],  # noqa: B006
     verify_ir: Annotated[
         bool, typer.Option("--verify-ir", help="Check the intermediate form after every pass.")
@@ -93,7 +92,7 @@ def compile_c(
     memory_mb: MemoryLimit = COMPILING.memory_mb,
     json: Json = False,
 ) -> None:
-    """Compile C of a dialect to Intel HEX (default: the first file's name with .hex)."""
+    """Compile C to Intel HEX (default output: the first file's name with .hex)."""
     from servogen.compiler import Options, Source, compile_sources
 
     texts = [Source(read_source(path), str(path)) for path in sources]
@@ -187,7 +186,7 @@ def assemble(
     timeout: TimeLimit = COMPILING.seconds,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
 ) -> None:
-    """Assemble MPASM source to Intel HEX (default: the file's name with .hex)."""
+    """Assemble MPASM source to Intel HEX (default output: the file's name with .hex)."""
     from servogen.pic.assembler import assemble as assembled
     from servogen.pic.assembler import beside
     from servogen.pic.device import ASSEMBLED_DEVICES

@@ -58,16 +58,16 @@ def grade(
         Path | None,
         typer.Option(
             "--gradescope",
-            help="Write Gradescope's results.json of the one program (a file that ends in .json), or one "
-            "such file for each program to this folder.",
+            help="Write Gradescope's results.json: for a single program to this file (.json), else "
+            "one file per program to this folder.",
         ),
     ] = None,
     classroom: Annotated[
         Path | None,
         typer.Option(
             "--classroom",
-            help="Write what GitHub Classroom's reporter reads, of the one program (.json) or for each "
-            "program to this folder.",
+            help="Write the results that GitHub Classroom's reporter reads: for a single program to "
+            "this file (.json), else one file per program to this folder.",
         ),
     ] = None,
     level: Annotated[
@@ -76,8 +76,8 @@ def grade(
             "--level",
             min=0,
             max=8,
-            help="How many levels below a given folder the students' own folders are; a program may only "
-            "include files of its own student.",
+            help="How many levels below a given folder the students' folders are; a program can "
+            "include only its own student's files.",
         ),
     ] = 1,
     scheduler: Annotated[
@@ -100,8 +100,8 @@ def grade(
         bool,
         typer.Option(
             "--watch",
-            help="Then serve the pages on this machine until Ctrl-C: each program opens in the browser with "
-            "a click, at the moment that is wrong.",
+            help="Afterwards serve the pages on this machine until Ctrl-C: a click opens a program "
+            "in the browser at the moment that is wrong.",
         ),
     ] = False,
     port: ServerPort = 0,

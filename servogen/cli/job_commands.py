@@ -124,7 +124,7 @@ def demo(
         Path | None,
         typer.Option(
             "--certificates",
-            help="The folder of JOB/main.cert.xz: check the certificates of the proofs for all inputs.",
+            help="Also check the certificates in this folder (JOB/main.cert.xz), the proofs for all inputs.",
         ),
     ] = None,
     json: Json = False,
@@ -400,7 +400,7 @@ def report(
     rate: CaptureRate = None,
     partial: Partial = False,
     twin: Annotated[
-        bool, typer.Option("--twin", help="Show what the robot does in the physics (needs MuJoCo).")
+        bool, typer.Option("--twin", help="Also simulate the robot's physics (needs MuJoCo).")
     ] = False,
     json: Json = False,
 ) -> None:
@@ -464,8 +464,8 @@ def tune(
 ) -> None:
     """Measure the cycles that another compiler adds between a sequence job's edges, and write corrected C.
 
-    Compile that C and run tune again with it as --c. Exit code 0: the HEX is 0 cycles off; 1: not yet, the
-    next C has been written.
+    Compile that C and run tune again with it as --c. Exit code 0: every edge of the HEX is exact; 1: not yet,
+    and the next C has been written.
     """
     from servogen.build.retarget import tune_to
     from servogen.compiler import Source

@@ -95,9 +95,9 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    help="From a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven.",
-    epilog="Exit codes: 0 done or proven, 1 found wrong, 2 bad input, 3 a tool is missing or failed, "
-    "130 interrupted, 141 nobody reads the output.",
+    help="Turn a robot's job file into PIC16F84 firmware whose every servo pulse edge is proven.",
+    epilog="Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool is missing or "
+    "failed, 130 interrupted, 141 the output's reader has gone (broken pipe).",
 )
 
 

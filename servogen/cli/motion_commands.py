@@ -40,13 +40,15 @@ def gait(
     name: Annotated[str, typer.Option("--gait", help="The gait: tripod, ripple or wave.")] = "tripod",
     duty: Annotated[
         float | None,
-        typer.Option("--duty", help="Your own gait: the fraction of a cycle that a foot is on the ground."),
+        typer.Option(
+            "--duty", help="A custom gait: the fraction of a cycle for which a foot is on the ground."
+        ),
     ] = None,
     lifts: Annotated[
         str | None,
         typer.Option(
             "--lifts",
-            help="Your own gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order.",
+            help="A custom gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order.",
         ),
     ] = None,
     stride_mm: Annotated[
@@ -71,7 +73,7 @@ def gait(
     clearance_mm: Annotated[
         float | None,
         typer.Option(
-            "--clearance-mm", min=0, max=MAX_MM, help="Refuse a walk with less free height under the robot."
+            "--clearance-mm", min=0, max=MAX_MM, help="Refuse a walk with less ground clearance than this."
         ),
     ] = None,
     body_height_mm: Annotated[
@@ -106,7 +108,8 @@ def gait(
         typer.Option(
             "--cycle-s",
             min=0,
-            help="Duration of a cycle, rounded up to where legs can lift (default: as fast as possible).",
+            help="Duration of a cycle, rounded up until the legs lift at whole frames (default: as "
+            "fast as possible).",
         ),
     ] = None,
     servo: Annotated[
@@ -119,7 +122,7 @@ def gait(
     spring_mm: Annotated[
         float | None,
         typer.Option(
-            "--spring-mm", min=0, help="Refuse a walk in which a leg's spring must give more than this."
+            "--spring-mm", min=0, help="Refuse a walk that deflects a leg's spring by more than this."
         ),
     ] = None,
     compensate: Annotated[
@@ -349,7 +352,8 @@ def run_program(
     inputs: Annotated[
         list[str] | None,
         typer.Option(
-            "--input", help="A value of the input port from a time on, such as 1.5=&1F (repeatable)."
+            "--input",
+            help="The value of the input port from a time in seconds on, such as 1.5=&1F (repeatable).",
         ),
     ] = None,
     period_us: Annotated[int, typer.Option("--period-us", min=1000, help="Frame period in µs.")] = 20_000,
@@ -368,7 +372,7 @@ def run_program(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run an arm program: show when it moves where, and what it writes to its output port."""
+    """Run an arm program: show its moves with their times, and what it writes to its output port."""
     from fractions import Fraction
 
     from servogen.kinematics.catalogue import arm

@@ -64,11 +64,14 @@ ClockHz = Annotated[
     int | None,
     typer.Option("--clock-hz", min=1, help="The clock in Hz (default: the one stated in the C, else 4 MHz)."),
 ]
+StimulusFile = Annotated[
+    Path | None, typer.Option("--stimulus", help="A TOML file of the signals that drive the pins.")
+]
 Partial = Annotated[
     bool,
     typer.Option(
         "--partial",
-        help="Exit with 0 also if all that was seen is right but not every frame was seen.",
+        help="Also exit with 0 if all recorded frames are right but some were not recorded.",
     ),
 ]
 CaptureRate = Annotated[
@@ -79,7 +82,7 @@ CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
     # name of the simulator's option: its type and how the command line spells it
     "ra4_pull_up": (
         bool,
-        typer.Option("--ra4-pull-up", help="Connect a pull-up resistor to RA4, an open drain."),
+        typer.Option("--ra4-pull-up", help="Connect a pull-up resistor to RA4, which is an open drain."),
     ),
     "watchdog_us": (
         int,
@@ -192,7 +195,8 @@ MemoryLimit = Annotated[
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: .png, .svg or .pdf.")]
 Animate = Annotated[
-    Path | None, typer.Option("--animate", help="Write a film of the robot: .gif or .mp4 (needs ffmpeg).")
+    Path | None,
+    typer.Option("--animate", help="Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."),
 ]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")]
 

@@ -63,7 +63,7 @@ def prove(
     counterexample: Annotated[
         Path,
         typer.Option(
-            "--counterexample", help="With --against: the file for the inputs of a run that is wrong."
+            "--counterexample", help="With --against: where to write the inputs of a run that goes wrong."
         ),
     ] = Path("counterexample.toml"),
     hold_inputs: Annotated[
@@ -129,13 +129,13 @@ def prove(
         typer.Option(
             "--from",
             metavar="MARK",
-            help="Where a time begins: an address (0x12A), a label, a function or a line (12 or main.c:12); "
-            "repeatable, with one --to each.",
+            help="Where a measured time begins: an address (0x12A), a label, a function or a line "
+            "(12 or main.c:12); repeatable, with one --to each.",
         ),
     ] = None,
     end: Annotated[
         list[str] | None,
-        typer.Option("--to", metavar="MARK", help="Where that time ends: the first time that it is reached."),
+        typer.Option("--to", metavar="MARK", help="Where that time ends, the first time that it is reached."),
     ] = None,
     interrupts: Annotated[
         Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")

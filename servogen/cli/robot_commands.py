@@ -39,7 +39,7 @@ def register(app: typer.Typer) -> None:
 
 
 def robots(
-    name: Annotated[str | None, typer.Argument(help="Show this robot.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Argument(help="The robot to show.", show_default=False)] = None,
     urdf: Annotated[
         Path | None,
         typer.Option("--urdf", help="Write this arm as URDF, the robot description of ROS."),
@@ -164,7 +164,8 @@ def ik(
     target: Annotated[
         list[float],
         typer.Argument(
-            help="x y z in mm, then the orientation in degrees; of a base on wheels vx vy in mm/s, Ω in °/s.",
+            help="x y z in mm, then the orientation in degrees; for a base on wheels vx vy in mm/s "
+            "and Ω in °/s.",
             parser=number,
         ),
     ],
@@ -223,7 +224,7 @@ def jacobian(
     rates: Annotated[
         str | None,
         typer.Option(
-            "--rates", help="Speeds of the joints, '10 0 …' in °/s and mm/s: print the tool's velocity too."
+            "--rates", help="Joint speeds, such as '10 0 …' in °/s and mm/s: also print the tool's velocity."
         ),
     ] = None,
     symbolic: Symbolic = False,
@@ -269,7 +270,8 @@ def statics(
         Vector, typer.Option("--moment-nm", help="The moment on it in N·m, in the same frame.")
     ] = NO_VECTOR,
     leg: Annotated[
-        str | None, typer.Option("--leg", help="The leg of a walking robot, whose body's frame it is then.")
+        str | None,
+        typer.Option("--leg", help="The leg of a walking robot; the force is then in the frame of its body."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -296,7 +298,9 @@ def statics(
 def mobility(
     name: Annotated[
         str | None,
-        typer.Argument(help="A robot; or leave it out and give --elements and --joint.", show_default=False),
+        typer.Argument(
+            help="A robot; for a mechanism use --elements and --joint instead.", show_default=False
+        ),
     ] = None,
     elements: Annotated[
         int | None,
@@ -310,7 +314,8 @@ def mobility(
         ),
     ] = None,
     plane: Annotated[
-        bool, typer.Option("--plane", help="It is a plane mechanism: Grübler's 3 in place of Kutzbach's 6.")
+        bool,
+        typer.Option("--plane", help="The mechanism is planar: use Grübler's formula instead of Kutzbach's."),
     ] = False,
     json: Json = False,
 ) -> None:
@@ -405,7 +410,7 @@ def differential(
         Vector, typer.Option("--rotation-rad", help="The small rotation δ about x, y, z in radians.")
     ] = NO_VECTOR,
     moving: Annotated[
-        bool, typer.Option("--moving", help="d and δ are along the axes of T, not along the fixed ones.")
+        bool, typer.Option("--moving", help="Take d and δ along the axes of T instead of the fixed axes.")
     ] = False,
     json: Json = False,
 ) -> None:

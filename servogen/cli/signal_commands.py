@@ -53,7 +53,10 @@ def verify(
     against: Annotated[Path, typer.Option("--against", help="The schedule.json that it should follow.")],
     seconds: Seconds = None,
     forever: Annotated[
-        bool, typer.Option("--forever", help="Prove it for all time: the chip's whole state repeats.")
+        bool,
+        typer.Option(
+            "--forever", help="Prove it for all time, by running until the chip's whole state repeats."
+        ),
     ] = False,
     partial: Partial = False,
     rate: CaptureRate = None,
@@ -166,7 +169,8 @@ def measure(
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Measure the pulses of a program (for 20 s) or of recorded edges, and warn about suspicious ones."""
+    """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about "
+    "suspicious ones."""
     from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines

@@ -16,6 +16,7 @@ from servogen.cli.options import (
     Json,
     OwnDevice,
     Seconds,
+    StimulusFile,
     takes_chip_options,
 )
 from servogen.cli.show import as_json, progress, table, warn_of_all
@@ -52,9 +53,7 @@ def simulate(
         Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
     ] = None,
     vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the edges of the pins as VCD.")] = None,
-    stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
-    ] = None,
+    stimulus: StimulusFile = None,
     trace: Annotated[
         Path | None, typer.Option("--trace", help="Write every executed instruction with its source line.")
     ] = None,

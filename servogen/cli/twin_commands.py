@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.options import Json
+from servogen.cli.options import Json, StimulusFile
 from servogen.cli.show import as_json, status, table, warn_of_all
 
 if TYPE_CHECKING:
@@ -43,20 +43,19 @@ def twin(
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=0, help="Duration from power-up, instead of --loops.")
     ] = None,
-    stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
-    ] = None,
+    stimulus: StimulusFile = None,
     picture: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg or .pdf."),
     ] = None,
     film: Annotated[
-        Path | None, typer.Option("--film", help="Write a film of the robot: .gif or .mp4 (needs ffmpeg).")
+        Path | None,
+        typer.Option("--film", help="Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."),
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write one row per 5 ms.")] = None,
     json: Json = False,
 ) -> None:
-    """Run a job's HEX in its robot: servos with motors, a supply, bodies and contacts (needs MuJoCo)."""
+    """Simulate the robot that a job's HEX drives: motors, supply, bodies and contacts (needs MuJoCo)."""
     from servogen.build.twinning import twin_of
     from servogen.cli.files import keep_apart
     from servogen.job import load, plan_job

@@ -14,6 +14,7 @@ from servogen.cli.options import (
     OpensBrowser,
     OwnDevice,
     ServerPort,
+    StimulusFile,
     takes_chip_options,
 )
 from servogen.cli.page_server import require_server, serve_until_ctrl_c
@@ -38,8 +39,8 @@ def watch(
         Path | None,
         typer.Option(
             "--against",
-            help="The schedule.json or the job (.toml) to compare a program or a capture with; of a job the "
-            "page shows the robot too.",
+            help="The schedule.json or the job (.toml) to compare a program or a capture with; with "
+            "a job, the page also shows the robot.",
         ),
     ] = None,
     at_cycle: Annotated[
@@ -48,12 +49,10 @@ def watch(
             "--at-cycle",
             min=0,
             max=MAX_BEGIN,
-            help="The moment to begin at, in instruction cycles since power-up.",
+            help="The moment to start at, in instruction cycles since power-up.",
         ),
     ] = 0,
-    stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
-    ] = None,
+    stimulus: StimulusFile = None,
     robot: Annotated[
         str | None,
         typer.Option(
@@ -65,9 +64,9 @@ def watch(
     clock_hz: ClockHz = None,
     device: OwnDevice = None,
 ) -> None:
-    """Show a job, a program or a capture in the browser: robot, chip, waves, forwards and backwards.
+    """Show a job, a program or a capture in the browser: robot, chip and waves, forwards and backwards.
 
-    The page is on this machine only, at an address that is printed; the command ends with Ctrl-C.
+    It prints the address of the page, which only this machine can open, and runs until Ctrl-C.
     """
     require_server()
     from servogen.build.signals import chosen_device, device_for
