@@ -268,7 +268,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
             schedule,
             request.over,
             board,
-            lambda done, found: tell(f"{done} of {found} states"),
+            lambda done, known: tell(f"{done} of {known} states"),
             request.max_states or MAX_STATES,
         )
     if proof.proven and request.certificate is not None:
@@ -342,7 +342,7 @@ def _of_any_line(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[
     from servogen.prove.prover import AS_IN_THE_FILE, held_assumptions
 
     of_idle = {AS_IN_THE_FILE, *held_assumptions(idle.held, schedule)}
-    return [*(each for each in idle.assumptions if each not in of_idle), *line.assumptions]
+    return [*(assumption for assumption in idle.assumptions if assumption not in of_idle), *line.assumptions]
 
 
 def _line_to_json(line: LineProof, idle: Proof, schedule: PulseSchedule) -> dict[str, object]:

@@ -6,17 +6,17 @@ from servogen.grade.display import message, page_names, shell_word, shown_name, 
 from servogen.grade.judge import Grade, Row, judge, refused
 from servogen.grade.lab import Lab, load_lab, names
 from servogen.grade.page import page
-from servogen.grade.submissions import Found, Submission, find_submissions
+from servogen.grade.submissions import Submission, Submissions, find_submissions
 
 __all__ = [
     "Check",
     "ChipFacts",
     "Fault",
-    "Found",
     "Grade",
     "Lab",
     "Row",
     "Submission",
+    "Submissions",
     "find_submissions",
     "judge",
     "load_lab",

@@ -72,7 +72,7 @@ class Submission:
 
 
 @dataclass(slots=True)
-class Found:
+class Submissions:
     """The programs to grade, and a warning for each file and folder that is left out."""
 
     submissions: list[Submission] = field(default_factory=list)
@@ -81,7 +81,7 @@ class Found:
 
 def find_submissions(
     given: Sequence[Path], sources: Collection[str], images: Collection[str], level: int = 1
-) -> Found:
+) -> Submissions:
     """Return the programs among the files and folders `given`, by their suffixes.
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
@@ -89,7 +89,7 @@ def find_submissions(
     A path that does not exist is a program that cannot be read. Raises InputError for a folder without one,
     and where no path exists.
     """
-    result = Found()
+    result = Submissions()
     if not any(map(os.path.lexists, given)):
         raise InputError("no-program", "there is no such file or folder", Location(str(given[0])))
     for path in given:

@@ -373,18 +373,18 @@ def arc(base: OmniBase, routine: Routine) -> Stretch:
             "out-of-range", "turn_deg must not be 0", hint="counter-clockwise is positive, clockwise negative"
         )
     motion = _motion_named(routine, 1 if turn > 0 else -1)
-    each = 3 * base.wheel_distance * abs(turn) / (base.wheel_radius * abs(sum(motion.signs)))
+    wheel_angle = 3 * base.wheel_distance * abs(turn) / (base.wheel_radius * abs(sum(motion.signs)))
     radius = base.wheel_distance * (motion.radius or 1)
     degrees = math.degrees(turn)
     text = f"turn by {degrees:z.1f}°"
     if motion.kind == "circle":
         text = f"{motion.size} circle, radius {1000 * radius:z.1f} mm, by {degrees:z.1f}°"
         text += f", first towards {motion.direction_deg}°"
-    turns = base.gear * each / (2 * pi)
+    turns = base.gear * wheel_angle / (2 * pi)
     counts = base.counts_per_turn * turns
     return Stretch(
         radius * abs(turn),
-        tuple(sign * each for sign in motion.signs),
+        tuple(sign * wheel_angle for sign in motion.signs),
         text,
         f"with the base's gear and encoder {turns:z.3f} motor turns, {counts:z.0f} counts",
     )

@@ -413,19 +413,22 @@ class _Reader:
                 self._whole(rest, "commands.rest_frames", 1),
                 self._whole(stop, "commands.stop_frames", 1),
             )
-        found = tuple(
+        runs = tuple(
             self._direction(entry, f"commands.directions[{index}]", channels, period, read)
             for index, entry in enumerate(self._array(directions, "commands.directions"))
         )
-        if not found:
+        if not runs:
             raise self._error(
                 "json-value", "commands.directions", "is empty: at least one direction can be commanded"
             )
-        own = {each.selector.pin if isinstance(each.selector, Input) else each.selector for each in found}
-        if len(own) < len(found) and not isinstance(read, StepButton):
+        own = {
+            direction.selector.pin if isinstance(direction.selector, Input) else direction.selector
+            for direction in runs
+        }
+        if len(own) < len(runs) and not isinstance(read, StepButton):
             what = "code" if isinstance(read, CodeLine) else "pin"
             raise self._error("json-value", "commands.directions", f"two directions have the same {what}")
-        return CommandRule(read, found)
+        return CommandRule(read, runs)
 
     def _direction(
         self,

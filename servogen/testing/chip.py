@@ -141,8 +141,8 @@ class Chip(Signals):
         end = self.cycle + self._cycles_in(within_ms, 1000)
         if not isinstance(what, str):
             return self._run_until_true(what, end, within_ms)
-        if found := _CYCLE.fullmatch(what.strip()):
-            wanted = int(found["cycle"])
+        if match := _CYCLE.fullmatch(what.strip()):
+            wanted = int(match["cycle"])
             self._advance(min(end, wanted))
             if self.cycle < wanted:
                 raise self._missed(what, within_ms)
@@ -279,22 +279,22 @@ class Chip(Signals):
 
     def variable(self, name: str, *, signed: bool = False) -> int:
         """Return the value of a variable of up to four bytes, or of the byte at an address ("0x20")."""
-        found = variable(name, self.board.listing)
-        if found.size > NUMBER_BYTES:
+        located = variable(name, self.board.listing)
+        if located.size > NUMBER_BYTES:
             raise InputError(
-                "not-allowed", f"'{name}' has {found.size} bytes, more than a number", hint="use array()"
+                "not-allowed", f"'{name}' has {located.size} bytes, more than a number", hint="use array()"
             )
-        return found.number(self._machine.machine.ram, signed=signed)
+        return located.number(self._machine.machine.ram, signed=signed)
 
     def array(self, name: str, *, item_bytes: int = 1, signed: bool = False) -> list[int]:
         """Return the values of an array whose items have `item_bytes` each."""
-        address, size = found = variable(name, self.board.listing)
+        address, size = located = variable(name, self.board.listing)
         if item_bytes < 1 or size % item_bytes:
             raise InputError(
                 "out-of-range", f"the {size} bytes of '{name}' are not a number of items of {item_bytes}"
             )
         return [
-            found._replace(address=address + offset, size=item_bytes).number(
+            located._replace(address=address + offset, size=item_bytes).number(
                 self._machine.machine.ram, signed=signed
             )
             for offset in range(0, size, item_bytes)
@@ -375,7 +375,7 @@ class Chip(Signals):
         where = f"{self.board.name} at {self._now_words}"
         asleep = " (asleep)" if self.asleep else ""
         lines.append(f"{where}{asleep}: {self._here}")
-        return [*lines, *(f"warning: {each}" for each in self.warnings)]
+        return [*lines, *(f"warning: {warning}" for warning in self.warnings)]
 
     # How it works
 
@@ -662,15 +662,15 @@ def contact_changes(
 
 def after_option_writes(image: Image) -> frozenset[int]:
     """Return the addresses after the instructions that may write OPTION_REG, which switches the pull-ups."""
-    found = set()
+    addresses = set()
     for address, word in image.program.items():
         decoded = decode(word)
         if decoded is None:
             continue
         writes = decoded.instruction.writes_file(decoded.d) and decoded.f in (OPTION_REG & 0x7F, INDIRECT)
         if writes or decoded.instruction.mnemonic == "OPTION":
-            found.add(address + 1)
-    return frozenset(found)
+            addresses.add(address + 1)
+    return frozenset(addresses)
 
 
 def checked_level(pin: str, level: int) -> int:

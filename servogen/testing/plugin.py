@@ -77,12 +77,12 @@ def assert_pulses(
     __tracebackhide__ = True
     from servogen.testing.targets import check
 
-    found = check(capture.seen, schedule, tolerances)
-    capture.properties.extend(found.properties)
-    if found.proven or (partial and found.agrees):
+    verdict = check(capture.seen, schedule, tolerances)
+    capture.properties.extend(verdict.properties)
+    if verdict.proven or (partial and verdict.agrees):
         return
-    what = "do not show the whole schedule" if found.agrees else "are not the schedule's"
-    text = "\n".join(found.lines)
+    what = "do not show the whole schedule" if verdict.agrees else "are not the schedule's"
+    text = "\n".join(verdict.lines)
     raise AssertionError(f"the pulses seen on {capture.source} {what}\n{text}")
 
 
@@ -174,12 +174,12 @@ def pytest_runtest_makereport(
         _show_only_the_test(call.excinfo)
     report = yield
     if report.when == "call" and report.failed:
-        found = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
+        captures = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
         try:
-            found += _seen_of_chips(item)
+            captures += _seen_of_chips(item)
         except ServogenError as error:
             report.sections.append(("servogen capture", f"nothing is written: {error}"))
-        for name, seen in found:
+        for name, seen in captures:
             path = _write(name, seen, item.config.rootpath / CAPTURES)
             report.sections.append(("servogen capture", f"{path}: what was seen on {seen.source}"))
             item.user_properties.append(("servogen_capture", str(path)))
@@ -410,15 +410,15 @@ def _named(node: pytest.Item, key: str) -> Path | None:
     place = mark.args[0] if mark and mark.args else node.config.getoption("servogen_build")
     if place is None:
         return None
-    found = _beside(node, Path(place))
-    schedule = found / BUILT_SCHEDULE
-    return found if key == "image" else schedule if schedule.exists() else None
+    path = _beside(node, Path(place))
+    schedule = path / BUILT_SCHEDULE
+    return path if key == "image" else schedule if schedule.exists() else None
 
 
 def _required(node: pytest.Item, key: str) -> Path:
     """Return the file that the test's mark or the command line names. Raises InputError."""
-    found = _named(node, key)
-    if found is None:
+    path = _named(node, key)
+    if path is None:
         raise InputError(
             "missing-option",
             f"the test does not say its {'program' if key == 'image' else key}",
@@ -426,7 +426,7 @@ def _required(node: pytest.Item, key: str) -> Path:
             f'mark it @pytest.mark.{MARK}("DIR"), with a folder that `servogen build` wrote or a program, '
             "or give --servogen-build=DIR",
         )
-    return found
+    return path
 
 
 def _program(node: pytest.Item, path: Path, device: str | None = None) -> Program:

@@ -127,12 +127,12 @@ class SeenChip(Signals):
             self._needs_board(f"inputs={{'{pin}': {level}}}", pin)
             self._levels[pin.upper()] = checked_level(pin, level)
         if stimuli is not None:
-            for each in stimulus_inputs(stimuli, clock):
-                self._check_possible(each.what)
-                if isinstance(each.what, Drive) and each.at_ms == 0:
-                    self._levels[each.what.name] = each.what.level
+            for input_ in stimulus_inputs(stimuli, clock):
+                self._check_possible(input_.what)
+                if isinstance(input_.what, Drive) and input_.at_ms == 0:
+                    self._levels[input_.what.name] = input_.what.level
                 else:
-                    self._inputs.append(each)
+                    self._inputs.append(input_)
         wiring = player.wiring
         if wiring is not None and MCLR in wiring.pins:
             self._start = Start.RESET
@@ -173,11 +173,11 @@ class SeenChip(Signals):
         The chip runs on after it: what the test does next happens later.
         """
         __tracebackhide__ = True
-        found = _EDGE.fullmatch(what.strip()) if isinstance(what, str) else None
-        if found is None:
+        match = _EDGE.fullmatch(what.strip()) if isinstance(what, str) else None
+        if match is None:
             self._skip(f"run_until({what!r})", "only edges of pins are seen on a bench")
-        pin = pin_index(found["pin"])
-        level = {"rise": HIGH, "fall": LOW}.get((found["way"] or "").lower())
+        pin = pin_index(match["pin"])
+        level = {"rise": HIGH, "fall": LOW}.get((match["way"] or "").lower())
         check_time("within_ms", within_ms, Fraction(1, 1000))
         within = within_ms + self._player.late_ms
         look = self._look
@@ -250,10 +250,10 @@ class SeenChip(Signals):
             self._do(Close(contact, bool(level)), ms)
 
     def keypad(self, rows: Sequence[str], columns: Sequence[str], keys: str) -> Keypad:
-        found = crossings(rows, columns, keys)
-        for row, column in found.values():
+        crossing = crossings(rows, columns, keys)
+        for row, column in crossing.values():
             self._wired_contact(row, column)
-        return Keypad(self, found)
+        return Keypad(self, crossing)
 
     def send(
         self,
@@ -317,9 +317,9 @@ class SeenChip(Signals):
     def eeprom(self) -> bytes:
         """Return the EEPROM, read by the programmer; the program then starts again."""
         self._flush()
-        found = self._player.eeprom()
+        contents = self._player.eeprom()
         self._look = None
-        return found
+        return contents
 
     def pieces(self) -> Sequence[EdgeTrace]:
         self._flush()
@@ -345,7 +345,7 @@ class SeenChip(Signals):
     @property
     def _collected(self) -> bool:
         """Return whether something is to be played before the test can look."""
-        return bool(self._length_ms) or any(each.at_ms <= 0 for each in self._inputs)
+        return bool(self._length_ms) or any(input_.at_ms <= 0 for input_ in self._inputs)
 
     def _run(self, ms: Fraction) -> None:
         look = self._look
@@ -366,7 +366,7 @@ class SeenChip(Signals):
             return
         length = self._length_ms
         end = ceil(length)
-        now = tuple(each for each in self._inputs if each.at_ms <= end)
+        now = tuple(input_ for input_ in self._inputs if input_.at_ms <= end)
         segment = Segment(
             self.clock,
             float(max(length, Fraction(SMALLEST_STEP_MS)) / 1000),
@@ -376,12 +376,14 @@ class SeenChip(Signals):
             self._start,
             self._start is not Start.CONTINUE and (self._image is None or not uses_eeprom(self._image)),
         )
-        self._inputs = [Input(each.at_ms - end, each.what) for each in self._inputs if each.at_ms > end]
+        self._inputs = [
+            Input(input_.at_ms - end, input_.what) for input_ in self._inputs if input_.at_ms > end
+        ]
         self._length_ms, self._start = Fraction(0), Start.CONTINUE
         more = self._player.play(segment)
         self.seen += more
-        for each in now:
-            match each.what:
+        for input_ in now:
+            match input_.what:
                 case Drive(name, level):
                     self._levels[name] = level
                 case Close(contact, closed):

@@ -61,7 +61,7 @@ class Signals(ABC):
 
     def rising_us(self, pin: str, *, since_us: float = 0) -> list[float]:
         """Return the time of each rising edge."""
-        return [float(each) for each in self._edges(pin, HIGH, since_us)]
+        return [float(time) for time in self._edges(pin, HIGH, since_us)]
 
     def falling(self, pin: str, *, since_us: float = 0) -> list[int]:
         """Return the cycle of each falling edge."""
@@ -69,7 +69,7 @@ class Signals(ABC):
 
     def falling_us(self, pin: str, *, since_us: float = 0) -> list[float]:
         """Return the time of each falling edge."""
-        return [float(each) for each in self._edges(pin, LOW, since_us)]
+        return [float(time) for time in self._edges(pin, LOW, since_us)]
 
     def widths(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[int]:
         """Return the length of each pulse in cycles: of the high ones, or with `level=0` the low ones."""
@@ -77,7 +77,7 @@ class Signals(ABC):
 
     def widths_us(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[float]:
         """Return the length of each pulse: of the high ones, or with `level=0` the low ones."""
-        return [float(each) for each in self._widths(pin, level, since_us)]
+        return [float(width) for width in self._widths(pin, level, since_us)]
 
     def periods(self, pin: str, *, since_us: float = 0) -> list[int]:
         """Return the time from each rising edge to the next in cycles."""
@@ -85,7 +85,7 @@ class Signals(ABC):
 
     def periods_us(self, pin: str, *, since_us: float = 0) -> list[float]:
         """Return the time from each rising edge to the next."""
-        return [float(each) for each in self._periods(pin, since_us)]
+        return [float(period) for period in self._periods(pin, since_us)]
 
     def uart(self, pin: str, baud: float, *, inverted: bool = False, since_us: float = 0) -> bytes:
         """Return the bytes sent on a pin: a start bit, eight bits, the lowest first, a stop bit.
@@ -107,7 +107,7 @@ class Signals(ABC):
         return received
 
     def _cycles(self, times: Sequence[Moment]) -> list[int]:
-        return [whole(each / self.chip_clock().cycle_us) for each in times]
+        return [whole(time / self.chip_clock().cycle_us) for time in times]
 
     def _edges(self, pin: str, level: int, since_us: float) -> list[Moment]:
         return [at for line in self._lines(pin, since_us) for at, now in line[1:] if now == level]

@@ -238,10 +238,10 @@ class Replay:
 
     def recordings(self, clock: Clock) -> list[Seen]:
         """Return what each run of the test's chip showed. Raises InputError where there is no recording."""
-        found = [self.recording(self.test, clock)]
-        while self._path(further(self.test, len(found))) is not None:
-            found.append(self.recording(further(self.test, len(found)), clock))
-        return found
+        recordings = [self.recording(self.test, clock)]
+        while self._path(further(self.test, len(recordings))) is not None:
+            recordings.append(self.recording(further(self.test, len(recordings)), clock))
+        return recordings
 
     def _path(self, name: str) -> Path | None:
         suffixes = dict.fromkeys((*CAPTURE_SUFFIXES, *EDGE_SUFFIXES))
@@ -430,7 +430,9 @@ def begin(adapter: InputAdapter, segment: Segment) -> None:
     """Bring the chip's inputs to what they are at the beginning of a run, and load the run."""
     levels = [Drive(name, level) for name, level in segment.levels.items()]
     contacts = [Close(contact, closed) for contact, closed in segment.contacts.items()]
-    lines = {each.what.pin: each.what for each in reversed(segment.inputs) if isinstance(each.what, Send)}
+    lines = {
+        input_.what.pin: input_.what for input_ in reversed(segment.inputs) if isinstance(input_.what, Send)
+    }
     levels = [drive for drive in levels if drive.name not in lines]
     first: list[Input] = []
     adapter.stop()
@@ -453,8 +455,8 @@ def check_inputs(trace: EdgeTrace, segment: Segment, late_ms: int) -> None:
     """Raise ToolError where a capture does not show a level that the input board was to drive in time."""
     edges = join(trace.chunks)
     now = dict(segment.levels)
-    inputs = sorted(segment.inputs, key=lambda each: each.at_ms)
-    drives = ((each.at_ms, each.what) for each in inputs if isinstance(each.what, Drive))
+    inputs = sorted(segment.inputs, key=lambda input_: input_.at_ms)
+    drives = ((input_.at_ms, input_.what) for input_ in inputs if isinstance(input_.what, Drive))
     # of several changes in one millisecond only the last is sure to be seen
     changes = {(ms, drive.name): drive.level for ms, drive in drives if drive.name in PINS}
     for (at_ms, name), level in changes.items():
@@ -477,23 +479,30 @@ def uses_eeprom(image: Image) -> bool:
     """Return whether a program may write its data EEPROM, which then differs from the image's."""
     decoded = (decode(word) for word in image.program.values())
     return any(
-        each is not None and each.instruction.writes_file(each.d) and each.f == EECON2 & 0x7F
-        for each in decoded
+        instruction is not None
+        and instruction.instruction.writes_file(instruction.d)
+        and instruction.f == EECON2 & 0x7F
+        for instruction in decoded
     )
 
 
 def captured(path: Path, source: str) -> Seen:
     """Return an analyser's capture in a file."""
-    found = read_capture(path)
-    trace = found.trace.stored()
-    return Seen(trace, source, replace(found, trace=trace), file=path)
+    capture = read_capture(path)
+    trace = capture.trace.stored()
+    return Seen(trace, source, replace(capture, trace=trace), file=path)
 
 
 def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> Checked:
     """Return whether the pins did what the schedule says."""
     if seen.capture is not None:
-        found = prove_capture(schedule, seen.capture, tolerances)
-        return Checked(found.proven, found.agrees, tuple(capture_lines(found)), tuple(_of_capture(found)))
+        comparison = prove_capture(schedule, seen.capture, tolerances)
+        return Checked(
+            comparison.proven,
+            comparison.agrees,
+            tuple(capture_lines(comparison)),
+            tuple(_of_capture(comparison)),
+        )
     if seen.span is None:
         tells_end = seen.file is not None and seen.file.suffix.lower() == ".vcd"
         verdict = prove_file(schedule, seen.trace, tells_end)

@@ -61,14 +61,14 @@ class Event:
 
 def events_of(record: Record, job: PlannedJob, planned: Planned) -> tuple[Event, ...]:
     """Return the events of a run, the first first."""
-    found = [
+    events = [
         *_broken(record),
         *_silent(record, job),
         *_supply(record),
         *_saturated(record),
         *_body(record, planned),
     ]
-    return tuple(sorted(found, key=lambda event: (round(event.seconds / SATURATED_S), event.kind)))
+    return tuple(sorted(events, key=lambda event: (round(event.seconds / SATURATED_S), event.kind)))
 
 
 def brown_out(record: Record) -> float | None:

@@ -215,11 +215,11 @@ class Bank:
 def bank(drives: tuple[Drive, ...]) -> Bank:
     """Return the constants of servos as arrays."""
     return Bank(
-        np.array([each.resistance for each in drives]),
-        np.array([each.torque_constant for each in drives]),
-        np.array([each.speed_constant for each in drives]),
-        np.array([each.dead_band for each in drives]),
-        np.array([each.band for each in drives]),
-        np.array([each.damping_s for each in drives]),
-        sum(each.idle_a for each in drives),
+        np.array([drive.resistance for drive in drives]),
+        np.array([drive.torque_constant for drive in drives]),
+        np.array([drive.speed_constant for drive in drives]),
+        np.array([drive.dead_band for drive in drives]),
+        np.array([drive.band for drive in drives]),
+        np.array([drive.damping_s for drive in drives]),
+        sum(drive.idle_a for drive in drives),
     )

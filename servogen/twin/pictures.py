@@ -225,11 +225,11 @@ def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
             if record.tool.shape[1]:
                 axes.plot(time, 1000 * record.tool[rows, column], lw=1.0)
             axes.set_ylabel(f"tool, {label}, mm")
-    for each in (torque, current, voltage, last, heading, height):
-        each.grid(alpha=0.3)
-        each.axvspan(*record.motion, color="0.95", zorder=0)
+    for axes in (torque, current, voltage, last, heading, height):
+        axes.grid(alpha=0.3)
+        axes.axvspan(*record.motion, color="0.95", zorder=0)
         for event in verdict.events[:1]:
-            each.axvline(event.seconds, color="tab:red", ls=":", lw=1.0)
+            axes.axvline(event.seconds, color="tab:red", ls=":", lw=1.0)
     last.set_xlabel("time, s; grey: the job's motion")
     height.set_xlabel("time, s")
     save(figure, path)
@@ -302,7 +302,7 @@ def lines_through(
         line = np.stack([*joints, feet[:, index]], axis=1)
         parts.append(Part(list(line), f"C{index % 10}"))
     if isinstance(robot, DrivingRobot):
-        parts += [Part(list(each), "tab:blue", marks=False) for each in base_outline(robot, pose)]
+        parts += [Part(list(outline), "tab:blue", marks=False) for outline in base_outline(robot, pose)]
     elif not legs:
         chain = list(places.values())
         line = np.stack([np.zeros_like(chain[0]), *chain, tool], axis=1)

@@ -57,7 +57,7 @@ class Receiver:
 
     def pulses(self, chunk: EdgeChunk) -> list[Pulse]:
         """Return the pulses that end in a chunk of edges, in order."""
-        found = []
+        pulses = []
         per = self._cycles_per_step
         for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
             wire = self._wires.get(pin)
@@ -68,6 +68,6 @@ class Receiver:
                     wire.rise = cycle
             elif wire.rise is not None:
                 step = -(-cycle * per.denominator // per.numerator)
-                found.append(Pulse(step, wire.servo, (cycle - wire.rise) * self._us))
+                pulses.append(Pulse(step, wire.servo, (cycle - wire.rise) * self._us))
                 wire.rise = None
-        return found
+        return pulses

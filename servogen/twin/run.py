@@ -217,7 +217,7 @@ class _Run:
         self.receiver = Receiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
         self.off = unplugged(rig, settings.unplugged)
         self.sensors = [_sensor(row, world, rig) for row in job.sensors]
-        held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
+        held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
         scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
         self.feed = Feed(scripted, job.clock) if self.sensors else None
         source = self.feed or (scripted if scripted.sources else None)

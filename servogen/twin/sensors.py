@@ -36,7 +36,9 @@ class Feed:
 
     def __init__(self, scripted: Stimuli | None, clock: Clock) -> None:
         sources = scripted.sources if scripted else ()
-        self._scripted = merge(*(each.changes(clock) for each in sources), key=lambda change: change.cycle)
+        self._scripted = merge(
+            *(source.changes(clock) for source in sources), key=lambda change: change.cycle
+        )
         self._ahead = next(self._scripted, None)
         self._pushed: deque[Change] = deque()
         self._known = 0
@@ -64,5 +66,5 @@ class Feed:
                 piece.append(self._ahead)
                 self._ahead = next(self._scripted, None)
             piece.sort(key=lambda change: change.cycle)
-            packed = [each.cycle << PACK_CYCLE | each.pin << PACK_PIN | each.level for each in piece]
+            packed = [change.cycle << PACK_CYCLE | change.pin << PACK_PIN | change.level for change in piece]
             yield min(self._known, NEVER), np.array(packed, dtype=np.int64)

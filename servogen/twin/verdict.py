@@ -100,12 +100,12 @@ class Verdict:
 
     def reasons(self) -> list[str]:
         """Return what fails, and then the first cause, as sentences."""
-        found = [check.text for check in self.checks if not check.passed]
-        if not found and self.not_guaranteed_from is None:
+        failures = [check.text for check in self.checks if not check.passed]
+        if not failures and self.not_guaranteed_from is None:
             return []
         if self.cause is not None:
-            return [*found, f"first cause: {self.cause.text}"]
-        return [*found, *(f"the plan warned: {warning.message}" for warning in self.warnings)]
+            return [*failures, f"first cause: {self.cause.text}"]
+        return [*failures, *(f"the plan warned: {warning.message}" for warning in self.warnings)]
 
     def to_json(self) -> dict[str, object]:
         """Return plain values for a JSON file: metres, radians, seconds, N·m, A, V."""
@@ -169,19 +169,19 @@ def _checks(
     drag: tuple[float, str, float],
     rest: tuple[float | None, float | None],
 ) -> list[Check]:
-    found: list[Check] = []
+    checks: list[Check] = []
 
     def check(name: str, measured: float, allowed: float | None, unit: str, at: float | None = None) -> None:
         if allowed is not None:
             passed = bool(measured <= allowed)
-            found.append(Check(name, measured, allowed, unit, passed, None if passed else at))
+            checks.append(Check(name, measured, allowed, unit, passed, None if passed else at))
 
     if not record.pulsed.any():
         count = len(record.rig.servos)
-        found.append(Check("servos without pulses", count, 0.0, "servos", False, 0.0))
+        checks.append(Check("servos without pulses", count, 0.0, "servos", False, 0.0))
     fallen = fallen_at(record)
     if expect.no_fall and record.floating:
-        found.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))
+        checks.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))
     if planned.way is not None:
         x, y, yaw = planned.way
         check("robot", 1000 * math.hypot(done[0] - x, done[1] - y), expect.robot_within_mm, "mm off")
@@ -203,7 +203,7 @@ def _checks(
     peak = int(np.argmax(record.current))
     check("current", float(record.current[peak]), expect.current_a, "A", float(record.time[peak]))
     check("time", record.motion[1], expect.within_s, "s", record.motion[1])
-    return found
+    return checks
 
 
 def _drag(record: Record) -> tuple[float, str, float]:

@@ -111,18 +111,18 @@ class World:
         self.supply = supply
         self.voltage, self.current = supply.volts, 0.0
         self._wirings = tuple(wirings)
-        self._bank = bank(tuple(each.drive for each in wirings))
+        self._bank = bank(tuple(wiring.drive for wiring in wirings))
         count = len(self._wirings)
         self.state = State(
             np.zeros(count),
             np.full(count, NEVER, np.int64),
-            np.array([round(each.drive.lost_s / step_s) for each in wirings], np.int64),
+            np.array([round(wiring.drive.lost_s / step_s) for wiring in wirings], np.int64),
             np.zeros(count),
         )
-        self._unbroken = np.array([float(not each.broken) for each in wirings])
-        self._continuous = np.array([each.drive.continuous for each in wirings], bool)
+        self._unbroken = np.array([float(not wiring.broken) for wiring in wirings])
+        self._continuous = np.array([wiring.drive.continuous for wiring in wirings], bool)
         self._any_continuous = bool(self._continuous.any())
-        self._top = np.array([each.drive.no_load_speed for each in wirings])
+        self._top = np.array([wiring.drive.no_load_speed for wiring in wirings])
         self.duty = np.zeros(count)
         if not contacts:
             self.model.opt.disableflags |= int(engine.mjtDisableBit.mjDSBL_CONTACT)

@@ -11,7 +11,7 @@ from servogen.edges import HIGH, EdgeTrace, Expected
 from servogen.errors import InputError
 from servogen.units import Cycles
 from servogen.verify.coverage import Coverage, compared_frames, coverage
-from servogen.verify.diagnose import Found, Seen, Stretch, diagnose
+from servogen.verify.diagnose import Diagnosis, Seen, Stretch, diagnose
 from servogen.verify.start import Start, channel_pins, find_start
 from servogen.verify.verdict import (
     ChannelVerdict,
@@ -106,7 +106,7 @@ def _verdict(
     start: Start,
     span: Span,
     seen: Seen,
-    fault: Found | None,
+    fault: Diagnosis | None,
     short: list[str],
     covered: Coverage,
 ) -> Verdict:

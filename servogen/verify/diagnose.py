@@ -68,14 +68,14 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Diagnosis:
     difference: Difference
     channels: tuple[ChannelVerdict, ...]
     overlap: Overlap | None
     stray: tuple[StrayPin, ...]
 
 
-def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Found:
+def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Diagnosis:
     """Return everything that is wrong in `stretch`; pulses of fewer than `glitch` cycles are glitches."""
     pins = np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
     other = ~np.isin(stretch.observed.pin, pins)
@@ -84,7 +84,7 @@ def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Found:
     level = stretch.seen.level
     allowed = stretch.seen.together | together(stretch.scheduled, level, pins)
     overlapping = overlap(stretch.observed, allowed, level, pins, stretch.end)
-    return Found(
+    return Diagnosis(
         first_difference(stretch, expected),
         tuple(_channel(stretch, channel, expected.period, glitch) for channel in expected.channels),
         overlapping

@@ -73,7 +73,7 @@ class Wanted:
 
     def edges(self, begin: int, end: int) -> list[Edge]:
         """Return the edges from the moment `begin` up to `end`."""
-        found = []
+        edges = []
         near = 1 if self.tolerance else 0  # rounding moves an edge out of its frame
         frames = range(max(0, self.frame_of(begin) - near), self.frame_of(max(begin, end - 1)) + 1 + near)
         for frame in frames:
@@ -81,9 +81,9 @@ class Wanted:
             for channel, pulse in zip(self.schedule.channels, self.run_of(frame).pulses, strict=True):
                 if pulse:
                     pin, rise = PINS.index(channel.pin), start + pulse.rise
-                    found += [(self.at(rise), pin, HIGH), (self.at(rise + pulse.width), pin, LOW)]
+                    edges += [(self.at(rise), pin, HIGH), (self.at(rise + pulse.width), pin, LOW)]
         last = end if self.end is None else min(end, self.end)
-        return sorted(edge for edge in found if max(begin, self.begin) <= edge[0] < last)
+        return sorted(edge for edge in edges if max(begin, self.begin) <= edge[0] < last)
 
 
 def first_rise(schedule: PulseSchedule) -> int | None:
@@ -143,14 +143,14 @@ def first_difference(wanted: Wanted, trace: EdgeTrace, end: int) -> Cycles | Non
     begin = 0
     for chunk in _pieces(trace, wanted.schedule.period):
         until = min(end, chunk[1])
-        found = differing(wanted, driven(chunk[0]), begin, until)
-        if found:
-            return Cycles(found[0][0])
+        edges = differing(wanted, driven(chunk[0]), begin, until)
+        if edges:
+            return Cycles(edges[0][0])
         begin = until
         if begin >= end:
             return None
-    found = differing(wanted, edge_chunk((), (), ()), begin, min(end, trace.end))
-    return Cycles(found[0][0]) if found else None
+    edges = differing(wanted, edge_chunk((), (), ()), begin, min(end, trace.end))
+    return Cycles(edges[0][0]) if edges else None
 
 
 def _pieces(trace: EdgeTrace, length: int) -> Iterator[tuple[EdgeChunk, int]]:

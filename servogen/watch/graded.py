@@ -27,22 +27,22 @@ HTML, TEXT = "text/html", "text/plain"
 def class_pages(task: Task, names: Sequence[str], graded: Sequence[Graded]) -> dict[str, Page]:
     """Return the page of the class and those of the programs, by their names below the token."""
     lab = task.lab
-    links = [f"{_folder(number)}/" if _ran(each) else "" for number, each in enumerate(graded)]
+    links = [f"{_folder(number)}/" if _ran(result) else "" for number, result in enumerate(graded)]
     pages = {"": Page(HTML, lambda nonce: class_page(lab, names, graded, links, nonce))}
-    for name, each, link in zip(names, graded, links, strict=True):
-        film = film_name(name) if each.grade.film else ""
-        pages[name] = Page(TEXT, partial(_plain, task, each, film))
+    for name, result, link in zip(names, graded, links, strict=True):
+        film = film_name(name) if result.grade.film else ""
+        pages[name] = Page(TEXT, partial(_plain, task, result, film))
         if film:
-            pages[film] = Page(HTML, partial(_film, task, each, link))
+            pages[film] = Page(HTML, partial(_film, task, result, link))
     return pages
 
 
 def class_rooms(task: Task, graded: Sequence[Graded]) -> dict[str, Room]:
     """Return a room for each program that could be run, by its folder below the token."""
     return {
-        _folder(number): Room(partial(_subject, task, each))
-        for number, each in enumerate(graded)
-        if _ran(each)
+        _folder(number): Room(partial(_subject, task, result))
+        for number, result in enumerate(graded)
+        if _ran(result)
     }
 
 
@@ -50,25 +50,25 @@ def _folder(number: int) -> str:
     return f"watch/{number}"
 
 
-def _ran(each: Graded) -> bool:
-    return each.grade.passed or each.grade.film is not None
+def _ran(result: Graded) -> bool:
+    return result.grade.passed or result.grade.film is not None
 
 
-def _plain(task: Task, each: Graded, film: str, nonce: str) -> str:
-    return page(task.lab, each.submission.name, each.grade, film)
+def _plain(task: Task, result: Graded, film: str, nonce: str) -> str:
+    return page(task.lab, result.submission.name, result.grade, film)
 
 
-def _film(task: Task, each: Graded, link: str, nonce: str) -> str:
-    return film_page(task.lab, each.submission, each.grade, link, nonce)
+def _film(task: Task, result: Graded, link: str, nonce: str) -> str:
+    return film_page(task.lab, result.submission, result.grade, link, nonce)
 
 
-def _subject(task: Task, each: Graded, progress: Callable[[str], None]) -> Subject:
+def _subject(task: Task, result: Graded, progress: Callable[[str], None]) -> Subject:
     """Return a program on the lab's board, at the moment of its film. Raises InputError."""
-    lab, submission, film = task.lab, each.submission, each.grade.film
+    lab, submission, film = task.lab, result.submission, result.grade.film
     progress("compiling")
     submission.require_readable()
     program = within_limits(lambda: task.read(submission), submission.file, task.compiling)
-    pins = dict(each.grade.pins)
+    pins = dict(result.grade.pins)
     servos = [
         {**servo_model(one.servo, index), "pin": PINS.index(pins.get(one.servo.name, one.servo.pin))}
         for index, one in enumerate(lab.servos)

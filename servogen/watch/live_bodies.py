@@ -77,7 +77,7 @@ class LiveBodies:
             "is": "bodies",
             "seconds": round(moment.seconds, 6),
             "behind": round(behind, 3),
-            "points": _packed([each.frames[0] for each in moment.lines]),
+            "points": _packed([line.frames[0] for line in moment.lines]),
             "force": np.round(moment.force, 1).tolist(),
             "pose": [
                 *_packed([np.array([x, y, z - self._twin.settings.ground.level])]),
@@ -92,5 +92,5 @@ class LiveBodies:
 
 def _packed(metres: Sequence[npt.NDArray[np.float64]]) -> list[int]:
     """Return lengths in tenths of a millimetre, one after the other."""
-    flat = np.concatenate([np.zeros(0), *(np.asarray(each).ravel() for each in metres)])
+    flat = np.concatenate([np.zeros(0), *(np.asarray(array).ravel() for array in metres)])
     return list(np.rint(1e4 * flat).astype(int).tolist())

@@ -238,7 +238,7 @@ class Session:
     def _look_back(self) -> None:
         """Determine the pulses after a jump: those just before, or the latest before a silence."""
         frames = (SILENT_FRAMES + 1) * self._period
-        for span in (frames, *(int(self.subject.clock.round_seconds(each)) for each in HELD_S)):
+        for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
             self._pulses = Pulses()
             self._pulses.add(self._place.edges(begin, self.now))
@@ -263,7 +263,7 @@ class Session:
             message |= {
                 "speed": self.speed,
                 "stopped": self._stopped,
-                "breakpoints": [each.text for each in self.breakpoints],
+                "breakpoints": [breakpoint.text for breakpoint in self.breakpoints],
             }
             if self.chip is not None:
                 message["inputs"] = len(self.chip.inputs)
@@ -354,7 +354,7 @@ class Session:
 
     def _frame_begin(self, count: int) -> int:
         """Return where the frame `count` frames from here begins; backwards, first the one that it is in."""
-        near = (each for each in self.subject.wanted if each.end is None or self.now < each.end)
+        near = (placed for placed in self.subject.wanted if placed.end is None or self.now < placed.end)
         wanted = next(near, None) or next(iter(self.subject.wanted), None)
         origin, period = (
             (wanted.origin, wanted.steps * wanted.schedule.period) if wanted else (0, self._period)
@@ -418,23 +418,25 @@ class Session:
         job = self.subject.job
         if job is None or job.firmware.commands is None or self.chip is None:
             return inf
-        pins = {pin_number(each.pin) for each in job.firmware.commands.inputs}
+        pins = {pin_number(pressed.pin) for pressed in job.firmware.commands.inputs}
         return min((change.cycle for change in self.chip.inputs if change.pin in pins), default=inf)
 
     def _wanted(self) -> tuple[Wanted, ...]:
         """Return what the edges are held against, up to the first command."""
         end = self._commanded_at()
-        return tuple(each if end == inf else replace(each, end=int(end)) for each in self.subject.wanted)
+        return tuple(
+            wanted if end == inf else replace(wanted, end=int(end)) for wanted in self.subject.wanted
+        )
 
     def _differing(self, begin: int, end: int) -> list[Edge]:
         """Return the edges of a window of the past that only one of the program and the schedule has."""
-        found: list[Edge] = []
+        edges: list[Edge] = []
         for wanted in self._wanted():
             first = max(0, begin - wanted.margin)
             last = min(end + wanted.margin, int(self._place.reach))
             made = self._place.edges(first, last) if first < last else join(())
-            found += differing(wanted, _driven(self._place.levels_before(first), made), begin, end)
-        return sorted(found)
+            edges += differing(wanted, _driven(self._place.levels_before(first), made), begin, end)
+        return sorted(edges)
 
     def _outside(self, begin: int, end: int) -> list[Edge]:
         """Return the changes from outside before `end`: the last of each pin before `begin`, and the rest."""
@@ -475,7 +477,7 @@ class Session:
         commands = job.firmware.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
             raise InputError("not-allowed", "only a job with [walk] commands on a line takes ways")
-        way, ways = str(message["way"]), (*(each.name for each in job.directions), STOP)
+        way, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
         if way not in ways:
             raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
         code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
@@ -663,7 +665,7 @@ def _inputs(subject: Subject) -> list[Message]:
         named += subject.job.firmware.commands.buttons.items()
     elif isinstance(subject.job.firmware.commands, CommandButton):
         named.append(("walk", subject.job.firmware.commands.button))
-    return [{"name": name, "pin": each.pin, "pressed": each.level} for name, each in named if each]
+    return [{"name": name, "pin": button.pin, "pressed": button.level} for name, button in named if button]
 
 
 def _serial(subject: Subject) -> Message | None:
@@ -680,6 +682,6 @@ def _walk(subject: Subject) -> Message | None:
         return None
     return {
         "pin": subject.job.firmware.commands.pin,
-        "ways": [each.name for each in subject.job.directions],
+        "ways": [direction.name for direction in subject.job.directions],
         "stop": STOP,
     }

@@ -150,8 +150,8 @@ def _against(setting: Setting, progress: Callable[[str], None]) -> tuple[Setting
     if setting.job is None:
         return setting, None
     progress(f"planning {setting.job.name}")
-    found = planned(plan_job(load(setting.job)))
-    return replace(setting, schedule=found.plan.schedule), found.job
+    plan = planned(plan_job(load(setting.job)))
+    return replace(setting, schedule=plan.plan.schedule), plan.job
 
 
 def job_subject(
@@ -159,10 +159,10 @@ def job_subject(
 ) -> Subject:
     """Return the subject that a planned job becomes: its firmware, held against its schedule."""
     progress("planning")
-    found = planned(job)
+    engine_plan = planned(job)
     progress(f"compiling {job.firmware.dialect}")
-    firmware = found.make(job.firmware.dialect)
-    schedule = found.plan.schedule
+    firmware = engine_plan.make(job.firmware.dialect)
+    schedule = engine_plan.plan.schedule
     stimuli = load_stimuli(setting.stimulus, schedule.clock) if setting.stimulus else inputs_of(schedule)
     subject = Subject(
         path,
@@ -172,7 +172,7 @@ def job_subject(
         firmware.compilation.listing,
         stimuli,
         schedule=schedule,
-        job=found.job,
+        job=engine_plan.job,
     )
     return _compared(subject, progress)
 
@@ -227,8 +227,8 @@ def _first_wrong(verdict: CaptureVerdict, wanted: Sequence[Wanted], trace: EdgeT
         return None
     made = join(trace.driven())
     end = min(int(trace.end), trace.clock.round_seconds(MAX_SEARCH_S))
-    found = [edge[0] for each in wanted for edge in differing(each, made, 0, end)]
-    return Cycles(min(found)) if found else None
+    edges = [edge[0] for placed in wanted for edge in differing(placed, made, 0, end)]
+    return Cycles(min(edges)) if edges else None
 
 
 def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:

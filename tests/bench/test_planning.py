@@ -4,19 +4,19 @@ from fractions import Fraction
 
 import pytest
 
-from servogen.bench.analysers.memory import Wanted, plan, words_a_frame
+from servogen.bench.analysers.memory import Wanted, plan, words_of_frame
 from servogen.errors import InputError
 
 FRAME = Fraction(1, 50)
 
 
 def test_without_rle_a_sample_is_a_word() -> None:
-    assert words_a_frame(Fraction(1_000_000), False, FRAME, Fraction(2)) == 20_000
+    assert words_of_frame(Fraction(1_000_000), False, FRAME, Fraction(2)) == 20_000
 
 
 def test_with_rle_a_level_is_two_words_and_so_is_each_full_count() -> None:
     """200000 samples are 6.1 counts of 15 bits."""
-    assert words_a_frame(Fraction(10_000_000), True, FRAME, Fraction(2)) == 4 + Fraction(400_000, 32_768)
+    assert words_of_frame(Fraction(10_000_000), True, FRAME, Fraction(2)) == 4 + Fraction(400_000, 32_768)
 
 
 def test_a_look_has_the_wanted_frames_and_the_one_it_begins_in() -> None:

@@ -10,7 +10,7 @@ import pytest
 from servogen.build.grading import Task, grade_submissions
 from servogen.cli.grade_commands import IMAGES, SOURCES
 from servogen.errors import InputError
-from servogen.grade import Found, find_submissions, load_lab, submissions
+from servogen.grade import Submissions, find_submissions, load_lab, submissions
 from servogen.isolation import Limits
 from servogen.programs import read_submission
 
@@ -21,11 +21,11 @@ OUTSIDE = "is outside the student's own folder"
 NOT_REGULAR = "is not a regular file"
 
 
-def find(*given: Path, level: int = 1) -> Found:
+def find(*given: Path, level: int = 1) -> Submissions:
     return find_submissions(given, SOURCES, IMAGES, level)
 
 
-def names(found: Found) -> list[str]:
+def names(found: Submissions) -> list[str]:
     return [each.name for each in found.submissions]
 
 

@@ -52,7 +52,7 @@ class Plan:
     frames: int
     seconds: Fraction
     """The maximum time that filling the words can take."""
-    each: Fraction
+    words_per_frame: Fraction
     """The mean number of words per frame."""
     fewest: Fraction
     """The same for frames with the fewest edges."""
@@ -61,7 +61,7 @@ class Plan:
     def shorter(self, by: int) -> Plan:
         """Return the same plan with `by` fewer whole frames, but at least one."""
         by = min(by, self.frames - 1)
-        words = self.words - floor(by * self.each / 4) * 4
+        words = self.words - floor(by * self.words_per_frame / 4) * 4
         return replace(
             self, words=words, frames=self.frames - by, seconds=words / self.fewest * self.period_s
         )
@@ -82,9 +82,9 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = Fals
             hint=f"try {below}",
         )
     room = min(memory // (sump.WORD_BITS // 8), sump.MAX_READ_WORDS) // 4 * 4
-    first = words_a_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
-    each = words_a_frame(exact, rle, wanted.period_s, wanted.edges)
-    fits = floor((room - first) / each)
+    first = words_of_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
+    per_frame = words_of_frame(exact, rle, wanted.period_s, wanted.edges)
+    fits = floor((room - first) / per_frame)
     if fits < 1:
         raise InputError(
             "analyser-memory", _arithmetic(memory, room, exact, rle, wanted), hint=_advice(room, rle, wanted)
@@ -92,29 +92,31 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = Fals
     if fits < wanted.frames and not several:
         raise InputError(
             "analyser-memory",
-            f"the analyser's memory is too small: {room} words hold {fits} frames of {float(each):.3g} words "
-            f"and the one in which it begins, not {wanted.frames}",
+            f"the analyser's memory is too small: {room} words hold {fits} frames of {float(per_frame):.3g} "
+            f"words and the one in which it begins, not {wanted.frames}",
             hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time; "
             "with --against, several captures are stitched",
         )
     frames = min(fits, wanted.frames)
-    words = min(room, ceil((frames * each + first) / 4) * 4)
-    fewest = 2 * wanted.fewest if rle else each
-    return Plan(exact, rle, words, frames, words / fewest * wanted.period_s, each, fewest, wanted.period_s)
+    words = min(room, ceil((frames * per_frame + first) / 4) * 4)
+    fewest = 2 * wanted.fewest if rle else per_frame
+    return Plan(
+        exact, rle, words, frames, words / fewest * wanted.period_s, per_frame, fewest, wanted.period_s
+    )
 
 
-def words_a_frame(rate: Fraction, rle: bool, period_s: Fraction, edges: Fraction) -> Fraction:
+def words_of_frame(rate: Fraction, rle: bool, period_s: Fraction, edges: Fraction) -> Fraction:
     samples = rate * period_s
     return 2 * edges + 2 * samples / (sump.longest_count() + 1) if rle else Fraction(ceil(samples))
 
 
 def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wanted) -> str:
-    each = words_a_frame(rate, rle, wanted.period_s, Fraction(wanted.most))
+    per_frame = words_of_frame(rate, rle, wanted.period_s, Fraction(wanted.most))
     frame = f"a frame of {float(wanted.period_s * 1000):g} ms"
     how = (
-        f"with {wanted.most} edges is {ceil(each)} words with RLE"
+        f"with {wanted.most} edges is {ceil(per_frame)} words with RLE"
         if rle
-        else f"at {int(rate)} samples a second is {each} samples of a word each"
+        else f"at {int(rate)} samples a second is {per_frame} samples of a word each"
     )
     return (
         f"the analyser's memory is too small: {memory} bytes are {room} words, and {frame} {how}; "

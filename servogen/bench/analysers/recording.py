@@ -148,14 +148,14 @@ def stitch(
     while len(records) < most and (whole < frames or (whole_loop and different - seen)):
         number = len(records)
         try:
-            found = look(planned.shorter(number % LENGTHS), number + 1)
+            capture = look(planned.shorter(number % LENGTHS), number + 1)
         except ToolError as error:
             if not records:
                 raise
             return Stitched(tuple(records), error.message, len(different - seen))
-        record = Record(edges(found.runs, wired), found.runs.end)
-        if found.missing is not None:
-            return Stitched((*records, record), found.missing, len(different - seen))
+        record = Record(edges(capture.runs, wired), capture.runs.end)
+        if capture.missing is not None:
+            return Stitched((*records, record), capture.missing, len(different - seen))
         verdict = _verdict(record, planned, expected)
         seen, different = seen | verdict.coverage.seen, verdict.coverage.different
         whole += verdict.whole.count if verdict.whole else planned.frames

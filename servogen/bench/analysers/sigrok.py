@@ -107,8 +107,8 @@ def c_compiler() -> str | None:
 @contextmanager
 def modem_lines_library() -> Iterator[Path]:
     """Yield the library, which exists until the block ends. Raises ToolError if it cannot be built."""
-    found = c_compiler()
-    if found is None:
+    compiler = c_compiler()
+    if compiler is None:
         raise ToolError(
             "tool-missing",
             "a pseudo-terminal has no modem lines, and no C compiler is here to add them",
@@ -117,7 +117,7 @@ def modem_lines_library() -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="servogen-") as folder:
         source, built = Path(folder) / "modem_lines.c", Path(folder) / "modem_lines.so"
         source.write_text(MODEM_LINES_SOURCE, encoding="ascii")
-        command = (found, "-shared", "-fPIC", "-O1", "-o", str(built), str(source), "-ldl")
+        command = (compiler, "-shared", "-fPIC", "-O1", "-o", str(built), str(source), "-ldl")
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise ToolError(
@@ -139,18 +139,18 @@ class SigrokLook:
 
 def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return channels and pins from texts such as `D0=RB0`. Raises InputError."""
-    found = []
+    wired = []
     for text in texts:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
             hint = did_you_mean(pin.upper(), PINS) if channel else "as D0=RB0"
             raise InputError("bad-wiring", f"'{text}' does not wire a channel to a pin", hint=hint)
-        found.append((channel, pin.upper()))
-    if not found:
+        wired.append((channel, pin.upper()))
+    if not wired:
         raise InputError(
             "bad-wiring", "sigrok's channels have no pins", hint="name them, such as --wire D0=RB0"
         )
-    return tuple(found)
+    return tuple(wired)
 
 
 def command_of(look: SigrokLook, output: Path) -> tuple[str, ...]:

@@ -184,7 +184,7 @@ def wires(texts: Iterable[str]) -> Mapping[int, int]:
     """Return the pin of each channel from texts such as `0=RB0`; by default `CHANNEL_PINS`. Raises
     InputError.
     """
-    found: dict[int, int] = {}
+    wired: dict[int, int] = {}
     for text in texts:
         channel, _, pin = text.partition("=")
         name = pin.strip().upper()
@@ -194,10 +194,10 @@ def wires(texts: Iterable[str]) -> Mapping[int, int]:
             )
         if name not in PINS:
             raise InputError("unknown-pin", f"'{text}' names no pin", hint=did_you_mean(name, PINS))
-        if int(channel) in found or PINS.index(name) in found.values():
+        if int(channel) in wired or PINS.index(name) in wired.values():
             raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
-        found[int(channel)] = PINS.index(name)
-    return found or dict(enumerate(CHANNEL_PINS))
+        wired[int(channel)] = PINS.index(name)
+    return wired or dict(enumerate(CHANNEL_PINS))
 
 
 def channel_of(pin: str, wired: Mapping[int, int]) -> int:

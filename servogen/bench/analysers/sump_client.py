@@ -87,8 +87,8 @@ def identify(port: Port) -> Analyser:
 
 def _described(port: Port) -> Analyser:
     port.write(sump.short(Command.METADATA))
-    found = metadata(_metadata_bytes(port))
-    name, memory, rate = found.get(Key.NAME), found.get(Key.MEMORY), found.get(Key.RATE)
+    described = metadata(_metadata_bytes(port))
+    name, memory, rate = described.get(Key.NAME), described.get(Key.MEMORY), described.get(Key.RATE)
     return Analyser(
         name if isinstance(name, str) and name else "SUMP analyser",
         memory if isinstance(memory, int) and memory else DEFAULT_MEMORY,
@@ -118,7 +118,7 @@ def _ended(data: bytes) -> bool:
 
 def metadata(data: bytes) -> dict[int, int | str]:
     """Return a device's metadata by key; incomplete or unknown items are dropped."""
-    found: dict[int, int | str] = {}
+    described: dict[int, int | str] = {}
     at = 0
     while at < len(data) and data[at] != Key.END:
         key = data[at]
@@ -127,18 +127,18 @@ def metadata(data: bytes) -> dict[int, int | str]:
             end = data.find(b"\0", at + 1)
             if end < 0:
                 break
-            found[key] = data[at + 1 : end].decode("latin-1")
+            described[key] = data[at + 1 : end].decode("latin-1")
             at = end + 1
         elif kind in (1, 2):
             size = 4 if kind == 1 else 1
             value = data[at + 1 : at + 1 + size]
             if len(value) < size:
                 break
-            found[key] = int.from_bytes(value, "big")
+            described[key] = int.from_bytes(value, "big")
             at += 1 + size
         else:
             break
-    return found
+    return described
 
 
 def capture(

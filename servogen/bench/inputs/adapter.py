@@ -125,7 +125,7 @@ class InputAdapter:
 
     def apply(self, inputs: Iterable[Drive | Close | Send]) -> None:
         """Do something now, without a capture."""
-        self.port.write(b"".join(self._messages(each) for each in inputs))
+        self.port.write(b"".join(self._messages(change) for change in inputs))
 
     def stop(self) -> None:
         """End what the board still does of the last run; MARK is low then."""
@@ -136,15 +136,15 @@ class InputAdapter:
 
     def load(self, inputs: Sequence[Input], length_ms: int) -> None:
         """Prepare a run. Raises InputError for what is not wired or does not fit, ToolError."""
-        ordered = sorted(inputs, key=lambda each: each.at_ms)
+        ordered = sorted(inputs, key=lambda input_: input_.at_ms)
         self._loaded = []
         self._length_ms = length_ms
-        if self.board.scheduler and not any(self._by_adapter(each.what) for each in ordered):
+        if self.board.scheduler and not any(self._by_adapter(input_.what) for input_ in ordered):
             self._store(ordered)
             return
         self._loaded = [(0, lambda: self.apply((Drive(MARK, 1),)))]
-        for each in ordered:
-            self._loaded.append((each.at_ms, self._action(each.what)))
+        for input_ in ordered:
+            self._loaded.append((input_.at_ms, self._action(input_.what)))
         self._loaded.append((length_ms, lambda: self.port.write(HOST_FILLS * self._fill())))
 
     def start(self) -> None:
@@ -174,11 +174,11 @@ class InputAdapter:
 
     def _store(self, inputs: Sequence[Input]) -> None:
         messages, now = self._messages(Drive(MARK, 1)), 0
-        for each in inputs:
-            if each.at_ms > now:
-                messages += firmata.delay_ms(each.at_ms - now)
-                now = each.at_ms
-            messages += self._messages(each.what)
+        for input_ in inputs:
+            if input_.at_ms > now:
+                messages += firmata.delay_ms(input_.at_ms - now)
+                now = input_.at_ms
+            messages += self._messages(input_.what)
         most = SMALL_TASK if self.board.pins < SMALL_BOARD_PINS else LARGE_TASK
         if len(messages) > most:
             raise InputError(
@@ -194,8 +194,8 @@ class InputAdapter:
         # FirmataScheduler puts the newest task first, and forgets those before a task that ends
         self.port.write(firmata.load_task(FILLER, filler) + firmata.load_task(RUN, messages))
         self.port.write(firmata.task(Task.QUERY, bytes((RUN,))))
-        found = ask(self.port, lambda message: message.is_command(Command.SCHEDULER), QUERY_S)
-        state = b"" if found is None else firmata.unpacked(found.data[3:])
+        reply = ask(self.port, lambda message: message.is_command(Command.SCHEDULER), QUERY_S)
+        state = b"" if reply is None else firmata.unpacked(reply.data[3:])
         # time_ms (4 bytes), length (2), position (2): all of it has arrived where the two are the same
         if len(state) < 8 or state[4:6] != len(messages).to_bytes(2, "little") or state[6:8] != state[4:6]:
             raise ToolError(
@@ -288,10 +288,10 @@ def identify(port: Port) -> BoardFacts:
     name = firmata.joined_bytes(answer.data[3:]).decode("latin-1")
     version = ".".join(str(byte) for byte in answer.data[1:3])
     port.write(firmata.sysex(Command.CAPABILITY_QUERY))
-    found = ask(port, lambda message: message.is_command(Command.CAPABILITIES), QUERY_S)
-    if found is None:
+    capabilities = ask(port, lambda message: message.is_command(Command.CAPABILITIES), QUERY_S)
+    if capabilities is None:
         raise ToolError("wrong-device", "the board does not say what its pins can do", Location(port.path))
-    modes = list(pin_modes(found.data[1:]))
+    modes = list(pin_modes(capabilities.data[1:]))
     senders = {
         mode[Mode.SERIAL] // 2 for mode in modes if mode.get(Mode.SERIAL, 0) % 2 and Mode.SERIAL in mode
     }
@@ -299,7 +299,7 @@ def identify(port: Port) -> BoardFacts:
     # a board without a scheduler answers nothing, or a text that it does not know the command
     said = ask(
         port,
-        lambda each: each.is_command(Command.SCHEDULER) or each.is_command(Command.TEXT),
+        lambda message: message.is_command(Command.SCHEDULER) or message.is_command(Command.TEXT),
         ANSWER_S,
     )
     return BoardFacts(

@@ -63,15 +63,15 @@ def input_wiring(texts: Iterable[str] = ()) -> InputWiring:
     contacts: dict[Contact, int] = {}
     lines: dict[str, int] = {}
     for text in (*DEFAULT, *texts):
-        found = _TEXT.fullmatch(text.strip())
-        if found is None:
+        match = _TEXT.fullmatch(text.strip())
+        if match is None:
             raise InputError(
                 "bad-option",
                 f"'{text}' does not say how an input is wired",
                 hint="RB0=2, RB0-RB4=22 for a contact, RA1=TX1 for a serial line, RB3=- for none",
             )
-        name, other, port = _name(found["name"]), found["other"], found["port"]
-        number = int(found["pin"] or port or 0)
+        name, other, port = _name(match["name"]), match["other"], match["port"]
+        number = int(match["pin"] or port or 0)
         if number > (MAX_PORT if port else MAX_BOARD_PIN):
             raise InputError("out-of-range", f"'{text}': {number} is not a pin or port of a Firmata board")
         if other is not None:
@@ -79,7 +79,7 @@ def input_wiring(texts: Iterable[str] = ()) -> InputWiring:
             if len(pair) < 2 or pair & set(SPECIAL) or port:
                 raise InputError("bad-option", f"'{text}' is not a contact between two of the chip's pins")
             contacts[pair] = number
-            if found["none"]:
+            if match["none"]:
                 del contacts[pair]
         elif port:
             if name in SPECIAL:
@@ -87,7 +87,7 @@ def input_wiring(texts: Iterable[str] = ()) -> InputWiring:
             lines[name] = number
         else:
             pins[name] = number
-            if found["none"]:
+            if match["none"]:
                 del pins[name]
     _check_once([*pins.values(), *contacts.values()])
     if MARK not in pins:

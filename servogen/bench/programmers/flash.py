@@ -16,7 +16,7 @@ from servogen.bench.programmers.table import (
     EEPROM,
     ERASED_BYTE,
     Contents,
-    Found,
+    InstalledProgrammer,
     Look,
     Order,
     Programmer,
@@ -30,28 +30,28 @@ from servogen.pic.isa import decode
 
 def objections(image: Image) -> tuple[Diagnostic, ...]:
     """Return the objections to programming `image`."""
-    found = []
+    objections = []
     if not image.words:
-        found.append(Diagnostic("error", "no-program", "the image has no program"))
+        objections.append(Diagnostic("error", "no-program", "the image has no program"))
     if image.config is None:
         text = "the image has no configuration word: oscillator and watchdog would be left to chance"
-        found.append(Diagnostic("error", "no-configuration", text))
+        objections.append(Diagnostic("error", "no-configuration", text))
     elif image.config & CONFIG_WATCHDOG_ON and not _clears_watchdog(image):
         text = "the watchdog is on, and the program never clears it: the chip would be reset again and again"
-        found.append(Diagnostic("error", "watchdog-on", text))
-    return tuple(found)
+        objections.append(Diagnostic("error", "watchdog-on", text))
+    return tuple(objections)
 
 
 def remarks(image: Image, device: Device) -> tuple[Diagnostic, ...]:
     """Return the warnings about programming `image`."""
-    found = []
+    warnings = []
     if device.name == "PIC16F84":
         text = "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"
-        found.append(Diagnostic("warning", "no-device-id", text))
+        warnings.append(Diagnostic("warning", "no-device-id", text))
     if protected(image, device):
         text = "code protection is on: the chip cannot be read again, only erased"
-        found.append(Diagnostic("warning", "code-protected", text))
-    return tuple(found)
+        warnings.append(Diagnostic("warning", "code-protected", text))
+    return tuple(warnings)
 
 
 def protected(image: Image, device: Device) -> bool:
@@ -63,8 +63,8 @@ def _clears_watchdog(image: Image) -> bool:
     """Return whether the program contains CLRWDT or SLEEP, which alone set the flag TO (DS35007 section
     6.10).
     """
-    found = (decode(word) for word in image.program.values())
-    return any(each is not None and "T" in each.instruction.flags for each in found)
+    words = (decode(word) for word in image.program.values())
+    return any(decoded is not None and "T" in decoded.instruction.flags for decoded in words)
 
 
 TIMEOUT_S = 120.0
@@ -89,47 +89,47 @@ class Flashed:
     compared: tuple[str, ...]
 
 
-def command_of(found: Found, order: Order) -> tuple[str, ...]:
+def command_of(tool: InstalledProgrammer, order: Order) -> tuple[str, ...]:
     """Return the command that programs. Raises InputError if it needs a port and none is given."""
-    if found.programmer.needs_port and order.port is None:
+    if tool.programmer.needs_port and order.port is None:
         raise InputError(
             "missing-option",
-            f"{found.programmer.name} needs the programmer's port",
+            f"{tool.programmer.name} needs the programmer's port",
             hint="--port /dev/ttyUSB0, or the like",
         )
-    return (*found.start, *found.programmer.program(order))
+    return (*tool.start, *tool.programmer.program(order))
 
 
-def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
+def flash(tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
     """Program the chip. Raises ToolError or Differs."""
-    command = command_of(found, order)
-    port = order.port if found.programmer.needs_port else None
+    command = command_of(tool, order)
+    port = order.port if tool.programmer.needs_port else None
     with nullcontext() if port is None else held(port):
-        code, output = _run(command, found.programmer, order.port, timeout_s)
+        code, output = _run(command, tool.programmer, order.port, timeout_s)
         try:
-            _judge(found.programmer, code, output, order.port)
+            _judge(tool.programmer, code, output, order.port)
         except Differs as error:
-            raise _with_place(error, found, order, image, timeout_s) from None
-        read = _read(found, order, image, timeout_s)
+            raise _with_place(error, tool, order, image, timeout_s) from None
+        read = _read(tool, order, image, timeout_s)
     at = difference(read, image)
     if at is not None:
         raise Differs(
             "chip-differs",
-            f"{found.programmer.name} reports success, but the chip differs from the file, first {at}",
+            f"{tool.programmer.name} reports success, but the chip differs from the file, first {at}",
             _place(order.port),
             _last(output),
         )
     return Flashed(output, tuple(read))
 
 
-def read_eeprom(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> bytes:
+def read_eeprom(tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> bytes:
     """Return the data EEPROM of a chip that was programmed with `image`. Raises InputError, ToolError."""
-    if not any(look.of_eeprom for look in found.programmer.looks(order)):
-        raise InputError("not-allowed", f"how {found.programmer.name} reads the data EEPROM is not known")
+    if not any(look.of_eeprom for look in tool.programmer.looks(order)):
+        raise InputError("not-allowed", f"how {tool.programmer.name} reads the data EEPROM is not known")
     if protected(image, order.device):
         raise InputError("not-allowed", "the chip is code protected: its data EEPROM cannot be read")
     with nullcontext() if order.port is None else held(order.port):
-        read = _read(found, order, image, timeout_s, lambda look: look.of_eeprom)
+        read = _read(tool, order, image, timeout_s, lambda look: look.of_eeprom)
     return bytes(read.get(EEPROM, [ERASED_BYTE] * EEPROM_BYTES))
 
 
@@ -158,10 +158,12 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
         )
 
 
-def _with_place(error: Differs, found: Found, order: Order, image: Image, timeout_s: float) -> Differs:
+def _with_place(
+    error: Differs, tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float
+) -> Differs:
     """Return the same error with the first differing address, if the programmer can read it."""
     try:
-        at = difference(_read(found, order, image, timeout_s), image)
+        at = difference(_read(tool, order, image, timeout_s), image)
     except ToolError:
         return error
     return (
@@ -172,7 +174,7 @@ def _with_place(error: Differs, found: Found, order: Order, image: Image, timeou
 
 
 def _read(
-    found: Found,
+    tool: InstalledProgrammer,
     order: Order,
     image: Image,
     timeout_s: float,
@@ -183,16 +185,16 @@ def _read(
     closed = protected(image, order.device)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "read.hex"
-        for look in found.programmer.looks(replace(order, file=file)):
+        for look in tool.programmer.looks(replace(order, file=file)):
             if (closed and not look.of_protected) or not wanted(look):
                 continue
             file.unlink(missing_ok=True)
-            command = (*found.start, *look.arguments)
-            code, output = _run(command, found.programmer, order.port, timeout_s)
+            command = (*tool.start, *look.arguments)
+            code, output = _run(command, tool.programmer, order.port, timeout_s)
             if code != 0 or not file.exists():
                 raise ToolError(
                     "tool-failed",
-                    f"{found.programmer.name} could not read the chip back",
+                    f"{tool.programmer.name} could not read the chip back",
                     _place(order.port),
                     _last(output),
                 )

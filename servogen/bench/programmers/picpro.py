@@ -33,8 +33,8 @@ def as_answered(read_config: Callable[[Any], dict[str, Any]]) -> Callable[[Any],
     """Return picpro's `read_config`, reassembled into the 26 bytes that the programmer sent."""
 
     def answered(interface: Any) -> bytes:
-        found = read_config(interface)
-        return struct.pack("<H8s7HH", found["chip_id"], found["id"], *found["fuses"], found["calibrate"])
+        config = read_config(interface)
+        return struct.pack("<H8s7HH", config["chip_id"], config["id"], *config["fuses"], config["calibrate"])
 
     return answered
 

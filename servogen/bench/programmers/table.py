@@ -273,14 +273,14 @@ PROGRAMMERS = (PICPRO, PK2CMD, IPECMD, PICKIT3, USBPICPROG, PICPROG)
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class InstalledProgrammer:
     """A programmer and how its program is started."""
 
     programmer: Programmer
     start: tuple[str, ...]
 
 
-def find(named: str | None) -> Found:
+def find(named: str | None) -> InstalledProgrammer:
     """Return the programmer with a name or the path of its program; by default the first that is installed.
 
     A picpro of its own Python cannot read the configuration word back: its `dump config` fails (0.3.0).
@@ -290,14 +290,15 @@ def find(named: str | None) -> Found:
         for programmer in PROGRAMMERS:
             start = _start(programmer, programmer.name)
             if start:
-                return Found(programmer, start)
+                return InstalledProgrammer(programmer, start)
         raise ToolError(
             "tool-missing",
             "no program for a programmer is installed",
-            hint="one of: " + ", ".join(f"{each.name} ({each.hardware})" for each in PROGRAMMERS),
+            hint="one of: "
+            + ", ".join(f"{programmer.name} ({programmer.hardware})" for programmer in PROGRAMMERS),
         )
     stem = Path(named).stem.lower()
-    known = {each.name: each for each in PROGRAMMERS}
+    known = {programmer.name: programmer for programmer in PROGRAMMERS}
     if stem not in known:
         raise InputError(
             "unknown-name", f"'{named}' is not a known programmer", hint=did_you_mean(stem, known)
@@ -310,7 +311,7 @@ def find(named: str | None) -> Found:
     programmer = known[stem]
     if programmer is PICPRO and start[0] != sys.executable:
         programmer = replace(programmer, looks=lambda order: PICPRO.looks(order)[:-1])
-    return Found(programmer, start)
+    return InstalledProgrammer(programmer, start)
 
 
 def installed(programmer: Programmer) -> str | None:

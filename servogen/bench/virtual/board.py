@@ -218,9 +218,9 @@ class VirtualBoard:
     def _report_changes(self) -> None:
         """Report the inputs that are not as the client knows them."""
         for port, known in list(self._reported.items()):
-            found = self._inputs(port)
-            if found != known:
-                self._report(port, found)
+            levels = self._inputs(port)
+            if levels != known:
+                self._report(port, levels)
 
     def _report(self, port: int, levels: int) -> None:
         self._reported[port] = levels
@@ -230,15 +230,15 @@ class VirtualBoard:
         """Return the levels at a port's pins that are inputs; the others are 0."""
         word = self.chip.word
         wired = {pin: PINS.index(name) for name, pin in self.wiring.pins.items() if name in PINS}
-        found = 0
+        levels = 0
         for bit in range(8):
             pin = 8 * port + bit
             mode = self._modes.get(pin)
             if pin in wired and mode in (Mode.INPUT, Mode.PULL_UP):
-                found |= (word >> wired[pin] & 1) << bit
+                levels |= (word >> wired[pin] & 1) << bit
             elif mode == Mode.PULL_UP:
-                found |= 1 << bit
-        return found
+                levels |= 1 << bit
+        return levels
 
     def _version(self) -> None:
         self.outgoing += bytes((Kind.VERSION, *FIRMATA_VERSION))
@@ -261,7 +261,7 @@ class VirtualBoard:
         self.outgoing += firmata.sysex(Command.FIRMWARE, bytes(FIRMATA_VERSION) + name)
 
     def _capabilities(self, data: bytes) -> None:
-        found = bytearray()
+        modes = bytearray()
         ends = {
             pin: 2 * port + end
             for port, pins in SERIAL_PINS.items()
@@ -269,11 +269,11 @@ class VirtualBoard:
         }
         for pin in range(PINS_OF_A_MEGA):
             if pin >= FIRST_PIN:
-                found += bytes((Mode.INPUT, 1, Mode.PULL_UP, 1, Mode.OUTPUT, 1))
+                modes += bytes((Mode.INPUT, 1, Mode.PULL_UP, 1, Mode.OUTPUT, 1))
                 if self.options.scheduler and pin in ends:
-                    found += bytes((Mode.SERIAL, ends[pin]))
-            found.append(firmata.NO_MORE_MODES)
-        self.outgoing += firmata.sysex(Command.CAPABILITIES, bytes(found))
+                    modes += bytes((Mode.SERIAL, ends[pin]))
+            modes.append(firmata.NO_MORE_MODES)
+        self.outgoing += firmata.sysex(Command.CAPABILITIES, bytes(modes))
 
     def _analog(self, data: bytes) -> None:
         self.outgoing += firmata.sysex(
@@ -323,7 +323,7 @@ class VirtualBoard:
             self.outgoing += firmata.task(Task.ALL, bytes(self._tasks))
         elif what == Task.CREATE and task is None:
             size = data[1] | data[2] << 7
-            if size + sum(each.size for each in self._tasks.values()) <= HEAP_BYTES:
+            if size + sum(stored.size for stored in self._tasks.values()) <= HEAP_BYTES:
                 self._tasks[number] = _Stored(size)
         elif task is None or what == Task.CREATE:
             self.outgoing += firmata.task(Task.ERROR, bytes((number,)))

@@ -52,13 +52,13 @@ class Wiring:
 
         Raises ShortCircuit.
         """
-        found: dict[int, int] = {}
+        levels: dict[int, int] = {}
         for net in self.nets():
             level = self._level(net, driven, pull_ups)
             for pin in net:  # an output needs nothing from outside
                 open_drain = pin == RA4 and driven[pin] == HIGH
-                found[pin] = level if driven[pin] == UNDRIVEN or open_drain else UNDRIVEN
-        return found
+                levels[pin] = level if driven[pin] == UNDRIVEN or open_drain else UNDRIVEN
+        return levels
 
     def _level(self, net: set[int], driven: tuple[int, ...], pull_ups: bool) -> int:
         outputs = {pin: driven[pin] for pin in sorted(net) if driven[pin] != UNDRIVEN}

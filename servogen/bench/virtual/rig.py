@@ -72,7 +72,7 @@ def with_fault(options: RigOptions, text: str) -> RigOptions:
     name, given, number = text.partition("=")
     known = NUMBERS if given else FLAGS
     if name not in known:
-        hint = did_you_mean(name, [*FLAGS, *(f"{each}=N" for each in NUMBERS)])
+        hint = did_you_mean(name, [*FLAGS, *(f"{fault}=N" for fault in NUMBERS)])
         raise InputError("bad-option", f"'{text}' is not a fault of the bench", hint=hint)
     change: dict[str, Any] = {}
     try:

@@ -34,7 +34,7 @@ SEED = 1984
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class NumericalSolution:
     """Joint positions (m, n) within the limits, and their distance (m,) and angle (m,) from the target."""
 
     q: Floats
@@ -58,7 +58,7 @@ def search(
     near: ArrayLike | None = None,
     tolerance: float = 1e-10,
     starts: int = STARTS,
-) -> Found:
+) -> NumericalSolution:
     """Return the best of several starts for each target: `near` or home first, then random ones.
 
     Joints that do not affect the targets (a last roll, without an orientation) stay where they start.
@@ -95,7 +95,7 @@ def search(
         best[open_[better]] = q[better]
         best_error[:, open_[better]] = error[:, better]
         open_ = open_[~(best_error[:, open_] <= tolerance).all(axis=0)]
-    return Found(best, best_error[0], best_error[1])
+    return NumericalSolution(best, best_error[0], best_error[1])
 
 
 def improved(
