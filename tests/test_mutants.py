@@ -8,7 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from tools.mutants import ROOT, Fate, Limits, Mutant, Reach, draw, judge_all, made, main, mutants_of, summary
+pytest.importorskip("coverage", reason="the extra 'dev' is not installed as pyproject.toml has it now")
+
+from tools.mutants import (
+    ROOT,
+    Fate,
+    Limits,
+    Mutant,
+    Record,
+    draw,
+    judge_all,
+    made,
+    main,
+    mutants_of,
+    place_of,
+    summary,
+)
 
 COUNTING = """\
 def down(n):
@@ -19,14 +34,47 @@ def down(n):
 
 def unread(n):
     return n + 1
+
+
+def unnoticed(n, step=2):
+    return n - step
+
+
+LIMIT = 7
+
+
+def limited(n):
+    return min(n, LIMIT)
 """
 
 TESTS = """\
-from servogen.counting import down
+import subprocess
+import sys
+
+import pytest
+from servogen.counting import down, limited, unnoticed
 
 
 def test_down():
     assert down(3) == 0
+
+
+def test_a_process():
+    code = "from servogen.counting import down; print(down(1))"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_that_sees_nothing():
+    unnoticed(3)
+
+
+def test_that_is_skipped():
+    unnoticed(3)
+    pytest.skip("not here")
+
+
+def test_limit():
+    assert limited(9) == 7
 
 
 def test_that_always_fails():
@@ -39,8 +87,8 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A project of one module and one test file, of which one test fails whatever the module does."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # those of servogen are not in the toy
     root = tmp_path / "toy"
-    for name in ("tests/time_limit.py", "tools/mutation_limits.py"):
-        (root / name).parent.mkdir(parents=True)
+    for name in ("tests/time_limit.py", "tools/mutation_limits.py", "tools/line_record.py"):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, root / name)
     (root / "servogen").mkdir()
     (root / "servogen" / "__init__.py").touch()
@@ -101,26 +149,88 @@ def test_the_seed_and_the_packages_determine_the_draw() -> None:
         draw(ROOT, ["clii"], 1, 1)
 
 
-def test_the_nearest_tests_come_first_and_those_that_do_not_reach_it_not_at_all(toy: Path) -> None:
-    assert Reach(ROOT).tests_of("servogen/drive/sweep.py")[0] == "tests/drive/test_sweep.py"
-    (toy / "tests" / "test_other.py").write_text("import json\n")
-    assert Reach(toy).tests_of("servogen/counting.py") == ["tests/test_counting.py"]
+@pytest.mark.parametrize(
+    ("line", "lines", "names"),
+    [
+        (1, set(), {"LIMIT"}),
+        (4, {5, 6, 7, 8, 9, 10}, set()),  # a default: whoever calls the function
+        (5, {5}, set()),
+        (6, {6}, set()),
+        (9, {7, 8, 9, 10}, set()),  # any line of the statement
+        (14, set(), {"size", "Box"}),
+    ],
+)
+def test_a_mutant_is_reached_by_who_executes_its_statement(
+    line: int, lines: set[int], names: set[str]
+) -> None:
+    source = """\
+LIMIT = 7
 
 
-def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(toy: Path) -> None:
-    """The test that always fails kills nothing."""
+def limited(n, least=2):
+    if n > LIMIT:
+        return least
+    return n + min(
+        n,
+        LIMIT,
+    )
+
+
+class Box:
+    size = 3
+"""
+    place = place_of(source, line)
+    assert (place.lines, place.names) == (lines, names)
+
+
+def test_a_compiled_function_is_not_seen_line_by_line() -> None:
+    source = "@compiled\ndef run(n):\n    return n + 1\n"
+    assert place_of(source, 3).compiled
+    assert not place_of(source.replace("compiled", "cache"), 3).compiled
+
+
+def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
+    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The test that always fails kills nothing, and one that does not execute a line does not run for it."""
     every = {(each.old, each.new): each for each in mutants_of(COUNTING, "servogen/counting.py")}
     wrong, hanging = every["n > 0", "(n >= 0)"], every["n -= 1", "pass"]
-    unread = every["n + 1", "(n - 1)"]
+    unread, unnoticed = every["n + 1", "(n - 1)"], every["n - step", "(n + step)"]
+    default, constant = every["2", "3"], every["7", "8"]
+    drawn = [wrong, hanging, unread, unnoticed, default, constant]
     before = {path: path.read_bytes() for path in toy.rglob("*") if path.is_file()}
-    fates, unsound = judge_all(toy, [wrong, hanging, unread], Limits(60, 3), 1)
-    assert {each.mutant: each.killer.rpartition("::")[2] for each in fates} == {
-        wrong: "test_down",
-        hanging: "test_down",
-        unread: "",
+
+    def judged() -> dict[Mutant, tuple[str, int, int]]:
+        fates, unsound = judge_all(toy, drawn, Limits(60, 3), 1, ["tests"], tmp_path / "kept")
+        assert unsound == {"tests/test_counting.py::test_that_always_fails"}
+        return {each.mutant: (each.killer.rpartition("::")[2], each.passed, each.reaching) for each in fates}
+
+    expected = {
+        wrong: ("test_down", 0, 2),
+        hanging: ("test_down", 0, 2),
+        unread: ("", 0, 0),
+        unnoticed: ("", 1, 1),
+        default: ("", 1, 1),
+        constant: ("test_limit", 0, 1),
     }
-    assert unsound == {"tests/test_counting.py::test_that_always_fails"}
+    assert judged() == expected
     assert {path: path.read_bytes() for path in toy.rglob("*") if path.is_file()} == before
+    assert "recording tests/test_counting.py" in capsys.readouterr().out
+    assert judged() == expected
+    assert "recording" not in capsys.readouterr().out  # the tests are as they were
+
+
+def test_a_test_file_that_changed_is_recorded_again(toy: Path, tmp_path: Path) -> None:
+    record = Record(tmp_path, toy)
+    assert record.missing() == [["tests/test_counting.py"]]
+    test = "tests/test_counting.py::test_down"
+    record.add("one", [], {"passed": {"c": [test, 0.5]}, "failed": []}, ["tests/test_counting.py"])
+    again = Record(tmp_path, toy)
+    assert (again.missing(), again.seconds) == ([], {test: 0.5})
+    (toy / "tests" / "test_counting.py").write_text(TESTS + "\n")
+    changed = Record(tmp_path, toy)
+    assert (changed.missing(), changed.seconds) == ([["tests/test_counting.py"]], {})
+    assert Record(tmp_path, toy, ["tests/other"]).missing() == []
 
 
 def test_a_mutant_is_in_its_file_only_while_it_is_judged(toy: Path) -> None:
@@ -134,7 +244,7 @@ def test_a_mutant_is_in_its_file_only_while_it_is_judged(toy: Path) -> None:
 
 def test_rates_are_counted_for_each_package() -> None:
     one, two = (Mutant(f"servogen/{name}/x.py", 1, 0, 1, "1", "2") for name in ("cli", "report"))
-    fates = [Fate(one, "", 3, False), Fate(one, "a test", 3, False), Fate(two, "a test", 3, False)]
+    fates = [Fate(one, "", 3, 3), Fate(one, "a test", 3, 9), Fate(two, "a test", 3, 9)]
     assert [line.split() for line in summary(fates)] == [
         ["cli", "1", "of", "2", "killed", "50.0%"],
         ["report", "1", "of", "1", "killed", "100.0%"],

@@ -1,4 +1,4 @@
-"""Draws mutants of servogen/ at random and runs the tests that reach them.
+"""Draws mutants of servogen/ at random and runs the tests that execute them.
 
 A mutant is the program with one small fault: a comparison, number, operator or condition changed, a
 statement deleted, a value not returned. A test that fails kills it. What survives is a fault that nobody
@@ -7,19 +7,23 @@ would notice, or a change that makes no difference: read the survivors, and writ
     python tools/mutants.py                         # 20 mutants of the whole of servogen/
     python tools/mutants.py cli report --count 40   # of two packages
     python tools/mutants.py core --seed 3           # of all packages but cli and report
+    python tools/mutants.py report --tests tests/cli tests/report   # judged by these tests only
     python tools/mutants.py simulator/ports.py --list --count 1000
 
 The seed and the sources determine what is drawn. Each worker (--jobs) has a copy of the tree in the
-temporary folder; yours is only read. The tests of a mutant are the files from which its module can be reached
-through imports, the nearest first, --files at most, until one fails or --seconds are
-over. A test that takes longer than --test-seconds has failed, and a process that does not come back is
-killed. A test that fails without the mutant as well does not count, and is named at the end.
+temporary folder; yours is only read. Which test executes which line is recorded once, with coverage.py, and
+kept in the user's cache until servogen/ changes; a test file that changes is recorded again. The tests of a
+mutant are those that execute its line, in the files named most like its module first, until one fails; no
+more are chosen than take --seconds. A test that takes longer than --test-seconds has failed, and a process
+that does not come back is killed. A test that fails without the mutant as well does not count, and is named
+at the end.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
 import json
 import os
 import queue
@@ -33,11 +37,16 @@ import sys
 import tempfile
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
+from itertools import groupby
 from pathlib import Path
+from typing import Any
+
+from coverage import Coverage, CoverageData
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = "servogen"
@@ -55,10 +64,36 @@ from servogen.simulator.aot_cache import loop
 for observed, tracked in ((False, False), (True, False), (False, True)):
     loop(observed=observed, tracked=tracked)
 """
-PREPARE_S = COLLECT_S = 600
-POLL_S = 0.5
-PYTEST: tuple[str, ...] = (sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider")
-PYTEST += ("-o", "addopts=--import-mode=importlib")
+PREPARE_S = 600
+RECORD_S = 4 * 3600
+SLOWER = 5
+"""How many times longer tests may take than when they were recorded: the machine may be busy."""
+
+OF_THE_TREE = (PACKAGE, "tests", "tools")
+NOT_RUN = 99
+NO_TESTS = 5
+"""What pytest ends with if no test is left: a mutant may take away the cases that a test finds."""
+
+COMPILED = ("simulator", "pic")
+"""The packages from which the simulator's loops are compiled."""
+
+POLL_S = 0.1
+PYTEST = ("-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
+SLOW_TO_IMPORT = ("pytest", "numpy", "numba", "llvmlite.binding", "hypothesis", "typer", "matplotlib.figure")
+"""Modules that are imported once: the process of each mutant's tests is forked from this one."""
+
+FIRST_CASES = 2
+"""How many cases of a test function have their turn before the other files."""
+
+EVERY_PROCESS = "import coverage\ncoverage.process_startup()\n"
+COVERAGE = """[run]
+parallel = true
+data_file = {data}
+source = {source}
+context = ${{MUTANT_TEST-}}
+patch = _exit
+disable_warnings = no-data-collected,module-not-measured,module-not-imported
+"""
 
 COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Lt: ast.LtE,
@@ -85,6 +120,9 @@ OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
     ast.BitOr: ast.BitAnd,
     ast.BitXor: ast.BitAnd,
 }
+
+
+FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 class ToolFailure(Exception):
@@ -220,62 +258,177 @@ def _files(root: Path, where: Sequence[str]) -> list[Path]:
     return sorted(files)
 
 
-class Reach:
-    """Which test files reach a module through imports, the nearest first."""
+class Record:
+    """Which tests execute which lines of servogen/, in a folder of files.
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.imports: dict[Path, set[Path]] = {}
+    Each recording is a pair: `NAME.json` has the digest of each test file and, for each context, the test and
+    its seconds; `NAME.lines` is coverage.py's data.
+    """
 
-    def tests_of(self, file: str) -> list[str]:
-        """Return the test files that reach a module: those whose names share most words with its name come
-        first, then those with the fewest imports between.
+    def __init__(self, folder: Path, root: Path, tests: Sequence[str] = ("tests",)) -> None:
+        self.folder, self.root = folder, root
+        self.digests = {
+            _name(root, file): _digest(file)
+            for file in (root / "tests").rglob("test_*.py")
+            if _is_in(_name(root, file), tests)
+        }
+        self.seconds: dict[str, float] = {}
+        self.failed: set[str] = set()
+        self.recorded: set[str] = set()
+        self._parts: list[tuple[CoverageData, dict[str, str]]] = []
+        for path in sorted(folder.glob("*.json")):
+            self._read(path)
+
+    def _read(self, path: Path) -> None:
+        found = json.loads(path.read_text())
+        current = {file for file, digest in found["files"].items() if self.digests.get(file) == digest}
+        if not current:
+            return
+        data = CoverageData(str(path.with_suffix(".lines")))
+        data.read()
+        tests = {}
+        for context, (test, seconds) in found["passed"].items():
+            if test.partition("::")[0] in current:
+                tests[context] = test
+                self.seconds[test] = seconds
+        self._parts.append((data, tests))
+        self.recorded |= current
+        self.failed |= {test for test in found["failed"] if test.partition("::")[0] in current}
+
+    def add(self, name: str, lines: Iterable[Path], tests: dict[str, Any], files: Sequence[str]) -> None:
+        """Keep what a run of test files has recorded: coverage.py's files, and what `line_record` writes."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / f"{name}.json"
+        together = Coverage(data_file=str(path.with_suffix(".lines")), config_file=False)
+        together.combine([str(each) for each in lines if each.stat().st_size])
+        together.save()
+        path.write_text(json.dumps(tests | {"files": {file: self.digests[file] for file in files}}))
+        self._read(path)
+
+    def missing(self) -> list[list[str]]:
+        """Return the test files that have not been recorded as they are now, a list for each folder."""
+        files = sorted(self.digests.keys() - self.recorded)
+        return [list(each) for _, each in groupby(files, lambda file: file.rpartition("/")[0])]
+
+    def tests_of(self, mutant: Mutant) -> list[str]:
+        """Return the tests that execute the mutant's lines, those first that are likely to notice it.
+
+        These are the files whose names share most words with the module's, then those that take least time;
+        of a file first the quickest cases of each function, and when all files have had their turn the rest.
         """
-        target, found = self.root / file, []
-        for test in sorted((self.root / "tests").rglob("test_*.py")):
-            distance = self._distance(test, target)
-            if distance is not None:
-                name = _name(self.root, test)
-                found.append((-len(_words(file) & _words(name)), distance, name))
-        return [name for *_, name in sorted(found)]
+        return self._in_order(self._reaching(mutant), mutant.file)
 
-    def _distance(self, test: Path, target: Path) -> int | None:
-        beside = [each / "conftest.py" for each in test.parents if each.is_relative_to(self.root / "tests")]
-        first = [test, *(each for each in beside[:-1] if each.is_file())]
-        distance = dict.fromkeys(first, 0)
-        left = deque(first)
-        while left:
-            each = left.popleft()
-            if each == target:
-                return distance[each]
-            for other in self._imports(each) - distance.keys():
-                distance[other] = distance[each] + 1
-                left.append(other)
-        return None
-
-    def _imports(self, file: Path) -> set[Path]:
-        """Return the files of servogen/ and tests/ that a file imports or names as a module."""
-        if file not in self.imports:
-            text = file.read_text()
-            names = set(re.findall(rf"\b(?:{PACKAGE}|tests)(?:\.\w+)+", text))
-            if re.search(rf"[\"'](?:-m\W+)?{PACKAGE}[\"']", text):  # a command line
-                names.add(f"{PACKAGE}.__main__")
-            for node in ast.walk(ast.parse(text)):
-                if isinstance(node, ast.ImportFrom):
-                    module = node.module or ""
-                    if node.level:
-                        above = file.relative_to(self.root).parents[node.level - 1].parts
-                        module = ".".join((*above, *filter(None, (module,))))
-                    names |= {module, *(f"{module}.{each.name}" for each in node.names)}
-            paths = (self._path(each) for each in names if each.split(".")[0] in (PACKAGE, "tests"))
-            self.imports[file] = {path for path in paths if path} - {file}
-        return self.imports[file]
-
-    def _path(self, module: str) -> Path | None:
-        base = self.root.joinpath(*module.split("."))
-        return next(
-            (each for each in (base.with_suffix(".py"), base / "__init__.py") if each.is_file()), None
+    def _in_order(self, tests: set[str], file: str) -> list[str]:
+        of_file: dict[str, list[tuple[int, float, str]]] = defaultdict(list)
+        cases: Counter[str] = Counter()
+        for test in sorted(tests, key=lambda test: (self.seconds[test], test)):
+            function = test.partition("[")[0]
+            of_file[test.partition("::")[0]].append((cases[function], self.seconds[test], test))
+            cases[function] += 1
+        files = sorted(
+            of_file,
+            key=lambda name: (-len(_words(file) & _words(name)), sum(each[1] for each in of_file[name])),
         )
+        turns = [
+            [each for each in of_file[name] if (each[0] < FIRST_CASES) == early]
+            for early in (True, False)
+            for name in files
+        ]
+        return [test for turn in turns for *_, test in sorted(turn)]
+
+    def _reaching(self, mutant: Mutant) -> set[str]:
+        source = (self.root / mutant.file).read_text()
+        place = place_of(source, mutant.line)
+        if place.lines:
+            found = self._executing(mutant.file, place.lines)
+            # What numba compiles is not seen line by line: it runs where its package's tests run.
+            near = found or not place.compiled
+            return found if near else self._of_package(mutant.package)
+        for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
+            lines = _mentions((self.root / file).read_text(), place.names)
+            if found := self._executing(file, lines):
+                return found
+        return self._executing(mutant.file, _of_functions(source))
+
+    def _executing(self, file: str, lines: set[int]) -> set[str]:
+        found = set()
+        for data, tests in self._parts:
+            for name in data.measured_files():
+                if lines and name.endswith(f"/{file}"):
+                    by_line = data.contexts_by_lineno(name)
+                    contexts = {context for line in lines for context in by_line.get(line, ())}
+                    found |= {tests[each] for each in contexts & tests.keys()}
+        return found
+
+    def _of_package(self, package: str) -> set[str]:
+        return {test for test in self.seconds if test.startswith(f"tests/{package}/")}
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a mutant is: the lines one of which a test executes if it executes the mutant's statement.
+
+    Without any where the statement runs when the module is imported; `names` then have its effect.
+    """
+
+    lines: set[int]
+    names: set[str]
+    compiled: bool = False
+
+
+def place_of(source: str, line: int) -> Place:
+    """Return where a line of a module is."""
+    inside: list[ast.stmt] = []
+    for node in ast.walk(ast.parse(source)):  # from the outside to the inside
+        if isinstance(node, ast.stmt) and _first_line(node) <= line <= (node.end_lineno or 0):
+            inside.append(node)
+    statement, around = inside[-1], inside[:-1]
+    functions = [each for each in around if isinstance(each, FUNCTION)]
+    if functions:
+        decorators = {ast.unparse(each) for function in functions for each in function.decorator_list}
+        body = getattr(statement, "body", None) or [
+            part for each in getattr(statement, "cases", ()) for part in each.body
+        ]
+        end = body[0].lineno - 1 if body else statement.end_lineno or line
+        return Place(
+            {line, *range(statement.lineno, max(statement.lineno, end) + 1)}, set(), "compiled" in decorators
+        )
+    if isinstance(statement, FUNCTION):  # a default, or a decorator's option
+        return Place(set(range(statement.body[0].lineno, (statement.end_lineno or line) + 1)), set())
+    names = {
+        each.id
+        for each in ast.walk(statement)
+        if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
+    }
+    return Place(set(), names | {each.name for each in around if isinstance(each, ast.ClassDef)})
+
+
+def _first_line(node: ast.stmt) -> int:
+    return min(each.lineno for each in (node, *getattr(node, "decorator_list", ())))
+
+
+def _mentions(source: str, names: set[str]) -> set[int]:
+    """Return the lines of functions that contain one of these names."""
+    word = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})\b") if names else None
+    found = {n for n, line in enumerate(source.splitlines(), 1) if word and word.search(line)}
+    return found & _of_functions(source) if found else found
+
+
+def _of_functions(source: str) -> set[int]:
+    """Return the lines of the bodies of functions: the others are executed by whoever imports the module."""
+    functions = (each for each in ast.walk(ast.parse(source)) if isinstance(each, FUNCTION))
+    return {line for each in functions for line in range(each.body[0].lineno, (each.end_lineno or 0) + 1)}
+
+
+def _digest(*files: Path) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _is_in(file: str, where: Sequence[str]) -> bool:
+    return any(file == each or file.startswith(f"{each.rstrip('/')}/") for each in where)
 
 
 def _words(file: str) -> set[str]:
@@ -286,51 +439,48 @@ def _words(file: str) -> set[str]:
 
 @dataclass(frozen=True, slots=True)
 class Ran:
-    """What became of a run: how many tests passed, which failed, and whether the time was up."""
+    """What became of a run: how many tests passed, and which failed."""
 
     passed: int
-    failed: str
-    out_of_time: bool
+    failed: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Fate:
-    """`killer`: the test that failed, or "" where the mutant survived the `passed` tests that ran."""
+    """`killer`: the test that failed, or "" where the mutant survived the `passed` tests that ran, of the
+    `reaching` ones that execute it.
+    """
 
     mutant: Mutant
     killer: str
     passed: int
-    out_of_time: bool
+    reaching: int
 
     def text(self) -> str:
         """Return one line for people."""
         if self.killer:
             return f"killed    {self.mutant.text()}  [{self.killer}]"
-        cut = ", then the time was up" if self.out_of_time else ""
-        return f"SURVIVED  {self.mutant.text()}  [{self.passed} tests{cut}]"
+        ran = f"{self.passed} of {self.reaching} tests" if self.reaching else "not executed"
+        return f"SURVIVED  {self.mutant.text()}  [{ran}]"
 
 
 @dataclass(slots=True)
 class Limits:
-    """Seconds for a mutant's tests altogether and for one of them; from how many files they come."""
+    """Seconds for a mutant's tests altogether, as they took when recorded, and for one of them."""
 
     seconds: float
     test_seconds: float
-    files: int = 30
 
 
 @dataclass(slots=True)
 class Workshop:
-    """A copy of the tree in which one mutant after another is made and tested."""
+    """A copy of the tree in which tests are recorded and one mutant after another is made and tested."""
 
     root: Path
     copy: Path
     limits: Limits
+    tests: Record
     stop: threading.Event = field(default_factory=threading.Event)
-    unsound: set[str] = field(default_factory=set)
-    """Tests that fail without a mutant, too."""
-
-    sound: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         left_out = shutil.ignore_patterns(*NOT_COPIED)
@@ -340,9 +490,6 @@ class Workshop:
             ignore=lambda folder, names: left_out(folder, names) if Path(folder) == self.root else set(),
             symlinks=True,
         )
-        code = self._start([*PYTEST, "--collect-only", "tests"], {}, COLLECT_S)
-        if code != 0 and not self.stop.is_set():
-            raise ToolFailure(f"without a mutant, the tests cannot be collected: pytest ended with {code}")
         self._prepare()
         # A mutant of the simulator replaces the compiled loops beside its sources; these stay.
         kept = self.copy / ".cache" / PACKAGE
@@ -355,72 +502,129 @@ class Workshop:
         if (self.copy / PREPARED).is_file():
             self._start([sys.executable, "-c", PREPARE], {}, PREPARE_S)
 
-    def judge(self, mutant: Mutant) -> Fate:
-        """Return what the tests make of a mutant."""
-        tests = Reach(self.copy).tests_of(mutant.file)[: self.limits.files]
-        while True:
-            with made(self.copy, mutant):
-                self._prepare()
-                ran = self._run(tests)
-            killer = ran.failed
-            if not killer or self._is_sound(killer):
-                return Fate(mutant, killer, ran.passed, ran.out_of_time)
+    def record(self, files: Sequence[str]) -> None:
+        """Run test files and keep which line each test executes.
 
-    def _is_sound(self, test: str) -> bool:
-        """Return whether a test passes without a mutant."""
-        if test not in self.sound | self.unsound:
-            (self.unsound if self._run([test]).failed else self.sound).add(test)
-        return test in self.sound
-
-    def _run(self, tests: Sequence[str]) -> Ran:
-        """Run tests, in this order, until one fails or the time is up."""
-        if not tests:
-            return Ran(0, "", False)
-        result = self.copy.parent / f"{self.copy.name}.json"
-        result.unlink(missing_ok=True)
-        command = [*PYTEST, "-p", "tools.mutation_limits"]
-        command += [part for each in sorted(self.unsound) for part in ("--deselect", each)]
+        Raises ToolFailure if they cannot be run.
+        """
+        name = _digest(*(self.copy / file for file in files))
+        work = self.copy.parent / "record"
+        site = work / "site"
+        site.mkdir(parents=True)
+        (site / "sitecustomize.py").write_text(EVERY_PROCESS)
+        settings = work / "coveragerc"
+        settings.write_text(COVERAGE.format(data=work / "lines", source=self.copy / PACKAGE))
+        result = work / "tests.json"
         given = {
+            "PYTHONPATH": os.pathsep.join((str(site), str(self.copy))),
+            "COVERAGE_PROCESS_START": str(settings),
+            "MUTANT_RECORD": str(result),
+        }
+        code = self._start(
+            [sys.executable, "-m", "pytest", *PYTEST, "-p", "tools.line_record", *files], given, RECORD_S
+        )
+        if code not in (0, 1) or not result.exists():
+            raise ToolFailure(
+                f"without a mutant, {files[0]} and others cannot be run: pytest ended with {code}"
+            )
+        self.tests.add(name, work.glob("lines.*"), json.loads(result.read_text()), files)
+        shutil.rmtree(work)
+
+    def judge(self, mutant: Mutant, left_out: Collection[str] = ()) -> Fate:
+        """Return what the tests that execute a mutant make of it."""
+        reaching = [each for each in self.tests.tests_of(mutant) if each not in left_out]
+        chosen, seconds = [], 0.0
+        for test in reaching:
+            # A test that may take too long without a mutant cannot show that it takes too long with one.
+            if self.tests.seconds[test] < self.limits.test_seconds / 4:
+                seconds += self.tests.seconds[test]
+                if seconds > self.limits.seconds:
+                    break
+                chosen.append(test)
+        with made(self.copy, mutant):
+            if mutant.package in COMPILED:
+                self._prepare()
+            ran = self.run(chosen, "-x")
+        return Fate(mutant, ran.failed[0] if ran.failed else "", ran.passed, len(reaching))
+
+    def run(self, tests: Sequence[str], *options: str) -> Ran:
+        """Run tests in this order."""
+        if not tests:
+            return Ran(0, ())
+        chosen, result = (self.copy.parent / f"{self.copy.name}.{name}.json" for name in ("tests", "result"))
+        result.unlink(missing_ok=True)
+        chosen.write_text(json.dumps(tests))
+        given = {
+            "MUTANT_TESTS": str(chosen),
             "MUTANT_RESULT": str(result),
-            "MUTANT_SECONDS": str(self.limits.seconds),
             "MUTANT_TEST_SECONDS": str(self.limits.test_seconds),
         }
-        limit = self.limits.seconds + self.limits.test_seconds + GRACE_S
-        code = self._start([*command, *tests], given, limit)
+        files = dict.fromkeys(test.partition("::")[0] for test in tests)
+        seconds = SLOWER * sum(self.tests.seconds[test] for test in tests)
+        code = self._fork(
+            [*PYTEST, *options, "-p", "tools.mutation_limits", *files],
+            given,
+            seconds + self.limits.test_seconds + GRACE_S,
+        )
         found = json.loads(result.read_text()) if result.exists() else {}
-        failed = found.get("failed", "")
-        ended_well = code == 0 or (code == 2 and found.get("out_of_time"))
-        if not failed and not ended_well:  # a hang, a crash, or conftest.py cannot be imported
-            failed = found.get("running") or tests[0]
-        return Ran(found.get("passed", 0), failed, found.get("out_of_time", False))
+        failed = found.get("failed", [])
+        if not failed and code not in (0, NO_TESTS):  # a hang, a crash, or conftest.py cannot be imported
+            failed = [found.get("running") or tests[0]]
+        return Ran(found.get("passed", 0), tuple(failed))
+
+    def _environment(self) -> dict[str, str]:
+        return {"PYTHONPATH": str(self.copy), "XDG_CACHE_HOME": str(self.copy / ".cache")}
 
     def _start(self, command: Sequence[str], given: Mapping[str, str], seconds: float) -> int | None:
         """Run a process in the copy. Returns its exit code, or None where it had to be killed."""
-        own = {
-            "PYTHONPATH": str(self.copy),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "XDG_CACHE_HOME": str(self.copy / ".cache"),
-        }
         process = subprocess.Popen(
             command,
             cwd=self.copy,
-            env={**os.environ, **own, **given},
+            env={**os.environ, **self._environment(), **given},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
+        resource.prlimit(process.pid, resource.RLIMIT_AS, (MEMORY, MEMORY))
+        return self._wait(process.pid, seconds)
+
+    def _fork(self, arguments: Sequence[str], given: Mapping[str, str], seconds: float) -> int | None:
+        """Run pytest in the copy, in a fork of this process. Returns as `_start` does."""
+        pid = os.fork()
+        if pid:
+            return self._wait(pid, seconds)
         try:
-            resource.prlimit(process.pid, resource.RLIMIT_AS, (MEMORY, MEMORY))
-            end = time.monotonic() + seconds
+            os.setsid()
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            for stream in range(3):
+                os.dup2(nowhere, stream)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+            os.chdir(self.copy)
+            os.environ.update({**self._environment(), **given})
+            sys.path.insert(0, str(self.copy))
+            for name in [each for each in sys.modules if each.partition(".")[0] in OF_THE_TREE]:
+                del sys.modules[name]
+            os._exit(int(import_module("pytest").main(list(arguments))))
+        finally:
+            os._exit(NOT_RUN)
+
+    def _wait(self, pid: int, seconds: float) -> int | None:
+        """Return a process's exit code; kill it, and what it started, where it takes longer: then None."""
+        end = time.monotonic() + seconds
+        try:
             while time.monotonic() < end and not self.stop.is_set():
-                with suppress(subprocess.TimeoutExpired):
-                    return process.wait(POLL_S)
+                ended, status = os.waitpid(pid, os.WNOHANG)
+                if ended:
+                    pid = 0
+                    return int(os.waitstatus_to_exitcode(status))
+                time.sleep(POLL_S)
             return None
         finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
+            if pid:
+                os.killpg(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
 
 
 @contextmanager
@@ -433,24 +637,28 @@ def made(root: Path, mutant: Mutant) -> Iterator[None]:
         yield
     finally:
         file.write_bytes(source)
+        for each in file.parent.glob(f"__pycache__/{file.stem}.*.pyc"):
+            each.unlink()
         os.utime(file, ns=(dates.st_atime_ns, dates.st_mtime_ns))
 
 
 def judge_all(
-    root: Path, mutants: Sequence[Mutant], limits: Limits, jobs: int
+    root: Path, mutants: Sequence[Mutant], limits: Limits, jobs: int, tests: Sequence[str], kept: Path
 ) -> tuple[list[Fate], set[str]]:
-    """Judge mutants in `jobs` copies at once, printing each. Returns the fates and the unsound tests."""
+    """Judge mutants in `jobs` copies at once, printing each. Returns the fates and the tests that fail
+    without a mutant.
+
+    `tests` are the files and folders of tests that may judge; `kept` is the folder for what is recorded.
+    """
     waiting: queue.SimpleQueue[Mutant] = queue.SimpleQueue()
     for each in mutants:
         waiting.put(each)
     fates: list[Fate] = []
-    unsound: set[str] = set()
     failures: list[Exception] = []
     stop = threading.Event()
 
-    def work(folder: Path) -> None:
+    def work(workshop: Workshop) -> None:
         try:
-            workshop = Workshop(root, folder, limits, stop)
             while not stop.is_set():
                 try:
                     mutant = waiting.get_nowait()
@@ -461,25 +669,46 @@ def judge_all(
                     break
                 fates.append(fate)
                 print(f"{len(fates):4} {fate.text()}", flush=True)
-            unsound.update(workshop.unsound)
         except Exception as error:
             failures.append(error)
             stop.set()
 
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        threads = [threading.Thread(target=work, args=(Path(folder) / f"copy{n}",)) for n in range(jobs)]
+        record = Record(kept / _digest(*(root / PACKAGE).rglob("*.py")), root, tests)
+        workshops = [Workshop(root, Path(folder) / f"copy{n}", limits, record, stop) for n in range(jobs)]
+        for files in record.missing():
+            print(f"recording {files[0]} and {len(files) - 1} more", flush=True)
+            workshops[0].record(files)
+        threads = [threading.Thread(target=work, args=(each,)) for each in workshops]
         for thread in threads:
             thread.start()
         try:
             for thread in threads:
                 thread.join()
+            if not failures:
+                unsound = _again_without(workshops[0], fates)
         except KeyboardInterrupt:
             stop.set()
             for thread in threads:
                 thread.join()
     if failures:
         raise failures[0]
-    return fates, unsound
+    return fates, unsound | record.failed
+
+
+def _again_without(workshop: Workshop, fates: list[Fate]) -> set[str]:
+    """Run the tests that killed without a mutant, and judge again what those killed that fail now."""
+    unsound: set[str] = set()
+    while killers := {each.killer for each in fates if each.killer and each.killer in workshop.tests.seconds}:
+        failed = {*workshop.run(sorted(killers)).failed}
+        if not failed:
+            break
+        unsound |= failed
+        for index, fate in enumerate(fates):
+            if fate.killer in failed:
+                fates[index] = workshop.judge(fate.mutant, unsound)
+                print(f"{index + 1:4} again: {fates[index].text()}", flush=True)
+    return unsound
 
 
 def summary(fates: Sequence[Fate]) -> list[str]:
@@ -502,13 +731,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=20, help="how many mutants (default 20)")
     parser.add_argument("--seed", type=int, default=0, help="of the draw (default 0)")
     parser.add_argument("--jobs", type=int, default=1, help="how many at once (default 1)")
-    parser.add_argument("--seconds", type=float, default=300, help="for a mutant's tests (default 300)")
+    parser.add_argument("--seconds", type=float, default=100, help="for a mutant's tests (default 100)")
     parser.add_argument("--test-seconds", type=float, default=60, help="for one test (default 60)")
-    parser.add_argument("--files", type=int, default=30, help="how many test files at most (default 30)")
+    parser.add_argument(
+        "--tests", nargs="+", default=["tests"], help="test files and folders (default tests)"
+    )
     parser.add_argument("--list", action="store_true", help="print the mutants, run nothing")
     options = parser.parse_args(arguments)
-    if min(options.count, options.jobs, options.seconds, options.test_seconds, options.files) <= 0:
-        parser.error("--count, --jobs, --files, --seconds and --test-seconds must be greater than 0")
+    if min(options.count, options.jobs, options.seconds, options.test_seconds) <= 0:
+        parser.error("--count, --jobs, --seconds and --test-seconds must be greater than 0")
     try:
         mutants = draw(ROOT, options.where, options.count, options.seed)
     except ValueError as error:
@@ -517,9 +748,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(*(each.text() for each in mutants), sep="\n")
         return 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    limits = Limits(options.seconds, options.test_seconds, options.files)
+    for name in SLOW_TO_IMPORT:
+        import_module(name)
+    limits = Limits(options.seconds, options.test_seconds)
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "servogen-mutants"
     try:
-        fates, unsound = judge_all(ROOT, mutants, limits, options.jobs)
+        fates, unsound = judge_all(ROOT, mutants, limits, options.jobs, options.tests, cache)
     except ToolFailure as error:
         print(error, file=sys.stderr)
         return 3
