@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
@@ -329,13 +330,16 @@ def test_a_wiring_that_the_board_does_not_have_is_refused(
     assert message in str(raised.value)
 
 
-def test_too_long_a_run_is_refused_with_what_to_do(serve: Serve) -> None:
+@pytest.mark.parametrize(("pins", "fit"), [(20, 400), (30, 400), (70, 4000)], ids=["Uno", "Leonardo", "Mega"])
+def test_too_long_a_run_is_refused_with_what_to_do(serve: Serve, pins: int, fit: int) -> None:
+    """The pins are those of Firmata's Boards.h; an Uno has 2 KB of memory, a Leonardo 2.5, a Mega 8."""
     rig = Rig(program(IDLE))
     with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
+        adapter.board = replace(adapter.board, pins=pins)
         many = [Input(ms, Drive("RB0", ms % 2)) for ms in range(1000)]
         with pytest.raises(InputError) as raised:
             adapter.load(many, 1000)
-    assert "of which 4000 fit into the input board" in str(raised.value)
+    assert f"of which {fit} fit into the input board" in str(raised.value)
 
 
 def test_without_a_scheduler_this_process_plays_the_run_in_order(serve: Serve) -> None:

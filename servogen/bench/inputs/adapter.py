@@ -39,8 +39,9 @@ FILLS = 9
 HOST_FILLS = 1000
 """Changes and back again after a run that this process plays, each half a millisecond long."""
 SMALL_BOARD_PINS = 30
+"""The most pins that Firmata counts on a board with 2 or 2.5 KB of memory: 20 on an Uno, 30 on a Leonardo."""
 SMALL_TASK, LARGE_TASK = 400, 4000
-"""The bytes of a run that fit into the memory of an Uno (2 KB in all), and of a Mega (8 KB)."""
+"""The bytes of a run that fit into the memory of such a board, and of a Mega (8 KB, 70 pins)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +180,7 @@ class InputAdapter:
                 messages += firmata.delay_ms(input_.at_ms - now)
                 now = input_.at_ms
             messages += self._messages(input_.what)
-        most = SMALL_TASK if self.board.pins < SMALL_BOARD_PINS else LARGE_TASK
+        most = SMALL_TASK if self.board.pins <= SMALL_BOARD_PINS else LARGE_TASK
         if len(messages) > most:
             raise InputError(
                 "out-of-range",
