@@ -116,6 +116,22 @@ def test_an_interrupt_at_any_time_in_a_window_is_proven_if_what_follows_is_align
         assert shown(wrong, schedule, prove_for_all(wrong, schedule, max_states=3000))
 
 
+@pytest.mark.parametrize(("before", "proven"), [("nop", False), ("goto $+1", False), ("bsf 0x30, 0", True)])
+def test_an_interrupt_may_come_between_any_two_instructions_of_a_window(before: str, proven: bool) -> None:
+    """The handler hangs between two of them: after the one that clears its flag, or, where it is proven,
+    nowhere. One cycle earlier or later it finds the flag set, also where that cycle is the second of a goto.
+    """
+    clears = "        nop\n" if proven else "        bcf 0x30, 0\n"
+    window = WINDOW.format(pulse=PULSE + "        bsf 0x30, 0\n", enable="0x90", fine=FINE)
+    pair = f"        {before}\n{clears}        bsf 0x30, 0\n"
+    handler = "        btfss 0x30, 0\nhang    goto hang\n" + INT
+    image = assembled(window.replace("        nop\n" * 3, pair, 1), handler)
+    schedule = schedule_of(PERIOD, WIDTH)
+    proof = prove_for_all(image, schedule)
+    assert proof.proven == proven, proof.reason
+    assert proven or shown(image, schedule, proof)
+
+
 SLEEPER = PULSE + "again   clrwdt\n        sleep\n        nop\n{after}        goto again\n"
 AFTER_INT = "        clrf INTCON\n        bsf INTCON, INTE\n"
 
