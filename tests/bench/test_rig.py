@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from servogen.bench.virtual.rig import RigOptions
+from servogen.errors import ToolError
+from servogen.simulator.sources import pin_number
 from tests.bench.conftest import LAB8, ROOT, Bench, Run, running
 
 JOB = ROOT / "jobs" / "lab8-exercise.toml"
@@ -42,6 +45,26 @@ def test_it_says_in_one_line_where_its_ports_are_and_starts_with_the_job(
     verdict = proven(run, opened.paths["analyser"], tmp_path / "run.vcd")
     assert verdict["proven"]
     assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
+
+
+def test_the_board_leaves_the_serial_lines_pin_alone(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The schedule of this job says that RA4, on which it listens, rests at 1: the line is what holds it."""
+    held = []
+
+    def opened(image: object, clock: object, board: object, options: RigOptions, levels: object) -> None:
+        held.append((options.serial_pin, levels))
+        raise ToolError("stopped", "this is enough")
+
+    monkeypatch.setattr("servogen.bench.virtual.rig.rig", opened)
+    command = (
+        "rig",
+        ROOT / "jobs" / "stream-arm.toml",
+        "--hex",
+        ROOT / "firmware" / "stream-arm" / "main.hex",
+    )
+    assert run(*command).code == run(*command, "--serial-pin", "RB7").code == 3
+    listening, other = pin_number("RA4"), pin_number("RB7")
+    assert held == [(listening, {}), (other, {listening: 1})]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

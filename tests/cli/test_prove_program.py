@@ -90,3 +90,15 @@ def test_a_file_that_is_not_there_or_is_no_program_is_bad_input(run: Run, tmp_pa
     assert run("prove", tmp_path / "none.hex").code == 2
     (tmp_path / "bad.hex").write_text("hello\n")
     assert run("prove", tmp_path / "bad.hex").code == 2
+
+
+def test_without_a_word_about_the_chip_it_is_the_pic16f84(run: Run, tmp_path: Path) -> None:
+    """Not the PIC16F84A, whose name the source tests for."""
+    path = tmp_path / "any.asm"
+    path.write_text(
+        '  ifdef __16F84A\n  error "another chip"\n  endif\n  org 0\nmain\n clrwdt\n goto main\n  end\n'
+    )
+    assert run("prove", path).code == 0
+    other = run("prove", path, "--device", "PIC16F84A")
+    assert other.code == 2
+    assert "another chip" in other.err

@@ -8,8 +8,10 @@ import platform
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import ExitStack, nullcontext
 from math import cos, radians, sin
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -193,3 +195,93 @@ def test_fk_in_symbols_prints_each_link_the_product_and_the_position(run: Run) -
     headings = [line for line in out.splitlines() if line.endswith(":")]
     assert headings == ["link 1:", "link 2:", "product:", "position:"]
     assert "q2*sin(q1)" in out.split("position:")[1]
+
+
+PROFILED = """
+        LIST    p=16f84
+        ORG     0
+main:   call    quick
+        call    slow
+        goto    main
+quick:  return
+slow:   movlw   8
+        movwf   0x0C
+again:  decfsz  0x0C, f
+        goto    again
+        return
+        END
+"""
+
+
+def test_a_profile_lists_the_lines_that_take_most_time_first(run: Run, tmp_path: Path) -> None:
+    """A round is 2 + 2 (quick) + 2 + 1 + 1 + 23 (decfsz and goto: 8 rounds) + 2 + 2 cycles, 35 together."""
+    (tmp_path / "slow.asm").write_text(PROFILED)
+    out = run("simulate", tmp_path / "slow.asm", "--cycles", 350, "--profile").out
+    lines = [re.split(r" {2,}", line.strip()) for line in out.splitlines() if "slow.asm:" in line]
+    spent = {int(place.partition(":")[2]): (int(cycles), int(times)) for place, cycles, _, times in lines}
+    first = 4  # the line of main
+    expected = {0: (20, 10), 1: (20, 10), 2: (20, 10), 3: (20, 10), 4: (10, 10), 5: (10, 10)}
+    expected |= {6: (90, 80), 7: (140, 70), 8: (20, 10)}  # decfsz skips once a round: 7 + 2 cycles
+    assert spent == {first + line: each for line, each in expected.items()}
+    assert [cycles for cycles, _ in spent.values()] == sorted(
+        (each[0] for each in expected.values()), reverse=True
+    )
+    shares = [float(share) for _, _, share, _ in lines]
+    assert shares == [round(cycles / 3.5, 2) for cycles, _ in spent.values()]
+    assert "100.0 % of the program's words were executed" in out
+    assert "deepest stack 1 of 8, 1 bytes of RAM written" in out
+
+
+def test_a_capture_says_what_it_holds_and_what_comes_next(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Three captures of 500 ms each."""
+    seen = SimpleNamespace(unseen=0, records=[None] * 3)
+    plan = SimpleNamespace(rate=1_000_000, frames=25)
+    analyser = SimpleNamespace(name="Logic Sniffer")
+    done = SimpleNamespace(seconds=1.5, captures=3, plan=plan, analyser=analyser, seen=seen)
+    monkeypatch.setattr("servogen.build.capture.capture", lambda *_: done)
+    monkeypatch.setattr("servogen.build.capture.capture_by_sigrok", lambda *_: done)
+    schedule = Path(__file__).parents[2] / "firmware" / "lab8-exercise" / "schedule.json"
+    target = tmp_path / "seen.vcd"
+    next_step = f"next: servogen verify {target} --against {schedule}"
+    ran = run("capture", "--output", target, "--port", "/dev/null", "--against", schedule)
+    assert ran.code == 0
+    assert ran.out.splitlines() == [
+        f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer",
+        "stitched of 3 captures, as one holds 25 frames; the time between two is not known",
+        next_step,
+    ]
+    done.captures = 1
+    alone = run("capture", "--output", target, "--port", "/dev/null").out.splitlines()
+    assert alone == [f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer"]
+    sigrok = ("capture", "--output", target, "--sigrok", "fx2lafw", "--against", schedule)
+    assert run(*sigrok).out.splitlines() == [f"{target}: 1.5 s at 1000000 samples a second", next_step]
+
+
+@pytest.mark.parametrize(("program", "compiler"), [(True, True), (True, False), (False, True)])
+def test_a_bench_says_how_sigrok_finds_it_where_sigrok_is(
+    program: bool, compiler: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """sigrok-cli opens pseudo-terminals with a library that is compiled for it."""
+    from servogen.bench.analysers import sigrok
+    from servogen.cli.bench_commands import _tell_sigrok
+
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}" if program else None)
+    monkeypatch.setattr(sigrok, "c_compiler", lambda: "/usr/bin/cc" if compiler else None)
+    monkeypatch.setattr(sigrok, "modem_lines_library", lambda: nullcontext(Path("/tmp/lines.so")))
+    with ExitStack() as stack:
+        _tell_sigrok(stack, "/dev/pts/9")
+    said = "sigrok: LD_PRELOAD=/tmp/lines.so sigrok-cli --driver ols:conn=/dev/pts/9\n"
+    assert capsys.readouterr().out == (said if program and compiler else "")
+
+
+def test_a_pipe_that_nobody_reads_is_exit_code_141(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """128 + SIGPIPE, as of a program that the signal ends."""
+
+    def written(*_: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("servogen.cli.robot_commands.print", written, raising=False)
+    ran = run("fk", "scara", 30, 20, 10, 0)
+    assert (ran.code, ran.err) == (141, "")

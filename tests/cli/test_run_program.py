@@ -1,8 +1,11 @@
 """`servogen run-program`: what it prints, its JSON, its CSV."""
 
 import json
+from collections.abc import Callable
+from fractions import Fraction
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -10,6 +13,7 @@ from typer.testing import CliRunner
 
 from servogen.cli import motion_commands
 from servogen.errors import InputError
+from servogen.movemaster import Budget
 
 PROGRAM = "PD 1, 0, 300, 200, -90, 90\n10 MO 1\n20 OD 5\n30 GC\n40 IN\n50 ED\n"
 
@@ -66,3 +70,20 @@ def test_a_program_that_does_not_end_is_stopped(app: typer.Typer, tmp_path: Path
     file.write_text("10 TI 1\n20 GT 10\n", "utf-8")
     result = CliRunner().invoke(app, ["run-program", str(file), "--max-s", "5"])
     assert "the program would take longer than 5 s" in str(result.exception)
+
+
+def test_an_endless_program_is_stopped_where_the_page_on_arm_programs_says(
+    run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """docs/movemaster.md: after 100 000 commands or an hour of motion."""
+    budgets = []
+
+    def stopped(*_: object, budget: Budget, **__: object) -> None:
+        budgets.append(budget)
+        raise InputError("program", "stopped")
+
+    monkeypatch.setattr("servogen.movemaster.run", stopped)
+    (tmp_path / "endless.rvm").write_text("10 GT 10\n")
+    assert run("run-program", tmp_path / "endless.rvm").code == 2
+    assert run("run-program", tmp_path / "endless.rvm", "--max-commands", 7, "--max-s", 1.5).code == 2
+    assert budgets == [Budget(100_000, Fraction(3600)), Budget(7, Fraction(3, 2))]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import os
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 import typer
 
 from servogen.build.build import Build
+from servogen.cli.main import _Output
 from servogen.cli.options import duration, number
 from servogen.cli.show import table
 from tests.cli.conftest import Ran
@@ -32,6 +36,35 @@ def test_a_column_with_one_word_is_text(capsys: pytest.CaptureFixture[str]) -> N
     shown = capsys.readouterr().out.splitlines()
     five, thousand = (next(line for line in shown if text in line) for text in ("5", "1000"))
     assert five.index("5") == thousand.index("1000")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_cells_are_shown_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither is what stands in brackets taken for markup, nor are numbers coloured on a terminal."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    table("Things", ("name", "size"), [("[bold]a[/bold]", "7 mm")])
+    (line,) = (line for line in terminal.getvalue().splitlines() if "7 mm" in line)
+    assert line.split() == ["[bold]a[/bold]", "7", "mm"]
+
+
+def test_what_is_flushed_is_written_at_once() -> None:
+    """A prompt has no line end: it would be seen after its answer."""
+    reader, writer = os.pipe()
+    os.set_blocking(reader, False)
+    with os.fdopen(writer, "w") as stream:
+        output = _Output(stream, closed=False)
+        output.write("what do you see? ")
+        output.flush()
+        assert os.read(reader, 100) == b"what do you see? "
+    os.close(reader)
+    assert not output.unread
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("0", 0.0), ("1e9", 1e9), ("0.25", 0.25)])

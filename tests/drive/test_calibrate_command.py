@@ -1,14 +1,18 @@
 """`servogen calibrate`: from a servo that moves to a job that knows its widths."""
 
+import io
 import json
 import math
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from servogen.cli.drive_commands import _asking
 from servogen.drive.controller import Channel, ServoController, controller_of
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
@@ -89,6 +93,29 @@ def test_a_servo_is_moved_and_its_angles_are_asked_for(start: Start, serial: Ser
     assert plan_job(load(named_in(job, "arm.calibration.toml"))).servos[0].width_us(
         math.pi / 2
     ) == pytest.approx(1500, abs=1)
+
+
+class Screen(io.StringIO):
+    """Shows what has been flushed."""
+
+    shown = ""
+
+    def flush(self) -> None:
+        self.shown = self.getvalue()
+
+
+def test_the_question_is_seen_before_its_answer_is_waited_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    channel = SimpleNamespace(widths_us=[1500.0], servo=SimpleNamespace(model=SimpleNamespace(unit="°")))
+    screen, seen = Screen(), []
+    (tmp_path / "keys").touch()
+    with (tmp_path / "keys").open() as keys:
+        monkeypatch.setattr(sys, "stdin", keys)
+        monkeypatch.setattr(sys, "stdout", screen)
+        sweep = SimpleNamespace(at=0, wait_for=lambda _: seen.append(screen.shown) or "90")
+        assert _asking(channel, 3)(sweep, 1) == pytest.approx(math.pi / 2)  # type: ignore[arg-type]
+    assert seen == ["2 of 3, 1500.0 µs: what do you see, °? "]
 
 
 def position(width_us: float) -> int:

@@ -91,6 +91,8 @@ def test_paths_are_drawn_in_millimetres_and_lead_back_to_the_loops_beginning(
             assert y == pytest.approx([*1000 * track.planned[:, column], 1000 * track.planned[start, column]])
             x, y = curve(panel.lines[2 * index + 1])
             assert x == pytest.approx((1000 * track.made[:, 0]).tolist())
+    legend = [text.get_text() for text in above.get_legend().get_texts()]
+    assert legend == [*(track.name for track in tracks), "with whole cycles"]  # which is said once
     verticals = [line for axes in figures[0].axes[:3] for line in axes.lines if line.get_ls() == "--"]
     marks = {line.get_xdata()[0] for line in verticals if line.get_xdata()[0] == line.get_xdata()[1]}
     assert marks == ({pytest.approx(0.02 * start)} if start else set())
@@ -161,6 +163,14 @@ def test_widths_are_drawn_over_seconds_with_a_gap_where_pulses_are_missing(axes:
     assert y == pytest.approx([1000, 1500, 1600, math.nan, 1700], nan_ok=True)
 
 
+def test_the_steps_of_widths_keep_clear_of_the_frame(axes: Any) -> None:
+    """Labels stand above the steps: at least a tenth of their height is free above and below."""
+    pulse_plot._draw_widths(axes, [pulses((0, 1000), (20_000, 2000))], 20_000)
+    low, high = axes.get_ylim()
+    assert low < 900
+    assert high > 2100
+
+
 def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
     """A pulse of 1500 µs that rises 3 ms after a frame's start; 5 % of 10 ms on either side."""
     channel = pulses((23_000, 1500))
@@ -204,6 +214,15 @@ def test_a_path_has_one_scale_both_ways() -> None:
     assert points[0] == [each.removesuffix("h0") for each in points[1]]
 
 
+def test_a_narrow_chart_has_no_more_labels_than_it_has_room_for() -> None:
+    """Two pixels to a millimetre, 90 pixels wide: room for the label of one multiple of 50 mm."""
+    corners = np.array([[-5.0, -89.2857], [5.0, 89.2857]])  # with the room around it 200 mm high
+    chart = path_chart([("foot", corners, corners)], "x", "y")
+    assert chart.frame[2:] == ("90", "400")
+    assert [tick.label for tick in chart.x_ticks] == ["0"]
+    assert [tick.label for tick in chart.y_ticks] == [str(mm) for mm in range(-80, 81, 20)]
+
+
 def test_an_axis_is_linear_between_its_ends() -> None:
     axis = Axis(10.0, 20.0, 100.0, 300.0)
     assert axis.at([10, 12.5, 20]).tolist() == [100, 150, 300]
@@ -228,6 +247,9 @@ def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_
     assert y == pytest.approx([1000, 1900])
     assert x == pytest.approx([0, 162])
     assert curve(below.lines[-1])[1] == pytest.approx([-0.2, 0.4, -0.2])
+    stems = np.array(below.collections[0].get_segments())  # each residual stands on the line of the fit
+    assert stems[:, :, 0] == pytest.approx(np.array([[0, 0], [90.6, 90.6], [180, 180]]))
+    assert stems[:, :, 1] == pytest.approx(np.array([[0, -0.2], [0, 0.4], [0, -0.2]]))
     assert below.get_ylim() == pytest.approx((-0.6, 0.6))
 
 

@@ -19,7 +19,7 @@ from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.report import gait_plot
 from servogen.report.film import walk_scene
-from servogen.report.gait_facts import GaitFacts, facts_of
+from servogen.report.gait_facts import GaitFacts, diagram, facts_of
 from servogen.units import Clock, Cycles
 
 PERIOD_S = 0.02
@@ -64,7 +64,8 @@ def test_the_bars_are_the_frames_on_the_ground(
     for row in range(6):
         (whole,), dark = bars[2 * row : 2 * row + 2]
         assert (whole.x0, whole.x1) == pytest.approx((0, end))
-        assert (whole.y0, whole.y1) == pytest.approx((row - 0.35, row + 0.35))
+        for bar in (whole, *dark):
+            assert (bar.y0, bar.y1) == pytest.approx((row - 0.35, row + 0.35))
         for frame, down in enumerate(made.ground[:, row]):
             middle = PERIOD_S * (frame + 0.5)
             assert any(bar.x0 < middle < bar.x1 for bar in dark) == down
@@ -125,6 +126,9 @@ def test_feet_polygon_and_centre_of_mass_are_seen_from_above_in_millimetres(
         assert text.xy[1] == pytest.approx(outer), leg
         assert text.xyann == (0, 4 if left else -4)
         assert text.get_va() == ("bottom" if left else "top")
+    shown = np.concatenate([*(line.get_ydata() for line in paths), body.get_xy()[:, 1]])
+    room = 0.1 * np.ptp(shown)  # for the labels
+    assert above.get_ylim()[0] < shown.min() - room < shown.max() + room < above.get_ylim()[1]
 
 
 def test_the_first_foot_is_seen_from_the_side_with_a_dot_for_each_frame(
@@ -163,6 +167,8 @@ def test_a_robot_without_a_margin_has_no_curve_of_it(
     alone = replace(facts_of(hexapod, made), margin=None)
     _, margin, _, above, _ = drawn(monkeypatch, hexapod, made, alone)
     assert [line.get_linestyle() for line in margin.lines] == ["--"]
+    assert len(margin.get_yticks()) == 0  # there are no millimetres to read
+    assert margin.get_title() == "fewer than three legs: something else must hold the robot"
     assert len(above.lines) == 6  # the feet, neither polygon nor centre
     assert above.get_title() == "from above: the foot's path"
     lifted = replace(facts_of(hexapod, made), margin=-math.inf)
@@ -182,3 +188,24 @@ def test_a_film_shows_the_polygon_of_the_corrected_feet(hexapod: Hexapod, made: 
         assert shown[:, :2] == pytest.approx(np.vstack((corners, corners[:1])))
         assert shown[:, 2] == pytest.approx(feet[:, 2].mean())
     assert np.abs(made.corrections).max() > 1e-5
+    flying = replace(made, ground=np.zeros_like(made.ground))
+    (nothing,) = [part for part in walk_scene(hexapod, flying).parts if part.colour == "tab:green"]
+    assert {len(shown) for shown in nothing.frames} == {0}  # no foot is on the ground
+
+
+@pytest.mark.parametrize(
+    ("name", "legs"),
+    [
+        ("tripod", {"L1": "▔▔▔▁▁▁", "R1": "▁▁▁▔▔▔"}),
+        ("ripple", {"L1": "▁▁▁▁▔▔", "L2": "▁▁▔▔▁▁", "R1": "▁▔▔▁▁▁", "R2": "▔▁▁▁▁▔"}),  # R2: past the end
+        ("wave", {"L3": "▔▁▁▁▁▁", "R1": "▁▁▁▁▁▔"}),
+    ],
+)
+def test_the_diagram_in_text_is_that_of_the_gait(hexapod: Hexapod, name: str, legs: dict[str, str]) -> None:
+    """Each sixth of the cycle is several columns, all of which are alike."""
+    rows = diagram(gait(name, hexapod))
+    assert sorted(rows) == ["L1", "L2", "L3", "R1", "R2", "R3"]
+    for leg, sixths in legs.items():
+        each = len(rows[leg]) // 6
+        assert each * 6 == len(rows[leg])
+        assert rows[leg] == "".join(mark * each for mark in sixths), leg

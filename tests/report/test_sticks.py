@@ -15,7 +15,7 @@ from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
 from servogen.report.film import MAX_PICTURES, Part, Scene, _set_up, film, job_scene
 from servogen.report.sticks import base_outline, stick
-from servogen.robot.model import Arm
+from servogen.robot.model import Arm, Frame
 
 JOBS = Path(__file__).parents[2] / "jobs"
 ARMS = [name for name in names() if isinstance(robot(name), Arm)]
@@ -32,6 +32,15 @@ def test_a_stick_figure_ends_where_the_tool_is(name: str) -> None:
     found = arm(name)
     joints = somewhere(found)
     assert stick(found, joints)[:, -1] == pytest.approx(fk_position(found, joints), abs=1e-12)
+
+
+def test_a_stick_figure_ends_at_the_tip_of_what_the_hand_holds() -> None:
+    """A pen of 80 mm along the approach axis, which is a part of the figure."""
+    found = arm("rv-m1").with_tool(Frame(z=0.08))
+    joints = somewhere(found)
+    corners = stick(found, joints)
+    assert corners[:, -1] == pytest.approx(fk_position(found, joints), abs=1e-12)
+    assert np.linalg.norm(corners[:, -1] - corners[:, -2], axis=1) == pytest.approx([0.08] * 3)
 
 
 @pytest.mark.parametrize("name", TURNING)
@@ -58,6 +67,31 @@ def test_the_wheels_of_the_base_are_at_60_300_and_180_degrees() -> None:
     angles = [round(float(np.degrees(np.arctan2(y, x))) % 360) for x, y, _ in middles]
     assert angles == [60, 180, 300]
     assert np.linalg.norm(middles, axis=1) == pytest.approx(base.wheel_distance)
+
+
+def test_the_base_is_drawn_where_it_is_and_turned_as_it_is() -> None:
+    """The line to its front points along x; at 90° it points along y, from wherever the base is."""
+    base = robot("omni")
+    assert isinstance(base, OmniBase)
+    poses = np.array([[0.2, -0.1, np.pi / 2], [0.3, 0.4, np.pi]])
+    rim, front, *_ = base_outline(base, poses)
+    reach = 0.8 * base.wheel_distance
+    assert front[0] == pytest.approx(np.array([[0.2, -0.1, 0], [0.2, -0.1 + reach, 0]]))
+    assert front[1] == pytest.approx(np.array([[0.3, 0.4, 0], [0.3 - reach, 0.4, 0]]))
+    assert np.hypot(*(rim[1, :, :2] - [0.3, 0.4]).T) == pytest.approx(base.wheel_distance)
+
+
+@pytest.mark.parametrize(
+    ("frames", "pictures", "shown_s"), [(100, 100, 0.02), (101, 51, 0.04), (200, 100, 0.04), (201, 67, 0.06)]
+)
+def test_of_a_long_motion_every_second_or_third_frame_is_shown(
+    frames: int, pictures: int, shown_s: float
+) -> None:
+    """At most 100 pictures, which last as long as the frames that they stand for."""
+    job = plan_job(load(JOBS / "lab9-exercise.toml"))
+    angles = np.repeat(job.trajectory.angles[:1], frames, axis=0)
+    scene = job_scene(replace(job, trajectory=replace(job.trajectory, angles=angles, loop_start=0)))
+    assert (scene.count, scene.picture_s) == (pictures, pytest.approx(shown_s))
 
 
 @pytest.mark.parametrize(
