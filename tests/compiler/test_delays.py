@@ -50,6 +50,44 @@ def test_counts_around_the_ends_of_the_loops_ranges(counts: list[int]) -> None:
     check(counts, [f"_delay({count})" for count in counts], "xc8", 4_000_000)
 
 
+@pytest.mark.parametrize("turns", [1, 2, 15, 254, 255, 256])
+def test_delays_of_the_same_outer_counter(turns: int) -> None:
+    """One routine sets the counter for all of them, or a routine for each length that occurs often does."""
+    first = 8 + 1026 * (turns - 1)
+    counts = [first + step for step in range(0, 1024, 37)] + [first + 500, first + 501] * 4
+    check(counts, [f"_delay({count})" for count in counts], "xc8", 4_000_000)
+
+
+def words(delays: list[int]) -> int:
+    """Words of a program with these delays, each followed by a BSF."""
+    statements = "".join(f"_delay({count}); RB0 = 1;\n" for count in delays)
+    text = f"void f(void) {{ {statements} }}\nvoid main(void) {{ TRISB = 0; f(); while (1); }}"
+    return compile_sources([Source(text, "delays.c")], Options(dialect="xc8", clock_hz=4_000_000)).words
+
+
+def test_many_delays_between_one_and_two_milliseconds_take_two_words_each() -> None:
+    """MOVLW and CALL, and the BSF behind it; where a length occurs often, only the CALL."""
+    widths = list(range(1100, 1900, 41))
+    assert words([*widths, 1901, 1945, 1989]) - words(widths) == 3 * 3
+    assert words([*widths, *[1500] * 9]) - words([*widths, *[1500] * 8]) == 2
+
+
+def test_delays_in_the_interrupt_have_loops_of_their_own() -> None:
+    """An interrupt in the middle of a delay of main must not change its counter."""
+    delays = [f"_delay({count});" for count in range(1100, 1400, 40)]
+    text = f"""
+#include <xc.h>
+void __interrupt() isr(void) {{ {" RB1 = 1; RB1 = 0; ".join(delays)} INTF = 0; }}
+void main(void) {{ TRISB = 1; INTE = 1; GIE = 1; while (1) {{ {" RB2 = 1; RB2 = 0; ".join(delays)} }} }}
+"""
+    found = compile_sources([Source(text, "delays.c")], Options(dialect="xc8", clock_hz=4_000_000))
+    names = {each.name for each in found.listing.functions if each.name.startswith("__delay")}
+    of_main = {name for name in names if "$isr" not in name}
+    assert names - of_main == {f"{name}$isr" for name in of_main}
+    assert any(name.startswith("__delay_turns") for name in of_main)
+    assert len({each.start for each in found.listing.functions if each.name in names}) == len(names)
+
+
 UNITS = {"delay_us": 1, "delay_10us": 10, "delay_ms": 1000, "delay_s": 1_000_000}
 
 

@@ -4,10 +4,13 @@ In: the code of every function, with each delay as one instruction. Out: the sam
 instructions.
 
 Adjacent delays are merged. A delay that occurs often can be a routine of its own; delays of many lengths can
-share a loop that takes its counters and is entered as many NOPs early as there are cycles left over:
+share a loop that takes its counters and is entered as many NOPs early as there are cycles left over. Where
+many of them have the same outer counter, a routine sets it:
 
-    MOVLW c1                        MOVLW c2; MOVWF t; MOVLW c1
-    CALL  loop1 - rest              CALL  loop2 - rest
+    MOVLW c1                   MOVLW c2; MOVWF t; MOVLW c1         MOVLW c1
+    CALL  loop1 - rest         CALL  loop2 - rest                  CALL  turns2 - rest
+
+                               turns2:  CLRF t; BSF t,1; GOTO loop2
 
 Which of these is used is decided for all delays together, by the number of words.
 """
@@ -17,7 +20,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import combinations
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
@@ -26,8 +29,96 @@ from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Label, Loc, Z
 
 _CALL_AND_RETURN = 4
-_LOOP_WORDS = {1: 4, 2: 6}
-_SITE_WORDS = {1: 2, 2: 4}
+_GOTO = 2
+_OUTER_TURN = 1026
+_MOST_TURNS = 3
+"""Outer counters, the most frequent ones, for which a routine that sets them is tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A way into a shared loop: how many counters it has, and the outer one's value if a routine sets it."""
+
+    counters: int
+    turns: int = 0
+
+    @property
+    def bits(self) -> list[int]:
+        """Return the bits of the outer counter that a routine sets; 0 counts 256."""
+        return [bit for bit in range(8) if self.turns >> bit & 1]
+
+    def name(self, suffix: str) -> str:
+        kind = f"turns{self.turns}" if self.turns else f"loop{self.counters}"
+        return f"__delay_{kind}{suffix}"
+
+    @property
+    def words(self) -> int:
+        """Return the words of the loop, or of the routine before it, without NOPs."""
+        if self.turns:
+            return 2 + len(self.bits)
+        return 4 if self.counters == 1 else 6
+
+    @property
+    def site_words(self) -> int:
+        """Return the words of each delay that goes this way."""
+        return 4 if self == _TWO else 2
+
+    def fit(self, cycles: int) -> tuple[int, int, int] | None:
+        """Return (inner counter, outer counter, cycles left over) of a delay; None if it does not reach."""
+        # One counter: MOVLW, CALL and RETURN take 5 cycles, each turn 4, the last turn 3. Two counters add
+        # MOVLW, MOVWF and the final DECFSZ; each further outer turn takes 256 inner turns and 3 cycles less
+        # 1. The GOTO of a routine that sets the outer counter takes as long as MOVLW and MOVWF.
+        left = cycles - (4 if self.counters == 1 else 8)
+        outer = 0
+        if self.turns:
+            left -= 1 + len(self.bits)
+            outer = self.turns - 1
+        elif self.counters == 2:
+            outer = min(255, max(0, (left - 4) // _OUTER_TURN))
+        left -= _OUTER_TURN * outer
+        inner = min(256, left // 4)
+        rest = left - 4 * inner
+        return (inner, outer + 1, rest) if inner >= 1 and rest <= 5 else None
+
+
+_ONE, _TWO = _Entry(1), _Entry(2)
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How delays of one length are implemented: by a shared loop or not, in a routine of their own or not."""
+
+    entry: _Entry | None = None
+    own: bool = False
+
+    def inside(self, cycles: int) -> int:
+        """Return the cycles that are left where the delay is implemented, in its routine or at its place."""
+        if not self.own:
+            return cycles
+        return cycles - (_GOTO if self.entry else _CALL_AND_RETURN)
+
+    def cost(self, cycles: int, times: int) -> tuple[int, int] | None:
+        """Return (words, NOPs before the entry) of all delays of a length, without the entry's own words.
+
+        None if it does not reach.
+        """
+        inside = self.inside(cycles)
+        if self.entry is None:
+            if inside < 0:
+                return None
+            each, nops = plan(inside).words + self.own, 0
+        else:
+            found = self.entry.fit(inside)
+            if found is None:
+                return None
+            each, nops = self.entry.site_words, found[-1]
+        return (times + each if self.own else times * each), nops
+
+
+_IN_PLACE = _Way()
+
+_Costs = dict[int, list[tuple[int, int, _Way]]]
+"""(words, NOPs, way) of each way that reaches, by length."""
 
 
 @dataclass(slots=True)
@@ -36,10 +127,10 @@ class _Choice:
 
     words: int = 0
     merged: bool = True
-    own: set[int] = field(default_factory=set)
-    """Lengths with a routine of their own."""
-    levels: dict[int, int] = field(default_factory=dict)
-    """Lengths that go through a shared loop: the number of its counters."""
+    ways: dict[int, _Way] = field(default_factory=dict)
+    """By length; all others are expanded in place."""
+    nops: dict[_Entry, int] = field(default_factory=dict)
+    """The entries that are used, and how many NOPs precede each."""
 
 
 def expand_delays(
@@ -57,15 +148,23 @@ def expand_delays(
         with_room = [function for function in group if room_for_call.get(function.name, False)]
         merged = Counter(cycles for function in with_room for cycles in _lengths(function, merged=True))
         single = Counter(cycles for function in with_room for cycles in _lengths(function, merged=False))
-        options = [
-            _choose(counts, shared, merged=kind)
-            for kind, counts in ((True, merged), (False, single))
-            for shared in product((False, True), (False, True))
-        ]
+        options = []
+        for kind, counts in ((True, merged), (False, single))[: 1 if merged == single else 2]:
+            entries = _entries(counts)
+            costs = _costs(counts, entries)
+            options += [
+                _choose(costs, used, merged=kind)
+                for size in range(len(entries) + 1)
+                for used in combinations(entries, size)
+            ]
         best = min(options, key=lambda each: each.words)
+        loops = _shared(best, suffix)
         for function in group:
-            _expand(function, best if function in with_room else _Choice(), suffix, functions)
-        _make_loops(best, suffix, functions)
+            if function in with_room:
+                _expand(function, best, loops, suffix, functions)
+            else:
+                _expand(function, _Choice(), {}, suffix, functions)
+        functions.update({loop.name: loop for loop in loops.values()})
 
 
 def _lengths(function: Function, *, merged: bool) -> list[int]:
@@ -83,48 +182,90 @@ def _lengths(function: Function, *, merged: bool) -> list[int]:
     return found
 
 
-def _choose(counts: Counter[int], shared: tuple[bool, bool], *, merged: bool) -> _Choice:
-    """Return the cheapest implementation of each length, given these shared loops; `words` is the total."""
-    choice = _Choice(merged=merged)
-    rests: dict[int, list[int]] = {1: [], 2: []}
+def _entries(counts: Counter[int]) -> list[_Entry]:
+    """Return the entries to try."""
+    turns: Counter[int] = Counter()
     for cycles, times in counts.items():
-        # (words, kind): 0 expands in place, -1 is a routine of its own with one CALL per use, 1 and 2 are the
-        # shared loops
-        ways: list[tuple[int, int]] = [(times * plan(cycles).words, 0)]
-        if cycles >= _CALL_AND_RETURN:
-            ways.append((times + plan(cycles - _CALL_AND_RETURN).words + 1, -1))
-        for level in (1, 2):
-            if shared[level - 1] and _loop(cycles, level) is not None:
-                ways.append((times * _SITE_WORDS[level], level))
-        words, way = min(ways)
+        found = _TWO.fit(cycles)
+        if found is not None:
+            turns[found[1]] += times
+    frequent = [_Entry(2, count) for count, times in turns.most_common(_MOST_TURNS) if times > 1]
+    return [_ONE, _TWO, *frequent] if counts else []
+
+
+def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
+    """Return what the delays of each length cost, by the ways that reach."""
+    ways = [_Way(entry, own) for own in (True, False) for entry in (None, *entries)]
+    return {
+        cycles: [(*cost, way) for way in ways if (cost := way.cost(cycles, times)) is not None]
+        for cycles, times in counts.items()
+    }
+
+
+def _choose(costs: _Costs, used: Sequence[_Entry], *, merged: bool) -> _Choice:
+    """Return the cheapest implementation of each length, given these entries; `words` is the total."""
+    choice = _Choice(merged=merged)
+    for cycles, ways in costs.items():
+        words, nops, way = min(
+            (each for each in ways if each[2].entry is None or each[2].entry in used),
+            key=lambda each: each[0],
+        )
         choice.words += words
-        if way == -1:
-            choice.own.add(cycles)
-        elif way:
-            choice.levels[cycles] = way
-            found = _loop(cycles, way)
-            rests[way].append(found[-1] if found else 0)
-    choice.words += sum(_LOOP_WORDS[level] + max(each) for level, each in rests.items() if each)
+        if way != _IN_PLACE:
+            choice.ways[cycles] = way
+        if way.entry is not None:
+            choice.nops[way.entry] = max(choice.nops.get(way.entry, 0), nops)
+            if way.entry.turns:
+                choice.nops.setdefault(_TWO, 0)
+    choice.words += sum(entry.words + nops for entry, nops in choice.nops.items())
     return choice
 
 
-def _loop(cycles: int, level: int) -> tuple[int, ...] | None:
-    """Return (counters…, cycles left over) of a delay through the shared loop; None if it does not reach."""
-    # Level 1: MOVLW, CALL and RETURN take 5 cycles, each turn 4, the last turn 3. Level 2 adds MOVLW, MOVWF
-    # and the final DECFSZ; each further outer turn takes 256 inner turns and 3 cycles less 1.
-    left = cycles - (4 if level == 1 else 8)
-    outer = 0
-    if level == 2:
-        outer = min(255, max(0, (left - 4) // 1026))
-        left -= 1026 * outer
-    inner = min(256, left // 4)
-    rest = left - 4 * inner
-    if inner < 1 or rest > 5:
-        return None
-    return (inner, rest) if level == 1 else (inner, outer + 1, rest)
+def _shared(choice: _Choice, suffix: str) -> dict[_Entry, Function]:
+    """Return the loops that the delays share, and the routines before them, each preceded by its NOPs."""
+    functions = {entry: Function(entry.name(suffix)) for entry in choice.nops}
+    if _TWO in functions:
+        functions[_TWO].own = [Symbol("count", U8, "param", function=functions[_TWO].name)]
+    for entry, function in functions.items():
+        name = function.name
+        for rest in range(choice.nops[entry], 0, -1):
+            function.extend([Label(f"{name}.{rest}"), Instruction("NOP")])
+        function.append(Label(name))
+        if entry.turns:
+            count = Byte(functions[_TWO].own[0], 0)
+            function.extend(
+                [
+                    Instruction("CLRF", count),
+                    *(Instruction("BSF", count, b=bit) for bit in entry.bits),
+                    Instruction("GOTO", target=functions[_TWO].name),
+                ]
+            )
+        else:
+            loop = f"{name}.loop"
+            function.extend(
+                [
+                    Label(loop),
+                    Instruction("ADDLW", k=0xFF),
+                    Instruction("BTFSS", STATUS, b=Z),
+                    Instruction("GOTO", target=loop),
+                ]
+            )
+            if entry == _TWO:
+                outer = [Instruction("DECFSZ", Byte(function.own[0], 0), 1), Instruction("GOTO", target=loop)]
+                function.extend(outer)
+            function.append(Instruction("RETURN"))
+        for line in function.lines():
+            line.fixed = True
+    return functions
 
 
-def _expand(function: Function, choice: _Choice, suffix: str, functions: dict[str, Function]) -> None:
+def _expand(
+    function: Function,
+    choice: _Choice,
+    loops: dict[_Entry, Function],
+    suffix: str,
+    functions: dict[str, Function],
+) -> None:
     out: list[Line] = []
     number = 0
     lines = list(function.lines())
@@ -138,7 +279,7 @@ def _expand(function: Function, choice: _Choice, suffix: str, functions: dict[st
         while choice.merged and number < len(lines) and (more := _cycles(lines[number])) is not None:
             cycles += more
             number += 1
-        made = _made(function, cycles, choice, suffix, functions, f"{function.name}.delay{number}")
+        made = _made(function, cycles, choice, loops, suffix, functions, f"{function.name}.delay{number}")
         for each in made:
             each.place = first.place
         inside = [each for each in made if isinstance(each, Instruction)]
@@ -154,68 +295,56 @@ def _cycles(line: Line) -> int | None:
 
 
 def _made(
-    function: Function, cycles: int, choice: _Choice, suffix: str, functions: dict[str, Function], label: str
+    function: Function,
+    cycles: int,
+    choice: _Choice,
+    loops: dict[_Entry, Function],
+    suffix: str,
+    functions: dict[str, Function],
+    label: str,
 ) -> Sequence[Line]:
-    """Return the instructions of one delay."""
-    if cycles in choice.own:
+    """Return the instructions of one delay, and create the routine for its length if it has one."""
+    way = choice.ways.get(cycles, _IN_PLACE)
+    if way.own:
         name = f"__delay_{cycles}{suffix}"
         if name not in functions:
-            functions[name] = _routine(name, cycles - _CALL_AND_RETURN)
+            functions[name] = _routine(name, way, cycles, loops)
         return [Instruction("CALL", target=name, fixed=True)]
-    level = choice.levels.get(cycles, 0)
-    found = _loop(cycles, level) if level else None
-    if found is None:
+    if way.entry is None:
         return _inline(function, cycles, label)
-    name = _loop_name(level, suffix)
-    target = f"{name}.{found[-1]}" if found[-1] else name
+    function.also_calls = (*function.also_calls, loops[way.entry].name)
+    return _enter("CALL", way.entry, cycles, loops)
+
+
+def _enter(op: str, entry: _Entry, cycles: int, loops: dict[_Entry, Function]) -> list[Instruction]:
+    """Return the instructions that go to a shared loop by a CALL or GOTO."""
+    found = entry.fit(cycles)
+    assert found is not None, cycles
+    inner, outer, rest = found
     made: list[Instruction] = []
-    if level == 2:
-        if name not in functions:
-            functions[name] = Function(name, own=[Symbol("count", U8, "param", function=name)])
-        made += [
-            Instruction("MOVLW", k=found[1] & 0xFF),
-            Instruction("MOVWF", Byte(functions[name].own[0], 0)),
-        ]
-    elif name not in functions:
-        functions[name] = Function(name)
-    made += [Instruction("MOVLW", k=found[0] & 0xFF), Instruction("CALL", target=target)]
+    if entry == _TWO:
+        count = Byte(loops[_TWO].own[0], 0)
+        made += [Instruction("MOVLW", k=outer & 0xFF), Instruction("MOVWF", count)]
+    name = loops[entry].name
+    made += [
+        Instruction("MOVLW", k=inner & 0xFF),
+        Instruction(op, target=f"{name}.{rest}" if rest else name),
+    ]
     for each in made:
         each.fixed = True
-    function.also_calls = (*function.also_calls, name)
     return made
 
 
-def _loop_name(level: int, suffix: str) -> str:
-    return f"__delay_loop{level}{suffix}"
-
-
-def _make_loops(choice: _Choice, suffix: str, functions: dict[str, Function]) -> None:
-    """Create the loops that the delays share, preceded by as many NOPs as any of them needs."""
-    for level in (1, 2):
-        name = _loop_name(level, suffix)
-        if name not in functions:
-            continue
-        found = [_loop(cycles, level) for cycles, each in choice.levels.items() if each == level]
-        function = functions[name]
-        for rest in range(max((each[-1] for each in found if each), default=0), 0, -1):
-            function.extend([Label(f"{name}.{rest}"), Instruction("NOP")])
-        loop = f"{name}.loop"
-        function.extend(
-            [
-                Label(name),
-                Label(loop),
-                Instruction("ADDLW", k=0xFF),
-                Instruction("BTFSS", STATUS, b=Z),
-                Instruction("GOTO", target=loop),
-            ]
-        )
-        if level == 2:
-            function.extend(
-                [Instruction("DECFSZ", Byte(function.own[0], 0), 1), Instruction("GOTO", target=loop)]
-            )
-        function.append(Instruction("RETURN"))
-        for line in function.lines():
-            line.fixed = True
+def _routine(name: str, way: _Way, cycles: int, loops: dict[_Entry, Function]) -> Function:
+    """Return the routine of the delays of one length."""
+    function = Function(name)
+    if way.entry is None:
+        inside = _inline(function, way.inside(cycles), f"{name}.loop")
+        function.extend([*inside, Instruction("RETURN", fixed=True)])
+    else:
+        function.extend(_enter("GOTO", way.entry, way.inside(cycles), loops))
+        function.also_jumps_to = (loops[way.entry].name,)
+    return function
 
 
 def _inline(function: Function, cycles: int, label: str) -> list[Line]:
@@ -231,9 +360,3 @@ def counters(function: Function, count: int) -> list[Loc]:
         function.own.append(symbol)
         have.append(symbol)
     return [Byte(symbol, 0) for symbol in have[:count]]
-
-
-def _routine(name: str, cycles: int) -> Function:
-    function = Function(name)
-    function.extend([*_inline(function, cycles, f"{name}.loop"), Instruction("RETURN", fixed=True)])
-    return function

@@ -76,7 +76,9 @@ class Function:
     table: Symbol | None = None
     """The flash object whose bytes it holds; its instructions depend on where it comes to lie."""
     also_calls: tuple[str, ...] = ()
-    """Functions that it enters elsewhere than at their first instruction."""
+    """Functions that it calls elsewhere than at their first instruction."""
+    also_jumps_to: tuple[str, ...] = ()
+    """Functions that it jumps to, there or elsewhere."""
     loops: list[LoopLines] = field(default_factory=list)
     bounds: dict[str, int] = field(default_factory=dict)
     """How often a library loop's label can be passed in one call."""
@@ -177,7 +179,7 @@ class Function:
             for each in self.instructions()
             if each.op in TARGETED and each.target and each.target not in labels
         }
-        more = [*self.also_calls, *([self.falls_into] if self.falls_into else [])]
+        more = [*self.also_calls, *self.also_jumps_to, *([self.falls_into] if self.falls_into else [])]
         return [*found, *more]
 
 

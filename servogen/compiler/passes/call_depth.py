@@ -23,6 +23,7 @@ def depths(functions: dict[str, Function]) -> dict[str, list[str]]:
             chains = []
             calls = {ins.target: ins.op for ins in functions[name].instructions() if ins.op in TARGETED}
             calls.update(dict.fromkeys(functions[name].also_calls, "CALL"))
+            calls.update(dict.fromkeys(functions[name].also_jumps_to, "GOTO"))
             if functions[name].falls_into:
                 calls[functions[name].falls_into] = "GOTO"
             for callee, op in calls.items():

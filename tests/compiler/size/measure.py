@@ -1,6 +1,10 @@
 """Sizes in program words of realistic programs: those beside this module and the lab programs.
 
 In: C files. Out: words by file name and level of optimisation, measured and as recorded in `sizes.json`.
+
+`before.json` holds the words, at -O1, of these programs and of the jobs that the sequence engine builds, in
+all three dialects, before the compiler had counting loops, rules of the superoptimiser and shared delay loops
+(commit 1771599^).
 """
 
 from __future__ import annotations
@@ -9,10 +13,13 @@ import json
 from pathlib import Path
 
 from servogen.compiler import Options, Source, compile_sources
+from servogen.pic.image import from_hex
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent.parent
 RECORD = HERE / "sizes.json"
+BEFORE = HERE / "before.json"
+FIRMWARE = TESTS.parent / "firmware"
 
 
 def programs() -> dict[str, tuple[Path, str]]:
@@ -38,3 +45,16 @@ def measured() -> dict[str, dict[str, int]]:
 
 def recorded() -> dict[str, dict[str, int]]:
     return json.loads(RECORD.read_text()) if RECORD.exists() else {}
+
+
+def before() -> dict[str, int]:
+    return json.loads(BEFORE.read_text())
+
+
+def now() -> dict[str, int]:
+    """Words of the programs of `before` now: as recorded, and those of the jobs in firmware/."""
+    record = recorded()
+    return {
+        name: record[name]["speed"] if name in record else from_hex((FIRMWARE / name).read_text(), name).words
+        for name in before()
+    }
