@@ -27,21 +27,21 @@ from tests.engines.player.player_jobs import ROOT, built_text, job_text, sweep, 
 RIPPLE = (ROOT / "jobs" / "hexapod-ripple.toml").read_text()
 ROUTE = (
     "{ forward_mm = 40, cycles = 3 }, { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3 }, "
-    "{ turn_deg = -20, cycles = 3 }, { forward_mm = 40, cycles = 2 }"
+    "{ turn_deg = -20, cycles = 3 }, { forward_mm = 40, cycles = 2 }, { turn_deg = 20, cycles = 2 }"
 )
-FIVE_WAYS = re.sub(r"route = \[.*\]", f"route = [{ROUTE}]", RIPPLE)
+SIX_WAYS = re.sub(r"route = \[.*\]", f"route = [{ROUTE}]", RIPPLE)
 SERVOS = 12
 SMALL = job_text(1, sweep(1, 0.04, limits=(80, 81)), limits=(80, 81), firmware="soft_start_s = 0.04\n")
 
 
 @cache
-def five_ways() -> Build:
-    return build(plan_job(loads(FIVE_WAYS, "five.toml")))
+def six_ways() -> Build:
+    return build(plan_job(loads(SIX_WAYS, "six.toml")))
 
 
 @cache
-def played_five_ways() -> tuple[PlannedJob, Playing]:
-    job = plan_job(loads(FIVE_WAYS, "five.toml"))
+def played_six_ways() -> tuple[PlannedJob, Playing]:
+    job = plan_job(loads(SIX_WAYS, "six.toml"))
     return job, play(job)[1]
 
 
@@ -72,8 +72,8 @@ def test_the_trims_are_first_and_the_end_of_the_script_fills_the_rest() -> None:
 
 
 def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_is_exact() -> None:
-    done = five_ways()
-    script = played_five_ways()[1].encoded.script.data
+    done = six_ways()
+    script = played_six_ways()[1].encoded.script.data
     assert [program.firmware.dialect for program in done.programs] == list(DIALECTS)
     for program in done.programs:
         assert program.proven and program.verdict.worst_edge_error == 0
@@ -89,7 +89,7 @@ def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_
 
 
 def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
-    job, played = played_five_ways()
+    job, played = played_six_ways()
     stored = in_flash(played.encoded.script.data)
     text = render_player(played, stored, job.firmware.buttons, "c2c", job.device, job.name)
     with pytest.raises(ResourceError, match=r"needs 10\d\d words of flash"):
@@ -97,7 +97,7 @@ def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
 
 
 def test_it_is_proven_for_every_power_up_and_reset_and_no_other_content_of_the_eeprom() -> None:
-    done = five_ways()
+    done = six_ways()
     image, schedule = done.programs[0].image, done.plan.schedule
     found = prove_for_all(image, schedule)
     assert found.proven, found.reason
@@ -121,7 +121,7 @@ def test_bytes_behind_the_trims_that_the_program_does_not_read_are_no_obstacle()
 
 @pytest.mark.parametrize(("byte", "bit"), [(12, 0), (40, 7), (63, 1)])
 def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins(byte: int, bit: int) -> None:
-    done = five_ways()
+    done = six_ways()
     own, schedule = done.programs[0], done.plan.schedule
     eeprom = {**own.image.eeprom, byte: own.image.eeprom[byte] ^ 1 << bit}
     compilation = replace(own.firmware.compilation, image=replace(own.image, eeprom=eeprom))
@@ -137,10 +137,10 @@ def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins
 
 
 def test_trims_and_the_script_share_the_eeprom() -> None:
-    done = five_ways()
+    done = six_ways()
     own, schedule = done.programs[1], done.plan.schedule
     trims = {0: 25, 7: -40}
-    order = played_five_ways()[1].order
+    order = played_six_ways()[1].order
     eeprom = {
         **own.image.eeprom,
         **{order.index(channel): cycles & 0xFF for channel, cycles in trims.items()},
