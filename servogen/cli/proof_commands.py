@@ -255,7 +255,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
             "a certificate is about every power-up, reset and chip: without --start, --no-resets, "
             "--watchdog-us, --eeprom-write-us, --no-tmr0-phase and --any-eeprom",
         )
-    content = request.content if request.over.any_eeprom else None
+    content = request.content if request.over.any_eeprom or request.any_line is not None else None
     keep_apart([file, request.against], request.certificate, request.counterexample, content)
     schedule = read_schedule(request.against)
     chip = device_for(schedule, request.against, device)
@@ -280,18 +280,19 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         except ValueError as error:
             raise InputError("no-certificate", f"proven, but {error}", Location(str(file))) from None
         write_bytes(request.certificate, packed)
-    if proof.counterexample is not None:
-        _write_stimulus(proof.counterexample, schedule, request.counterexample)
-        if proof.counterexample.eeprom is not None:
-            _write_content(proof.counterexample.eeprom, program.image, request.content)
     line = _any_line(program, *planned) if proof.proven and planned is not None else None
+    shown = proof.counterexample if line is None else line.counterexample
+    if shown is not None:
+        _write_stimulus(shown, schedule, request.counterexample)
+        if shown.eeprom is not None:
+            _write_content(shown.eeprom, program.image, request.content)
     if json:
         answer = _proof_to_json(proof, file, request, schedule)
-        as_json(answer if line is None else answer | _line_to_json(line, proof, schedule))
+        as_json(answer if line is None else answer | _line_to_json(line, proof, file, request, schedule))
     elif line is None:
         print("\n".join(_lines(proof, file, request, schedule)))
     else:
-        print("\n".join(_line_lines(line, proof, schedule)))
+        print("\n".join(_line_lines(line, proof, file, request, schedule)))
     return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
 
 
@@ -319,11 +320,16 @@ def _any_line(program: Program, job: PlannedJob, streamed: Streaming) -> LinePro
         return prove_line(program.image, program.listing, job, streamed, tell)
 
 
-def _line_lines(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[str]:
+def _line_lines(
+    line: LineProof, idle: Proof, file: Path, request: Request, schedule: PulseSchedule
+) -> list[str]:
     """Return the answer for any line as text; `idle` is the one for an idle line."""
     if not line.proven:
+        shown = line.counterexample
+        answer = [f"not decided for any line: {line.reason}"]
         return [
-            f"not decided for any line: {line.reason}",
+            *(_counterexample_lines(shown, file, request, schedule) if shown else answer),
+            *([f"  {line.reason}"] if shown and line.reason != shown.message else []),
             f"  with an idle line every edge is the schedule's: {_size(idle)}",
         ]
     return [
@@ -345,14 +351,17 @@ def _of_any_line(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[
     return [*(assumption for assumption in idle.assumptions if assumption not in of_idle), *line.assumptions]
 
 
-def _line_to_json(line: LineProof, idle: Proof, schedule: PulseSchedule) -> dict[str, object]:
+def _line_to_json(
+    line: LineProof, idle: Proof, file: Path, request: Request, schedule: PulseSchedule
+) -> dict[str, object]:
     """Return the answer for any line as values of JSON."""
-    answer = "proven" if line.proven else "not decided"
+    shown = line.counterexample
     return {
-        "answer": answer,
+        "answer": "proven" if line.proven else "counterexample" if shown else "not decided",
         "reason": line.reason,
         "any_line": list(line.findings),
         "assumptions": _of_any_line(line, idle, schedule),
+        "counterexample": _counterexample_to_json(shown, file, request, schedule) if shown else None,
     }
 
 
@@ -384,10 +393,7 @@ def _command(counterexample: Counterexample, file: Path, request: Request, sched
 def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> list[str]:
     counterexample = proof.counterexample
     if counterexample is not None:
-        return [
-            f"counterexample: {counterexample.message}, cycle {counterexample.cycle} from reset",
-            f"  {_command(counterexample, file, request, schedule)}",
-        ]
+        return _counterexample_lines(counterexample, file, request, schedule)
     if not proof.proven:
         return [f"not decided: {proof.reason}", f"  {_size(proof)}"]
     over = _over(proof)
@@ -397,6 +403,27 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
+
+
+def _counterexample_lines(
+    counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule
+) -> list[str]:
+    return [
+        f"counterexample: {counterexample.message}, cycle {counterexample.cycle} from reset",
+        f"  {_command(counterexample, file, request, schedule)}",
+    ]
+
+
+def _counterexample_to_json(
+    counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule
+) -> dict[str, object]:
+    return {
+        "message": counterexample.message,
+        "cycle": counterexample.cycle,
+        "command": _command(counterexample, file, request, schedule),
+        "stimulus": counterexample.stimulus(schedule) or None,
+        "eeprom": counterexample.eeprom,
+    }
 
 
 def _size(proof: Proof) -> str:
@@ -418,15 +445,6 @@ def _over(proof: Proof) -> str:
 def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> dict[str, object]:
     counterexample = proof.counterexample
     answer = "proven" if proof.proven else "counterexample" if counterexample else "not decided"
-    shown = None
-    if counterexample is not None:
-        shown = {
-            "message": counterexample.message,
-            "cycle": counterexample.cycle,
-            "command": _command(counterexample, file, request, schedule),
-            "stimulus": counterexample.stimulus(schedule) or None,
-            "eeprom": counterexample.eeprom,
-        }
     return {
         "file": str(file),
         "answer": answer,
@@ -435,7 +453,9 @@ def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSc
         "runs": proof.runs,
         "cycles": proof.cycles,
         "assumptions": list(proof.assumptions),
-        "counterexample": shown,
+        "counterexample": _counterexample_to_json(counterexample, file, request, schedule)
+        if counterexample
+        else None,
     }
 
 

@@ -138,6 +138,7 @@ NO_LOOK: _Last = ("", 0, 0)
 PLAIN, RISE, FALL = "p", "r", "f"
 """What a round may be: without an edge, or with one."""
 ANY = PLAIN + RISE + FALL
+MAYS = (ANY, PLAIN + RISE, PLAIN + FALL, PLAIN, RISE)
 LONG_AGO = -10 * ROUND
 BYTE = 10
 """What `rx_bits` is when a start bit was seen: not 0."""
@@ -154,6 +155,28 @@ class _End:
     rest: int | None
     fine: int | None
     last: _Last
+
+
+@dataclass(slots=True)
+class _Seen:
+    """The states that have been executed.
+
+    Of two that differ only in when the last look and the last bit were, the earlier one can do all that the
+    other can, and the gaps that it ends are larger: it stands for both.
+    """
+
+    times: dict[tuple[object, ...], list[tuple[int, int, int]]] = field(default_factory=dict)
+    """By state without times: sample and time stamp of the last look, time stamp of the last bit."""
+
+    def add(self, state: _State) -> bool:
+        """Add a state; return whether none stood for it."""
+        at, stack, now, known, (kind, sample, stamp), bit = state
+        held = self.times.setdefault((at, stack, now, known, kind), [])
+        for other in held:
+            if other[0] <= sample and other[1] <= stamp and other[2] <= bit:
+                return False
+        held.append((sample, stamp, bit))
+        return True
 
 
 @dataclass(slots=True)
@@ -189,11 +212,13 @@ class _Interrupt:
         followed = {W, CARRY, ZERO, FSR, AHEAD, CLEARED, WRITTEN, code.ram["rx_bits"], *known}
         followed |= {code.ram[name] for name in FOLLOWED}
         frozen = frozenset(known.items())
-        waiting: list[_State] = [
-            (INTERRUPT_VECTOR, (), begin, frozen, last, last[2] if last[0] == BIT else LONG_AGO)
-            for begin, last in begins
-        ]
-        seen = set(waiting)
+        waiting: list[_State] = []
+        seen = _Seen()
+        for begin, last in begins:
+            bit = last[2] if last[0] == BIT else LONG_AGO
+            first: _State = (INTERRUPT_VECTOR, (), begin, frozen, last if self.gaps else NO_LOOK, bit)
+            if seen.add(first):
+                waiting.append(first)
         ends = set()
         going: tuple[int, tuple[int, ...], int, Known, _Last, int] | None = None
         while waiting or going:
@@ -203,7 +228,7 @@ class _Interrupt:
             else:
                 at, stack, now, frozen, last, bit = waiting.pop()
                 known = dict(frozen)
-            if now > MAX_TIMES or len(seen) > MAX_STATES:
+            if now > MAX_TIMES or len(seen.times) > MAX_STATES:
                 raise InterruptChanged(f"the interrupt does not end within {MAX_TIMES} cycles")
             try:
                 word = word_of(code.words[at])
@@ -254,8 +279,7 @@ class _Interrupt:
                 if then - taken >= self.bits_apart:
                     taken = LONG_AGO
                 state = (target, more, then, kept, looked, taken)
-                if state not in seen:
-                    seen.add(state)
+                if seen.add(state):
                     waiting.append(state)
         yield from ends
 
@@ -361,11 +385,13 @@ class _Closure:
     def _run_plain(self) -> None:
         """Execute all but the falls, until nothing new comes."""
         while self._waiting:
-            first, entry = self._waiting.pop()
-            last = (self.firsts if first else self.seconds)[entry]
-            self._run(first, entry[0], last, entry[2])
-            if first:
-                self._new.append((entry, last))
+            waiting, self._waiting = self._waiting, []
+            firsts = [(entry, self.firsts[entry]) for first, entry in waiting if first]
+            seconds = [(entry[0], self.seconds[entry]) for first, entry in waiting if not first]
+            self._new += firsts
+            self._rise([(begin, last) for (begin, _, may), last in firsts if RISE in may])
+            self._first([(begin, last) for (begin, _, may), last in firsts if PLAIN in may])
+            self._second(seconds)
 
     def _begins(self, overflow: int, end: int) -> range:
         """Return the cycles in which the interrupt of an overflow can begin, if the one before ended at
@@ -377,13 +403,19 @@ class _Closure:
         return range(max(overflow + 2, end), max(overflow, end) + latest + 1)
 
     def _add(self, first: bool, begin: int, last: _Last, may: str) -> None:
-        entries, entry = self.firsts if first else self.seconds, (begin, last[0], may)
-        if self.masked:
+        entries = self.firsts if first else self.seconds
+        if not self.one.gaps:
             last = (last[0], last[2], last[2])  # only when a bit was taken is of interest
-        if entry not in entries or last[1:] < entries[entry][1:]:
-            entries[entry] = last
-            if (first, entry) not in self._waiting:
-                self._waiting.append((first, entry))
+        for other in MAYS:
+            if set(may) <= set(other):
+                before = entries.get((begin, last[0], other))
+                unlimited = not self.one.gaps and (begin, NO_LOOK[0], other) in entries
+                if unlimited or (before is not None and before[1:] <= last[1:]):
+                    return
+        entry = (begin, last[0], may)
+        entries[entry] = last
+        if (first, entry) not in self._waiting:
+            self._waiting.append((first, entry))
 
     def _next(self, end: _End, rounds: int, may: str = ANY) -> None:
         """Add the first interrupts of the round after `rounds` rounds."""
@@ -392,18 +424,9 @@ class _Closure:
         for begin in self._begins(0, end.cycle - rounds * ROUND):
             self._add(True, begin, moved if kind else NO_LOOK, may)
 
-    def _run(self, first: bool, begin: int, last: _Last, may: str) -> None:
-        ram = self.one.code.ram
-        if not first:
-            for end in self.one.run([(begin, last)], {ram["ticks"]: MANY - 1, AHEAD: HALF}):
-                self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
-                self._next(end, 1)
-            return
-        if RISE in may:
-            self._rise(begin, last)
-        if PLAIN not in may:
-            return
-        for end in self.one.run([(begin, last)], {ram["ticks"]: MANY, AHEAD: 0}):
+    def _first(self, begins: list[tuple[int, _Last]]) -> None:
+        """Execute the first interrupts of rounds without an edge."""
+        for end in self.one.run(begins, {self.one.code.ram["ticks"]: MANY, AHEAD: 0}):
             if end.ahead == HALF:
                 self._check(end.ticks == MANY - 1, "a round's first interrupt", end)
                 for following in self._begins(HALF, end.cycle):
@@ -412,9 +435,15 @@ class _Closure:
                 self._check(end.ahead == 0 and end.ticks == MANY - 2, "the interrupt of a whole round", end)
                 self._next(end, 1)
 
-    def _rise(self, begin: int, last: _Last) -> None:
-        """Execute a rise: its edge is in the same cycle for every begin."""
-        for end in self._edge([(begin, last)], 0, None):
+    def _second(self, begins: list[tuple[int, _Last]]) -> None:
+        """Execute the second interrupts of rounds without an edge."""
+        for end in self.one.run(begins, {self.one.code.ram["ticks"]: MANY - 1, AHEAD: HALF}):
+            self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
+            self._next(end, 1)
+
+    def _rise(self, begins: list[tuple[int, _Last]]) -> None:
+        """Execute rises: the edge is in the same cycle for every begin."""
+        for end in self._edge(begins, 0, None) if begins else ():
             self._check(end.ahead == 0 and not end.cleared, "a rise", end)
             self._next(end, 1, PLAIN + FALL)
 

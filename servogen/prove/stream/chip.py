@@ -6,6 +6,8 @@ pulse is prepared, after a command, after a look at the line. Values are `Bits`,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 from servogen.engines.stream.protocol import BITS, NO_TRIM, SYNC, TRIM_ZERO, Kind
@@ -39,9 +41,26 @@ class Chip:
     answer: Bits | None = field(default=None)
     """The byte that is sent."""
 
+    @classmethod
+    def after_reset(cls, streamed: Streaming, trims: Sequence[Bits]) -> Chip:
+        """Return a chip with these bytes in its EEPROM before its first frame: in the neutral pose."""
+        none = [FALSE] * len(trims)
+        speeds = [byte(0) for _ in trims]
+        chip = cls(streamed, [], [], speeds, [*trims], none, [*none], byte(0), FALSE, FALSE, byte(0))
+        chip.goals = [Bits(16, int(width)) + chip.trim(n) for n, width in enumerate(streamed.neutral)]
+        chip.widths = [*chip.goals]
+        return chip
+
+    def copy(self) -> Chip:
+        """Return the same chip; steps of one do not change the other."""
+        chip = copy(self)
+        for name in ("widths", "goals", "speeds", "trims", "waiting", "group"):
+            setattr(chip, name, [*getattr(self, name)])
+        return chip
+
     @property
     def servos(self) -> int:
-        return len(self.widths)
+        return len(self.trims)
 
     def valid(self) -> Truth:
         """Return what holds of the variables between any two steps."""

@@ -16,11 +16,13 @@ from copy import copy
 from dataclasses import dataclass, fields
 
 from servogen.engines.stream.settings import HOLD
+from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.known_values import word_of
 from servogen.pic.wcet import Program
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, all_of, byte, choose, unknown
 from servogen.prove.stream.chip import BROKEN, NOTHING, SENDING, Chip, Receiver
+from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import (
     BANK_1,
     EEADR,
@@ -66,6 +68,44 @@ class Fails(Exception):
     """Raised where a lemma does not hold; says what differs, and for which values."""
 
 
+def between_steps(names: Names, chip: Chip, of: Callable[[int], Bits]) -> Truth:
+    """Return what holds between two steps of main: of a chip's variables, and of the bits in the bytes of the
+    groups that belong to no servo; `of` reads these bytes.
+    """
+    everybody = sum(1 << names.group_bit(n) for n in range(names.servos))
+    kept = [of(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
+    return chip.valid() & all_of(each.equals(0) for each in kept)
+
+
+def bytes_of(names: Names, chip: Chip, slot: Bits) -> dict[int, Bits]:
+    """Return the bytes of a chip's variables, by address."""
+    found = {}
+    for n in range(names.servos):
+        for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
+            found[names.at(f"{name}_low", n)] = pair[0:8]
+            found[names.at(f"{name}_high", n)] = pair[8:16]
+        found[names.at("speed", n)] = chip.speeds[n]
+        found[EEPROM + n] = chip.trims[n]
+    for name, members in (("group", chip.group), ("waiting", chip.waiting)):
+        together = byte(0)
+        for n, member in enumerate(members):
+            together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
+        found[names.at(name)] = together
+    found[names.at("left")] = chip.left
+    if names.streamed.stream.fail_safe != HOLD:
+        found[names.at("silence")] = chip.silence
+    flags = choose(chip.starting, byte(1 << STARTING), byte(0))
+    flags = flags | choose(chip.gathering, byte(1 << GATHERING), byte(0))
+    found[names.at("slot")] = slot | flags
+    return found
+
+
+def receiver_counts(streamed: Streaming) -> list[int]:
+    """Return what rx_bits can be."""
+    sending = [1 << SENDING | bits for bits in range(1, 11)] if streamed.stream.transmit_pin else []
+    return [*range(11), *sending, 1 << BROKEN]
+
+
 @dataclass(frozen=True, slots=True)
 class Accesses:
     """What main's words read and write, by address."""
@@ -82,11 +122,14 @@ class Lemmas:
     solver: Solver
     tell: Tell
     runs: int = 0
+    suspect: Suspect = NOBODY
+    """What is being checked; after a failure, with the values for which it fails."""
 
-    def _execution(self, given: Truth = TRUE) -> Execution:
+    def _execution(self, suspect: Suspect = NOBODY) -> Execution:
         self.runs += 1
+        self.suspect = suspect
         self.solver.forget()
-        return Execution(self.names.words, self.solver, given)
+        return Execution(self.names.words, self.solver)
 
     # states as the specification has them
 
@@ -112,34 +155,6 @@ class Lemmas:
             slot.bit(GATHERING),
             of(names.at("silence")) if silent else byte(0),
         )
-
-    def _others(self, of: Callable[[int], Bits]) -> Truth:
-        """Return whether the bits of the groups that are no servo's are 0."""
-        everybody = sum(1 << self.names.group_bit(n) for n in range(self.names.servos))
-        kept = [of(self.names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
-        return all_of(each.equals(0) for each in kept)
-
-    def _bytes_of(self, chip: Chip, slot: Bits) -> dict[int, Bits]:
-        """Return the bytes of the chip's variables, by address."""
-        names, found = self.names, {}
-        for n in range(names.servos):
-            for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
-                found[names.at(f"{name}_low", n)] = pair[0:8]
-                found[names.at(f"{name}_high", n)] = pair[8:16]
-            found[names.at("speed", n)] = chip.speeds[n]
-            found[EEPROM + n] = chip.trims[n]
-        for name, members in (("group", chip.group), ("waiting", chip.waiting)):
-            together = byte(0)
-            for n, member in enumerate(members):
-                together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
-            found[names.at(name)] = together
-        found[names.at("left")] = chip.left
-        if names.streamed.stream.fail_safe != HOLD:
-            found[names.at("silence")] = chip.silence
-        flags = choose(chip.starting, byte(1 << STARTING), byte(0))
-        flags = flags | choose(chip.gathering, byte(1 << GATHERING), byte(0))
-        found[names.at("slot")] = slot | flags
-        return found
 
     def _unchanged(self, one: Execution) -> dict[int, Bits]:
         """Return the variables, and those registers that no step of main changes, as they were."""
@@ -168,8 +183,21 @@ class Lemmas:
         for place, truth in differs.items():
             if self.solver.possible(context & truth):
                 is_, should = (self.solver.example(bits) for bits in (one.byte(state, place), wanted[place]))
+                self._note_values(one)
                 raise Fails(f"{where}: {self._name(place)} becomes {is_}, not {should}{self._shown(one)}")
         raise Fails(f"{where}: what holds between two steps is lost{self._shown(one)}")
+
+    def _note_values(self, one: Execution) -> None:
+        """Note the values of the example that the solver has found: of the chip's variables, of a command."""
+
+        def value(place: int) -> Bits:
+            return byte(self.solver.example(one.at_first(place)))
+
+        named = {name: value(self.names.at(name)).value for name in ("value", "command", "rx_byte")}
+        second, third = self.suspect.second, named["value"]
+        if second is None:  # a byte was being received
+            second, third = named["command"], named["rx_byte"]
+        self.suspect = Suspect(self._chip(value), second, third)
 
     def _shown(self, one: Execution) -> str:
         """Return values of the example that the solver has found, as text: those that are not 0."""
@@ -203,15 +231,11 @@ class Lemmas:
         known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
         ends = one.run(one.state(0, known), {names.head})
         for end in ends:
-            chip = self._chip(lambda place: one.at_first(place))
-            goals = [Bits(16, int(width)) + chip.trim(n) for n, width in enumerate(names.streamed.neutral)]
-            chip.widths, chip.goals = list(goals), list(goals)
-            chip.speeds = [byte(0)] * names.servos
-            chip.group, chip.waiting = [FALSE] * names.servos, [FALSE] * names.servos
-            chip.left, chip.silence, chip.starting, chip.gathering = byte(0), byte(0), FALSE, FALSE
+            trims = [one.at_first(EEPROM + n) for n in range(names.servos)]
+            chip = Chip.after_reset(names.streamed, trims)
             chip.begin_frame()
             chip.prepare(0)
-            wanted = self._bytes_of(chip, byte(0)) | self._pulse(chip, 0)
+            wanted = bytes_of(names, chip, byte(0)) | self._pulse(chip, 0)
             for name, value in (("todo", NOTHING), ("command", NOTHING), ("rx_bits", 0), ("rest", 0)):
                 wanted[names.at(name)] = byte(value)
             wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
@@ -250,7 +274,7 @@ class Lemmas:
             one = self._execution()
             begin = one.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
             chip = self._chip(one.at_first)
-            one.given = chip.valid() & self._others(one.at_first)
+            one.given = between_steps(names, chip, one.at_first)
             following = (number + 1) % slots
             if following == 0:
                 chip.begin_frame()
@@ -263,7 +287,7 @@ class Lemmas:
                 wanted.pop(names.at("next_lo"))
                 if names.two_ports:
                     wanted.pop(names.at("next_port"))
-            wanted |= self._bytes_of(chip, byte(following))
+            wanted |= bytes_of(names, chip, byte(following))
             wanted |= {names.at("due"): due & 1, names.at("sum_lo"): due, INTCON: byte(ENABLED)}
             where = f"the pulse of slot {following}"
             for end in self._ends(one, begin, {names.cleared}, where):
@@ -302,14 +326,13 @@ class Lemmas:
             if second % 16 == 0:
                 self.tell("commands", second, 256)
             due = Bits(7, 0).above(unknown("late", 1))
-            one = self._execution()
+            one = self._execution(Suspect(second=second))
             begin = one.state(
                 names.cleared,
                 {names.at("todo"): byte(second), names.at("due"): due, **_between_steps()},
             )
             value, slot, copied = (one.at_first(names.at(name)) for name in ("value", "slot", "sum_lo"))
-            before = self._chip(one.at_first)
-            one.given = before.valid() & self._others(one.at_first)
+            one.given = between_steps(names, self._chip(one.at_first), one.at_first)
             one.given = one.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
             ends = self._ends(one, begin, {names.head}, where)
@@ -318,7 +341,7 @@ class Lemmas:
             runs = copied.bit(COMMAND) & ~one.busy[0]
             chip = self._chip(one.at_first)
             chip.execute(second, value)
-            after = self._bytes_of(chip, slot & SLOT)
+            after = bytes_of(names, chip, slot & SLOT)
             wanted = self._unchanged(one)
             for place, changed in after.items():
                 wanted[place] = choose(runs, changed, one.at_first(place))
@@ -361,16 +384,9 @@ class Lemmas:
         if not ends:
             raise Fails("a rise does not end")
 
-    @property
-    def _counts(self) -> list[int]:
-        """Return what rx_bits can be."""
-        answers = self.names.streamed.stream.transmit_pin is not None
-        sending = [1 << SENDING | bits for bits in range(1, 11)] if answers else []
-        return [*range(11), *sending, 1 << BROKEN]
-
     def _reachable(self, one: Execution) -> Truth:
         found = FALSE
-        for count in self._counts:
+        for count in receiver_counts(self.names.streamed):
             found = found | one.at_first(self.names.at("rx_bits")).equals(count)
         return found
 
@@ -378,8 +394,8 @@ class Lemmas:
         """Check a look at the line, in every state of the receiver and of the parser."""
         names = self.names
         port, bit = names.line
-        for number, bits in enumerate(self._counts):
-            self.tell("states of the receiver", number, len(self._counts))
+        for number, bits in enumerate(receiver_counts(self.names.streamed)):
+            self.tell("states of the receiver", number, len(receiver_counts(self.names.streamed)))
             one = self._execution()
             begin = one.state(names.listing.label("st_look"), {names.at("rx_bits"): byte(bits)}, (RETURNED,))
             own = ("rx_left", "rx_last", "rx_byte", "command", "todo", "value")
@@ -401,7 +417,7 @@ class Lemmas:
             wanted_last = wanted.pop(last)
             wanted.pop(names.at("t"))
             among = FALSE
-            for count in self._counts:
+            for count in receiver_counts(self.names.streamed):
                 among = among | receiver.bits.equals(count)
             where = f"a look at the line, {bits} in rx_bits"
             covered = FALSE

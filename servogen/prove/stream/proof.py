@@ -21,8 +21,10 @@ from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarant
 from servogen.pic.image import Image
 from servogen.pic.known_values import Undefined
 from servogen.pic.listing import Listing
+from servogen.prove.counterexample import Counterexample
 from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
+from servogen.prove.stream.counterexample import NOBODY, Search, Suspect
 from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.names import Names
@@ -42,9 +44,11 @@ class LineProof:
     """The answer about any line."""
 
     reason: str
-    """Why it is not decided; empty if it is proven."""
+    """Why it is not proven; empty if it is."""
     findings: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
+    counterexample: Counterexample | None = None
+    """A plain run with a wrong pulse."""
 
     @property
     def proven(self) -> bool:
@@ -59,22 +63,39 @@ def prove_line(
     image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
 ) -> LineProof:
     """Return the answer for a program. Raises ToolError without the solver."""
+    search = Search(image, job, streamed, tell)
+    shown = search.first()
+    if shown is not None:
+        return LineProof(shown.message, counterexample=shown)
+    answer, suspect = _proof(image, listing, job, streamed, tell)
+    shown = None if answer.proven else search.about(suspect)
+    return answer if shown is None else LineProof(answer.reason, counterexample=shown)
+
+
+def _proof(
+    image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
+) -> tuple[LineProof, Suspect]:
+    """Return what the lemmas say, and what is suspected if one fails."""
+    lemmas = None
     try:
-        findings = _Proof(_listing(image, listing, job, streamed, tell), job, streamed, tell).prove()
+        names = Names(_listing(image, listing, job, streamed, tell), streamed)
+        lemmas = Lemmas(names, Solver(), lambda what, done, of: tell(f"{what}: {done} of {of}"))
+        findings = _Proof(names.listing, job, streamed, lemmas, tell).prove()
+        return LineProof("", tuple(findings), _assumptions(streamed)), NOBODY
     except (Undecided, InterruptChanged, Fails, NotFollowed) as error:
-        return LineProof(str(error))
+        reason = str(error)
     except GivenUp:
-        return LineProof("the solver does not answer within 20 minutes")
+        reason = "the solver does not answer within 20 minutes"
     except Undefined:
-        return LineProof("the program has a word that no data sheet defines")
+        reason = "the program has a word that no data sheet defines"
     except (LookupError, ValueError) as error:
-        return LineProof(f"the program is not laid out as a stream: {error}")
-    return LineProof("", tuple(findings), _assumptions(streamed))
+        reason = f"the program is not laid out as a stream: {error}"
+    return LineProof(reason), NOBODY if lemmas is None else lemmas.suspect
 
 
 def _assumptions(streamed: Streaming) -> tuple[str, ...]:
     found = [
-        f"no command ends within {AFTER_TRIM_MS} ms of a trim's: the EEPROM is being written",
+        f"the line is idle for {AFTER_TRIM_MS} ms after a trim: the EEPROM is being written",
         "a byte begins while the chip waits for one: after a byte, or after the line was high for ten bits",
         f"a sender's rate is within {float(100 * BAUD_ERROR):g} % of {streamed.stream.baud} baud",
     ]
@@ -119,6 +140,7 @@ class _Proof:
     listing: Listing
     job: EngineJob
     streamed: Streaming
+    lemmas: Lemmas
     tell: Tell
 
     def prove(self) -> list[str]:
@@ -150,6 +172,9 @@ class _Proof:
             silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
             if silent_us < written:
                 raise Undecided("the fail-safe may read the EEPROM while it is written")
+        # A trim is executed within two slots; another command takes its time after the pause.
+        if clock.us(Cycles(2 * rounds * ROUND - BYTES * byte)) + written > 1000 * AFTER_TRIM_MS:
+            raise Undecided("a command may end while a trim is still being written to the EEPROM")
         # A round more than two slots: the command is complete some cycles after the sample of its stop bit.
         after_us = clock.us(Cycles((2 * rounds + 1) * ROUND))
         latest_us = after_us + clock.us(streamed.layout.period)
@@ -173,11 +198,7 @@ class _Proof:
 
     def _data(self) -> list[str]:
         """Check what the words do with every byte."""
-        lemmas = Lemmas(
-            Names(self.listing, self.streamed),
-            Solver(),
-            lambda what, done, of: self.tell(f"{what}: {done} of {of}"),
-        )
+        lemmas = self.lemmas
         kept = lemmas.context()
         lemmas.dispatch()
         lemmas.rise()

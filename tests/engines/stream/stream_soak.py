@@ -1,11 +1,8 @@
-"""python -m tests.engines.stream.stream_soak --minutes 10: a random serial line, edges held to the model."""
+"""A stream job's program on a serial line: its edges are held to the model of the chip."""
 
 from __future__ import annotations
 
-import argparse
 import random
-import sys
-import time
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -16,14 +13,16 @@ from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.streaming import Streaming
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
+from servogen.pic.listing import Listing
 from servogen.pulse.expected import expected
-from servogen.simulator import Machine, Stimuli
+from servogen.simulator import Machine, Options, Stimuli
 from servogen.units import Cycles
-from servogen.verify import Verdict, verdict_lines, verify
+from servogen.verify import Verdict, verify
 from tests.engines.stream.chip_model import Chip, schedule, widths
-from tests.engines.stream.stream_line import Line, talk
+from tests.engines.stream.stream_line import Line
 
 JOBS = Path(__file__).parents[3] / "jobs"
+OPTIONS = Options()
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +34,7 @@ class Firmware:
     image: Image
     words: int
     first_rise: int
+    listing: Listing
 
 
 def firmware(name: str, dialect: str = "c2c") -> Firmware:
@@ -45,13 +45,14 @@ def firmware(name: str, dialect: str = "c2c") -> Firmware:
 def firmware_of(job: PlannedJob, dialect: str = "c2c") -> Firmware:
     _, streamed = stream(job)
     made = compiled(job, streamed, dialect).compilation
-    return Firmware(job, streamed, made.image, made.words, first_rise(streamed, made.image))
+    rise = first_rise(streamed, made.image)
+    return Firmware(job, streamed, made.image, made.words, rise, made.listing)
 
 
-def first_rise(streamed: Streaming, image: Image) -> int:
+def first_rise(streamed: Streaming, image: Image, options: Options = OPTIONS) -> int:
     """The cycle after reset in which the first servo's pulse begins."""
     plan = streamed.plan.schedule
-    machine = Machine(image, plan.clock, board_of(plan))
+    machine = Machine(image, plan.clock, board_of(plan, options))
     found = machine.run_to_edge(PINS.index(plan.channels[0].pin), HIGH, 3 * plan.period)
     assert found is not None
     return found
@@ -63,45 +64,15 @@ def line_of(made: Firmware, seed: int) -> Line:
     return Line(made.streamed, pin, made.first_rise, random.Random(seed))
 
 
-def check(made: Firmware, line: Line, chip: Chip | None = None) -> Verdict:
+def check(made: Firmware, line: Line, chip: Chip | None = None, options: Options = OPTIONS) -> Verdict:
     """The edges while the line is played, held to those that the model says."""
     plan = made.streamed.plan.schedule
     frames = int((line.now - made.first_rise) // plan.period) + 4
     commands = [(at - made.first_rise, command) for at, command in line.heard]
     wanted = schedule(made.streamed, islice(widths(made.streamed, commands, chip), frames))
     span = Cycles((frames - 1) * plan.period)
-    machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([line]))
+    machine = Machine(made.image, plan.clock, board_of(plan, options), Stimuli([line]))
     end = Cycles(made.first_rise + span)
     out = made.streamed.stream.transmit_pin
     chunks = (part(chunk, chunk.pin != PINS.index(out)) if out else chunk for chunk in machine.stream(end))
     return verify(expected(wanted), EdgeTrace(plan.clock, chunks, end), span)
-
-
-def main() -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--dialect", default="c2c")
-    parser.add_argument("jobs", nargs="*", default=["stream-arm", "stream-eight", "stream-fast"])
-    args = parser.parse_args()
-    good = True
-    for name in args.jobs:
-        begun = time.monotonic()
-        made = firmware(name, args.dialect)
-        line = line_of(made, args.seed)
-        while line.now < made.job.clock.cycles_per_second * 60 * args.minutes:
-            talk(line, 5)
-            line.noise(line.dice.random() / 50)
-        verdict = check(made, line)
-        good = good and verdict.proven
-        print(
-            f"{name}, {args.dialect}: {made.words} words, {args.minutes:g} min, {line.sent} frames sent, "
-            f"{len(line.heard)} commands, {time.monotonic() - begun:.0f} s"
-        )
-        print("\n".join(verdict_lines(verdict)))
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
