@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.compiler import Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.simulator import Machine
 from servogen.units import Clock
@@ -58,18 +58,27 @@ def test_delays_of_the_same_outer_counter(turns: int) -> None:
     check(counts, [f"_delay({count})" for count in counts], "xc8", 4_000_000)
 
 
-def words(delays: list[int]) -> int:
-    """Words of a program with these delays, each followed by a BSF."""
+def compiled(delays: list[int]) -> Compilation:
+    """A program whose function `f` has these delays, each followed by a BSF."""
     statements = "".join(f"_delay({count}); RB0 = 1;\n" for count in delays)
     text = f"void f(void) {{ {statements} }}\nvoid main(void) {{ TRISB = 0; f(); while (1); }}"
-    return compile_sources([Source(text, "delays.c")], Options(dialect="xc8", clock_hz=4_000_000)).words
+    return compile_sources([Source(text, "delays.c")], Options(dialect="xc8", clock_hz=4_000_000))
 
 
 def test_many_delays_between_one_and_two_milliseconds_take_two_words_each() -> None:
     """MOVLW and CALL, and the BSF behind it; where a length occurs often, only the CALL."""
     widths = list(range(1100, 1900, 41))
-    assert words([*widths, 1901, 1945, 1989]) - words(widths) == 3 * 3
-    assert words([*widths, *[1500] * 9]) - words([*widths, *[1500] * 8]) == 2
+    assert compiled([*widths, 1901, 1945, 1989]).words - compiled(widths).words == 3 * 3
+    assert compiled([*widths, *[1500] * 9]).words - compiled([*widths, *[1500] * 8]).words == 2
+
+
+def test_routines_that_jump_into_a_shared_loop_take_one_stack_level_together() -> None:
+    """f calls that of 1500 cycles; it jumps to the one that sets the counter, and that to the loop."""
+    functions = {
+        each.name: each for each in compiled([*range(1100, 1900, 41), *[1500] * 8]).listing.functions
+    }
+    for name, levels in {"f": 1, "__delay_1500": 0, "__delay_turns2": 0}.items():
+        assert functions[name].deepest_calls == levels
 
 
 def test_delays_in_the_interrupt_have_loops_of_their_own() -> None:
