@@ -130,7 +130,7 @@ class TimeMachine:
     def seek(self, cycle: int) -> None:
         """Go to the first moment that is not before `cycle`."""
         self._restore_before(max(0, cycle))
-        self._run(max(0, cycle))
+        self.run(max(0, cycle))
 
     def run(
         self,
@@ -145,14 +145,38 @@ class TimeMachine:
         It stops before an instruction at an address in `stops` (except at the first one), and after an edge
         that `wanted` marks. The edges made are appended to `edges`.
         """
-        return self._run(end, stops, wanted, edges)
+        machine, first = self.machine, self.now
+        machine.breakpoints = set(stops)
+        try:
+            while True:
+                self._arrive(end)
+                if self.now != first and machine.pc in stops and not machine.asleep:
+                    return Stop()
+                if self.now >= end:
+                    return None
+                goal = min(end, self._next_due(end))
+                begin = machine.snapshot() if wanted is not None else None
+                chunk = join(machine.stream(goal - self.now))
+                if wanted is not None and begin is not None and len(chunk.cycle):
+                    marked = np.flatnonzero(wanted(chunk))
+                    if len(marked):
+                        first_edge = part(chunk, slice(int(marked[0]), int(marked[0]) + 1))
+                        self._after_edge(begin, int(first_edge.cycle[0]), edges)
+                        return Stop((int(first_edge.pin[0]), int(first_edge.level[0])))
+                if edges is not None:
+                    edges.append(chunk)
+                if self.now < goal:
+                    self._arrive(end)
+                    return Stop()
+        finally:
+            machine.breakpoints = set()
 
     def edges(self, begin: int, end: int) -> EdgeChunk:
         """Return the edges of the cycles from `begin` to `end`, and come back to the current moment."""
         here = self.machine.snapshot(), self._applied
         self._restore_before(max(0, begin))
         seen: list[EdgeChunk] = []
-        self._run(end, edges=seen)
+        self.run(end, edges=seen)
         self.machine.restore(here[0])
         self._applied = here[1]
         chunk = join(seen)
@@ -193,7 +217,7 @@ class TimeMachine:
 
         if forwards:
             wait = self.clock.round_seconds(LINE_S) if limit is None else limit
-            return self._run(self.now + wait, wanted=wanted) is not None
+            return self.run(self.now + wait, wanted=wanted) is not None
         return self._edge_before(wanted)
 
     def executed(self, limit: int) -> Rows:
@@ -208,39 +232,6 @@ class TimeMachine:
         self.machine.restore(here[0])
         self._applied = here[1]
         return np.concatenate(parts)[-limit:] if parts else np.zeros((0, 4), dtype=np.int64)
-
-    def _run(
-        self,
-        end: int,
-        stops: Set[int] = frozenset(),
-        wanted: Callable[[EdgeChunk], npt.NDArray[np.bool_]] | None = None,
-        edges: list[EdgeChunk] | None = None,
-    ) -> Stop | None:
-        machine, first = self.machine, self.now
-        machine.breakpoints = set(stops)
-        try:
-            while True:
-                self._arrive(end)
-                if self.now != first and machine.pc in stops and not machine.asleep:
-                    return Stop()
-                if self.now >= end:
-                    return None
-                goal = min(end, self._next_due(end))
-                begin = machine.snapshot() if wanted is not None else None
-                chunk = join(machine.stream(goal - self.now))
-                if wanted is not None and begin is not None and len(chunk.cycle):
-                    marked = np.flatnonzero(wanted(chunk))
-                    if len(marked):
-                        first_edge = part(chunk, slice(int(marked[0]), int(marked[0]) + 1))
-                        self._after_edge(begin, int(first_edge.cycle[0]), edges)
-                        return Stop((int(first_edge.pin[0]), int(first_edge.level[0])))
-                if edges is not None:
-                    edges.append(chunk)
-                if self.now < goal:
-                    self._arrive(end)
-                    return Stop()
-        finally:
-            machine.breakpoints = set()
 
     def _after_edge(self, begin: Snapshot, cycle: int, edges: list[EdgeChunk] | None) -> None:
         """Go from `begin` to the end of the instruction that makes an edge in `cycle`."""
@@ -308,7 +299,7 @@ class TimeMachine:
         if self.now > cycle or self._at[place] > self.now:
             self._restore(place)
         if cycle - self.now > 2 * self._spacing:  # a thinned past: be near the next time
-            self._run(cycle - self._spacing)
+            self.run(cycle - self._spacing)
 
     def _observed(self, end: int, limit: int) -> Rows:
         """Run to `end`, or until `limit` instructions are executed, and return their rows."""
@@ -361,7 +352,7 @@ class TimeMachine:
     def _next_line(self) -> bool:
         here = self.line_ids[self.machine.pc % PROGRAM_WORDS]
         others = np.flatnonzero((self.line_ids != here) & (self.line_ids != NO_LINE))
-        return self._run(self.now + self.clock.round_seconds(LINE_S), stops=set(others.tolist())) is not None
+        return self.run(self.now + self.clock.round_seconds(LINE_S), stops=set(others.tolist())) is not None
 
     def _line_before(self) -> bool:
         current: int | None = None
@@ -394,7 +385,7 @@ class TimeMachine:
             begin = self._at[place]
             self._restore(place)
             seen: list[EdgeChunk] = []
-            self._run(end, edges=seen)
+            self.run(end, edges=seen)
             chunk = join(seen)
             for cycle in np.unique(chunk.cycle[wanted(chunk)])[::-1].tolist():
                 self.seek(cycle + 1)

@@ -23,13 +23,13 @@ from servogen.pic.assembler.blocks import (
     TooManyErrors,
 )
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
-from servogen.pic.assembler.memory import Memory
 from servogen.pic.assembler.messages import MAX_ERRORS, Log, SourceError
 from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, statement
 from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.assembler.text import MAX_LINE, Text, line_too_long
-from servogen.pic.device import Device, register_bits, registers
+from servogen.pic.device import ERASED_WORD, Device, register_bits, registers
+from servogen.pic.image import REGIONS, Image, image_of, region_of
 from servogen.pic.isa import WORD_MASK
 
 Include = Callable[[str], str | None]
@@ -48,6 +48,35 @@ _STEPS_OF_A_GUESS = 20
 
 DEEPEST_NESTING = 100
 """The maximum nesting of macro calls and include files; deeper nesting is assumed to be endless."""
+
+
+class Memory:
+    """The words that a source places, by word address: program, ID words, configuration word, data EEPROM."""
+
+    def __init__(self) -> None:
+        self._words: dict[int, int] = {}
+
+    def put(self, address: int, word: int) -> None:
+        """Place a word. Raises SourceError if the chip has no such address, or it is already used."""
+        part = region_of(address)
+        if part is None:
+            raise SourceError(
+                "asm-address-range",
+                f"address 0x{address & 0xFFFFFFFF:04X} is beyond the chip",
+                hint="words are " + ", ".join(f"{region.name} {region.span}" for region in REGIONS),
+            )
+        if address in self._words:
+            raise SourceError(
+                "asm-overwrite", f"address 0x{address:04X} holds 0x{self._words[address]:04X} already"
+            )
+        self._words[address] = word & part.largest
+
+    def change(self, address: int, mask: int, bits: int) -> None:
+        """Set some bits of a word that is initially erased."""
+        self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
+
+    def image(self) -> Image:
+        return image_of(self._words)
 
 
 @dataclass(slots=True)
