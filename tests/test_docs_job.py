@@ -13,7 +13,7 @@ from servogen.kinematics.catalogue import robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import Hexapod
 from servogen.robot.model import Arm
-from servogen.robot.servo_models import ModelTable
+from servogen.robot.servo_models import ModelTable, names
 
 PAGE = (Path(__file__).parent.parent / "docs" / "job.md").read_text()
 BLOCKS = dict(re.findall(r"`(\w+\.toml)`[^`]*?(?:(?!```)[\s\S])*?```toml\n(.*?)^```", PAGE, re.M | re.S))
@@ -65,6 +65,11 @@ def test_every_key_of_a_table_is_told_with_its_default(name: str) -> None:
 
 def test_every_key_of_a_servo_file_is_told_with_its_default() -> None:
     assert rows("servo file") == defaults(ModelTable)
+
+
+def test_the_page_names_every_servo_model_of_the_catalogue() -> None:
+    row = next(line for line in PAGE.splitlines() if line.startswith("| `model` |"))
+    assert set(re.findall(r"`([\w-]+)`", row.split("|")[3])) == set(names())
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,7 @@
 """Warnings about planned motions and measured pulses.
 
-In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values with these codes:
-
-    period-range   the period is outside 18 to 20 ms
-    period-varies  measured frames differ in length
-    width-range    a pulse is shorter or longer than the servo accepts
-    angle-range    a pulse commands an angle outside the servo's travel
-    too-fast       the angle changes from frame to frame faster than the servo turns
-    frames-few     a position is left before the servo can reach it
+In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values, whose
+codes docs/diagnostics.md explains.
 """
 
 from __future__ import annotations

@@ -19,6 +19,12 @@ def any_arm(request: pytest.FixtureRequest) -> Arm:
     return arm(request.param)
 
 
+@pytest.fixture(params=[name for name in ARMS if arm(name).closed_form])
+def closed_arm(request: pytest.FixtureRequest) -> Arm:
+    """Each arm of the catalogue whose inverse kinematics is in closed form, which finds all solutions."""
+    return arm(request.param)
+
+
 @pytest.fixture
 def configurations() -> Configurations:
     """Random joint positions (count, n) within the limits."""

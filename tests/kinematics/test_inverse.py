@@ -1,7 +1,9 @@
 """Inverse kinematics: every solution, limits, the choice rule, what cannot be reached and why."""
 
+import re
 from dataclasses import replace
 from math import radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
 from servogen.robot.model import Arm, Frame
+
+ROBOTS = Path(__file__).parents[2] / "docs" / "robots.md"
 
 
 def is_among(q: np.ndarray, solutions: np.ndarray, turning: list[bool]) -> np.ndarray:
@@ -44,8 +48,8 @@ def check_all(found: Arm, q: np.ndarray, oriented: bool) -> None:
     assert (kept >= lower).all() and (kept <= upper).all()
 
 
-def test_every_pose_comes_back_from_all_its_solutions(any_arm, configurations) -> None:
-    check_all(any_arm, configurations(any_arm, 10_000), oriented=True)
+def test_every_pose_comes_back_from_all_its_solutions(closed_arm, configurations) -> None:
+    check_all(closed_arm, configurations(closed_arm, 10_000), oriented=True)
 
 
 def singular(found: Arm, count: int) -> np.ndarray:
@@ -182,22 +186,22 @@ def test_an_arm_with_too_many_turns_to_list_is_refused() -> None:
         ik_all(robot, target)
 
 
-def test_every_position_comes_back_with_the_wrist_at_home(any_arm, configurations) -> None:
-    check_all(any_arm, with_wrist_at_home(any_arm, configurations(any_arm, 10_000)), oriented=False)
+def test_every_position_comes_back_with_the_wrist_at_home(closed_arm, configurations) -> None:
+    check_all(closed_arm, with_wrist_at_home(closed_arm, configurations(closed_arm, 10_000)), oriented=False)
 
 
-def test_with_other_home_values_too(any_arm, configurations) -> None:
-    homes = configurations(any_arm, 1)[0]
+def test_with_other_home_values_too(closed_arm, configurations) -> None:
+    homes = configurations(closed_arm, 1)[0]
     joints = tuple(
-        replace(joint, home=float(home)) for joint, home in zip(any_arm.joints, homes, strict=True)
+        replace(joint, home=float(home)) for joint, home in zip(closed_arm.joints, homes, strict=True)
     )
-    other = replace(any_arm, joints=joints)
+    other = replace(closed_arm, joints=joints)
     check_all(other, with_wrist_at_home(other, configurations(other, 500, seed=8)), oriented=False)
 
 
-def test_a_base_and_a_tool_are_taken_off_first(any_arm, configurations) -> None:
+def test_a_base_and_a_tool_are_taken_off_first(closed_arm, configurations) -> None:
     base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
-    check_all(replace(any_arm, base=base, tool=tool), configurations(any_arm, 500), oriented=True)
+    check_all(replace(closed_arm, base=base, tool=tool), configurations(closed_arm, 500), oriented=True)
 
 
 # robot -> how many solutions a target in general position has, with orientation and without, limits aside
@@ -218,17 +222,25 @@ COUNTS = {
 }
 
 
-def test_the_number_of_solutions_of_each_arm(any_arm, configurations) -> None:
+def test_the_number_of_solutions_of_each_arm(closed_arm, configurations) -> None:
     wide = tuple(
         replace(joint, lower=-np.pi if joint.turning else -9.0, upper=np.pi if joint.turning else 9.0)
-        for joint in any_arm.joints
+        for joint in closed_arm.joints
     )
-    free = replace(any_arm, joints=wide)
-    q = with_wrist_at_home(any_arm, configurations(any_arm, 200))
+    free = replace(closed_arm, joints=wide)
+    q = with_wrist_at_home(closed_arm, configurations(closed_arm, 200))
     pose = fk(free, q)
     oriented = solve(free, pose[:, :3, 3], pose[:, :3, :3]).valid.sum(axis=1)
     alone = solve(free, pose[:, :3, 3]).valid.sum(axis=1)
-    assert (set(oriented.tolist()), set(alone.tolist())) == tuple({count} for count in COUNTS[any_arm.name])
+    assert (set(oriented.tolist()), set(alone.tolist())) == tuple(
+        {count} for count in COUNTS[closed_arm.name]
+    )
+
+
+def test_the_page_of_the_robots_states_how_many_solutions_each_has() -> None:
+    rows = re.findall(r"^\| `([\w-]+)` \|.*\| (\d+|–) \| [^|]*\|$", ROBOTS.read_text(), re.MULTILINE)
+    stated = {name: int(count) for name, count in rows if count.isdigit()}
+    assert stated == {name: max(counts) for name, counts in COUNTS.items()}
 
 
 def test_the_numerical_method_reaches_the_same_targets(any_arm, configurations) -> None:

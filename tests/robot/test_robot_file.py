@@ -1,5 +1,6 @@
 """Robot files: what they describe, and errors that name the line."""
 
+import re
 from math import degrees, inf, radians
 from pathlib import Path
 
@@ -217,27 +218,13 @@ def test_a_path_that_ends_in_toml_is_a_file(tmp_path: Path) -> None:
         robots.robot(str(tmp_path / "none.toml"))
 
 
-NAMES = [
-    "anthropomorphic",
-    "cartesian",
-    "cylindrical",
-    "cylindrical-r2p",
-    "hexapod",
-    "irb6400c",
-    "leg",
-    "omni",
-    "rv-m1",
-    "scara",
-    "spherical",
-    "spherical-wrist",
-    "theta-r",
-    "theta1-theta2",
-    "wrist-arm",
-]
+PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
+NAMES = sorted(re.findall(r"^\| `([\w-]+)` \|(?:[^|]*\|){5}$", PAGE.read_text(), re.MULTILINE))
+"""The robots of the page's table, which was written by hand."""
 
 
 def test_the_catalogue_holds_every_robot_of_the_table() -> None:
-    assert list(robots.names()) == NAMES
+    assert list(robots.names()) == NAMES and {"scara", "leg", "omni"} < set(NAMES)
     for name in NAMES:
         found = robots.robot(name)
         assert found.name == name
