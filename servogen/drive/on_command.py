@@ -13,14 +13,10 @@ it hears the same and stood at the beginning.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from servogen.bench.virtual.chip import Levels, VirtualChip
+from servogen.bench.virtual.chip import HeldButtons, Levels, VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
@@ -32,8 +28,6 @@ from servogen.engines.player.engine import compiled, play
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST
-from servogen.simulator.sources import Change
-from servogen.units import Clock
 
 POLL_S = 0.01
 """The interval at which commands are polled: less than a frame."""
@@ -222,36 +216,3 @@ class CommandedDrive:
         code = self.twin.command(command)
         if self.link is not None:
             self.link.send(code)
-
-
-@dataclass(slots=True)
-class HeldButtons:
-    """A stimulus of buttons that are pressed and released while the chip runs.
-
-    At most one of `buttons` is held: the one named `held`, from the next multiple of `cycles` on.
-    """
-
-    buttons: Mapping[str, tuple[int, int]]
-    """By name: the number of the pin, and its level while the button is pressed."""
-    cycles: int
-    held: str = ""
-    presses: deque[str] = field(default_factory=deque)
-    """What is held before that, one name for each multiple of `cycles`."""
-
-    def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        until = 1
-        yield until, _packed([Change(0, pin, 1 - level) for pin, level in self.buttons.values()])
-        before = ""
-        while True:
-            now, changes = self.presses.popleft() if self.presses else self.held, []
-            if now != before:
-                for name in filter(None, (before, now)):
-                    pin, level = self.buttons[name]
-                    changes.append(Change(until, pin, level if name == now else 1 - level))
-            before = now
-            until += self.cycles
-            yield until, _packed(changes)
-
-
-def _packed(changes: list[Change]) -> npt.NDArray[np.int64]:
-    return np.array([change.packed for change in changes], dtype=np.int64)

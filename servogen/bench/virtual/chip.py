@@ -7,7 +7,8 @@ chip; `load` starts it with its new contents.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -265,3 +266,36 @@ class VirtualChip:
         now = np.array([chunk.cycle[-1] + self._before], dtype=np.int64)
         word = np.array([self.word], dtype=np.uint32)
         return np.concatenate((begin[0], now)), np.concatenate((begin[1], word))
+
+
+@dataclass(slots=True)
+class HeldButtons:
+    """A stimulus of buttons that are pressed and released while the chip runs.
+
+    At most one of `buttons` is held: the one named `held`, from the next multiple of `cycles` on.
+    """
+
+    buttons: Mapping[str, tuple[int, int]]
+    """By name: the number of the pin, and its level while the button is pressed."""
+    cycles: int
+    held: str = ""
+    presses: deque[str] = field(default_factory=deque)
+    """What is held before that, one name for each multiple of `cycles`."""
+
+    def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        until = 1
+        yield until, _packed([Change(0, pin, 1 - level) for pin, level in self.buttons.values()])
+        before = ""
+        while True:
+            now, changes = self.presses.popleft() if self.presses else self.held, []
+            if now != before:
+                for name in filter(None, (before, now)):
+                    pin, level = self.buttons[name]
+                    changes.append(Change(until, pin, level if name == now else 1 - level))
+            before = now
+            until += self.cycles
+            yield until, _packed(changes)
+
+
+def _packed(changes: list[Change]) -> npt.NDArray[np.int64]:
+    return np.array([change.packed for change in changes], dtype=np.int64)
