@@ -1,6 +1,6 @@
 """The instruction loop as machine code that is cached across processes.
 
-numba compiles the loop once for this processor (about ten seconds); the result is kept as an object file, so
+numba compiles the loop once for this processor (about seven seconds); the result is kept as an object file, so
 that a later process loads it through llvmlite in milliseconds, without numba and its start-up time. The
 file's name is a digest of the sources, the versions and the processor, so that any change selects a new file.
 Because the file is executed, it is loaded only if nobody but the user and root can have written it.
@@ -47,7 +47,7 @@ def loop(observed: bool = False, tracked: bool = False, visits: bool = False) ->
         kept = _kept(folder / name)
         if kept is not None:
             return _load(kept)
-    _LOG.info("compiling the simulator for this processor, which takes about ten seconds")
+    _LOG.info("compiling the simulator for this processor, which takes several seconds")
     code = compile_loop(observed, tracked, visits)
     _keep(name, code)
     return _load(code)
@@ -146,11 +146,15 @@ def compile_loop(observed: bool = False, tracked: bool = False, visits: bool = F
     """
     from numba import cfunc, types
 
+    from servogen.simulator.compiled import Pipeline, compile_general
     from servogen.simulator.core import instruction_loop
 
+    compile_general()
     kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
     signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
-    compiled = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked, visits))
+    compiled = cfunc(signature, pipeline_class=Pipeline, error_model="numpy")(
+        instruction_loop(observed, tracked, visits)
+    )
     text = _alone(compiled.inspect_llvm(), compiled.native_name.removeprefix("cfunc."))
     module = llvm.parse_assembly(text)
     return bytes(_target().emit_object(module))

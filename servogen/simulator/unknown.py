@@ -19,7 +19,7 @@ relation make an ordinary unknown byte of it.
 
 from __future__ import annotations
 
-from servogen.simulator.compiled import Vector, compiled
+from servogen.simulator.compiled import Vector, compiled, compiled_once
 from servogen.simulator.layout import (
     CYCLE,
     EECON1_UNKNOWN,
@@ -61,7 +61,7 @@ _INCFSZ, _DECFSZ, _SWAPF = OPS["INCFSZ"], OPS["DECFSZ"], OPS["SWAPF"]
 _RLF, _RRF = OPS["RLF"], OPS["RRF"]
 
 
-@compiled
+@compiled_once
 def use(s: Vector, kind: int, subject: int, source: int) -> None:
     """Record what was used, where and when, unless there was an earlier use."""
     if s[USE_KIND] == 0:

@@ -5,11 +5,11 @@ Compiled: called from the instruction loop, but rarely.
 
 from __future__ import annotations
 
-from servogen.simulator.compiled import Vector, compiled
+from servogen.simulator.compiled import Vector, compiled_once
 from servogen.simulator.layout import CYCLE, HERE, WARN_COUNT, WARNING_FIELDS, WARNING_SLOTS, WARNINGS
 
 
-@compiled
+@compiled_once
 def warn(s: Vector, code: int, subject: int) -> None:
     """Record `code` about `subject` (a pin, an address), unless it is already recorded or the table is
     full.
@@ -17,7 +17,7 @@ def warn(s: Vector, code: int, subject: int) -> None:
     warn_of(s, code, subject, s[CYCLE], s[HERE])
 
 
-@compiled
+@compiled_once
 def warn_of(s: Vector, code: int, subject: int, cycle: int, place: int) -> None:
     """Record the same for an instruction at `place`, in an earlier cycle."""
     key = code << 16 | subject
