@@ -78,7 +78,7 @@ class Reporter:
         """The codes of warnings that are left out."""
         self.texts: dict[str, str] = {}
         self._lines: dict[str, list[str]] = {}
-        self._found: dict[Diagnostic, None] = {}
+        self._diagnostics: dict[Diagnostic, None] = {}
         self._errors = 0
         self.lost: set[str] = set()
         """Names whose declarations have errors: that they are missing is not reported again."""
@@ -98,7 +98,7 @@ class Reporter:
         line = self._line(place)
         if line is not None and place.column is None:  # a directive or a line of assembly: its first word
             place = Location(place.file, place.line, len(line) - len(line.lstrip()) + 1)
-        self._found[Diagnostic(severity, code, message, place, hint)] = None
+        self._diagnostics[Diagnostic(severity, code, message, place, hint)] = None
 
     def error(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
         self._add("error", code, message, place, hint)
@@ -139,17 +139,17 @@ class Reporter:
             place = each.location or Location()
             return files.get(place.file or "", len(files)), place.line or 0, place.column or 0
 
-        return tuple(sorted(self._found, key=key))
+        return tuple(sorted(self._diagnostics, key=key))
 
     def source_lines(self) -> SourceLines:
         """Return the source lines that the diagnostics point to."""
-        found = {}
-        for each in self._found:
-            place = each.location or Location()
+        quoted = {}
+        for diagnostic in self._diagnostics:
+            place = diagnostic.location or Location()
             line = self._line(place)
             if line is not None:
-                found[place.file or "", place.line or 0] = line
-        return found
+                quoted[place.file or "", place.line or 0] = line
+        return quoted
 
     def failure(self) -> CompileError:
         """Return the error that carries everything reported."""
@@ -157,5 +157,5 @@ class Reporter:
 
     def stop_on_error(self) -> None:
         """Raise CompileError if an error was reported."""
-        if any(each.severity == "error" for each in self._found):
+        if any(diagnostic.severity == "error" for diagnostic in self._diagnostics):
             raise self.failure()

@@ -115,9 +115,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     blocks: list[AsmBlock] = []
     files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
     all_macros: dict[str, Any] = {}
-    for found, _ in files:
-        all_macros.update(found.macros)
-        for pragma in found.pragmas:
+    for preprocessed, _ in files:
+        all_macros.update(preprocessed.macros)
+        for pragma in preprocessed.pragmas:
             settings.pragma(pragma)
     clock = settings.clock(all_macros, options.clock_hz)
     too_fast = clock is not None and clock.hz > options.device.max_clock_hz
@@ -223,7 +223,7 @@ class _Dump:
 def _read(
     source: Source, options: Options, reporter: Reporter, blocks: list[AsmBlock], number: int
 ) -> tuple[Preprocessed, Rewritten]:
-    found = preprocess(
+    preprocessed = preprocess(
         source.text,
         source.file,
         defines={
@@ -235,18 +235,22 @@ def _read(
         reporter=reporter,
         blocks=blocks,
     )
-    return found, rewrite_tokens(found.tokens, blocks, reporter, number * 1000)
+    return preprocessed, rewrite_tokens(preprocessed.tokens, blocks, reporter, number * 1000)
 
 
 def reached(functions: dict[str, Function], roots: list[str]) -> set[str]:
     """Return the functions that the roots call, directly or indirectly, including the roots."""
-    found = set(roots)
+    reached_names = set(roots)
     waiting = list(roots)
     while waiting:
-        more = [name for name in functions[waiting.pop()].calls() if name in functions and name not in found]
-        found.update(more)
+        more = [
+            name
+            for name in functions[waiting.pop()].calls()
+            if name in functions and name not in reached_names
+        ]
+        reached_names.update(more)
         waiting += more
-    return found
+    return reached_names
 
 
 def drop_unused(functions: dict[str, Function], roots: list[str]) -> None:

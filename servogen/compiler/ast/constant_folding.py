@@ -122,8 +122,8 @@ def _field(expr: Ref | Deref, width: int) -> Interval:
     return 0, (1 << width) - 1
 
 
-def _fits(found: Interval, full: Interval) -> Interval:
-    return found if full[0] <= found[0] and found[1] <= full[1] else full
+def _fits(values: Interval, full: Interval) -> Interval:
+    return values if full[0] <= values[0] and values[1] <= full[1] else full
 
 
 def _binary(expr: Binary, full: Interval) -> Interval:
@@ -172,7 +172,7 @@ def has_effect(expr: Expr) -> bool:
         case Choice(condition, yes, no):
             return has_effect(condition) or has_effect(yes) or has_effect(no)
         case Builtin(name, arguments) if name in FLOAT_OPERATIONS:
-            return any(has_effect(each) for each in arguments)
+            return any(has_effect(argument) for argument in arguments)
     target = getattr(expr, "target", None)
     return not (
         type(expr).__name__ == "AddressOf"

@@ -51,7 +51,7 @@ def _is_expression(node: object) -> TypeGuard[Expr]:
 
 def syntax_nodes(root: Any) -> list[Any]:
     """Return a node of pycparser's tree and all below it, the upper ones first."""
-    found = [root]
-    for node in found:
-        found += node
-    return found
+    nodes_below = [root]
+    for node in nodes_below:
+        nodes_below += node
+    return nodes_below

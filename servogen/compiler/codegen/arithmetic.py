@@ -18,15 +18,15 @@ from servogen.compiler.ir.instruction import STATUS, C, Imm, Loc, Operand, Z, ex
 def const(operands: list[Operand]) -> int | None:
     """Return the value of the operands if they are all known constants, else None."""
     total = 0
-    for number, each in enumerate(operands):
-        if not isinstance(each, Imm) or not isinstance(each.value, int):
+    for number, operand in enumerate(operands):
+        if not isinstance(operand, Imm) or not isinstance(operand.value, int):
             return None
-        total |= each.value << 8 * number
+        total |= operand.value << 8 * number
     return total
 
 
 def imms(value: int, size: int) -> list[Operand]:
-    return [Imm(value >> 8 * each & 0xFF) for each in range(size)]
+    return [Imm(value >> 8 * index & 0xFF) for index in range(size)]
 
 
 def destination_bit(gen: InstructionBuilder, target: Loc, left: Operand) -> int:
@@ -196,10 +196,10 @@ def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand
 
 
 def count_up(gen: InstructionBuilder, t: list[Loc]) -> None:
-    for number, each in enumerate(t):
+    for number, byte in enumerate(t):
         if number:
             gen.skip_if(Z, False)
-        gen.emit("INCF", each, 1)
+        gen.emit("INCF", byte, 1)
 
 
 def _count_down(gen: InstructionBuilder, t: list[Loc]) -> None:
@@ -214,9 +214,9 @@ def _count_down(gen: InstructionBuilder, t: list[Loc]) -> None:
         return
     gen.emit("MOVLW", k=1)
     gen.emit("SUBWF", t[0], 1)
-    for each in t[1:-1]:
+    for byte in t[1:-1]:
         gen.skip_if(C, True)
-        gen.emit("SUBWF", each, 1)
+        gen.emit("SUBWF", byte, 1)
     gen.skip_if(C, True)
     gen.emit("DECF", t[-1], 1)
 
@@ -442,14 +442,14 @@ def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> No
         gen.emit("RLF", target[-1], 0)  # the sign into C
     else:
         gen.emit("BCF", STATUS, b=C)
-    for each in reversed(target):
-        gen.emit("RRF", each, 1)
+    for byte in reversed(target):
+        gen.emit("RRF", byte, 1)
 
 
 def one_left(gen: InstructionBuilder, target: list[Loc]) -> None:
     gen.emit("BCF", STATUS, b=C)
-    for each in target:
-        gen.emit("RLF", each, 1)
+    for byte in target:
+        gen.emit("RLF", byte, 1)
 
 
 def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:

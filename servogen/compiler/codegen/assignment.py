@@ -32,10 +32,10 @@ def assign_bytes(gen: FunctionGenerator, target: Ref | Deref, value: list[Operan
         gen.move_all(ref_locs(gen, target), value)
         return
     point_fsr(gen, target)
-    for number, each in enumerate(value):
+    for number, byte in enumerate(value):
         if number:
             gen.emit("INCF", FSR, 1)
-        gen.move(INDF, each)
+        gen.move(INDF, byte)
 
 
 def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
@@ -90,7 +90,7 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
     3.
     """
     inner = stripped(value)
-    symbols: list[Loc] = [each if isinstance(each, Reg) else Byte(each.symbol, 0) for each in locs]
+    symbols: list[Loc] = [loc if isinstance(loc, Reg) else Byte(loc.symbol, 0) for loc in locs]
     if inner.type.size < len(locs) or (len(locs) > 1 and isinstance(locs[0], Reg)):
         return False
     if is_direct(gen, inner):

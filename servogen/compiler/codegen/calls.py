@@ -85,14 +85,14 @@ def library_call(gen: FunctionGenerator, function: Function, operands: list[list
         if parameter is function.w_parameter:
             w_operand = values[0]
             continue
-        for number, each in enumerate(values[: parameter.size]):
-            gen.move(Byte(parameter, number), each)
+        for number, value in enumerate(values[: parameter.size]):
+            gen.move(Byte(parameter, number), value)
     if w_operand is not None:
         gen.load(w_operand)
     gen.emit("CALL", target=function.name)
     if function.result is None:
         return []
-    return [Byte(function.result, each) for each in range(function.result.size)]
+    return [Byte(function.result, index) for index in range(function.result.size)]
 
 
 def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
@@ -105,7 +105,7 @@ def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     if is_byte(left) and not is_byte(right):
         left, right = right, left
     function = gen.library("mul", gen.context.routines.multiply(left, right, size))
-    one, two = pair(gen, left, right, max(each.size for each in function.parameters))
+    one, two = pair(gen, left, right, max(parameter.size for parameter in function.parameters))
     result = library_call(gen, function, [one, two])
     gen.move_all(target, list(result[:size]))
 

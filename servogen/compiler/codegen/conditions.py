@@ -118,7 +118,7 @@ def _against_constant(
     if signed:
         operands = biased(gen, operands)
         bound += 1 << 8 * size - 1
-    compare_less(gen, operands, [Imm(bound >> 8 * each & 0xFF) for each in range(size)])
+    compare_less(gen, operands, [Imm(bound >> 8 * index & 0xFF) for index in range(size)])
     gen.goto_if(C, at_least, label)
 
 
@@ -148,7 +148,7 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
         gen.goto_if(Z, equal, label)
         return
     a, b = pair(gen, left, right, size)
-    if sum(each != Imm(0) for each in b) == 1 and not any(isinstance(each, Imm) for each in a):
+    if sum(operand != Imm(0) for operand in b) == 1 and not any(isinstance(operand, Imm) for operand in a):
         _equal_in_one_byte(gen, a, b)
         gen.goto_if(Z, equal, label)
         return
@@ -222,7 +222,7 @@ def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
 
 def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
     """Set Z if all bytes are zero."""
-    variables = [each for each in operands if each != Imm(0)]
+    variables = [operand for operand in operands if operand != Imm(0)]
     if not variables:
         gen.emit("MOVLW", k=0)
         gen.emit("IORLW", k=0)
@@ -230,11 +230,11 @@ def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
     gen.load(variables[0])
     if isinstance(variables[0], Imm):
         gen.emit("IORLW", k=0)
-    for each in variables[1:]:
-        if isinstance(each, Imm):
-            gen.emit("IORLW", k=each.value)
+    for operand in variables[1:]:
+        if isinstance(operand, Imm):
+            gen.emit("IORLW", k=operand.value)
         else:
-            gen.emit("IORWF", each, 0)
+            gen.emit("IORWF", operand, 0)
 
 
 def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:

@@ -93,8 +93,8 @@ def calls_something(expr: Expr) -> bool:
 
 def touches(expr: Expr, locs: list[Loc]) -> bool:
     """Return whether evaluating `expr` may read or change one of the bytes (given as symbols of the tree)."""
-    symbols = {each.symbol for each in locs if isinstance(each, Byte)}
-    registers = any(isinstance(each, Reg) for each in locs)
+    symbols = {loc.symbol for loc in locs if isinstance(loc, Byte)}
+    registers = any(isinstance(loc, Reg) for loc in locs)
     return _touches(expr, symbols, registers)
 
 

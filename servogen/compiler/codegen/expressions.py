@@ -105,10 +105,10 @@ def _into_num(gen: FunctionGenerator, expr: Num, target: list[Loc]) -> None:
 def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
     if is_direct(gen, expr):
         operands = operands_of(gen, expr, len(target))
-        for each, operand in zip(target, operands, strict=True):
-            if each == operand and exposed(each):  # x = x
-                gen.load(each)
-                gen.store(each)
+        for byte, operand in zip(target, operands, strict=True):
+            if byte == operand and exposed(byte):  # x = x
+                gen.load(byte)
+                gen.store(byte)
         gen.move_all(target, operands)
     elif expr.width:
         into_field(gen, expr, target)
@@ -302,7 +302,9 @@ def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
         widen_result(gen, expr, target, 1)
         return
     assert function.result is not None
-    result: list[Operand] = [Byte(function.result, each) for each in range(min(expr.type.size, len(target)))]
+    result: list[Operand] = [
+        Byte(function.result, index) for index in range(min(expr.type.size, len(target)))
+    ]
     gen.move_all(target[: len(result)], result)
     widen_result(gen, expr, target, len(result))
 

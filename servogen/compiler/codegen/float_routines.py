@@ -65,7 +65,7 @@ def shared(library: Library, size: int) -> Registers:
     own = {symbol.name: symbol for symbol in library("float_pack", (size,)).own}
     value = own["value"]
     guard, high, sign = (Byte(own[name], 0) for name in ("guard", "high", "sign"))
-    return Registers([Byte(value, each) for each in range(size)], guard, high, sign)
+    return Registers([Byte(value, index) for index in range(size)], guard, high, sign)
 
 
 def second_operand(library: Library, size: int) -> list[Loc]:
@@ -84,8 +84,8 @@ def _returns_value(gen: InstructionBuilder, registers: Registers) -> None:
 def _skip_unless_zero(gen: InstructionBuilder, bytes_: list[Loc]) -> None:
     """Skip the next instruction unless all bytes are 0."""
     gen.load(bytes_[0])
-    for each in bytes_[1:]:
-        gen.emit("IORWF", each, 0)
+    for byte in bytes_[1:]:
+        gen.emit("IORWF", byte, 0)
     gen.skip_if(Z, False)
 
 
@@ -186,8 +186,8 @@ def not_a_number(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     r = shared(library, key[0])
     _returns_value(gen, r)
     gen.function.also_calls = (library("float_pack", key).name,)
-    for each in r.mantissa[:-1]:
-        gen.emit("CLRF", each)
+    for byte in r.mantissa[:-1]:
+        gen.emit("CLRF", byte)
     _put(gen, r.top, 0xC0)
     _put(gen, r.exponent, 0x7F)
     gen.emit("RETURN")
@@ -225,8 +225,8 @@ def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
             gen.emit("RETURN")
         gen.load(operand[-2])
         gen.emit("ANDLW", k=0x7F)
-        for each in operand[:-2]:
-            gen.emit("IORWF", each, 0)
+        for byte in operand[:-2]:
+            gen.emit("IORWF", byte, 0)
         gen.emit("ADDLW", k=0xFF)
         if operand is r.value:
             gen.skip_if(C, False)
@@ -273,8 +273,8 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     for one, two in ((r.value, other), (other, r.value)):  # a zero need not be shifted
         after = gen.new_label()
         gen.load(one[0])
-        for each in one[1:-1]:
-            gen.emit("IORWF", each, 0)
+        for byte in one[1:-1]:
+            gen.emit("IORWF", byte, 0)
         gen.goto_if(Z, False, after)
         gen.move(one[-1], two[-1])
         gen.label(after)
@@ -284,8 +284,8 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.emit("SUBWF", r.exponent, 0)
     gen.goto_if(Z, True, aligned)
     gen.goto_if(C, True, shift_other)
-    for each in reversed(wide):
-        gen.emit("RRF", each, 1)
+    for byte in reversed(wide):
+        gen.emit("RRF", byte, 1)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
     gen.goto(align)
@@ -299,8 +299,8 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.goto_if(7, True, differ, r.sign)
     add(gen, wide, list(wide), list(wide_other))
     gen.goto_if(C, False, of_first)
-    for each in reversed(wide):
-        gen.emit("RRF", each, 1)
+    for byte in reversed(wide):
+        gen.emit("RRF", byte, 1)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
     gen.goto(of_first)
@@ -464,7 +464,7 @@ def comparison(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.emit("CALL", target=library("float_unpack", key).name)
     gen.skip_if(C, False)
     gen.emit("RETLW", k=0)
-    same, differ, first_larger = (gen.new_label(each) for each in ("same", "differ", "first_larger"))
+    same, differ, first_larger = (gen.new_label(name) for name in ("same", "differ", "first_larger"))
     gen.goto_if(7, False, same, r.sign)
     _skip_unless_zero(gen, [*r.mantissa, *other[:-1]])
     gen.emit("RETLW", k=EQUAL)
@@ -489,21 +489,21 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     """Emit the conversion to an integer of 32 bits, rounding towards zero; the low bits where it has more."""
     (size,) = key
     value = parameter(gen, "value", size)
-    found = value if size == 4 else variable(gen, "whole", 4)
+    integer = value if size == 4 else variable(gen, "whole", 4)
     sign, count = variable(gen, "sign", 1)[0], variable(gen, "count", 1)[0]
-    assert isinstance(found[0], Byte)
-    gen.function.result = found[0].symbol
-    right, left, signed = (gen.new_label(each) for each in ("right", "left", "signed"))
+    assert isinstance(integer[0], Byte)
+    gen.function.result = integer[0].symbol
+    right, left, signed = (gen.new_label(name) for name in ("right", "left", "signed"))
     gen.move(sign, value[-1])
     gen.emit("RLF", value[-2], 0)
     gen.emit("RLF", value[-1], 0)
     gen.store(count)
-    mantissa = found[: size - 1]
+    mantissa = integer[: size - 1]
     for target, source in zip(mantissa, value, strict=False):
         gen.move(target, source)
     gen.emit("BSF", mantissa[-1], b=7)
-    for each in found[size - 1 :]:
-        gen.emit("CLRF", each)
+    for byte in integer[size - 1 :]:
+        gen.emit("CLRF", byte)
     gen.emit("MOVLW", k=FLOAT_BIAS + 8 * (size - 1) - 1)
     gen.emit("SUBWF", count, 1)
     gen.goto_if(C, True, left)
@@ -517,13 +517,13 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.function.bounds[left] = LONGEST_SHIFT
     gen.emit("MOVF", count, 1)
     gen.goto_if(Z, True, signed)
-    one_left(gen, found)
+    one_left(gen, integer)
     gen.emit("DECF", count, 1)
     gen.goto(left)
     gen.label(signed)
     gen.skip_if(7, True, sign)
     gen.emit("RETURN")
-    negate(gen, found, list(found))
+    negate(gen, integer, list(integer))
     gen.emit("RETURN")
 
 
@@ -544,9 +544,9 @@ def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     positive = gen.new_label("positive")
     gen.emit("CLRF", r.sign)
     gen.emit("CLRF", r.high)
-    for each in [r.guard, *r.mantissa]:
-        if each not in places:
-            gen.emit("CLRF", each)
+    for byte in [r.guard, *r.mantissa]:
+        if byte not in places:
+            gen.emit("CLRF", byte)
     if signed:
         gen.goto_if(7, False, positive, places[-1])
         gen.emit("BSF", r.sign, b=7)

@@ -36,20 +36,22 @@ def float_operation(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
 
 
 def _size(expr: Builtin) -> int:
-    return next(each.type.size for each in (expr, *expr.arguments) if isinstance(each.type, FloatType))
+    return next(
+        operand.type.size for operand in (expr, *expr.arguments) if isinstance(operand.type, FloatType)
+    )
 
 
 def _called(gen: FunctionGenerator, routine: Function) -> list[Loc]:
     gen.emit("CALL", target=routine.name)
     if routine.result is None:
         return []
-    return [Byte(routine.result, each) for each in range(routine.result.size)]
+    return [Byte(routine.result, index) for index in range(routine.result.size)]
 
 
 def _to_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
     routine = gen.library(expr.name, (_size(expr),))
     parameter = routine.parameters[0]
-    _evaluate_into(gen, expr.arguments[0], [Byte(parameter, each) for each in range(parameter.size)])
+    _evaluate_into(gen, expr.arguments[0], [Byte(parameter, index) for index in range(parameter.size)])
     return _called(gen, routine)
 
 
@@ -57,7 +59,7 @@ def _from_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
     size = _size(expr)
     signed, integer = bool(expr.data), expr.arguments[0]
     routine = gen.library(expr.name, (size, integer.type.size, int(signed)))
-    extra: list[Loc] = [Byte(each, 0) for each in routine.own if each.name == "extra"]
+    extra: list[Loc] = [Byte(symbol, 0) for symbol in routine.own if symbol.name == "extra"]
     _evaluate_into(gen, integer, integer_places(shared(gen.library, size), extra, integer.type.size))
     return _called(gen, routine)
 

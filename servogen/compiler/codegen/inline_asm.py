@@ -62,7 +62,7 @@ def assemble_line(text: str, place: Location, names: Names, label: Labels) -> li
     parsed = parse_line(binary_constants(code), place, RADIX)
     lines: list[Line] = [Label(label(parsed.label), place)] if parsed.label else []
     try:
-        return [*lines, *(_instruction(each, names, label) for each in parsed.instructions)]
+        return [*lines, *(_instruction(instruction, names, label) for instruction in parsed.instructions)]
     except SourceError as error:
         raise InputError.of([Diagnostic("error", error.code, error.text, place, error.hint)]) from error
 
@@ -155,8 +155,8 @@ def _with_offset(expression: Expression, names: Names) -> tuple[Symbol, int] | N
             offset = _constant(right, _ChipNames())
             if sign == "+" and offset is None:
                 left, offset = right, _constant(left, _ChipNames())
-            found = None if offset is None else _with_offset(left, names)
-            return found and (found[0], found[1] + (offset or 0) * (-1 if sign == "-" else 1))
+            inner = None if offset is None else _with_offset(left, names)
+            return inner and (inner[0], inner[1] + (offset or 0) * (-1 if sign == "-" else 1))
     return None
 
 
@@ -181,9 +181,9 @@ def _target(expression: Expression, label: Labels) -> str:
 
 
 def _file(expression: Expression, names: Names) -> Loc:
-    found = _with_offset(expression, names)
-    if found is not None:
-        symbol, offset = _used(found[0]), found[1]
+    location = _with_offset(expression, names)
+    if location is not None:
+        symbol, offset = _used(location[0]), location[1]
         if symbol.kind == "flash":
             raise SourceError("c-asm", f"'{symbol.name}' is in flash and has no RAM address")
         if symbol.kind == "fixed" and symbol.address is not None:
@@ -217,9 +217,9 @@ def _literal(expression: Expression, names: Names) -> int | AddressByte:
     part, within = 0, expression
     if isinstance(expression, Unary) and expression.operator in ("low", "high"):
         part, within = int(expression.operator == "high"), expression.operand
-    found = _with_offset(within, names)
-    if found is not None:
-        return AddressByte(_used(found[0]), found[1], part)
+    address = _with_offset(within, names)
+    if address is not None:
+        return AddressByte(_used(address[0]), address[1], part)
     value = _constant(expression, _ChipNames(bits=True))
     if value is None:
         raise SourceError("c-asm", f"'{spelling(expression)}' is not a number from 0 to 255")

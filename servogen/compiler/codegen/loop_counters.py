@@ -61,7 +61,7 @@ def simplify_counters(function: FunctionDefinition) -> None:
     """Rewrite the counting loops of a function."""
     if function.body is None or _is_entered_in_the_middle(function.body):
         return
-    for block in [each for each in nodes(function.body) if isinstance(each, Block)]:
+    for block in [node for node in nodes(function.body) if isinstance(node, Block)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             counting = _counting(before, loop)
             if counting is not None and not _may_change(counting):
@@ -129,7 +129,7 @@ def _narrow_reads(body: Stmt, variable: Ref) -> None:
 
     def narrow(value: object) -> object:
         if isinstance(value, list):
-            return [narrow(each) for each in value]
+            return [narrow(item) for item in value]
         if not _is_same(value, variable):
             return value
         assert isinstance(value, Ref)
@@ -211,8 +211,8 @@ def _may_change(counting: _Counting) -> bool:
     """Return whether the body may change the variable."""
     symbol = counting.variable.symbol
     return any(
-        isinstance(each, (Assign, Update, AddressOf)) and getattr(each.target, "symbol", None) is symbol
-        for each in nodes(counting.loop.body)
+        isinstance(inner, (Assign, Update, AddressOf)) and getattr(inner.target, "symbol", None) is symbol
+        for inner in nodes(counting.loop.body)
     )
 
 
@@ -253,4 +253,4 @@ def _assigns(expr: Expr, symbol: Symbol) -> bool:
 
 def _uses(node: object, symbol: Symbol) -> set[int]:
     """Return the identities of the nodes below a node that name a variable."""
-    return {id(each) for each in nodes(node) if isinstance(each, Ref) and each.symbol is symbol}
+    return {id(ref) for ref in nodes(node) if isinstance(ref, Ref) and ref.symbol is symbol}

@@ -44,8 +44,10 @@ def _pointer_cast(gen: FunctionGenerator, expr: Cast) -> list[Operand]:
 
 def address_operands(gen: FunctionGenerator, target: Ref, have: int, size: int) -> list[Operand]:
     symbol = gen.symbol(target.symbol)
-    found: list[Operand] = [Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))]
-    return found + imms(0, size - len(found))
+    address: list[Operand] = [
+        Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))
+    ]
+    return address + imms(0, size - len(address))
 
 
 def extended(gen: FunctionGenerator, operands: list[Operand], expr: Expr, size: int) -> list[Operand]:
@@ -106,7 +108,9 @@ def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[li
 
 def kept(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
     """Return operands in which variables are replaced by copies, so that nothing can change them."""
-    variables = [each for each in operands if not isinstance(each, Imm) and not _is_temp(gen, each)]
+    variables = [
+        operand for operand in operands if not isinstance(operand, Imm) and not _is_temp(gen, operand)
+    ]
     if not variables:
         return operands
     held: list[Loc] = gen.temp(len(operands))
@@ -120,8 +124,8 @@ def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
 
 def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) -> list[Operand]:
     """Return operands of which no byte is a target byte at another position."""
-    for number, each in enumerate(operands):
-        if any(each == t and at != number for at, t in enumerate(target)):
+    for number, operand in enumerate(operands):
+        if any(operand == t and at != number for at, t in enumerate(target)):
             held: list[Loc] = gen.temp(len(operands))
             gen.move_all(held, operands)
             return list(held)

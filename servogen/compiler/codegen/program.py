@@ -92,7 +92,7 @@ class ProgramGenerator:
         if full not in self.functions:
             definition = self.program.functions[name]
             function = Function(full, place=definition.place)
-            function.parameters = [self._symbol(each, isr=isr) for each in definition.parameters]
+            function.parameters = [self._symbol(symbol, isr=isr) for symbol in definition.parameters]
             result = definition.result
             if not isinstance(result, VoidType):
                 if result.size == 1 and result.scalar:
@@ -106,9 +106,9 @@ class ProgramGenerator:
                         pinned=not isinstance(result, (IntType, FloatType)),
                     )
                     function.own.append(function.result)
-            one_byte = [each for each in function.parameters if each.size == 1 and each.type.scalar]
+            one_byte = [symbol for symbol in function.parameters if symbol.size == 1 and symbol.type.scalar]
             function.w_parameter = one_byte[-1] if one_byte else None
-            locals_ = [self._symbol(each, isr=isr) for each in definition.locals]
+            locals_ = [self._symbol(symbol, isr=isr) for symbol in definition.locals]
             function.own += [*function.parameters, *locals_]
             self.functions[full] = function
         return self.functions[full]

@@ -47,7 +47,7 @@ def variable(
         gen.function.parameters.append(symbol)
     if in_w:
         gen.function.w_parameter = symbol
-    return [Byte(symbol, each) for each in range(size)]
+    return [Byte(symbol, index) for index in range(size)]
 
 
 def parameter(gen: InstructionBuilder, name: str, size: int, *, in_w: bool = False) -> list[Loc]:
@@ -115,8 +115,8 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
     size, width, carry = key
     a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", width)
     rest, count = variable(gen, "remainder", width), variable(gen, "count", 1)[0]
-    for each in rest:
-        gen.emit("CLRF", each)
+    for byte in rest:
+        gen.emit("CLRF", byte)
     gen.emit("MOVLW", k=8 * size)
     gen.store(count)
     loop, take_away, after = gen.new_label(), gen.new_label(), gen.new_label()

@@ -52,8 +52,10 @@ def arrange(
 ) -> Arrangement:
     """Add the start-up code and the interrupt's frame to the functions, and return how they are arranged."""
     functions = generator.functions
-    statics = used_statics([each for each in program.symbols if each.kind in ("global", "fixed")], functions)
-    found = Arrangement([START], statics)
+    statics = used_statics(
+        [symbol for symbol in program.symbols if symbol.kind in ("global", "fixed")], functions
+    )
+    arrangement = Arrangement([START], statics)
     start = Function(START, falls_into="main")
     _initialise(start, statics)
     functions[START] = start
@@ -78,15 +80,15 @@ def arrange(
             handler.origin = INTERRUPT_VECTOR
         else:
             _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
-        found.roots.append(handler.name)
-        found.first = [RESET, handler.name]
-    found.tables = add_tables(functions, statics)
-    found.first += [
+        arrangement.roots.append(handler.name)
+        arrangement.first = [RESET, handler.name]
+    arrangement.tables = add_tables(functions, statics)
+    arrangement.first += [
         START,
         "main",
         *(name for name, function in functions.items() if function.table is not None),
     ]
-    return found
+    return arrangement
 
 
 def _leaves(function: Function, functions: dict[str, Function]) -> bool:
@@ -156,8 +158,8 @@ def used_statics(statics: list[Symbol], functions: dict[str, Function]) -> list[
         if symbol not in named:
             named.add(symbol)
             waiting += pointed_to(symbol)
-    found = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
-    return sorted(found, key=lambda symbol: bool(symbol.initial))
+    used = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
+    return sorted(used, key=lambda symbol: bool(symbol.initial))
 
 
 def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:
@@ -192,8 +194,8 @@ def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:
             held = kept("fsr" if register == FSR else "pclath")
             before += [Instruction("MOVF", register, 0), Instruction("MOVWF", held)]
             after = [Instruction("MOVF", held, 0), Instruction("MOVWF", register), *after]
-    for each in (*before, *after):
-        each.fixed = True
+    for ins in (*before, *after):
+        ins.fixed = True
     body = list(function.lines())
     assert isinstance(body[-1], Instruction) and body[-1].op == "RETFIE"
     function.replace([*before, *body[:-1], *after])

@@ -66,12 +66,12 @@ def statement(gen: FunctionGenerator, node: Stmt) -> None:
 
 def _stmt_block(gen: FunctionGenerator, node: Block) -> None:
     before: Stmt | None = None
-    for each in node.body:
-        if isinstance(each, Loop) and not each.post and before is not None and _holds_at_first(each, before):
-            _loop(gen, each, entered=True)
+    for item in node.body:
+        if isinstance(item, Loop) and not item.post and before is not None and _holds_at_first(item, before):
+            _loop(gen, item, entered=True)
         else:
-            statement(gen, each)
-        before = each
+            statement(gen, item)
+        before = item
 
 
 def _stmt_expr_stmt(gen: FunctionGenerator, node: ExprStmt) -> None:
@@ -175,8 +175,8 @@ def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
     operands = kept(gen, operands_of(gen, node.value, size))
     for value, label in possible:
         other = gen.new_label()
-        for number, each in enumerate(operands):
-            differ(gen, each, Imm(value >> 8 * number & 0xFF))
+        for number, operand in enumerate(operands):
+            differ(gen, operand, Imm(value >> 8 * number & 0xFF))
             if number == size - 1:
                 gen.goto_if(Z, True, gen.case_labels[label])
             else:
@@ -225,7 +225,7 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
         else:
             assert gen.function.result is not None
             size = gen.function.result.size
-            into(gen, node.value, [Byte(gen.function.result, each) for each in range(size)])
+            into(gen, node.value, [Byte(gen.function.result, index) for index in range(size)])
     gen.goto(gen.end_label)
 
 
@@ -235,11 +235,11 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
     for place, text in node.lines:
         gen.place = place
         try:
-            found = assemble_line(text, place, _asm_name(gen, node), _asm_label(gen, node, labels))
+            lines = assemble_line(text, place, _asm_name(gen, node), _asm_label(gen, node, labels))
         except InputError as error:
             gen.context.reporter.error(error.code, f"assembly: {error.message}", place, error.hint)
             continue
-        for line in found:
+        for line in lines:
             line.place, line.fixed = place, True
             gen.function.append(line)
 

@@ -50,7 +50,7 @@ def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Sy
 
     A table that both main and the interrupt read exists twice, because its routine keeps the index in a byte.
     """
-    found: dict[Symbol, str] = {}
+    tables: dict[Symbol, str] = {}
     called: dict[str, Symbol] = {}
     waiting: list[Symbol] = []
     for function in functions.values():
@@ -60,29 +60,29 @@ def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Sy
             elif isinstance(ins.k, AddressByte):
                 waiting.append(ins.k.symbol)
     waiting += [
-        each.symbol
+        byte.symbol
         for symbol in statics
-        for each in (symbol.initial or {}).values()
-        if isinstance(each, AddressByte)
+        for byte in (symbol.initial or {}).values()
+        if isinstance(byte, AddressByte)
     ]
     for name, symbol in called.items():
         held = Symbol("index", U8, "temp", function=name)
         functions[name] = Function(name, own=[held], table=symbol, w_parameter=held)
-        found.setdefault(symbol, data_label(name))
+        tables.setdefault(symbol, data_label(name))
         waiting += pointed_to(symbol)
     while waiting:
         symbol = waiting.pop(0)
-        if symbol.kind == "flash" and symbol not in found:
+        if symbol.kind == "flash" and symbol not in tables:
             name = table_name(symbol)
             functions[name] = Function(name, table=symbol)
-            found[symbol] = data_label(name)
+            tables[symbol] = data_label(name)
             waiting += pointed_to(symbol)
-    return found
+    return tables
 
 
 def pointed_to(symbol: Symbol) -> list[Symbol]:
     """Return the objects whose addresses the initial value of a variable or flash object contains."""
-    return [each.symbol for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
+    return [byte.symbol for byte in (symbol.initial or {}).values() if isinstance(byte, AddressByte)]
 
 
 def table_code(function: Function, address: int, *, only_first_page: bool) -> list[Line] | None:
@@ -92,7 +92,8 @@ def table_code(function: Function, address: int, *, only_first_page: bool) -> li
     symbol = function.table
     assert symbol is not None
     data = [
-        Instruction("RETLW", k=(symbol.initial or {}).get(each, 0), fixed=True) for each in range(symbol.size)
+        Instruction("RETLW", k=(symbol.initial or {}).get(index, 0), fixed=True)
+        for index in range(symbol.size)
     ]
     label = Label(data_label(function.name), fixed=True)
     if function.w_parameter is None:

@@ -51,12 +51,12 @@ def plan(cycles: int) -> Plan:
     plans = [Plan((), False, cycles)] if cycles <= 16 else []
     for levels in range(1, MAX_LEVELS + 1):
         for in_w in (True, False):
-            found = _loops(cycles, levels, in_w)
-            if found is not None:
-                plans.append(found)
-        if plans and levels >= 2 and any(len(each.counts) < levels for each in plans):
+            loops = _loops(cycles, levels, in_w)
+            if loops is not None:
+                plans.append(loops)
+        if plans and levels >= 2 and any(len(candidate.counts) < levels for candidate in plans):
             break
-    return min(plans, key=lambda each: (each.words, each.bytes, each.rest))
+    return min(plans, key=lambda candidate: (candidate.words, candidate.bytes, candidate.rest))
 
 
 def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
@@ -82,16 +82,16 @@ def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
     return Plan((inner, *reversed(counts)), in_w, rest)
 
 
-def instructions(found: Plan, counters: list[Loc], label: str) -> list[Line]:
+def instructions(loops: Plan, counters: list[Loc], label: str) -> list[Line]:
     """Return the instructions of a plan; `counters` are its bytes, `label` names its loop."""
     out: list[Line] = []
     memory = list(counters)
-    levels = len(found.counts)
+    levels = len(loops.counts)
     places: list[Loc | None] = []
     for level in range(levels):
-        places.append(None if level == 0 and found.in_w else memory.pop(0))
+        places.append(None if level == 0 and loops.in_w else memory.pop(0))
     for level in reversed(range(levels)):
-        out.append(Instruction("MOVLW", k=found.counts[level] & 0xFF))
+        out.append(Instruction("MOVLW", k=loops.counts[level] & 0xFF))
         place = places[level]
         if place is not None:
             out.append(Instruction("MOVWF", place))
@@ -106,7 +106,7 @@ def instructions(found: Plan, counters: list[Loc], label: str) -> list[Line]:
             ]
         else:
             out += [Instruction("DECFSZ", place, 1), Instruction("GOTO", target=label)]
-    out += filler(found.rest, label)
+    out += filler(loops.rest, label)
     for line in out:
         line.fixed = True
     return out

@@ -18,15 +18,15 @@ def frame(function: Function) -> tuple[dict[Symbol, int], int]:
     """
     conflicts = symbol_conflicts(function)
     offsets: dict[Symbol, int] = {}
-    for symbol in sorted(conflicts, key=lambda each: -each.size):
+    for symbol in sorted(conflicts, key=lambda symbol: -symbol.size):
         busy = {
-            offsets[other] + each
+            offsets[other] + index
             for other in conflicts[symbol]
             if other in offsets
-            for each in range(other.size)
+            for index in range(other.size)
         }
         at = 0
-        while any(at + each in busy for each in range(symbol.size)):
+        while any(at + index in busy for index in range(symbol.size)):
             at += 1
         offsets[symbol] = at
     return offsets, max((at + symbol.size for symbol, at in offsets.items()), default=0)
@@ -49,7 +49,7 @@ def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
     own = [symbol for symbol in used if symbol in set(function.own)]
     conflicts: dict[Symbol, set[Symbol]] = {symbol: set() for symbol in own}
     if function.inline_asm or function.name.startswith("__"):
-        return {symbol: {each for each in own if each is not symbol} for symbol in own}
+        return {symbol: {other for other in own if other is not symbol} for symbol in own}
     for byte, mask in interference(function, live).items():
         if byte.symbol not in conflicts:
             continue

@@ -45,7 +45,7 @@ def allocate(
 
     def place(size: int, start: int) -> int:
         at = start
-        while any(at + each in taken for each in range(size)):
+        while any(at + index in taken for index in range(size)):
             at += 1
         return at
 
@@ -118,21 +118,21 @@ def lay_out(
     `small` tells whether the program is already as small as the compiler can make it.
     """
     pointers = any(function.name.startswith("__flash") for function in order)
-    found = None if pointers else _place(order, only_first_page=True)
-    if found is None:
-        found = _place(order, only_first_page=False)
-    assert found is not None
-    if found.end > PROGRAM_WORDS:
+    layout = None if pointers else _place(order, only_first_page=True)
+    if layout is None:
+        layout = _place(order, only_first_page=False)
+    assert layout is not None
+    if layout.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
         raise reporter.fatal(
             "program-too-large",
-            f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
+            f"the program needs {layout.end} words of flash, the chip has {PROGRAM_WORDS}",
             Location(file),
             "optimise for size (-Os): equal code is shared" if not small else None,
         )
-    for word in found.words:
-        word.value = _encode(word, found.labels, memory, tables, reporter)
-    return found
+    for word in layout.words:
+        word.value = _encode(word, layout.labels, memory, tables, reporter)
+    return layout
 
 
 def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
@@ -145,10 +145,10 @@ def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
     address = 0
     for function in order:
         if function.table is not None:
-            found = table_code(function, address, only_first_page=only_first_page)
-            if found is None:
+            table = table_code(function, address, only_first_page=only_first_page)
+            if table is None:
                 return None
-            function.replace(found)
+            function.replace(table)
         address = function.origin if function.origin is not None else address
         labels[function.name] = begin = address
         for line in function.lines():

@@ -35,7 +35,7 @@ def make_listing(
             name,
             start,
             end,
-            sum(each.size for each in functions[name].own),
+            sum(symbol.size for symbol in functions[name].own),
             len(chains[name]),
             *_times(times.get(name)),
         )
@@ -47,8 +47,8 @@ def make_listing(
 
 def _labels(layout: Layout) -> tuple[tuple[str, int], ...]:
     """Return the labels of inline assembly by address, under the names that they have in the source."""
-    found = [(source_label(name), address) for name, address in layout.labels.items()]
-    return tuple(sorted(((name, at) for name, at in found if name is not None), key=itemgetter(1, 0)))
+    named = [(source_label(name), address) for name, address in layout.labels.items()]
+    return tuple(sorted(((name, at) for name, at in named if name is not None), key=itemgetter(1, 0)))
 
 
 def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
@@ -69,13 +69,13 @@ def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
 
 def _runs(addresses: set[int]) -> list[tuple[int, int]]:
     """Return (first, count) of each run of consecutive addresses."""
-    found: list[tuple[int, int]] = []
+    runs: list[tuple[int, int]] = []
     for address in sorted(addresses):
-        if found and sum(found[-1]) == address:
-            found[-1] = (found[-1][0], found[-1][1] + 1)
+        if runs and sum(runs[-1]) == address:
+            runs[-1] = (runs[-1][0], runs[-1][1] + 1)
         else:
-            found.append((address, 1))
-    return found
+            runs.append((address, 1))
+    return runs
 
 
 def _times(times: FunctionTimes | None) -> tuple[int | None, int | None, tuple[str, ...]]:

@@ -53,21 +53,23 @@ def function_times(
     changing = of_interrupt.changes(INTERRUPT_VECTOR) if in_interrupt else frozenset[int]()
     of_main = Program(words, listed, changing=changing, bounds=bounds, pieces=pieces)
     reached = set(main) | in_interrupt
-    found: dict[str, FunctionTimes] = {}
-    for each in listed:
-        if each.name in reached:
-            (of_interrupt if each.name in in_interrupt else of_main).times(each.start)
+    times_by_name: dict[str, FunctionTimes] = {}
+    for routine in listed:
+        if routine.name in reached:
+            (of_interrupt if routine.name in in_interrupt else of_main).times(routine.start)
     names = {start: name for name, (start, _) in layout.starts.items()}
-    for each in listed:
-        if each.name in reached:
-            program = of_interrupt if each.name in in_interrupt else of_main
-            library = each.name.startswith("__")
-            times = program.times_with_arguments(each.start) if library else program.times(each.start)
+    for routine in listed:
+        if routine.name in reached:
+            program = of_interrupt if routine.name in in_interrupt else of_main
+            library = routine.name.startswith("__")
+            times = program.times_with_arguments(routine.start) if library else program.times(routine.start)
             why = [
-                _name(reason, functions[each.name], places, names, program) for reason in times.unbounded
+                _name(reason, functions[routine.name], places, names, program) for reason in times.unbounded
             ] or (["stands still at its end"] if times.longest is None else [])
-            found[each.name] = FunctionTimes(times.shortest, times.longest, tuple(dict.fromkeys(why)))
-    return found
+            times_by_name[routine.name] = FunctionTimes(
+                times.shortest, times.longest, tuple(dict.fromkeys(why))
+            )
+    return times_by_name
 
 
 def _name(
@@ -97,12 +99,12 @@ def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Loc
     """Return the source loop that contains these words."""
     if function.waits_for:
         return f"waits for {function.waits_for}"
-    found = [places.get(at) for at in addresses]
-    inside = [(each.line, each.column or 0) for each in found if each is not None and each.line]
+    all_places = [places.get(at) for at in addresses]
+    inside = [(place.line, place.column or 0) for place in all_places if place is not None and place.line]
     if not inside:
         return "a loop"
-    around = [each for each in function.loops if each.first <= min(inside) and max(inside) <= each.last]
+    around = [loop for loop in function.loops if loop.first <= min(inside) and max(inside) <= loop.last]
     if not around:
         return f"loop at line {min(inside)[0]}"
-    inner = max(around, key=lambda each: each.first)
+    inner = max(around, key=lambda loop: loop.first)
     return f"{inner.kind} at line {inner.first[0]}"

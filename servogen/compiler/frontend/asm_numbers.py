@@ -36,7 +36,7 @@ def binary_constants(text: str) -> str:
 def assembler_number(text: str) -> int | None:
     """Return a constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 is accepted too."""
     try:
-        found = parse_expression(Text.of(binary_constants(text)), RADIX)
-        return evaluate(found, _NoNames())
+        expression = parse_expression(Text.of(binary_constants(text)), RADIX)
+        return evaluate(expression, _NoNames())
     except SourceError:
         return None

@@ -235,11 +235,11 @@ def float_type(dialect: str, bits: int | None = None) -> FloatType:
 def macros(dialect: str, device: Device, floating: FloatType) -> Mapping[str, str]:
     """Return the macros that are defined before the first line."""
     part = device.name.removeprefix("PIC")
-    found = {"__SERVOGEN__": "1", f"_{part}": "1", f"__{part}": "1", f"__{part}__": "1"}
-    found |= dict.fromkeys(("__SIZEOF_FLOAT__", "__SIZEOF_DOUBLE__"), str(floating.size))
+    defined = {"__SERVOGEN__": "1", f"_{part}": "1", f"__{part}": "1", f"__{part}__": "1"}
+    defined |= dict.fromkeys(("__SIZEOF_FLOAT__", "__SIZEOF_DOUBLE__"), str(floating.size))
     if dialect == XC8:
         return {
-            **found,
+            **defined,
             "__XC8": "1",
             "__XC8__": "1",
             "__XC": "1",
@@ -249,8 +249,8 @@ def macros(dialect: str, device: Device, floating: FloatType) -> Mapping[str, st
         }
     if dialect == SDCC:
         sdcc = {"__SDCC": "4_2_0", "__SDCC_pic14": "1", f"__SDCC_PIC{part}": "1", f"__PIC{part}_H__": ""}
-        return {**found, **sdcc, "__SDCC_VERSION_MAJOR": "4", "__SDCC_CHAR_UNSIGNED": "1"}
-    return {**found, "_C2C_": "1", "__C2C__": "1", "_BOOSTC": "1"}
+        return {**defined, **sdcc, "__SDCC_VERSION_MAJOR": "4", "__SDCC_CHAR_UNSIGNED": "1"}
+    return {**defined, "_C2C_": "1", "__C2C__": "1", "_BOOSTC": "1"}
 
 
 REGISTER_ALIASES: Mapping[str, str] = {"OPTION": "OPTION_REG"}
@@ -292,14 +292,14 @@ class ChipBit:
 @cache
 def chip_registers() -> Mapping[str, Register]:
     """Return the registers by every spelling: upper case, lower case, aliases."""
-    found = dict(registers())
+    by_name = dict(registers())
     for alias, name in REGISTER_ALIASES.items():
-        found[alias] = registers()[name]
-    return {**found, **{name.lower(): register for name, register in found.items()}}
+        by_name[alias] = registers()[name]
+    return {**by_name, **{name.lower(): register for name, register in by_name.items()}}
 
 
 @cache
 def chip_bits() -> Mapping[str, ChipBit]:
     """Return the bits by name, including XC8's other spellings."""
-    found = {name: ChipBit(register, bit) for name, (register, bit) in register_bits().items()}
-    return {**found, **{alias: found[name] for alias, name in _BIT_ALIASES.items()}}
+    by_name = {name: ChipBit(register, bit) for name, (register, bit) in register_bits().items()}
+    return {**by_name, **{alias: by_name[name] for alias, name in _BIT_ALIASES.items()}}

@@ -127,15 +127,15 @@ class _Rewriter:
 
     def arguments(self) -> list[PToken]:
         """Return the tokens in the parentheses at `at`, and advance past them."""
-        depth, found = 0, []
+        depth, inside = 0, []
         while self.at < len(self.tokens):
             token = self.tokens[self.at]
             self.at += 1
             depth += {"(": 1, ")": -1}.get(token.text, 0)
             if depth == 0:
                 break
-            found.append(token)
-        return found[1:]
+            inside.append(token)
+        return inside[1:]
 
     def address(self, tokens: list[PToken], place: Location) -> FixedAddress:
         """Return a fixed address: a number, `name.bit`, or XC8's `&name * 8 + bit`."""
@@ -181,11 +181,11 @@ def _at_sign(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `name @ address`."""
     name = _declared_name(self.out.tokens)
     self.at += 1
-    found = []
+    after_sign = []
     while self.at < len(self.tokens) and self.text() not in (";", ",", "="):
-        found.append(self.tokens[self.at])
+        after_sign.append(self.tokens[self.at])
         self.at += 1
-    self.out.addresses[position((name or token).place)] = self.address(found, token.place)
+    self.out.addresses[position((name or token).place)] = self.address(after_sign, token.place)
     return True
 
 
@@ -345,7 +345,7 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
         return False
     self.at += 1
     strings = self.arguments()
-    if (other := next((each for each in strings if each.text[0] != '"'), None)) is not None:
+    if (other := next((string for string in strings if string.text[0] != '"'), None)) is not None:
         self.reporter.error(
             "c-unsupported",
             "assembly with operands is not supported: only strings stand in the parentheses",
@@ -353,7 +353,7 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
             hint="the global variable v is _v in assembly",
         )
         strings = []
-    text = "".join(each.text[1:-1] for each in strings)
+    text = "".join(string.text[1:-1] for string in strings)
     body = text.replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"')
     lines = [(token.place.line or 0, line) for line in body.split("\n") if line.strip()]
     self.blocks.append(AsmBlock(token.place.file or "", tuple(lines)))
@@ -393,7 +393,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
     if token.text == "__EEPROM_DATA":
         words = ["const", "unsigned", "char", f"{EEPROM_NAME}{self.serial}", "[", "]", "=", "{"]
     elif token.text == "__IDLOC":
-        digits = "".join(each.text for each in inside)
+        digits = "".join(inner.text for inner in inside)
         if not re.fullmatch("[0-9A-Fa-f]{1,4}", digits):
             self.reporter.error(
                 "c-configuration", f"__IDLOC takes up to four hexadecimal digits, not '{digits}'", token.place

@@ -28,7 +28,7 @@ _INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
 @cache
 def _punctuators() -> dict[str, str]:
     lexer = c_lexer.CLexer(_no_error)
-    found = {}
+    kinds = {}
     for text in [
         "...",
         "<<=",
@@ -79,8 +79,8 @@ def _punctuators() -> dict[str, str]:
     ]:
         lexer.input(text)
         token = lexer.token()
-        found[text] = token.type if token else ""
-    return found
+        kinds[text] = token.type if token else ""
+    return kinds
 
 
 def _no_error(message: str, line: int, column: int) -> None:
@@ -153,11 +153,11 @@ class _Parser(CParser):  # type: ignore[misc]
         self._scope_stack = [dict.fromkeys(typedefs, True)]
         self._typedef_checked_token = None
         self._tokens = _Tokens(tokens)
-        found: list[Any] = []
+        declarations: list[Any] = []
         while self._peek() is not None:
             start = self.index()
             try:
-                found.extend(self._parse_external_declaration())
+                declarations.extend(self._parse_external_declaration())
             except (
                 ParseError,
                 AssertionError,
@@ -170,7 +170,7 @@ class _Parser(CParser):  # type: ignore[misc]
                 del self._scope_stack[1:]
                 self._typedef_checked_token = None
                 self._tokens.reset(fault(error, start, self.index()))
-        return found
+        return declarations
 
 
 def parse(

@@ -145,18 +145,18 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             return
         name = match[1] or match[2]
         if name in self.headers:
-            found: tuple[str, str] | None = (f"<{name}>", self.headers[name])
+            named_text: tuple[str, str] | None = (f"<{name}>", self.headers[name])
         elif name in library.HEADERS:
-            found = (f"<{name}>", library.header(name))
+            named_text = (f"<{name}>", library.header(name))
         else:
             try:
-                found = self.resolver(name, place.file or "") if self.resolver else None
+                named_text = self.resolver(name, place.file or "") if self.resolver else None
             except InputError as refusal:
                 self.reporter.error(
                     "c-include", f"include file '{name}' {refusal.message}", place, hint=refusal.hint
                 )
                 return
-        if found is None:
+        if named_text is None:
             known = ", ".join(sorted((*self.headers, *library.HEADERS)))
             self.reporter.error(
                 "c-include",
@@ -165,7 +165,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
                 hint=f"the compiler's own headers: {known}",
             )
             return
-        if found[0] in self.include_once:
+        if named_text[0] in self.include_once:
             return
         self.included += 1
         if self.included > limits.INCLUDES:
@@ -174,7 +174,9 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             self.reporter.error("c-include", "#include nested more than 20 deep", place)
             return
         self.depth += 1
-        yield from self.parsegen(self.prepare(found[1], found[0], place), found[0], found[0])
+        yield from self.parsegen(
+            self.prepare(named_text[1], named_text[0], place), named_text[0], named_text[0]
+        )
         self.depth -= 1
 
     def value(self, name: str) -> str | None:
@@ -190,9 +192,9 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         before = len(tokens)
         if not expanding_from and tokens:
             self.outer = tokens[0].source
-        found: list[Any] = super().expand_macros(tokens, list(expanding_from))
-        if expanding_from or len(found) != before:
-            self.expanded += sum(len(each.value) for each in found)
+        expansion: list[Any] = super().expand_macros(tokens, list(expanding_from))
+        if expanding_from or len(expansion) != before:
+            self.expanded += sum(len(tok.value) for tok in expansion)
         if self.expanded > limits.EXPANDED_CHARACTERS:
             place = Location(self.outer, self.linemacro or None)
             raise self.reporter.fatal(
@@ -200,7 +202,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
                 f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters",
                 place,
             )
-        return found
+        return expansion
 
     def prepare(self, text: str, file: str, place: Location) -> str:
         """Register a source text that is included at a location, and return it as the lexer must see it."""
@@ -335,7 +337,7 @@ def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Loc
         return Location(file, line)
     if expanded:
         after = last.column - 1 if last.line == line and last.file == file and last.column else 0
-        found = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
-        return Location(file, line, found.start() + 1 if found else None)
+        match = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
+        return Location(file, line, match.start() + 1 if match else None)
     column = tok.lexpos - starts[file][line - 1] + 1
     return Location(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)

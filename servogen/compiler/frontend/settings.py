@@ -166,9 +166,9 @@ class Settings:
         """Return the clock. `#pragma CLOCK_FREQ` takes precedence over `_XTAL_FREQ`, `_CLOCK_FREQ` and the
         option, in this order.
         """
-        found: list[tuple[str, int, Location]] = []
+        frequencies: list[tuple[str, int, Location]] = []
         if self.clock_pragma is not None:
-            found.append(("#pragma CLOCK_FREQ", *self.clock_pragma))
+            frequencies.append(("#pragma CLOCK_FREQ", *self.clock_pragma))
         for name in ("_XTAL_FREQ", "_CLOCK_FREQ"):
             if name in macros:
                 text, place = macros[name]
@@ -178,13 +178,13 @@ class Settings:
                         "c-clock", f"{name} must be a frequency in hertz, not '{text}'", place
                     )
                 else:
-                    found.append((name, value, place))
+                    frequencies.append((name, value, place))
         if option_hz is not None:
-            found.append(("--clock-hz", option_hz, Location()))
-        if not found:
+            frequencies.append(("--clock-hz", option_hz, Location()))
+        if not frequencies:
             return None
-        first = found[0]
-        for name, value, place in found[1:]:
+        first = frequencies[0]
+        for name, value, place in frequencies[1:]:
             if value != first[1]:
                 self.reporter.error(
                     "c-clock",

@@ -172,9 +172,9 @@ def declared(tokens: list[PToken]) -> set[str]:
     them.
     """
     depth = 0
-    found = set()
+    names = set()
     for token in tokens:
         depth += {"(": 1, "{": 1, "[": 1, ")": -1, "}": -1, "]": -1}.get(token.text, 0)
         if depth == 0 and re.match(r"[A-Za-z_]", token.text):
-            found.add(token.text)
-    return found
+            names.add(token.text)
+    return names

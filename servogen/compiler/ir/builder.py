@@ -110,13 +110,13 @@ class InstructionBuilder:
 
     def temp(self, size: int = 1) -> list[Loc]:
         """Return the bytes of a new temporary; each can be allocated independently."""
-        found: list[Loc] = []
+        locations: list[Loc] = []
         for _ in range(size):
             self._temps += 1
             symbol = Symbol(f"t{self._temps}", U8, "temp", function=self.function.name)
             self.function.own.append(symbol)
-            found.append(Byte(symbol, 0))
-        return found
+            locations.append(Byte(symbol, 0))
+        return locations
 
     def block_temp(self, size: int) -> list[Loc]:
         """Return the bytes of a new temporary that are contiguous in memory."""
@@ -136,7 +136,7 @@ class InstructionBuilder:
         return Byte(symbol, offset)
 
     def locs(self, symbol: Symbol, offset: int, size: int) -> list[Loc]:
-        return [self.loc(symbol, offset + each) for each in range(size)]
+        return [self.loc(symbol, offset + index) for index in range(size)]
 
     # bytes
 
@@ -168,9 +168,9 @@ class InstructionBuilder:
 
     def read_unused(self, operands: list[Operand]) -> None:
         """Read the bytes of volatile objects on which the value does not depend."""
-        for each in operands:
-            if exposed(each):
-                self.load(each)
+        for operand in operands:
+            if exposed(operand):
+                self.load(operand)
 
     def move_all(self, targets: list[Loc], operands: list[Operand]) -> None:
         """Copy bytes that may overlap, without loading the same constant twice in a row."""

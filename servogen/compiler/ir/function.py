@@ -152,20 +152,20 @@ class Function:
         """
         labelled = self.by_label()
         following = [*self.blocks[1:], None, None]
-        found: list[tuple[Block | None, ...]] = []
+        edges: list[tuple[Block | None, ...]] = []
         for number, block in enumerate(self.blocks):
             last = block.last
             if last is None or not last.ends_block:
-                found.append((following[number],))
+                edges.append((following[number],))
             elif last.op == "GOTO":
-                found.append((labelled.get(last.target),))
+                edges.append((labelled.get(last.target),))
             elif last.op in ENDS:
-                found.append((None,))
+                edges.append((None,))
             elif last.skips:
-                found.append((following[number], following[number + 1]))
+                edges.append((following[number], following[number + 1]))
             else:  # a write to PCL
-                found.append((None, following[number]))
-        return found
+                edges.append((None, following[number]))
+        return edges
 
     def skipped(self) -> set[Block]:
         """Return the blocks that a conditional edge leads over."""
@@ -174,13 +174,13 @@ class Function:
     def calls(self) -> list[str]:
         """Return the names of the functions that it calls or jumps to, in order, each once."""
         labels = self.by_label()
-        found = {
-            each.target: None
-            for each in self.instructions()
-            if each.op in TARGETED and each.target and each.target not in labels
+        targets = {
+            ins.target: None
+            for ins in self.instructions()
+            if ins.op in TARGETED and ins.target and ins.target not in labels
         }
         more = [*self.also_calls, *self.also_jumps_to, *([self.falls_into] if self.falls_into else [])]
-        return [*found, *more]
+        return [*targets, *more]
 
 
 def is_skipped(lines: Sequence[Line], at: int) -> bool:

@@ -29,5 +29,5 @@ def text_of(function: Function) -> str:
 
 
 def _edges(block: Block, successors: tuple[Block | None, ...], number: dict[Block, int]) -> str:
-    shown = ["exit" if each is None else str(number[each]) for each in successors]
+    shown = ["exit" if after is None else str(number[after]) for after in successors]
     return f"{shown[0]} or skip to {shown[1]}" if block.skips else ", ".join(dict.fromkeys(shown))

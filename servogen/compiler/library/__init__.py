@@ -34,8 +34,8 @@ def header(name: str) -> str:
 
 def declared_in(function: str) -> str | None:
     """Return the header that declares a function of the library; None if there is none."""
-    found = (name for name in HEADERS if re.search(rf"\b{re.escape(function)}\(", header(name)))
-    return next(found, None)
+    declaring = (name for name in HEADERS if re.search(rf"\b{re.escape(function)}\(", header(name)))
+    return next(declaring, None)
 
 
 @cache

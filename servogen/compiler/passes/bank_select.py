@@ -66,36 +66,36 @@ def exit_banks(functions: Mapping[str, Function], reaching: set[str]) -> dict[st
     without having switched back. A call of any other function leaves the bank as it was.
     """
     switching = _with_callers(functions, lambda ins: _selects(ins) or _own_switch(ins) is not None)
-    found: dict[str, int] = {}
+    left: dict[str, int] = {}
 
     def visit(name: str) -> int:
-        if name not in found:
-            found[name] = 0  # recursion is reported elsewhere
+        if name not in left:
+            left[name] = 0  # recursion is reported elsewhere
             function = functions[name]
             for callee in function.calls():
                 if callee in switching:
                     visit(callee)
-            banks = _leaving(function, _banks(function, found), found, reaching)
-            found[name] = banks.pop() if len(banks) == 1 else UNKNOWN if banks else 0
-        return found[name]
+            banks = _leaving(function, _banks(function, left), left, reaching)
+            left[name] = banks.pop() if len(banks) == 1 else UNKNOWN if banks else 0
+        return left[name]
 
     for name in switching:
         visit(name)
-    return found
+    return left
 
 
 def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instruction], bool]) -> set[str]:
     """Return the functions that contain such an instruction, and all that call or enter one of them."""
-    found = {
+    names = {
         name for name, function in functions.items() if any(wanted(ins) for ins in function.instructions())
     }
     calls = {name: function.calls() for name, function in functions.items()}
     grown = True
     while grown:
-        more = {name for name, called in calls.items() if not found.isdisjoint(called)} - found
+        more = {name for name, called in calls.items() if not names.isdisjoint(called)} - names
         grown = bool(more)
-        found |= more
-    return found
+        names |= more
+    return names
 
 
 def _leaving(
@@ -103,13 +103,13 @@ def _leaving(
 ) -> set[int]:
     """Return the banks in which a function returns, including through a function that it ends with."""
     inside = function.by_label()
-    found: set[int] = set()
+    at_returns: set[int] = set()
     for ins, bank in banks.items():
         if ins.op in RETURNS and ins.op != "RETFIE":
-            found.add(bank)
+            at_returns.add(bank)
         elif ins.op == "GOTO" and ins.target not in inside:
-            found.add(exits.get(ins.target, 0 if ins.target in reaching else bank))
-    return found
+            at_returns.add(exits.get(ins.target, 0 if ins.target in reaching else bank))
+    return at_returns
 
 
 def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int]) -> bool:
@@ -124,37 +124,37 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
     behind: list[Line] = []
     number = 0
     while number < len(lines):
-        each = lines[number]
+        line = lines[number]
         number += 1
-        if isinstance(each, Label):
-            out.append(each)
+        if isinstance(line, Label):
+            out.append(line)
             continue
-        enters = each.op in TARGETED and each.target in reaching
-        need = 0 if enters else bank_needed(each)
-        base = banks.get(each, 0)
-        if each.fixed or need is None or need == base:
-            out.append(each)
+        enters = line.op in TARGETED and line.target in reaching
+        need = 0 if enters else bank_needed(line)
+        base = banks.get(line, 0)
+        if line.fixed or need is None or need == base:
+            out.append(line)
             continue
         before = out[-1] if out else None
         skip = before if isinstance(before, Instruction) and before.skips else None
         # no switch back: control does not return here, or the callee chooses the bank; behind a skip, the
         # path that skips still needs it
-        if enters and (each.op == "GOTO" or each.target in exits):
+        if enters and (line.op == "GOTO" or line.target in exits):
             if skip is None:
-                out += [_switch(need, each), each]
+                out += [_switch(need, line), line]
             else:
-                out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+                out[-1:] = [_switch(need, line), skip, line, _switch(base, line)]
         # the guarded instruction must directly follow its skip, so both go between the switches
         elif skip is not None:
-            out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+            out[-1:] = [_switch(need, line), skip, line, _switch(base, line)]
         # only after the guarded instruction is there room for the switch back
-        elif each.skips and number < len(lines):
+        elif line.skips and number < len(lines):
             shadow = _shadow(function, lines[number], base, behind)
-            out += [_switch(need, each), each, shadow, _switch(base, each)]
+            out += [_switch(need, line), line, shadow, _switch(base, line)]
             number += 1
         else:
-            run = _run(each, lines[number:], need)
-            out += [_switch(need, each), *run, _switch(base, run[-1])]
+            run = _run(line, lines[number:], need)
+            out += [_switch(need, line), *run, _switch(base, run[-1])]
             number += len(run) - 1
     kept = _without_needless(out + behind)
     changed = len(kept) != len(lines)
@@ -167,10 +167,10 @@ def _run(first: Instruction, after: Sequence[Line], need: int) -> list[Instructi
     run = [first]
     if first.op == "CALL":
         return run
-    for each in after:
-        if isinstance(each, Label) or not _joins(each, need):
+    for line in after:
+        if isinstance(line, Label) or not _joins(line, need):
             break
-        run.append(each)
+        run.append(line)
     while bank_needed(run[-1]) is None:
         run.pop()
     return run
@@ -182,30 +182,30 @@ def _without_needless(lines: list[Line]) -> list[Line]:
     """
     out: list[Line] = []
     bank: int | None = None
-    for number, each in enumerate(lines):
-        if isinstance(each, Label):
+    for number, line in enumerate(lines):
+        if isinstance(line, Label):
             bank = None
-            out.append(each)
+            out.append(line)
             continue
-        selected = _own_switch(each)
+        selected = _own_switch(line)
         skipped = is_skipped(out, len(out))
-        if selected is None or each.fixed or skipped:
-            if not _passes(each):
-                bank = selected if each.fixed and not skipped else None
+        if selected is None or line.fixed or skipped:
+            if not _passes(line):
+                bank = selected if line.fixed and not skipped else None
         elif selected == bank or _is_overruled(lines, number):
             continue
         else:
             bank = selected
-        out.append(each)
+        out.append(line)
     return out
 
 
 def _is_overruled(lines: list[Line], number: int) -> bool:
-    for each in lines[number + 1 :]:
-        if isinstance(each, Label):
+    for line in lines[number + 1 :]:
+        if isinstance(line, Label):
             return False
-        if not _passes(each) or bank_needed(each) is not None:
-            return _own_switch(each) is not None
+        if not _passes(line) or bank_needed(line) is not None:
+            return _own_switch(line) is not None
     return False
 
 
@@ -241,7 +241,7 @@ def _banks(function: Function, exits: Mapping[str, int]) -> dict[Instruction, in
     """Return the bank that the program itself has selected before each reachable instruction."""
     successors = dict(zip(function.blocks, function.successors(), strict=True))
     entry: dict[Block, int] = {}
-    found: dict[Instruction, int] = {}
+    selected: dict[Instruction, int] = {}
     waiting = [(block, 0) for block in function.blocks[:1]]
     while waiting:
         block, bank = waiting.pop()
@@ -252,11 +252,11 @@ def _banks(function: Function, exits: Mapping[str, int]) -> dict[Instruction, in
         entry[block] = bank = bank if known is None else UNKNOWN
         before: Instruction | None = None
         for ins in block.instructions:
-            found[ins] = bank
+            selected[ins] = bank
             bank = _bank_after(before, ins, bank, exits)
             before = ins
         waiting += [(after, bank) for after in successors[block] if after is not None]
-    return found
+    return selected
 
 
 def _bank_after(before: Instruction | None, ins: Instruction, bank: int, exits: Mapping[str, int]) -> int:

@@ -33,7 +33,7 @@ _COUNTS = {"DECF": "DECFSZ", "INCF": "INCFSZ"}
 
 def short_branches(function: Function) -> bool:
     """Run the pass once; return whether something changed."""
-    named = Counter(each.target for each in function.instructions() if each.op in TARGETED)
+    named = Counter(ins.target for ins in function.instructions() if ins.op in TARGETED)
     skipped = function.skipped()
     for number, block in enumerate(function.blocks[:-3]):
         if block not in skipped and _choice(function.blocks[number : number + 5], named):
@@ -74,13 +74,13 @@ def _all_arms(function: Function, named: Counter[str]) -> Iterator[tuple[Block, 
         test, leave = first.last, yes.last
         if test is None or test.op not in INVERSE or leave is None or leave.op not in ENDS:
             continue
-        if [each.op for each in jump.instructions] != ["GOTO"] or jump.labels or yes.labels:
+        if [ins.op for ins in jump.instructions] != ["GOTO"] or jump.labels or yes.labels:
             continue
         target = jump.instructions[0].target
         if [label.name for label in no.labels] != [target] or named[target] != 1 or no.labels[0].fixed:
             continue
         lines = (test, *jump.instructions, *yes.instructions, *no.instructions)
-        if not any(each.fixed or is_timed(each) for each in lines):
+        if not any(ins.fixed or is_timed(ins) for ins in lines):
             yield first, _Arms(first, jump, yes, no, end)
 
 
@@ -142,7 +142,7 @@ def _two_constants(arms: _Arms, live: Liveness) -> bool:
     elif leave.op != "GOTO" or not arms.end.has_label(leave.target):
         return False
     clears, stores = (no, yes) if len(yes) == 2 else (yes, no)
-    if [each.op for each in stores] != ["MOVLW", "MOVWF"] or [each.op for each in clears] != ["CLRF"]:
+    if [ins.op for ins in stores] != ["MOVLW", "MOVWF"] or [ins.op for ins in clears] != ["CLRF"]:
         return False
     clear, (load, store) = clears[0], stores
     if clear.f != store.f or isinstance(store.f, Reg) or live.after[clear] & (W_BIT | Z_BIT):
@@ -185,7 +185,7 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
         test is not None
         and test.op in INVERSE
         and not jump_block.labels
-        and [each.op for each in jump_block.instructions] == ["GOTO"]
+        and [ins.op for ins in jump_block.instructions] == ["GOTO"]
         and not yes_block.labels
         and len(yes_block.instructions) == 2
         and yes_block.instructions[1].op in ("GOTO", "RETURN")
@@ -197,7 +197,7 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
     other, *rest = other_block.instructions or [leave]
     if other_block.labels[0].name != jump.target or named[jump.target] != 1:
         return False
-    if any(each.fixed for each in (test, jump, yes, leave, other)) or other_block.labels[0].fixed:
+    if any(ins.fixed for ins in (test, jump, yes, leave, other)) or other_block.labels[0].fixed:
         return False
     to_end = len(rest) == 1 and rest[0].same(leave)
     before_end = not rest and leave.op == "GOTO" and len(blocks) > 4 and blocks[4].has_label(leave.target)
@@ -209,8 +209,8 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
         new = [test.copy(), other.copy(), _turned(test), yes.copy()]
     else:
         return False
-    for each in new:
-        each.place = each.place or test.place
+    for ins in new:
+        ins.place = ins.place or test.place
     first.instructions[-1:] = [*new, *rest]
     jump_block.instructions, yes_block.instructions = [], []
     other_block.labels, other_block.instructions = [], []
@@ -218,9 +218,9 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
 
 
 def _turned(test: Instruction) -> Instruction:
-    found = test.copy()
-    found.op = INVERSE[test.op]
-    return found
+    inverted = test.copy()
+    inverted.op = INVERSE[test.op]
+    return inverted
 
 
 def _stays(test: Instruction, ins: Instruction) -> bool:

@@ -15,11 +15,11 @@ from servogen.pic.device import STACK_LEVELS
 
 def depths(functions: dict[str, Function]) -> dict[str, list[str]]:
     """Return the longest chain of calls below each function."""
-    found: dict[str, list[str]] = {}
+    deepest: dict[str, list[str]] = {}
 
     def below(name: str) -> list[str]:
-        if name not in found:
-            found[name] = []
+        if name not in deepest:
+            deepest[name] = []
             chains = []
             calls = {ins.target: ins.op for ins in functions[name].instructions() if ins.op in TARGETED}
             calls.update(dict.fromkeys(functions[name].also_calls, "CALL"))
@@ -29,12 +29,12 @@ def depths(functions: dict[str, Function]) -> dict[str, list[str]]:
             for callee, op in calls.items():
                 if callee in functions:
                     chains.append([callee, *below(callee)] if op == "CALL" else below(callee))
-            found[name] = max(chains, key=len, default=[])
-        return found[name]
+            deepest[name] = max(chains, key=len, default=[])
+        return deepest[name]
 
     for name in functions:
         below(name)
-    return found
+    return deepest
 
 
 def check_stack(functions: dict[str, Function], roots: list[str], reporter: Reporter) -> dict[str, bool]:

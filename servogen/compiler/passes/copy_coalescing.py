@@ -15,37 +15,37 @@ from servogen.compiler.passes.liveness import Liveness, is_private
 
 def interference(function: Function, live: Liveness) -> dict[Byte, int]:
     """Return, for each private byte, the bit set of the bytes that are live where it is written."""
-    found = dict.fromkeys(live.number, 0)
+    conflicts = dict.fromkeys(live.number, 0)
     for block in function.blocks:
         for before, ins in zip([None, *block.instructions], block.instructions, strict=False):
             after = live.after[ins]
             if ins.op == "CALL":
-                _meet(found, live, live.foreign, after)
+                _meet(conflicts, live, live.foreign, after)
             elif ins.writes_f and isinstance(ins.f, Byte) and ins.f in live.number:
                 source = _copy_source(before, ins)
                 others = after & ~live.bit(ins.f)
                 if source is not None and source in live.number:
                     others &= ~live.bit(source)
-                found[ins.f] |= others
+                conflicts[ins.f] |= others
     for byte in live.number:
         if live.entry & live.bit(byte):
-            found[byte] |= live.entry & ~live.bit(byte)
+            conflicts[byte] |= live.entry & ~live.bit(byte)
     by_bit = {live.bit(byte): byte for byte in live.number}
-    for one, mask in list(found.items()):
+    for one, mask in list(conflicts.items()):
         while mask:
             lowest = mask & -mask
             mask ^= lowest
             two = by_bit.get(lowest)  # W and the flags have bits too
             if two is not None:
-                found[two] |= live.bit(one)
-    return found
+                conflicts[two] |= live.bit(one)
+    return conflicts
 
 
-def _meet(found: dict[Byte, int], live: Liveness, changed: int, after: int) -> None:
+def _meet(conflicts: dict[Byte, int], live: Liveness, changed: int, after: int) -> None:
     """Record that a call may change every byte of other functions while `after` is live."""
     for byte in live.number:
         if changed & live.bit(byte):
-            found[byte] |= (after | changed) & ~live.bit(byte)
+            conflicts[byte] |= (after | changed) & ~live.bit(byte)
 
 
 def _copy_source(before: Instruction | None, ins: Instruction) -> Byte | None:
@@ -88,9 +88,9 @@ def coalesce_copies(function: Function) -> bool:
             continue
         if id(kept.symbol) not in own and not _safe_outside(function, live, gone, kept):
             continue
-        for each in function.instructions():
-            if each.f == gone:
-                each.f = kept
+        for other in function.instructions():
+            if other.f == gone:
+                other.f = kept
         return True
     return False
 

@@ -51,7 +51,7 @@ def _first_fixed(block: Block) -> int | None:
     """
     if any(label.fixed for label in block.labels):
         return 0
-    return next((at for at, each in enumerate(block.instructions) if each.fixed), None)
+    return next((at for at, ins in enumerate(block.instructions) if ins.fixed), None)
 
 
 def drop_dead(function: Function) -> bool:

@@ -43,14 +43,14 @@ def thread_jumps(function: Function) -> bool:
 
 def _first_instructions(function: Function) -> dict[str, Instruction]:
     """Return the instruction that each label leads to."""
-    found: dict[str, Instruction] = {}
+    first: dict[str, Instruction] = {}
     waiting: list[str] = []
     for block in function.blocks:
         waiting += [label.name for label in block.labels]
         if block.instructions:
-            found.update(dict.fromkeys(waiting, block.instructions[0]))
+            first.update(dict.fromkeys(waiting, block.instructions[0]))
             waiting = []
-    return found
+    return first
 
 
 def drop_jumps_to_next(function: Function) -> bool:
@@ -109,7 +109,7 @@ def _skip_instead(function: Function, number: int) -> bool:
     """Rewrite `BTFSC x; GOTO a; one; a:` as `BTFSS x; one; a:`; `GOTO a` may stand in place of `a:`, and
     RETURN in place of `GOTO a`.
     """
-    block, jump, one, after = (_at(function, number + each) for each in range(4))
+    block, jump, one, after = (_at(function, number + ahead) for ahead in range(4))
     test = block.last if block is not None else None
     if test is None or test.op not in INVERSE or test.fixed or jump is None or one is None:
         return False
@@ -139,7 +139,7 @@ def _leaves(block: Block) -> bool:
 def invert_skips(function: Function) -> bool:
     """Rewrite `BTFSC x; GOTO a; GOTO b; a:` as `BTFSS x; GOTO b; a:`."""
     for number, block in enumerate(function.blocks):
-        first, second, after = (_at(function, number + each) for each in (1, 2, 3))
+        first, second, after = (_at(function, number + ahead) for ahead in (1, 2, 3))
         test = block.last
         if (
             test is None

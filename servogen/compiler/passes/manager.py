@@ -109,4 +109,4 @@ class PassManager:
 
 def _jumps_by_hand(function: Function) -> bool:
     """Return whether a function contains assembly that jumps, so that its control flow is unknown."""
-    return function.inline_asm and any(each.fixed and each.op in JUMPING for each in function.instructions())
+    return function.inline_asm and any(ins.fixed and ins.op in JUMPING for ins in function.instructions())

@@ -57,7 +57,7 @@ def outline(functions: dict[str, Function], roots: list[str]) -> int:
 
 def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) -> _Candidate | None:
     """Return the run that saves most; among equal ones the longest, then the first."""
-    found: _Candidate | None = None
+    best: _Candidate | None = None
     for run, every in runs.items():
         if len(every) < 2 or run in refused:
             continue
@@ -69,9 +69,9 @@ def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) ->
         ends = every[0][1]
         # each place shrinks to one word; the subroutine takes the run and, unless that ends itself, a RETURN
         saved = len(places) * (len(run) - 1) - len(run) - (0 if ends else 1)
-        if saved > 0 and (found is None or (saved, len(run)) > (found.saved, len(found.run))):
-            found = _Candidate(run, tuple(places), saved)
-    return found
+        if saved > 0 and (best is None or (saved, len(run)) > (best.saved, len(best.run))):
+            best = _Candidate(run, tuple(places), saved)
+    return best
 
 
 def _runs(
@@ -80,13 +80,13 @@ def _runs(
     """Return every run that may be shared, with its places and whether it needs no RETURN after it; equal
     instructions have the same number.
     """
-    found: dict[_Run, list[tuple[_Place, bool]]] = {}
+    places: dict[_Run, list[tuple[_Place, bool]]] = {}
     for name, function in functions.items():
         if function.table is not None or function.inline_asm or name.startswith("__"):
             continue
         lines = list(function.lines())
         for first, stretch in _stretches(function, lines):
-            keys = [numbers.setdefault(each.key, len(numbers)) for each in stretch]
+            keys = [numbers.setdefault(ins.key, len(numbers)) for ins in stretch]
             for start in range(len(stretch) - 1):
                 if is_skipped(lines, first + start):
                     continue
@@ -95,8 +95,8 @@ def _runs(
                     if not stretch[end - 1].skips:
                         run = tuple(keys[start:end])
                         ends = stretch[end - 1].op in ENDS or _ends_in_call(stretch[start:end])
-                        found.setdefault(run, []).append(((name, first + start), ends))
-    return found
+                        places.setdefault(run, []).append(((name, first + start), ends))
+    return places
 
 
 def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, list[Instruction]]]:
@@ -148,12 +148,12 @@ def _ends_in_call(run: list[Instruction]) -> bool:
     return last.op == "CALL" and last.table is None and not run[-2].skips
 
 
-def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) -> bool:
+def _apply(shared: _Candidate, functions: dict[str, Function], roots: list[str]) -> bool:
     """Create the subroutine; return False, with nothing changed, if the stack has no level for it."""
-    before = {name: list(functions[name].lines()) for name, _ in found.places}
+    before = {name: list(functions[name].lines()) for name, _ in shared.places}
     room = room_for_calls(functions, roots)
-    first_name, at = found.places[0]
-    run = before[first_name][at : at + len(found.run)]
+    first_name, at = shared.places[0]
+    run = before[first_name][at : at + len(shared.run)]
     body = [each.copy() for each in run if isinstance(each, Instruction)]
     ends = body[-1].op in ENDS
     if _ends_in_call(body):
@@ -162,7 +162,7 @@ def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) 
         body.append(Instruction("RETURN", place=body[-1].place))
     name = f"__shared_{1 + sum(each.startswith('__shared_') for each in functions)}"
     for user, lines in before.items():
-        functions[user].replace(_replaced(user, lines, found, name, "GOTO" if ends else "CALL"))
+        functions[user].replace(_replaced(user, lines, shared, name, "GOTO" if ends else "CALL"))
     functions[name] = Function(name)
     functions[name].extend(body)
     # functions with delays keep the level of the stack that shared delay routines need
@@ -178,15 +178,15 @@ def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) 
 
 
 def _has_delay(function: Function) -> bool:
-    return any(each.op == DELAY for each in function.instructions())
+    return any(ins.op == DELAY for ins in function.instructions())
 
 
-def _replaced(user: str, lines: list[Line], found: _Candidate, name: str, op: str) -> list[Line]:
+def _replaced(user: str, lines: list[Line], shared: _Candidate, name: str, op: str) -> list[Line]:
     """Return a function's lines with a call in place of each run."""
     out: list[Line] = []
     done = 0
-    for function, at in found.places:
+    for function, at in shared.places:
         if function == user:
             out += [*lines[done:at], Instruction(op, target=name, place=lines[at].place)]
-            done = at + len(found.run)
+            done = at + len(shared.run)
     return out + lines[done:]

@@ -123,7 +123,7 @@ def _merge(
     function: Function, lines: list[Line], jump: Instruction, at: int, rival: int, length: int
 ) -> None:
     """Remove the instructions before the jump at `at` and redirect it to the equal ones before `rival`."""
-    used = {each.name for each in lines if isinstance(each, Label)}
+    used = {line.name for line in lines if isinstance(line, Label)}
     free = next(number for number in count() if f"{function.name}.tail{number}" not in used)
     name = f"{function.name}.tail{free}"
     label = Label(name, jump.place)

@@ -63,7 +63,7 @@ class _Tracker:
 
     def run(self) -> bool:
         blocks = self.function.blocks
-        sources = Counter(each.target for each in self.function.instructions() if each.op == "GOTO")
+        sources = Counter(ins.target for ins in self.function.instructions() if ins.op == "GOTO")
         skipped = self.function.skipped()
         over: dict[int, State] = {}
         """What is known on the edge over a skipped block, by the number of the block behind it."""
@@ -106,13 +106,13 @@ class _Tracker:
     def _meet(self, label: str, sources: int, state: State | None) -> State | None:
         if self.seen.get(label, 0) < sources:
             return {}  # a jump back leads here, and its state is not known yet
-        states = [each for each in [*self.arriving.get(label, []), state] if each is not None]
+        states = [arriving for arriving in [*self.arriving.get(label, []), state] if arriving is not None]
         if not states:
             return None
-        found = states[0]
-        for each in states[1:]:
-            found = _common(found, each)
-        return dict(found)
+        common = states[0]
+        for arriving in states[1:]:
+            common = _common(common, arriving)
+        return dict(common)
 
     def fresh(self) -> int:
         self.next += 1
@@ -179,8 +179,8 @@ class _Tracker:
 
     def _store(self, loc: Loc | None, value: Value, state: State) -> None:
         if loc == INDF:
-            for each in [each for each in state if not is_private(each) and each not in (_W, FSR)]:
-                del state[each]
+            for other in [other for other in state if not is_private(other) and other not in (_W, FSR)]:
+                del state[other]
         elif trackable(loc):
             self._forget_aliases(loc, state)
             state[loc] = value
@@ -188,12 +188,12 @@ class _Tracker:
     def _forget_aliases(self, loc: Loc | None, state: State) -> None:
         """Forget what is known about fixed-address variables, which may overlap a location."""
         if isinstance(loc, Byte) and loc.symbol.kind == "fixed":
-            for each in [
-                each
-                for each in state
-                if isinstance(each, Byte) and each.symbol.kind == "fixed" and each != loc
+            for other in [
+                other
+                for other in state
+                if isinstance(other, Byte) and other.symbol.kind == "fixed" and other != loc
             ]:
-                del state[each]
+                del state[other]
 
     # what an instruction can become
 

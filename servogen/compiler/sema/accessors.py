@@ -62,11 +62,11 @@ def _joined(parts: list[Expr], kind: CType, place: Location) -> Expr:
     if len(parts) == 1:
         return Cast(parts[0], kind, place) if kind.plain() != U8 else parts[0]
     work = IntType("", len(parts), False)
-    found: Expr = Cast(parts[0], work, place)
+    joined: Expr = Cast(parts[0], work, place)
     for number, part in enumerate(parts[1:], 1):
         shifted = Binary("<<", Cast(part, work, place), Num(8 * number, U8, place), work, place)
-        found = Binary("|", found, shifted, work, place)
-    return Cast(found, kind, place)
+        joined = Binary("|", joined, shifted, work, place)
+    return Cast(joined, kind, place)
 
 
 def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
@@ -104,12 +104,12 @@ def _wrapped(target: Accessor, value: int) -> int:
 def _stored(target: Accessor, value: Num | Ref) -> Expr:
     place = target.place
     if isinstance(target, EepromObject):
-        found: Expr | None = None
+        stored: Expr | None = None
         for number in range(target.type.size):
             write = Builtin("eeprom_write", [_address(target, number), _part(value, number)], VOID, place)
-            found = write if found is None else Comma(found, write, VOID, place)
-        assert found is not None
-        return found
+            stored = write if stored is None else Comma(stored, write, VOID, place)
+        assert stored is not None
+        return stored
     mask = (1 << target.width) - 1
     kept = Binary("&", target.container, Num(0xFFFF & ~mask, U16, place), U16, place)
     given = Binary("&", Cast(value, U16, place), Num(mask, U16, place), U16, place)

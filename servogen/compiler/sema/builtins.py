@@ -59,9 +59,9 @@ def set_bit(analyser: Analyser, target: Ref | Deref, value: int) -> Expr:
 def _bit_number(analyser: Analyser, node: Any) -> Expr:
     """Return the number of a bit, given as a constant or as the name of a bit."""
     if isinstance(node, c_ast.ID):
-        found = analyser.scopes.find(node.name)
-        if isinstance(found, ChipBit):
-            return Num(found.bit, analyser.int_type, analyser.place(node))
+        symbol = analyser.scopes.find(node.name)
+        if isinstance(symbol, ChipBit):
+            return Num(symbol.bit, analyser.int_type, analyser.place(node))
     return arithmetic(analyser, expression(analyser, node))
 
 
@@ -76,9 +76,9 @@ def bit_target(
         raise analyser.fail("c-argument", "the first argument must be a variable or a register", node)
     bit = _bit_number(analyser, number)
     if isinstance(bit, Num):
-        found = bit_of(analyser, base, bit.value, node)
-        assert isinstance(found, (Ref, Deref))
-        return found
+        target = bit_of(analyser, base, bit.value, node)
+        assert isinstance(target, (Ref, Deref))
+        return target
     return base, bit
 
 
@@ -171,9 +171,9 @@ XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000, "__delaywdt_us": 1, "__dela
 
 def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     place = analyser.place(node)
-    found = bit_target(analyser, arguments[0], arguments[1], node)
-    if isinstance(found, tuple):
-        base, bit = found
+    target = bit_target(analyser, arguments[0], arguments[1], node)
+    if isinstance(target, tuple):
+        base, bit = target
         mask = bit_mask(analyser, base, bit, place)
         assert isinstance(base.type, IntType)
         work = base.type.plain()
@@ -187,11 +187,11 @@ def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any])
         value = Unary("~", mask, work, place) if name == "clear_bit" else mask
         return Cast(Update(op, base, value, work, False, work, place), VOID, place)
     if name == "test_bit":
-        return found
-    assignable(analyser, found, node)
+        return target
+    assignable(analyser, target, node)
     if name == "toggle_bit":
-        return Cast(Update("^", found, Num(1, U8, place), U8, False, BIT, place), VOID, place)
-    return Cast(set_bit(analyser, found, int(name == "set_bit")), VOID, place)
+        return Cast(Update("^", target, Num(1, U8, place), U8, False, BIT, place), VOID, place)
+    return Cast(set_bit(analyser, target, int(name == "set_bit")), VOID, place)
 
 
 def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -359,16 +359,16 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
             values = [_value_to_format(analyser, name, part, rest.pop(0))]
         elif part.function == "text":
             values = [analyser.string([*part.text, 0], place)]
-        numbers: list[Expr] = [Num(each, U8, place) for each in part.numbers]
+        numbers: list[Expr] = [Num(byte, U8, place) for byte in part.numbers]
         steps.append(_library_call(analyser, f"__{name}_{part.function}", values + numbers, node))
     if rest:
         raise analyser.fail(
             "c-argument", f"'{name}': the format has no conversion for this argument", rest[0]
         )
-    found = _library_call(analyser, f"__{name}_end", [], node)
+    printing = _library_call(analyser, f"__{name}_end", [], node)
     for step in reversed(steps):
-        found = Comma(step, found, found.type, place)
-    return found
+        printing = Comma(step, printing, printing.type, place)
+    return printing
 
 
 def _value_to_format(analyser: Analyser, name: str, part: formats.Part, argument: Any) -> Expr:
@@ -418,9 +418,9 @@ def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> 
 
 def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     wanted = ("TXPORT", "TXPIN", "BAUD") if name == "putchar" else ("RXPORT", "RXPIN", "BAUD")
-    for each in wanted:
-        if each not in analyser.serial_settings:
-            raise analyser.fail("c-argument", f"'{name}' needs '#pragma RS232_{each} …'", node)
+    for function in wanted:
+        if function not in analyser.serial_settings:
+            raise analyser.fail("c-argument", f"'{name}' needs '#pragma RS232_{function} …'", node)
     kind = wanted[0][:2]
     port = serial_number(analyser, f"{kind}PORT", node)
     pin = serial_number(analyser, f"{kind}PIN", node)

@@ -30,12 +30,12 @@ from servogen.errors import Location
 
 def _called(function: FunctionDefinition) -> dict[str, Call]:
     """Return the functions that a function calls, with the location of the call."""
-    found: dict[str, Call] = {}
+    calls: dict[str, Call] = {}
     if function.body is not None:
         for expr in expressions(function.body):
             if isinstance(expr, Call):
-                found.setdefault(expr.function, expr)
-    return found
+                calls.setdefault(expr.function, expr)
+    return calls
 
 
 def statements(node: Stmt) -> Iterator[Stmt]:
@@ -43,8 +43,8 @@ def statements(node: Stmt) -> Iterator[Stmt]:
     yield node
     match node:
         case Block(body):
-            for each in body:
-                yield from statements(each)
+            for inner in body:
+                yield from statements(inner)
         case If(_, yes, no):
             yield from statements(yes)
             if no is not None:
@@ -55,7 +55,7 @@ def statements(node: Stmt) -> Iterator[Stmt]:
 
 def has_assembly(node: Stmt) -> bool:
     """Return whether a statement is assembly or contains some."""
-    return any(isinstance(each, Asm) for each in statements(node))
+    return any(isinstance(statement, Asm) for statement in statements(node))
 
 
 def _reachable(calls: Mapping[str, Mapping[str, Call]], start: str) -> list[str]:
@@ -159,12 +159,12 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
 
 def globals_of(program: Program, names: list[str]) -> set[Symbol]:
     """Return the variables that functions refer to."""
-    found: set[Symbol] = set()
+    variables: set[Symbol] = set()
     for name in names:
         body = program.functions[name].body
         for expr in expressions(body) if body is not None else ():
             if isinstance(expr, Ref):
-                found.add(expr.symbol)
+                variables.add(expr.symbol)
             elif isinstance(expr, AddressOf):
-                found.add(expr.target.symbol)
-    return found
+                variables.add(expr.target.symbol)
+    return variables

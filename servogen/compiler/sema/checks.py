@@ -116,7 +116,9 @@ def _unused_results(program: Program, reporter: Reporter) -> None:
     grown = True
     while grown:
         more = {
-            name for name, each in program.functions.items() if name not in acting and _acts(each, acting)
+            name
+            for name, definition in program.functions.items()
+            if name not in acting and _acts(definition, acting)
         }
         grown = bool(more)
         acting |= more
@@ -152,9 +154,9 @@ def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
 
 def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
     """Yield the calls that are statements by themselves."""
-    for each in statements(node) if node is not None else ():
-        if isinstance(each, ExprStmt) and isinstance(each.expr, Call):
-            yield each.expr
+    for statement in statements(node) if node is not None else ():
+        if isinstance(statement, ExprStmt) and isinstance(statement.expr, Call):
+            yield statement.expr
 
 
 # variables shared with the interrupt
@@ -202,15 +204,15 @@ def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symb
 
 def _unmasked(block: Block) -> list[object]:
     """Return the statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
-    found: list[object] = []
+    unmasked: list[object] = []
     off = False
-    for each in block.body:
-        switched = _switches_interrupts(each)
+    for statement in block.body:
+        switched = _switches_interrupts(statement)
         if switched is not None:
             off = not switched
         elif not off:
-            found += _parts(each)
-    return found
+            unmasked += _parts(statement)
+    return unmasked
 
 
 def _parts(node: Stmt) -> list[object]:

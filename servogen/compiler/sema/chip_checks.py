@@ -40,12 +40,12 @@ def check_chip(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> None:
     in_main, in_isr = _expressions(graph, graph.main), _expressions(graph, graph.isr)
     every = [*in_main, *in_isr]
     main, isr = list(_writes(in_main)), list(_writes(in_isr))
-    if not any(isinstance(each, (AddressOf, Deref)) for each in every):
+    if not any(isinstance(expr, (AddressOf, Deref)) for expr in every):
         _enabled(graph, [*main, *isr], reporter)
         _flags(graph, [*main, *isr], isr, reporter)
         _directions([*main, *isr], reporter)
         _open_drain([*main, *isr], reporter)
-    if watchdog and not any(_feeds(each) for each in every):
+    if watchdog and not any(_feeds(expr) for expr in every):
         reporter.warn(
             "c-watchdog",
             "the watchdog is on and never cleared: it resets the chip again and again",
@@ -95,12 +95,12 @@ def _bit(name: str) -> tuple[str, int]:
 
 def _enabled(graph: CallGraph, writes: list[_Write], reporter: Reporter) -> None:
     register, gie = _bit("GIE")
-    here = [each for each in writes if each.register == register]
+    here = [write for write in writes if write.register == register]
     if graph.handler is None:
-        first = next((each for each in here if each.sets & gie), None)
+        first = next((write for write in here if write.sets & gie), None)
         if first is not None:
             reporter.warn("c-interrupt-enable", "GIE is set, but there is no interrupt function", first.place)
-    elif not any(each.may_set & gie for each in here):
+    elif not any(write.may_set & gie for write in here):
         reporter.warn(
             "c-interrupt-enable",
             "this interrupt function is never called: GIE is never set",
@@ -113,8 +113,8 @@ def _flags(graph: CallGraph, writes: list[_Write], isr: list[_Write], reporter: 
         return
     for enable, flag in _SOURCES.items():
         (register, on), (flag_register, up) = _bit(enable), _bit(flag)
-        enabled = any(each.register == register and each.sets & on for each in writes)
-        cleared = any(each.register == flag_register and each.may_clear & up for each in isr)
+        enabled = any(write.register == register and write.sets & on for write in writes)
+        cleared = any(write.register == flag_register and write.may_clear & up for write in isr)
         if enabled and not cleared:
             reporter.warn(
                 "c-interrupt-flag",
@@ -125,8 +125,8 @@ def _flags(graph: CallGraph, writes: list[_Write], isr: list[_Write], reporter: 
 
 def _directions(writes: list[_Write], reporter: Reporter) -> None:
     for port, tris in _PORTS.items():
-        first = next((each for each in writes if each.register == port and each.whole), None)
-        if first is not None and not any(each.register == tris for each in writes):
+        first = next((write for write in writes if write.register == port and write.whole), None)
+        if first is not None and not any(write.register == tris for write in writes):
             reporter.warn(
                 "c-port-direction",
                 f"all pins of {port} are inputs: {tris} is never written",
@@ -137,9 +137,9 @@ def _directions(writes: list[_Write], reporter: Reporter) -> None:
 
 def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
     ra4 = 1 << 4
-    output = any(each.register == "TRISA" and each.may_clear & ra4 for each in writes)
-    high = (each for each in writes if each.register == "PORTA" and each.sets & ra4)
-    first = next((each for each in high if not each.whole or each.sets < 2 * ra4), None)
+    output = any(write.register == "TRISA" and write.may_clear & ra4 for write in writes)
+    high = (write for write in writes if write.register == "PORTA" and write.sets & ra4)
+    first = next((write for write in high if not write.whole or write.sets < 2 * ra4), None)
     if output and first is not None:
         reporter.warn(
             "c-open-drain",

@@ -104,7 +104,7 @@ def _negated_mask(analyser: Analyser, node: Any) -> None:
 
 def _constant(node: Any) -> bool:
     return all(
-        isinstance(each, (c_ast.Constant, c_ast.BinaryOp, c_ast.UnaryOp)) for each in syntax_nodes(node)
+        isinstance(part, (c_ast.Constant, c_ast.BinaryOp, c_ast.UnaryOp)) for part in syntax_nodes(node)
     )
 
 
@@ -121,8 +121,8 @@ def _with_itself(analyser: Analyser, node: Any, changing: set[str]) -> None:
 
 def _may_change(analyser: Analyser, name: str, changing: set[str]) -> bool:
     """Return whether a variable may differ each time it is read, or from itself."""
-    found = analyser.scopes.find(name)
-    differs = isinstance(found, Symbol) and (found.volatile or isinstance(found.type, FloatType))
+    symbol = analyser.scopes.find(name)
+    differs = isinstance(symbol, Symbol) and (symbol.volatile or isinstance(symbol.type, FloatType))
     return differs or name in changing or name in chip_registers() or name in chip_bits()
 
 
@@ -172,12 +172,12 @@ def _unchanged(analyser: Analyser, node: Any, function: Any, changing: set[str])
     if node.cond is None or node.next is None:
         return
     parts = syntax_nodes(node.cond)
-    if not all(isinstance(each, (c_ast.ID, c_ast.Constant, c_ast.BinaryOp)) for each in parts):
+    if not all(isinstance(part, (c_ast.ID, c_ast.Constant, c_ast.BinaryOp)) for part in parts):
         return
-    read = {each.name for each in parts if isinstance(each, c_ast.ID)}
+    read = {part.name for part in parts if isinstance(part, c_ast.ID)}
     inside = [*syntax_nodes(node.next), *syntax_nodes(node.stmt)]
     leaves = (c_ast.Break, c_ast.Return, c_ast.Goto)
-    if not read or any(isinstance(each, leaves) for each in inside) or not read <= _locals(function):
+    if not read or any(isinstance(part, leaves) for part in inside) or not read <= _locals(function):
         return
     if read & changing or read & _changed(inside):
         return
@@ -195,15 +195,15 @@ def _locals(function: Any) -> set[str]:
 
 def _changed(nodes: list[Any]) -> set[str]:
     """Return the names that are assigned to, counted, or whose address is taken."""
-    found = set()
+    names = set()
     for node in nodes:
         if isinstance(node, c_ast.Assignment) and isinstance(node.lvalue, c_ast.ID):
-            found.add(node.lvalue.name)
+            names.add(node.lvalue.name)
         elif (
             isinstance(node, c_ast.UnaryOp) and node.op in (*_STEPS, "&") and isinstance(node.expr, c_ast.ID)
         ):
-            found.add(node.expr.name)
-    return found
+            names.add(node.expr.name)
+    return names
 
 
 # enumerations
@@ -240,10 +240,10 @@ def _missing_cases(analyser: Analyser, node: Any) -> None:
     values = analyser.enumerated.get(place.name) if isinstance(place, c_ast.ID) else None
     if values is None:
         return
-    labels = [each for each in syntax_nodes(node.stmt) if isinstance(each, (c_ast.Case, c_ast.Default))]
-    if any(isinstance(each, c_ast.Default) for each in labels):
+    labels = [label for label in syntax_nodes(node.stmt) if isinstance(label, (c_ast.Case, c_ast.Default))]
+    if any(isinstance(label, c_ast.Default) for label in labels):
         return
-    named = {each.expr.name for each in labels if isinstance(each.expr, c_ast.ID)}
+    named = {label.expr.name for label in labels if isinstance(label.expr, c_ast.ID)}
     missing = [name for name in values if name not in named]
     if missing:
         analyser.reporter.warn(

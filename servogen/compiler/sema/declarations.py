@@ -110,21 +110,26 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
     )
     place = analyser.place(node)
     if isinstance(byte, str):
-        found = analyser.scopes.find(byte)
-        if not isinstance(found, Symbol):
+        byte_symbol = analyser.scopes.find(byte)
+        if not isinstance(byte_symbol, Symbol):
             raise analyser.fail("c-undeclared", f"'{byte}' is not declared", node)
     else:
-        found = next(
-            (analyser.scopes.register(each) for each in registers().values() if each.address == byte), None
+        byte_symbol = next(
+            (
+                analyser.scopes.register(register)
+                for register in registers().values()
+                if register.address == byte
+            ),
+            None,
         )
-        if found is None:
-            found = Symbol(f"0x{byte:02X}", U8, "fixed", place)
-            _fix(analyser, found, byte, place)
-            analyser.program.symbols.append(found)
-    if not 0 <= bit < 8 * found.type.size:
-        raise analyser.fail("c-bit", f"'{found.type}' has no bit {bit}", node)
-    found.pinned = True
-    enter_name(analyser, node.name, BitAlias(found, bit, place), node)
+        if byte_symbol is None:
+            byte_symbol = Symbol(f"0x{byte:02X}", U8, "fixed", place)
+            _fix(analyser, byte_symbol, byte, place)
+            analyser.program.symbols.append(byte_symbol)
+    if not 0 <= bit < 8 * byte_symbol.type.size:
+        raise analyser.fail("c-bit", f"'{byte_symbol.type}' has no bit {bit}", node)
+    byte_symbol.pinned = True
+    enter_name(analyser, node.name, BitAlias(byte_symbol, bit, place), node)
 
 
 def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
@@ -185,7 +190,7 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> N
         analyser.reporter.error(
             "c-address", f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place
         )
-    elif not all(data_byte_exists(address + each) for each in range(size)):
+    elif not all(data_byte_exists(address + index) for index in range(size)):
         analyser.reporter.error(
             "c-address",
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
@@ -319,11 +324,11 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
     analyser.function.locals.append(symbol)
     waiting, analyser.pending = analyser.pending, []
     fill(analyser, symbol, kind, node.init, 0, place)
-    steps, analyser.pending = [each.expr for each in analyser.pending], waiting
-    found: Expr = Ref(symbol, 0, None, kind, place)
+    steps, analyser.pending = [statement.expr for statement in analyser.pending], waiting
+    literal: Expr = Ref(symbol, 0, None, kind, place)
     for step in reversed(steps):
-        found = Comma(step, found, kind, place)
-    return found
+        literal = Comma(step, literal, kind, place)
+    return literal
 
 
 def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location) -> bool:
@@ -333,7 +338,7 @@ def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location)
         return False
     symbol = _new_global(analyser, node.name, kind, place, None)
     symbol.function = analyser.function.name if analyser.function else None
-    symbol.initial = {each: value.value >> 8 * each & 0xFF for each in range(kind.size)}
+    symbol.initial = {index: value.value >> 8 * index & 0xFF for index in range(kind.size)}
     enter_name(analyser, node.name, symbol, node)
     return True
 
@@ -383,7 +388,7 @@ def declare_function(
             analyser.externals[name] = known
     elif known.prototyped and is_own_file(place) and len(known.parameters) == len(kind.parameters or ()):
         # the library's body takes the types that the program declares
-        kind = FuncType(known.result, tuple(each.type for each in known.parameters))
+        kind = FuncType(known.result, tuple(parameter.type for parameter in known.parameters))
     elif is_own_file(known.place):
         _replace_library(analyser, known, kind, node)
     else:
@@ -414,7 +419,9 @@ def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncTy
 def _same_signature(
     analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any, *, define: bool
 ) -> None:
-    both = FuncType(known.result, tuple(each.type for each in known.parameters) if known.prototyped else None)
+    both = FuncType(
+        known.result, tuple(parameter.type for parameter in known.parameters) if known.prototyped else None
+    )
     if not same(both, kind):
         raise analyser.fail(
             "c-redeclared",
@@ -429,12 +436,12 @@ def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: 
     while not isinstance(declarator, c_ast.FuncDecl):
         declarator = declarator.type
     names = list(declarator.args.params) if declarator.args is not None else []
-    found = []
-    for number, each in enumerate(kind.parameters or ()):
+    symbols = []
+    for number, parameter in enumerate(kind.parameters or ()):
         name = getattr(names[number], "name", None) or f"argument{number + 1}"
-        symbol = Symbol(name, each, "param", analyser.place(names[number]), function=function)
+        symbol = Symbol(name, parameter, "param", analyser.place(names[number]), function=function)
         symbol.asm_name = f"_{name}_{function}"
-        symbol.pinned = isinstance(each, StructType)
-        symbol.volatile = holds_volatile(each)
-        found.append(symbol)
-    return found
+        symbol.pinned = isinstance(parameter, StructType)
+        symbol.volatile = holds_volatile(parameter)
+        symbols.append(symbol)
+    return symbols

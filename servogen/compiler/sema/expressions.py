@@ -203,14 +203,14 @@ def _float_update(
         now = held
     result = cast(analyser, _float_binary(analyser, op, now, value, place), kind)
     if isinstance(target, (WideField, EepromObject)):
-        found = store(analyser, target, result)
+        update = store(analyser, target, result)
     else:
-        found = Assign(target, result, kind, place)
+        update = Assign(target, result, kind, place)
     if post:
-        found = Comma(found, held, kind, place)
-    for each in reversed(before):
-        found = Comma(each, found, kind, place)
-    return found
+        update = Comma(update, held, kind, place)
+    for step in reversed(before):
+        update = Comma(step, update, kind, place)
+    return update
 
 
 def _held(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:

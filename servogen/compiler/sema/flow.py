@@ -50,7 +50,7 @@ def check_flow(
     _unused(body, declared, used, reporter)
     _unused_parameters(function, used, reporter)
     _missing_return(function, body, reporter)
-    if not any(isinstance(each, LabelStmt) for each in statements(body)):
+    if not any(isinstance(statement, LabelStmt) for statement in statements(body)):
         _Uninitialised(body, declared, reporter).report()
 
 
@@ -106,9 +106,9 @@ def _completes(node: Stmt) -> bool:
             return False
         case Block(body):
             reachable = True
-            for each in body:
-                reachable = reachable or _has_label(each)
-                reachable = reachable and _completes(each)
+            for statement in body:
+                reachable = reachable or _has_label(statement)
+                reachable = reachable and _completes(statement)
             return reachable
         case If(_, yes, no):
             return no is None or _completes(yes) or _completes(no)
@@ -120,7 +120,7 @@ def _completes(node: Stmt) -> bool:
 
 
 def _has_label(node: Stmt) -> bool:
-    return any(isinstance(each, (CaseLabel, LabelStmt)) for each in statements(node))
+    return any(isinstance(inner, (CaseLabel, LabelStmt)) for inner in statements(node))
 
 
 def breaks(node: Stmt) -> bool:
@@ -156,9 +156,9 @@ class _Uninitialised:
     def report(self) -> None:
         pointed = {expr.target.symbol for expr in expressions(self.body) if isinstance(expr, AddressOf)}
         self.watched = {
-            each
-            for each in self.declared
-            if each.type.scalar and each.kind == "local" and each not in pointed and not each.volatile
+            symbol
+            for symbol in self.declared
+            if symbol.type.scalar and symbol.kind == "local" and symbol not in pointed and not symbol.volatile
         }
         self.statement(self.body)
 
@@ -169,8 +169,8 @@ class _Uninitialised:
             case ExprStmt(expr):
                 self.expression(expr)
             case Block(body):
-                for each in body:
-                    self.statement(each)
+                for inner in body:
+                    self.statement(inner)
             case If(condition, yes, no):
                 self.expression(condition)
                 ends = not _completes(yes), no is not None and not _completes(no)
@@ -198,7 +198,7 @@ class _Uninitialised:
             sures.append(self.sure)
         self.conditional -= 1
         self.set_ = sets[0] | sets[1]
-        through = [each for each, ended in zip(sures, ends, strict=True) if not ended]
+        through = [path for path, ended in zip(sures, ends, strict=True) if not ended]
         self.sure = set.intersection(*through) if through else set(self.set_)
 
     def loop(self, node: Loop) -> None:
@@ -248,9 +248,9 @@ class _Uninitialised:
             case _:
                 for name in expr.__dataclass_fields__:
                     part = getattr(expr, name)
-                    for each in part if isinstance(part, list) else [part]:
-                        if isinstance(each, Expr):
-                            self.expression(each)
+                    for operand in part if isinstance(part, list) else [part]:
+                        if isinstance(operand, Expr):
+                            self.expression(operand)
 
     def set(self, symbol: Symbol) -> None:
         self.set_.add(symbol)

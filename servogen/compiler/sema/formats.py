@@ -73,8 +73,8 @@ def _plain(text: bytes) -> Iterator[Part]:
 def _conversion(match: re.Match[bytes]) -> Part:
     kind, spelling = match["kind"], match.group().decode("latin-1")
     width, flags = int(match["width"] or 0) if match["width"] != b"*" else 0, 0
-    for each in match["flags"]:
-        flags |= _FLAGS.get(each, 0)
+    for flag in match["flags"]:
+        flags |= _FLAGS.get(flag, 0)
     unsupported = b"#" in match["flags"] or match["width"] == b"*" or match["precision"]
     if unsupported or width > 255 or match["size"] == b"ll" or kind not in (b"c", b"s", *_NUMBERS):
         allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"

@@ -32,7 +32,7 @@ DISPATCHER = "__call"
 
 
 def type_of(function: FunctionDefinition) -> FuncType:
-    parameters = tuple(each.type for each in function.parameters) if function.prototyped else None
+    parameters = tuple(parameter.type for parameter in function.parameters) if function.prototyped else None
     return FuncType(function.result, parameters)
 
 
@@ -53,27 +53,27 @@ def address(analyser: Analyser, function: FunctionDefinition, place: Location) -
 
 def dispatcher(analyser: Analyser, kind: FuncType) -> FunctionDefinition:
     """Return the dispatcher of a type of function; its parameters are the function's and the number."""
-    for known, found in analyser.dispatchers:
+    for known, definition in analyser.dispatchers:
         if same(known, kind):
-            return found
+            return definition
     name = f"{DISPATCHER}{len(analyser.dispatchers) + 1}"
     parameters = [
-        Symbol(f"argument{number}", each.plain(), "param", function=name)
-        for number, each in enumerate(kind.parameters or (), 1)
+        Symbol(f"argument{number}", parameter.plain(), "param", function=name)
+        for number, parameter in enumerate(kind.parameters or (), 1)
     ]
     number = Symbol("number", U8, "param", function=name)
-    found = FunctionDefinition(name, kind.result, [*parameters, number], Location(), body=Block([]))
-    analyser.program.functions[name] = found
-    analyser.defined.add(found)
-    analyser.dispatchers.append((kind, found))
-    return found
+    definition = FunctionDefinition(name, kind.result, [*parameters, number], Location(), body=Block([]))
+    analyser.program.functions[name] = definition
+    analyser.defined.add(definition)
+    analyser.dispatchers.append((kind, definition))
+    return definition
 
 
 def finish(analyser: Analyser) -> None:
     """Give the dispatchers their bodies, once every function whose address is taken is known."""
-    for kind, found in analyser.dispatchers:
-        *parameters, number = found.parameters
-        place = found.place
+    for kind, definition in analyser.dispatchers:
+        *parameters, number = definition.parameters
+        place = definition.place
         cases: list[tuple[int, CaseLabel]] = []
         body: list[Stmt] = []
         for name, value in analyser.function_numbers.items():
@@ -83,21 +83,23 @@ def finish(analyser: Analyser) -> None:
             label = CaseLabel(place)
             cases.append((value, label))
             given = [
-                Ref(each, 0, None, wanted.type.plain(), place)
-                for each, wanted in zip(parameters, function.parameters, strict=True)
+                Ref(argument, 0, None, wanted.type.plain(), place)
+                for argument, wanted in zip(parameters, function.parameters, strict=True)
             ]
-            call = Call(name, list(given), found.result.plain(), place)
+            call = Call(name, list(given), definition.result.plain(), place)
             empty = isinstance(function.result, VoidType)
             body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
-        assert found.body is not None
+        assert definition.body is not None
         value_of = Ref(number, 0, None, U8, place)
-        found.body.body = [Switch(value_of, cases, None, Block(body), place)]
+        definition.body.body = [Switch(value_of, cases, None, Block(body), place)]
         if kind.result.scalar:
-            found.body.body.append(Return(Num(0, kind.result.plain(), place), place))
+            definition.body.body.append(Return(Num(0, kind.result.plain(), place), place))
 
 
 def _fits(function: FuncType, kind: FuncType) -> bool:
     """Return whether a pointer of a type may lead to a function: its arguments lie in the same places."""
     one, two = function.parameters or (), kind.parameters or ()
-    results = [isinstance(each.result, VoidType) or each.result.size for each in (function, kind)]
-    return [each.size for each in one] == [each.size for each in two] and results[0] == results[1]
+    if [parameter.size for parameter in one] != [parameter.size for parameter in two]:
+        return False
+    results = [isinstance(side.result, VoidType) or side.result.size for side in (function, kind)]
+    return results[0] == results[1]

@@ -53,9 +53,9 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
         init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
     if isinstance(init, c_ast.InitList):
         length, at = 0, 0
-        for each in init.exprs:
-            if isinstance(each, c_ast.NamedInitializer):
-                designator = each.name[0]
+        for item in init.exprs:
+            if isinstance(item, c_ast.NamedInitializer):
+                designator = item.name[0]
                 inner = getattr(designator, "expr", designator)
                 at = constant(analyser, inner, "an index")
             at += 1
@@ -84,10 +84,10 @@ def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int
     for at, scalar in _scalars(kind, offset):
         if at < behind:
             continue  # a byte of a member that one expression initialises as a whole
-        found = given.get(at)
-        leaf = found.type if found else scalar
+        given_leaf = given.get(at)
+        leaf = given_leaf.type if given_leaf else scalar
         behind = at + leaf.size
-        _assign(analyser, symbol, found or Leaf(at, leaf, 0), place)
+        _assign(analyser, symbol, given_leaf or Leaf(at, leaf, 0), place)
     for each in leaves:
         if each.width:
             _assign(analyser, symbol, each, place)
@@ -118,11 +118,11 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
             data[leaf.at] = leaf.value & 0xFF
             continue
         expr = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
-        found = _bytes(analyser, expr, leaf.type.size, leaf.value)
+        content = _bytes(analyser, expr, leaf.type.size, leaf.value)
         if leaf.width:
-            _set_field(analyser, data, leaf, found)
+            _set_field(analyser, data, leaf, content)
             continue
-        for number, byte in enumerate(found):
+        for number, byte in enumerate(content):
             data[leaf.at + number] = byte
 
 
@@ -144,7 +144,7 @@ def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
     ):
         expr = expr.operand
     if isinstance(expr, Num):
-        return [expr.value >> 8 * each & 0xFF for each in range(size)]
+        return [expr.value >> 8 * index & 0xFF for index in range(size)]
     if isinstance(expr, Cast) and isinstance(expr.operand, AddressOf):
         expr = expr.operand
     if isinstance(expr, Binary) and isinstance(expr.left, AddressOf) and isinstance(expr.right, Num):
@@ -281,9 +281,9 @@ def _elements(kind: ArrayType | StructType) -> list[tuple[int, CType]]:
 def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
     """Return (offset, type) of every scalar in an object."""
     if isinstance(kind, StructType) and any(part.width for part in kind.layout.parts):
-        return [(offset + each, U8) for each in range(kind.size)]
+        return [(offset + index, U8) for index in range(kind.size)]
     if isinstance(kind, StructType) and kind.layout.union:
-        return [(offset + each, U8) for each in range(kind.size)]
+        return [(offset + index, U8) for index in range(kind.size)]
     if isinstance(kind, (ArrayType, StructType)):
         return [leaf for at, element in _elements(kind) for leaf in _scalars(element, offset + at)]
     return [(offset, kind)]

@@ -66,7 +66,7 @@ def _precedence(analyser: Analyser, node: Any) -> None:
                 analyser.place(operand),
                 hint="put parentheses around what belongs together",
             )
-    constants = all(isinstance(each, c_ast.Constant) for each in (node.left, node.right))
+    constants = all(isinstance(side, c_ast.Constant) for side in (node.left, node.right))
     if node.op == "^" and constants and node.left.value in ("2", "10"):
         analyser.reporter.warn(
             "c-xor-power",
@@ -88,7 +88,7 @@ def _precedence(analyser: Analyser, node: Any) -> None:
 
 def _compared_strings(analyser: Analyser, node: Any) -> None:
     sides = (node.left, node.right)
-    strings = [each for each in sides if isinstance(each, c_ast.Constant) and each.type == "string"]
+    strings = [side for side in sides if isinstance(side, c_ast.Constant) and side.type == "string"]
     if node.op in COMPARISONS and strings:
         analyser.reporter.warn(
             "c-string-comparison",
@@ -161,9 +161,9 @@ def _sizeof_parameter(analyser: Analyser, node: Any, function: Any) -> None:
     """Warn about the size of a parameter that is declared as an array and is a pointer."""
     arguments = function.decl.type.args
     arrays = {
-        each.name
-        for each in (arguments.params if arguments is not None else [])
-        if isinstance(getattr(each, "type", None), c_ast.ArrayDecl)
+        parameter.name
+        for parameter in (arguments.params if arguments is not None else [])
+        if isinstance(getattr(parameter, "type", None), c_ast.ArrayDecl)
     }
     if isinstance(node.expr, c_ast.ID) and node.expr.name in arrays:
         analyser.reporter.warn(
@@ -230,12 +230,12 @@ def used_names(node: Any) -> set[str]:
     alone += [node.next] if isinstance(node, c_ast.For) else []
     alone += [node.stmt] if isinstance(node, (c_ast.For, c_ast.While, c_ast.DoWhile)) else []
     alone += [node.iftrue, node.iffalse] if isinstance(node, c_ast.If) else []
-    found: set[str] = set()
+    names: set[str] = set()
     for child in node:
         counted = isinstance(child, c_ast.UnaryOp) and child.op in _STEPS and child in alone
         if not (counted and isinstance(child.expr, c_ast.ID)):
-            found |= used_names(child)
-    return found
+            names |= used_names(child)
+    return names
 
 
 _STEPS = ("++", "--", "p++", "p--")
@@ -303,10 +303,10 @@ class _Order:
                 arguments = list(node.args.exprs) if node.args is not None else []
                 return self._unordered(arguments, node)
             case c_ast.ExprList():
-                found = _Effects()
-                for each in node.exprs:
-                    found = found.merge(self.of(each))
-                return found
+                effects = _Effects()
+                for operand in node.exprs:
+                    effects = effects.merge(self.of(operand))
+                return effects
             case c_ast.StructRef():
                 return self.of(node.name)
             case c_ast.Cast():
@@ -314,14 +314,14 @@ class _Order:
         return self._unordered([*node], node)
 
     def _unordered(self, parts: list[Any], node: Any) -> _Effects:
-        effects = [self.of(each) for each in parts]
-        found = _Effects()
+        effects = [self.of(part) for part in parts]
+        together = _Effects()
         for one, two in combinations(effects, 2):
             clash = one.changes & (two.changes | two.reads) | two.changes & one.reads
             self._say(clash, node)
-        for each in effects:
-            found = found.merge(each)
-        return found
+        for effect in effects:
+            together = together.merge(effect)
+        return together
 
     def _assignment(self, node: Any) -> _Effects:
         value = self.of(node.rvalue)

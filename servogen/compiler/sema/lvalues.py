@@ -120,9 +120,9 @@ def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
         and isinstance(target.type, (IntType, FloatType))
         and 0 <= target.offset <= target.symbol.size - target.type.size
     ):
-        data = [target.symbol.initial.get(target.offset + each, 0) for each in range(target.type.size)]
-        if all(isinstance(each, int) for each in data):
-            value = sum(each << 8 * number for number, each in enumerate(data) if isinstance(each, int))
+        data = [target.symbol.initial.get(target.offset + index, 0) for index in range(target.type.size)]
+        if all(isinstance(byte, int) for byte in data):
+            value = sum(byte << 8 * number for number, byte in enumerate(data) if isinstance(byte, int))
             if isinstance(target.type, FloatType):
                 return ConstNum(target, value)
             if target.width:
@@ -136,7 +136,7 @@ def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
 def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
     """Reject a constant address at which the chip has no memory."""
     size = target.type.size
-    if not all(data_byte_exists(address + each) for each in range(size)):
+    if not all(data_byte_exists(address + index) for index in range(size)):
         raise analyser.fail(
             "c-address",
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
@@ -191,9 +191,9 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     if name.startswith(BIT_MEMBER):
         return bit_of(analyser, base, int(name[len(BIT_MEMBER) :]), node)
     if isinstance(base.type, IntType) and isinstance(base, (Ref, Deref)):
-        found = analyser.scopes.find(name)
-        if isinstance(found, ChipBit):
-            return bit_of(analyser, base, found.bit, node)
+        symbol = analyser.scopes.find(name)
+        if isinstance(symbol, ChipBit):
+            return bit_of(analyser, base, symbol.bit, node)
     if not isinstance(base.type, StructType):
         raise analyser.fail("c-undeclared", f"'{base.type}' has no members", node.field)
     member = base.type.layout.members.get(name)
@@ -257,9 +257,9 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
     if isinstance(meaning, Symbol) and isinstance(meaning.type, PointerType):
         return indirect_call(analyser, expression(analyser, node.name), arguments, node)
     if not isinstance(meaning, FunctionDefinition):
-        found = analyser.dispatch.builtin(analyser, name, node, arguments)
-        if found is not None:
-            return found
+        special = analyser.dispatch.builtin(analyser, name, node, arguments)
+        if special is not None:
+            return special
         if meaning is not None and not isinstance(meaning, ChipBit):
             raise analyser.fail("c-type", f"'{name}' is not a function", node)
         if name in analyser.reporter.lost:
@@ -295,9 +295,9 @@ def indirect_call(analyser: Analyser, pointer: Expr, arguments: list[Any], node:
     if not isinstance(kind, FuncType):
         raise analyser.fail("c-type", f"'{pointer.type}' is not a function", node)
     dispatcher = function_pointers.dispatcher(analyser, kind)
-    found = _call(analyser, dispatcher, arguments, node, pointer)
-    assert isinstance(found, Call)
-    return found
+    call = _call(analyser, dispatcher, arguments, node, pointer)
+    assert isinstance(call, Call)
+    return call
 
 
 def _call(
@@ -351,8 +351,9 @@ def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
         return operand.target
     target = operand.type.target
     if isinstance(operand, AddressOf):
-        found = operand.target
-        return _lvalue(analyser, Ref(found.symbol, found.offset, found.index, target, analyser.place(node)))
+        variable = operand.target
+        converted = Ref(variable.symbol, variable.offset, variable.index, target, analyser.place(node))
+        return _lvalue(analyser, converted)
     return _lvalue(analyser, Deref(operand, 0, target, analyser.place(node)))
 
 

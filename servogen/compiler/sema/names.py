@@ -108,24 +108,24 @@ def characters(analyser: Analyser, text: str, place: Location) -> list[int]:
     """Return the character codes of a string or character literal, given with its quotes; adjacent strings
     are already joined.
     """
-    found = []
+    values = []
     for match in re.finditer(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", text[1:-1], re.DOTALL):
         if match[1]:
-            found.append(int(match[1], 16) & 0xFF)
+            values.append(int(match[1], 16) & 0xFF)
         elif match[2]:
-            found.append(int(match[2], 8) & 0xFF)
+            values.append(int(match[2], 8) & 0xFF)
         elif match[3]:
             if match[3] not in _ESCAPES:
                 analyser.reporter.warn("c-number", f"unknown escape '\\{match[3]}'", place)
-            found.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
+            values.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
         else:
             encoded = match[4].encode("latin-1", "replace")
             if match[4] != "?" and encoded == b"?":
                 analyser.reporter.warn(
                     "c-number", f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place
                 )
-            found.append(encoded[0])
-    return found
+            values.append(encoded[0])
+    return values
 
 
 def identifier(analyser: Analyser, node: Any) -> Expr:
@@ -175,8 +175,8 @@ def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
         return EepromObject(Num(symbol.address or 0, U8, place), kind, place)
     if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
         data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
-        if all(isinstance(each, int) for each in data) and isinstance(kind, (IntType, FloatType)):
-            value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
+        if all(isinstance(byte, int) for byte in data) and isinstance(kind, (IntType, FloatType)):
+            value = sum(byte << 8 * index for index, byte in enumerate(data) if isinstance(byte, int))
             value = kind.wrap(value) if isinstance(kind, IntType) else value
             return ConstNum(Ref(symbol, 0, None, kind, place), value)
     if isinstance(kind, IntType) and kind.is_bit:
@@ -186,12 +186,12 @@ def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
 
 def expression_list(analyser: Analyser, node: Any) -> Expr:
     *before, last = node.exprs
-    found = value_of(analyser, expression(analyser, last))
-    for each in reversed(before):
-        first = value_of(analyser, expression(analyser, each))
+    sequence = value_of(analyser, expression(analyser, last))
+    for part in reversed(before):
+        first = value_of(analyser, expression(analyser, part))
         warn_unused(analyser, first)
-        found = Comma(first, found, found.type, analyser.place(each))
-    return found
+        sequence = Comma(first, sequence, sequence.type, analyser.place(part))
+    return sequence
 
 
 def value_of(analyser: Analyser, expr: Expr) -> Expr:

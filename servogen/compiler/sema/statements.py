@@ -177,10 +177,10 @@ def effect_of(analyser: Analyser, node: Any) -> Expr:
 
 def _step_alone(analyser: Analyser, node: Any) -> Expr:
     """Return `x++` or `x--` whose value is not used: no value from before need be kept."""
-    found = expression(analyser, c_ast.UnaryOp(node.op[1:], node.expr, node.coord))
-    if isinstance(found, Update):
-        found.post = True
-    return value_of(analyser, found)
+    update = expression(analyser, c_ast.UnaryOp(node.op[1:], node.expr, node.coord))
+    if isinstance(update, Update):
+        update.post = True
+    return value_of(analyser, update)
 
 
 def checked_condition(analyser: Analyser, node: Any) -> Expr:
@@ -240,8 +240,8 @@ def _stmt_empty_statement(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
     block = Block([])
-    for each in node.decls:
-        item(analyser, each, block.body)
+    for decl in node.decls:
+        item(analyser, decl, block.body)
     return block
 
 
@@ -281,8 +281,8 @@ def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
     analyser.scopes.push()
     out: list[Stmt] = []
     if isinstance(node.init, c_ast.DeclList):
-        for each in node.init.decls:
-            item(analyser, each, out)
+        for decl in node.init.decls:
+            item(analyser, decl, out)
     elif node.init is not None:
         out.append(ExprStmt(effect_of(analyser, node.init)))
     condition = checked_condition(analyser, node.cond) if node.cond is not None else None

@@ -30,15 +30,15 @@ _UNKNOWN: Key = ("?", "?")
 
 def infer_const_pointers(files: Iterable[list[Any]]) -> None:
     """Add `const` to what those pointers point to that strings reach and nothing is written through."""
-    found = _Pointers()
+    pointers = _Pointers()
     units = [unit for file in files for unit in file]
     for unit in units:
-        found.declare(unit)
+        pointers.declare(unit)
     for unit in units:
         with suppress(RecursionError):  # the analysis reports it, with its place
-            found.follow(unit)
-    for key in found.readable():
-        for target in found.targets.get(key, ()):
+            pointers.follow(unit)
+    for key in pointers.readable():
+        for target in pointers.targets.get(key, ()):
             if "const" not in target.quals:
                 target.quals = [*target.quals, "const"]
 
@@ -76,14 +76,14 @@ class _Pointers:
 
     def variable(self, decl: Any, scope: str) -> None:
         kind = decl.type
-        for each in _members(kind):
-            self.pointer(each.type, (_MEMBER, each.name or ""))
+        for member in _members(kind):
+            self.pointer(member.type, (_MEMBER, member.name or ""))
         if isinstance(kind, c_ast.FuncDecl):
             keys: list[Key | None] = []
-            for number, each in enumerate(kind.args.params if kind.args is not None else []):
-                name = getattr(each, "name", None) or f"#{number}"
+            for number, parameter in enumerate(kind.args.params if kind.args is not None else []):
+                name = getattr(parameter, "name", None) or f"#{number}"
                 key = (decl.name or "", name)
-                pointer = hasattr(each, "type") and self.pointer(each.type, key)
+                pointer = hasattr(parameter, "type") and self.pointer(parameter.type, key)
                 keys.append(key if pointer else None)
             self.parameters.setdefault(decl.name or "", []).append(keys)
             self.pointer(kind.type, (decl.name or "", _RESULT))
@@ -116,7 +116,9 @@ class _Pointers:
             self.function = unit.decl.name
             arguments = unit.decl.type.args if isinstance(unit.decl.type, c_ast.FuncDecl) else None
             self.locals = {
-                each.name for each in (arguments.params if arguments else []) if hasattr(each, "name")
+                parameter.name
+                for parameter in (arguments.params if arguments else [])
+                if hasattr(parameter, "name")
             }
             for node in syntax_nodes(unit.body):
                 if isinstance(node, c_ast.Decl) and node.name is not None:
@@ -155,13 +157,13 @@ class _Pointers:
         name = node.name.name if isinstance(node.name, c_ast.ID) else ""
         own = name in self.defined or name not in self.library
         declared = self.parameters.get(name, []) if own else []
-        for number, each in enumerate(node.args.exprs if node.args is not None else []):
+        for number, argument in enumerate(node.args.exprs if node.args is not None else []):
             keys = [keys[number] for keys in declared if number < len(keys)]
             known = [key for key in keys if key is not None]
             for key in known:
-                self.flow(each, key)
+                self.flow(argument, key)
             if not own:
-                self.outside(name, number, each)
+                self.outside(name, number, argument)
 
     def taken(self, name: str) -> None:
         """Keep the type of a function whose address is taken: a pointer to the function has that type."""
@@ -207,7 +209,9 @@ class _Pointers:
             case c_ast.StructRef():
                 yield (_MEMBER, value.field.name)
             case c_ast.ArrayRef():
-                yield from (each for each in self.sources(value.name) if not self.is_character(value, each))
+                yield from (
+                    source for source in self.sources(value.name) if not self.is_character(value, source)
+                )
             case c_ast.UnaryOp(op="&", expr=c_ast.ArrayRef(name=array)):
                 yield from self.sources(array)
             case c_ast.UnaryOp(op="&" | "++" | "--" | "p++" | "p--"):
@@ -264,18 +268,18 @@ class _Pointers:
         return self.reached() - self.writing()
 
     def reached(self) -> set[Key]:
-        found = {to for source, to in self.flows if source is None}
-        while more := {to for source, to in self.flows if source in found} - found:
-            found |= more
-        return found & self.targets.keys()
+        targets = {to for source, to in self.flows if source is None}
+        while more := {to for source, to in self.flows if source in targets} - targets:
+            targets |= more
+        return targets & self.targets.keys()
 
     def writing(self) -> set[Key]:
         """Return the pointers that are written through, by themselves or by a pointer they are copied to."""
-        found = self.written | {_UNKNOWN}
+        writers = self.written | {_UNKNOWN}
         flows = self.flows | self.between_declarations()
-        while more := {source for source, to in flows if to in found and source is not None} - found:
-            found |= more
-        return found
+        while more := {source for source, to in flows if to in writers and source is not None} - writers:
+            writers |= more
+        return writers
 
     def between_declarations(self) -> set[tuple[Key | None, Key]]:
         """Return the flows that make a parameter the same in all declarations of its function."""
@@ -289,14 +293,14 @@ def _dimensions(kind: Any) -> int:
 
 def _indices(value: Any) -> int:
     """Return how many indices follow a name; 0 where they follow another expression."""
-    found = 0
+    depth = 0
     while isinstance(value, c_ast.ArrayRef):
-        value, found = value.name, found + 1
-    return found if isinstance(value, (c_ast.ID, c_ast.StructRef)) else 0
+        value, depth = value.name, depth + 1
+    return depth if isinstance(value, (c_ast.ID, c_ast.StructRef)) else 0
 
 
 def _members(kind: Any) -> Iterator[Any]:
     """Yield the members of the structures that a declaration defines."""
     for node in syntax_nodes(kind):
         if isinstance(node, (c_ast.Struct, c_ast.Union)):
-            yield from (each for each in node.decls or [] if isinstance(each, c_ast.Decl))
+            yield from (decl for decl in node.decls or [] if isinstance(decl, c_ast.Decl))

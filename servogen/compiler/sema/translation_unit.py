@@ -77,7 +77,7 @@ def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) 
 
 def finish(analyser: Analyser, settings: Settings) -> None:
     """Handle declarations that are recognised by their names: EEPROM data, configuration words."""
-    for symbol in [each for each in analyser.program.symbols if each.name.startswith(EEPROM_NAME)]:
+    for symbol in [other for other in analyser.program.symbols if other.name.startswith(EEPROM_NAME)]:
         analyser.program.symbols.remove(symbol)
         if symbol.type.size != EEPROM_DATA_VALUES:
             analyser.reporter.error(
@@ -94,7 +94,7 @@ def finish(analyser: Analyser, settings: Settings) -> None:
                 )
                 break
             analyser.program.eeprom[at] = value if isinstance(value, int) else 0
-    for symbol in [each for each in analyser.program.symbols if each.kind == "eeprom"]:
+    for symbol in [other for other in analyser.program.symbols if other.kind == "eeprom"]:
         analyser.program.symbols.remove(symbol)
         end = (symbol.address or 0) + symbol.size
         if end > EEPROM_BYTES:
@@ -106,7 +106,7 @@ def finish(analyser: Analyser, settings: Settings) -> None:
             analyser.program.eeprom[(symbol.address or 0) + offset] = value if isinstance(value, int) else 0
     analyser.program.eeprom.update(settings.eeprom)
     analyser.program.ids.update(settings.ids)
-    everywhere = [each for scopes in analyser.file_scopes for each in scopes.stack[0].names.items()]
+    everywhere = [named for scopes in analyser.file_scopes for named in scopes.stack[0].names.items()]
     for name, meaning in everywhere:
         if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
             settings.config_mask = (meaning.value & WORD_MASK, Location())
@@ -259,9 +259,9 @@ def library_function(analysis: Analyser, name: str) -> FunctionDefinition:
         if own_putchar := analysis.externals.get("putchar"):
             analysis.scopes.stack[0].names.setdefault("putchar", own_putchar)
         analysis.scopes = before
-    found = analysis.externals[name]
-    assert isinstance(found, FunctionDefinition)
-    return found
+    function = analysis.externals[name]
+    assert isinstance(function, FunctionDefinition)
+    return function
 
 
 _DISPATCH = Dispatch(

@@ -109,9 +109,9 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
         raise analyser.fail(
             "c-unsupported", "64-bit integers are not supported", node, hint="the widest type is 32 bits"
         )
-    found = int_type(names, analyser.dialect)
-    if found is not None:
-        return found
+    integer = int_type(names, analyser.dialect)
+    if integer is not None:
+        return integer
     if len(names) == 1:
         meaning = analyser.scopes.find(names[0])
         if isinstance(meaning, TypeName):
@@ -130,9 +130,9 @@ def _structure(analyser: Analyser, node: Any) -> Layout:
     union = isinstance(node, c_ast.Union)
     tag = node.name or f"(unnamed {analyser.place(node).line})"
     if node.decls is None:
-        found = analyser.scopes.tag(tag)
-        if isinstance(found, Layout):
-            return found
+        earlier = analyser.scopes.tag(tag)
+        if isinstance(earlier, Layout):
+            return earlier
         layout = Layout(tag, union)
         analyser.scopes.here.tags[tag] = layout
         return layout
@@ -243,33 +243,35 @@ def _wide_field(
 
 def _enumeration(analyser: Analyser, node: Any) -> CType:
     if node.values is None:
-        found = analyser.scopes.tag(node.name)
-        if not isinstance(found, TypeName):
+        known = analyser.scopes.tag(node.name)
+        if not isinstance(known, TypeName):
             raise analyser.fail("c-undefined", f"'enum {node.name}' is not defined", node)
-        return found.type
+        return known.type
     value, values = -1, []
-    for each in node.values.enumerators:
-        analyser.reading_config = each.name.startswith(CONFIG_NAME)
+    for enumerator in node.values.enumerators:
+        analyser.reading_config = enumerator.name.startswith(CONFIG_NAME)
         value = (
-            constant(analyser, each.value, "an enumeration constant") if each.value is not None else value + 1
+            constant(analyser, enumerator.value, "an enumeration constant")
+            if enumerator.value is not None
+            else value + 1
         )
         kind = (
             analyser.int_type
             if -32768 <= value <= 32767
             else analyser.literal_type(value & 0xFFFFFFFF, "", False)
         )
-        enter_name(analyser, each.name, Constant(value, kind), each)
+        enter_name(analyser, enumerator.name, Constant(value, kind), enumerator)
         values.append(value)
         if not -32768 <= value <= 65535 or (value > 32767 and min(values) < 0):
             raise analyser.fail(
                 "c-number",
-                f"the enumeration constant '{each.name}' is {value}",
-                each,
+                f"the enumeration constant '{enumerator.name}' is {value}",
+                enumerator,
                 hint="an enumeration holds 0 to 65535 or -32768 to 32767",
             )
     analyser.reading_config = False
     chosen: CType = U8
-    if not all(0 <= each <= 255 for each in values):
+    if not all(0 <= number <= 255 for number in values):
         chosen = analyser.types["uint16_t"] if max(values) > 32767 else analyser.int_type
     if node.name:
         analyser.scopes.here.tags[node.name] = TypeName(chosen)
@@ -295,19 +297,19 @@ def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
     unnamed = len(params) == 1 and isinstance(params[0], c_ast.Typename) and params[0].name is None
     if unnamed and isinstance(declared_type(analyser, params[0]), VoidType):
         return ()
-    found = []
-    for each in params:
-        if isinstance(each, c_ast.EllipsisParam):
-            raise analyser.fail("c-unsupported", "functions with '…' arguments are not supported", each)
-        if isinstance(each, c_ast.ID):
-            found.append(analyser.types["uint16_t"] if analyser.c2c else analyser.int_type)
+    parameters = []
+    for param in params:
+        if isinstance(param, c_ast.EllipsisParam):
+            raise analyser.fail("c-unsupported", "functions with '…' arguments are not supported", param)
+        if isinstance(param, c_ast.ID):
+            parameters.append(analyser.types["uint16_t"] if analyser.c2c else analyser.int_type)
             continue
-        kind = declared_type(analyser, each)
+        kind = declared_type(analyser, param)
         if isinstance(kind, ArrayType):
             kind = PointerType(kind.element)
         if isinstance(kind, StructType) and kind.layout.size is None:
-            raise analyser.fail("c-undefined", f"'{kind}' is not defined", each)
+            raise analyser.fail("c-undefined", f"'{kind}' is not defined", param)
         if isinstance(kind, (VoidType, FuncType)):
-            raise analyser.fail("c-type", f"a parameter cannot be of type '{kind}'", each)
-        found.append(kind)
-    return tuple(found)
+            raise analyser.fail("c-type", f"a parameter cannot be of type '{kind}'", param)
+        parameters.append(kind)
+    return tuple(parameters)
