@@ -150,7 +150,7 @@ def test_the_first_start_says_what_takes_so_long(
     monkeypatch.setattr(aot_cache, "_load", lambda code: code)
     with caplog.at_level("INFO", "servogen"):
         assert aot_cache.loop.__wrapped__(False) == CODE
-    assert "compiling the simulator for this processor, which takes about ten seconds" in caplog.text
+    assert "compiling the simulator for this processor, which takes several seconds" in caplog.text
 
 
 def test_a_later_start_says_nothing(
