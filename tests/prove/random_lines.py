@@ -85,15 +85,14 @@ def random_run(aim: Target, seed: int, frames: int) -> Run:
     return Run(made, options, line)
 
 
-def walk(aim: Target, seed: int, frames: int) -> Iterator[str]:
-    """Run from one power-up, and yield what the theorem does not allow."""
-    run = random_run(aim, seed, frames)
+def walk(aim: Target, run: Run) -> Iterator[str]:
+    """Yield what the theorem does not allow in a run."""
     chip = chip_model.Chip(run.made.streamed, dict(enumerate(run.trims)))
     verdict = check(run.made, run.line, chip, run.options)
     if not verdict.proven:
-        yield f"seed {seed}: {'; '.join(verdict_lines(verdict))}"
+        yield f"{'; '.join(verdict_lines(verdict))}"
     for cycle, wrong in states(aim, run):
-        yield f"seed {seed}: cycle {cycle}: {wrong}"
+        yield f"cycle {cycle}: {wrong}"
         return
 
 
@@ -158,11 +157,11 @@ def main() -> int:
         runs = -(-asked.frames // RUN_FRAMES)
         sent = heard = 0
         for number in range(runs):
-            line = random_run(aim, asked.seed + number, RUN_FRAMES).line
-            sent, heard = sent + line.sent, heard + len(line.heard)
-            for message in walk(aim, asked.seed + number, RUN_FRAMES):
+            run = random_run(aim, asked.seed + number, RUN_FRAMES)
+            sent, heard = sent + run.line.sent, heard + len(run.line.heard)
+            for message in walk(aim, run):
                 wrong += 1
-                print(f"{name}: {message}", flush=True)
+                print(f"{name}, seed {asked.seed + number}: {message}", flush=True)
         print(
             f"{name}, {asked.dialect}: {runs * RUN_FRAMES} frames after {runs} power-ups, {sent} messages, "
             f"{heard} commands, {wrong} outside of the theorem, {time.process_time() - began:.0f} s",
