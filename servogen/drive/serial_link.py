@@ -95,6 +95,7 @@ class SerialLink:
         """Write `data` after all earlier data is sent; return the time of its last stop bit. Raises
         Unplugged.
         """
+        # The system's buffer would take much more at once, and send it when it is out of date.
         wait = self._free_at - self._time.now()
         if wait > 0:
             self._time.sleep(wait)

@@ -208,6 +208,8 @@ class LegStance:
         if not motion.turn:
             return 0.0
         foot, centre = reach * self.direction(motion), motion.centre or 0j
+        # Seen from the body, the standing foot turns about the centre of rotation, but its leg turns about
+        # another point, the axis of α: the sweep is the angle between its first and last place from there.
         turned = cmath.exp(0.5j * motion.turn * motion.duty)
         first, last = (
             (self.axis + foot - centre) * turn + centre - self.axis for turn in (turned, turned.conjugate())

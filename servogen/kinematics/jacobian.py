@@ -133,8 +133,9 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     left, values, right = np.linalg.svd(matrix)
     rank = _rank(values)
     full = _general_rank(arm)
+    # An arm of fewer than six joints never moves in all six directions: it can only lose one of those that
+    # it has elsewhere.
     spare = max(full - rank, 0)
-    # Among the directions not reached now, those that the arm has elsewhere are called lost.
     elsewhere = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))[0][:, :6]
     missing = left[:, rank:]
     weights = np.linalg.norm(elsewhere.T @ missing, axis=0) if missing.size else np.zeros(0)
@@ -148,6 +149,7 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
 
 
 def _rank(values: Floats) -> int:
+    # Relative to the largest value, which grows with the size of the arm.
     return int(np.sum(values > SINGULAR * values.max(initial=0.0)))
 
 

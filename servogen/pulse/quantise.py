@@ -70,6 +70,7 @@ def quantise(
     """
     pulsed = ~np.isnan(angles)
     distinct, back, counts = np.unique(angles[pulsed], return_inverse=True, return_counts=True)
+    # Two equal frames in a row are a position that is held; a ramp passes each of its angles only once.
     held = frozenset(angles[:-1][angles[:-1] == angles[1:]].tolist())
     cycles_of: list[int] = []
     rows: dict[Fraction, Quantised] = {}
@@ -83,6 +84,7 @@ def quantise(
                 servo.place,
                 f"a cycle is {float(clock.cycle_us):g} µs at {clock.hz} Hz",
             )
+        # Angles that differ by floating-point noise have the same width: they share a row.
         before = rows.get(width)
         rows[width] = Quantised(
             channel=servo.name,

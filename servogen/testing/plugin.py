@@ -94,7 +94,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default="sim",
         help="what the tests of firmware run on (default: sim, the simulated chip)",
     )
-    group.addoption("--servogen-port", metavar="PORT", help="the bench's analyser, as /dev/ttyACM0")
+    group.addoption("--servogen-port", metavar="PORT", help="the bench's analyser, such as /dev/ttyACM0")
     group.addoption(
         "--servogen-programmer",
         metavar="NAME",
@@ -102,25 +102,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "(default: the chip holds what it holds)",
     )
     group.addoption(
-        "--servogen-programmer-port", metavar="PORT", help="the bench's programmer, as /dev/ttyUSB0"
+        "--servogen-programmer-port", metavar="PORT", help="the bench's programmer, such as /dev/ttyUSB0"
     )
     group.addoption(
         "--servogen-device",
         metavar="CHIP",
         help="the bench's chip (default: what the schedule was built for)",
     )
-    group.addoption("--servogen-inputs", metavar="PORT", help="the bench's input board, as /dev/ttyACM1")
+    group.addoption("--servogen-inputs", metavar="PORT", help="the bench's input board, such as /dev/ttyACM1")
     group.addoption(
         "--servogen-input",
         metavar="NAME=N",
         action="append",
         default=[],
-        help="how the input board is wired, as RB0=2, RB0-RB4=22 for a contact, RA1=TX1 (repeatable)",
+        help="how the input board is wired, such as RB0=2, RB0-RB4=22 for a contact, RA1=TX1 (repeatable)",
     )
     group.addoption(
         "--servogen-serial",
         metavar="PORT",
-        help="a USB serial adapter that sends to the chip, as /dev/ttyUSB1",
+        help="a USB serial adapter that sends to the chip, such as /dev/ttyUSB1",
     )
     group.addoption("--servogen-serial-pin", metavar="PIN", help="the pin that the serial adapter sends to")
     group.addoption(

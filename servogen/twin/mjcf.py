@@ -91,6 +91,8 @@ def document(name: str, ground: Ground, step_s: float = STEP_S) -> tuple[xml.Ele
         cone="elliptic",
         impratio="10",
     )
+    # MuJoCo takes the greater friction of two shapes that touch. The ground's is on the feet, each of which
+    # may deviate from it, so that all others must have none.
     default = add(root, "default")
     add(default, "geom", condim="3", friction="0 0 0", **CONTACT)
     world = add(root, "worldbody")
@@ -137,6 +139,8 @@ def add_joint(
     if servo is not None:
         if lower < upper:
             lower, upper = max(lower, servo.lower), min(upper, servo.upper)
+        # Seen from the joint, the shaft's inertia counts with the square of the ratio, its friction with the
+        # ratio itself.
         if servo.armature:
             extra["armature"] = numbers(servo.armature * servo.ratio**2)
         if servo.friction:

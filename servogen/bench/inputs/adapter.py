@@ -210,6 +210,7 @@ class InputAdapter:
                 pin = self.wiring.pins.get(name)
                 if pin is None:
                     raise InputError("unknown-pin", f"{name} is not wired to the input board")
+                # A serial port of the board drives its pin for as long as it is open.
                 closed = self._off(self.wiring.lines[name]) if name in self.wiring.lines else b""
                 return closed + self._driven(pin, level)
             case Close(contact, closed_now):

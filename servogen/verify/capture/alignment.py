@@ -119,6 +119,7 @@ class Signals:
 def align(signals: Signals) -> Line | None:
     """Return the line, or None if no captured pulse belongs to the schedule."""
     main = max(range(len(signals.captured)), key=lambda channel: len(signals.captured[channel].rise))
+    # The first pulse may be a glitch that no schedule contains: then the second or the third fits.
     anchors = signals.captured[main].rise[:ANCHORS]
     slope = _slope(signals)
     best = min(
@@ -128,6 +129,8 @@ def align(signals: Signals) -> Line | None:
     if best is None:
         return None
     *_, a = best
+    # The first fit pairs the pulses by a slope that is only estimated, which may go wrong far from the
+    # anchor. The second one pairs them by the fitted slope.
     line = _fit(signals, Line(a, slope, None))
     return line and (_fit(signals, line) or line)
 
