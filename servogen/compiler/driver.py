@@ -99,7 +99,7 @@ class _TooFast(Exception):
 
 
 def _reported(sources: Sequence[Source], options: Options) -> Compilation:
-    """Compile; what ends the compilation early has been reported."""
+    """Compile; raise CompileError where a reported error ends the compilation."""
     reporter = Reporter(options.unwanted)
     try:
         return _compile(sources, options, reporter)

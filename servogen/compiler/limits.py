@@ -14,7 +14,7 @@ ALL_CHARACTERS = 400_000
 INCLUDES = 200
 """#include lines that are followed."""
 EXPANDED_CHARACTERS = 400_000
-"""Written by macros, steps on the way included."""
+"""In the expansions of all macros, intermediate ones included."""
 ASSEMBLY_LINES = 3_000
 """In all source files, outside asm("…")."""
 TOKENS = 40_000

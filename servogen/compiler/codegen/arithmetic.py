@@ -336,7 +336,7 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
     sources: list[Operand] = [*imms(0, whole), *operand[: size - whole]]
     live = target[whole:]
     if len(live) == 1 and rest:
-        _shift_byte_left(gen, live[0], sources[whole], rest)
+        _shift_byte(gen, live[0], sources[whole], rest, left=True)
         gen.move_all(target[:whole], imms(0, whole))
         return
     if rest == 1 and not whole and not any(isinstance(each, Imm) for each in operand):
@@ -353,27 +353,29 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
             gen.emit("RLF", each, 1)
 
 
-def _shift_byte_left(gen: InstructionBuilder, t: Loc, a: Operand, count: int) -> None:
+def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left: bool) -> None:
+    """Shift one byte by 1 to 7 bits, filling with zeros."""
+    towards, away = ("RLF", "RRF") if left else ("RRF", "RLF")
     if isinstance(a, Imm):
         held = gen.temp()[0]
         gen.move(held, a)
         a = held
-    if count == 7:
-        gen.emit("RRF", a, 0)
+    if count == 7:  # one bit stays: it goes through the carry to the other end
+        gen.emit(away, a, 0)
         gen.emit("CLRF", t)
-        gen.emit("RRF", t, 1)
+        gen.emit(away, t, 1)
     elif count >= 4:
         gen.emit("SWAPF", a, 0)
-        gen.emit("ANDLW", k=0xF0)
+        gen.emit("ANDLW", k=0xF0 if left else 0x0F)
         gen.store(t)
-        _repeat(gen, "RLF", t, count - 4)
+        _repeat(gen, towards, t, count - 4)
     elif count == 1:
         gen.emit("BCF", STATUS, b=C)
-        gen.emit("RLF", a, destination_bit(gen, t, a))
+        gen.emit(towards, a, destination_bit(gen, t, a))
         store_result(gen, t, a)
     else:
         gen.move(t, a)
-        _repeat(gen, "RLF", t, count)
+        _repeat(gen, towards, t, count)
 
 
 def _repeat(gen: InstructionBuilder, op: str, t: Loc, count: int) -> None:
@@ -398,7 +400,7 @@ def shift_right(
         sign = sign_byte(gen, operand[-1])
         gen.move_all(target, [*operand[whole:], *[sign] * whole])
     elif live == 1 and rest and not signed:
-        _shift_byte_right(gen, target[0], operand[whole], rest)
+        _shift_byte(gen, target[0], operand[whole], rest, left=False)
         gen.move_all(target[1:], imms(0, size - 1))
         return
     elif rest == 1 and not whole and not signed and not any(isinstance(each, Imm) for each in operand):
@@ -412,29 +414,6 @@ def shift_right(
         gen.move_all(target, [*operand[whole:], *imms(0, whole)])
     for _ in range(rest):
         one_right(gen, target[:live], signed=signed)
-
-
-def _shift_byte_right(gen: InstructionBuilder, t: Loc, a: Operand, count: int) -> None:
-    if isinstance(a, Imm):
-        held = gen.temp()[0]
-        gen.move(held, a)
-        a = held
-    if count == 7:
-        gen.emit("RLF", a, 0)
-        gen.emit("CLRF", t)
-        gen.emit("RLF", t, 1)
-    elif count >= 4:
-        gen.emit("SWAPF", a, 0)
-        gen.emit("ANDLW", k=0x0F)
-        gen.store(t)
-        _repeat(gen, "RRF", t, count - 4)
-    elif count == 1:
-        gen.emit("BCF", STATUS, b=C)
-        gen.emit("RRF", a, destination_bit(gen, t, a))
-        store_result(gen, t, a)
-    else:
-        gen.move(t, a)
-        _repeat(gen, "RRF", t, count)
 
 
 def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> None:

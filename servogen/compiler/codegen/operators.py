@@ -50,7 +50,7 @@ def _apply(gen: FunctionGenerator, op: str, target: list[Loc], a: list[Operand],
 
 
 def _through_w(gen: FunctionGenerator, expr: Binary, target: Loc) -> bool:
-    """One byte: compute in W, store once. True when it was done that way."""
+    """Compute one byte in W and store it once; return False if the target is an operand."""
     left, right = expr.left, expr.right
     if is_simple_operand(gen, left) and operands_of(gen, left, 1)[0] == target:
         return False
@@ -87,20 +87,11 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
         gen.emit("SUBLW", k=value.value)
         return
     mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}[op]
-    if op == "-":
-        # f - W: the left operand must be in memory, the right one in W
-        if is_simple_operand(gen, left) and not changes(right):
-            to_w(gen, right)
-            gen.emit(mnemonic, operands_of(gen, left, 1)[0], 0)  # type: ignore[arg-type]
-            return
-        held = gen.temp()[0]
-        gen.lower.into(gen, left, [held])
-        to_w(gen, right)
-        gen.emit(mnemonic, held, 0)
-        return
-    if is_simple_operand(gen, right) and not changes(left):
-        to_w(gen, left)
-        gen.emit(mnemonic, operands_of(gen, right, 1)[0], 0)  # type: ignore[arg-type]
+    # SUBWF computes f - W, so that the left operand must be in memory; all others commute
+    in_memory, in_w = (left, right) if op == "-" else (right, left)
+    if is_simple_operand(gen, in_memory) and not changes(in_w):
+        to_w(gen, in_w)
+        gen.emit(mnemonic, operands_of(gen, in_memory, 1)[0], 0)  # type: ignore[arg-type]
         return
     held = gen.temp()[0]
     gen.lower.into(gen, left, [held])

@@ -102,6 +102,8 @@ def table_code(function: Function, address: int, *, only_first_page: bool) -> li
     if only_first_page:
         return [Instruction("ADDWF", PCL, 1), label, *data] if last < _PAGE else None
     held = Byte(function.w_parameter, 0)
+    # The jump into the data is five words long; eight where the data cross a page of 256 words, because the
+    # carry of index + start is then added to PCLATH. ADDWF PCL alone would lose it.
     start = address + 5
     crosses = start // _PAGE != (start + len(data) - 1) // _PAGE
     start = address + 8 if crosses else start

@@ -18,6 +18,7 @@ def frame(function: Function) -> tuple[dict[Symbol, int], int]:
     """
     conflicts = symbol_conflicts(function)
     offsets: dict[Symbol, int] = {}
+    # the largest first: small ones fit into the gaps that large ones leave
     for symbol in sorted(conflicts, key=lambda symbol: -symbol.size):
         busy = {
             offsets[other] + index
@@ -48,6 +49,7 @@ def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
             used[ins.k.symbol] = None
     own = [symbol for symbol in used if symbol in set(function.own)]
     conflicts: dict[Symbol, set[Symbol]] = {symbol: set() for symbol in own}
+    # assembly may use its variables in an order that liveness does not see, and routines are written by hand
     if function.inline_asm or function.name.startswith("__"):
         return {symbol: {other for other in own if other is not symbol} for symbol in own}
     for byte, mask in interference(function, live).items():

@@ -33,7 +33,11 @@ class Memory:
 def allocate(
     roots: list[str], functions: dict[str, Function], statics: list[Symbol], reporter: Reporter
 ) -> Memory:
-    """Return an address for every variable."""
+    """Return an address for every variable: globals first, then the frames of the functions.
+
+    Calls cannot nest more deeply than the call graph, because there is no recursion. A frame therefore begins
+    where the highest frame of its callees ends, and functions that never call one another share their bytes.
+    """
     memory = Memory()
     taken = {
         symbol.address + each
@@ -57,6 +61,7 @@ def allocate(
         elif symbol.kind == "fixed" and symbol.address is not None:
             memory.addresses[symbol] = symbol.address
     top = next_free
+    # the interrupt may come at any depth of main's calls: its frames lie above all of main's
     for root in roots:
         base = top
         ends: dict[str, int] = {}
@@ -115,7 +120,7 @@ def lay_out(
 ) -> Layout:
     """Assign each instruction its address and encode it. `tables` gives the label of each flash object.
 
-    `small` tells whether the program is already as small as the compiler can make it.
+    With `small`, the program is already as small as the compiler can make it: the error has no hint.
     """
     pointers = any(function.name.startswith("__flash") for function in order)
     layout = None if pointers else _place(order, only_first_page=True)

@@ -25,7 +25,7 @@ _OWN = frozenset(("W", "F", "OPTION"))
 
 
 def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value) -> Iterator[Any]:
-    """Return the tokens of a file; `value` is queried as they pass, because definitions change on the way."""
+    """Return the tokens of a file; `value` is queried as they pass: macros change in between."""
     within = ""
     for tok in stream:
         if tok.value in (MARKER, "asm", "__asm", "__asm__"):

@@ -68,7 +68,7 @@ class Rewritten:
     naked: set[str] = field(default_factory=set)
     """Functions declared with `__naked`."""
     hoisted: list[PToken] = field(default_factory=list)
-    """Declarations at file level made from what stands inside functions."""
+    """Declarations at file level that were made from `__CONFIG` and its like inside functions."""
     interrupts: set[str] = field(default_factory=set)
     file_asm: list[tuple[int, Location]] = field(default_factory=list)
     """Blocks of assembly outside functions, by number."""

@@ -28,6 +28,7 @@ def depths(functions: dict[str, Function]) -> dict[str, list[str]]:
                 calls[functions[name].falls_into] = "GOTO"
             for callee, op in calls.items():
                 if callee in functions:
+                    # a GOTO into a function pushes nothing: the callee returns in its place
                     chains.append([callee, *below(callee)] if op == "CALL" else below(callee))
             deepest[name] = max(chains, key=len, default=[])
         return deepest[name]

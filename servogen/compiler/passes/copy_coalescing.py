@@ -24,9 +24,11 @@ def interference(function: Function, live: Liveness) -> dict[Byte, int]:
             elif ins.writes_f and isinstance(ins.f, Byte) and ins.f in live.number:
                 source = _copy_source(before, ins)
                 others = after & ~live.bit(ins.f)
+                # a copy and its source hold the same value: that both are live is no conflict yet
                 if source is not None and source in live.number:
                     others &= ~live.bit(source)
                 conflicts[ins.f] |= others
+    # what is live on entry was written by the caller, all of it before the first instruction
     for byte in live.number:
         if live.entry & live.bit(byte):
             conflicts[byte] |= live.entry & ~live.bit(byte)

@@ -39,7 +39,7 @@ VALUES: Mapping[str, Pass] = {
     "branch-simplify": short_branches,
     "copy-coalescing": coalesce_copies,
 }
-"""Passes that follow values. Library routines are written by hand and do without."""
+"""Passes that follow values. They are not applied to library routines, which are written by hand."""
 TAILS: Mapping[str, Pass] = {"tail-merging": merge_tails}
 RETURNS: Mapping[str, Pass] = {"tail-calls": tail_calls, "drop-unreachable": drop_unreachable}
 PROGRAM_PASSES = ("bank-select", "outlining", "delays")
@@ -68,7 +68,7 @@ class PassManager:
             self.after_pass(name, function)
 
     def finished_all(self, name: str, functions: Mapping[str, Function]) -> None:
-        """Do the same for every function that has instructions of its own."""
+        """Call `finished` for every function except tables, whose instructions depend on their addresses."""
         for function in functions.values():
             if function.table is None:
                 self.finished(name, function)

@@ -48,7 +48,7 @@ def merge_tails(function: Function) -> bool:
         if target is None:
             continue
         rivals = [other for other, each in jumps.items() if other < at and each.target == jump.target]
-        # the code that runs into the label ends there too
+        # the code that falls into the label ends there too
         before = target
         while before and isinstance(lines[before - 1], Label):
             before -= 1
@@ -59,6 +59,7 @@ def merge_tails(function: Function) -> bool:
             if length and not _timed_run(lines, at - length, at):
                 _merge(function, lines, jump, at, rival, length)
                 return True
+            # where one of the two must keep its distance from a delay, the other one jumps to it
             if length and rival in jumps and not _timed_run(lines, rival - length, rival):
                 _merge(function, lines, jumps[rival], rival, at, length)
                 return True
@@ -95,7 +96,7 @@ def is_timed(ins: Instruction) -> bool:
 
 
 def _common(lines: list[Line], one: int, two: int) -> int:
-    """Return how many instructions before two places are the same; a run may not start behind a skip."""
+    """Return how many instructions before two places are the same."""
     if abs(one - two) < 2:
         return 0
     length = 0

@@ -106,7 +106,7 @@ class Analyser:
         self.float_type = float_type
         """The one floating-point type: `float`, `double` and `long double`."""
         self.parenthesised: set[int] = set()
-        """The identities of the expressions of the syntax tree that stand in parentheses."""
+        """The identities of the expressions of the syntax tree that are in parentheses."""
         self.enumerated: dict[str, list[str]] = {}
         """The enumerators of the variables that are declared with an `enum`, by name."""
         self.declared_locals: list[Symbol] = []

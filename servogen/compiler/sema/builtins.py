@@ -147,7 +147,7 @@ def _fraction(analyser: Analyser, node: Any) -> Fraction | None:
 
 
 _SHORT_FLOAT = re.compile(r"[\d.]{1,30}([eE][+-]?\d{1,2})?[fFlL]?")
-"""Numbers beyond this are no times."""
+"""A number that is short enough to be a time."""
 _ARITHMETIC: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
     "+": operator.add,
     "-": operator.sub,
@@ -409,7 +409,7 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
 
 
 def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
-    """Return what <math.h> computes without a function of its own."""
+    """Return the expression for a function of <math.h> that needs no routine."""
     what = f"the argument of '{name.strip('_')}'"
     value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, what)
     function = without_sign if name == "__fabs" else square_root

@@ -1,7 +1,7 @@
 """Warnings about the chip: interrupts, directions of pins, RA4, the watchdog.
 
-In: the typed tree of a program and its configuration. Out: warnings about what compiles and cannot work. A
-program with assembly is left alone, because that may do what is missing.
+In: the typed tree of a program and its configuration. Out: warnings about what compiles but cannot work. A
+program with assembly gets no warnings, because that may do what is missing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Warnings about conditions that do not ask what was meant, read off the syntax tree of a function.
+"""Warnings about conditions that hardly test what was intended, read off the syntax tree of a function.
 
 In: pycparser's tree of a function definition. Out: warnings: constants as operands of `&&` and `||`, `!` for
 `~`, comparisons that are decided, loops whose condition nothing changes, enumerators without a case.
@@ -75,7 +75,7 @@ def _number(node: Any) -> int | None:
 
 
 def _logical_constant(analyser: Analyser, node: Any) -> None:
-    """Warn about `PORTB && 0x04`, where `&` is meant: a constant that is neither 0 nor 1, or a mask."""
+    """Warn about `PORTB && 0x04`, where `&` was intended: a constant that is neither 0 nor 1, or a mask."""
     for operand in (node.right, node.left):
         value = _number(operand)
         written_as_mask = isinstance(operand, c_ast.Constant) and operand.value[:2].lower() == "0x"
@@ -91,7 +91,7 @@ def _logical_constant(analyser: Analyser, node: Any) -> None:
 
 
 def _negated_mask(analyser: Analyser, node: Any) -> None:
-    """Warn about `PORTB &= !0x04`, where `~` is meant."""
+    """Warn about `PORTB &= !0x04`, where `~` was intended."""
     if not isinstance(node, c_ast.UnaryOp) or node.op != "!" or not _constant(node.expr):
         return
     analyser.reporter.warn(

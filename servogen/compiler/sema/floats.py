@@ -41,7 +41,8 @@ _DECIMAL = re.compile(r"(\d*)\.?(\d*)(?:[eE]([+-]?\d+))?[fFlL]?")
 _HEXADECIMAL = re.compile(r"0[xX]([0-9a-fA-F]*)\.?([0-9a-fA-F]*)[pP]([+-]?\d+)[fFlL]?")
 MAX_DIGITS = 400
 MAX_EXPONENT = 2000
-"""So far beyond any type's exponents that digits do not make up for it; more would only cost time."""
+"""An exponent that no number of digits brings back into the range of a type; to compute with greater ones
+would only take time."""
 
 
 def float_literal(analyser: Analyser, text: str, place: Location) -> Num:
@@ -67,7 +68,7 @@ def float_literal(analyser: Analyser, text: str, place: Location) -> Num:
 
 
 def _power(text: str) -> int:
-    """Return the exponent of a literal; one beyond all types' is as good as any other."""
+    """Return the exponent of a literal, limited to one that is out of range for every type."""
     size = text.lstrip("+-").lstrip("0")
     power = int(size or 0) if len(size) <= len(str(MAX_EXPONENT)) else MAX_EXPONENT
     return -min(power, MAX_EXPONENT) if text[0] == "-" else min(power, MAX_EXPONENT)

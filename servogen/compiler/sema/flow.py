@@ -1,6 +1,6 @@
 """Warnings about a function's variables and its end: unused, read before they are set, no return.
 
-In: a function's typed tree. Out: warnings. Assembly in the function may do anything: then nothing is said.
+In: a function's typed tree. Out: warnings; none about a function with assembly, which may do anything.
 """
 
 from __future__ import annotations

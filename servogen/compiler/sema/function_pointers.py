@@ -3,7 +3,7 @@ a dispatcher, a function that calls the one with that number.
 
 In: functions and types of functions. Out: numbers, dispatchers. There is one dispatcher for each type; it
 calls every function whose address is taken and whose parameters and result have the sizes of that type's, so
-that the call graph knows all candidates, those behind a cast among them. A pointer is one byte; 0 is no
+that the call graph knows all candidates, those behind a cast among them. A pointer is one byte; 0 is not a
 function, and calling it does nothing and yields 0.
 """
 

@@ -1,7 +1,7 @@
-"""Warnings about C that is legal and seldom meant, read off the syntax tree of a function.
+"""Warnings about C that is legal but seldom intended, read off the syntax tree of a function.
 
 In: pycparser's tree of a function's body. Out: warnings: precedence, `;` behind a loop, a dangling else,
-strings compared by their addresses, changes in no order.
+strings compared by their addresses, unsequenced changes.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def _last_body(node: Any) -> Any:
 
 
 def _sizeof_parameter(analyser: Analyser, node: Any, function: Any) -> None:
-    """Warn about the size of a parameter that is declared as an array and is a pointer."""
+    """Warn about the size of a parameter that is declared as an array, which makes it a pointer."""
     arguments = function.decl.type.args
     arrays = {
         parameter.name
@@ -181,7 +181,7 @@ def _empty_bodies(analyser: Analyser, node: Any) -> None:
             continue
         here, there = analyser.place(loop), analyser.place(after)
         if analyser.place(loop.stmt).line != here.line:
-            continue  # a `;` on a line of its own is meant
+            continue  # a `;` on a line of its own is intentional
         below = (there.line or 0) > (here.line or 0) and not isinstance(after, c_ast.Decl)
         indented = below and (there.column or 0) > (here.column or 0)
         if isinstance(after, c_ast.Compound) or indented:
