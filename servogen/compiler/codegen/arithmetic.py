@@ -355,7 +355,8 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
 
 def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left: bool) -> None:
     """Shift one byte by 1 to 7 bits, filling with zeros."""
-    towards, away = ("RLF", "RRF") if left else ("RRF", "RLF")
+    towards = "RLF" if left else "RRF"
+    away = "RRF" if left else "RLF"
     if isinstance(a, Imm):
         held = gen.temp()[0]
         gen.move(held, a)
