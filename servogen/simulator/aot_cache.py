@@ -1,7 +1,7 @@
 """The instruction loop as machine code that is cached across processes.
 
-numba compiles the loop once for this processor (about seven seconds); the result is kept as an object file, so
-that a later process loads it through llvmlite in milliseconds, without numba and its start-up time. The
+numba compiles the loop once for this processor (about seven seconds); the result is kept as an object file,
+so that a later process loads it through llvmlite in milliseconds, without numba and its start-up time. The
 file's name is a digest of the sources, the versions and the processor, so that any change selects a new file.
 Because the file is executed, it is loaded only if nobody but the user and root can have written it.
 """
