@@ -233,7 +233,6 @@ TABLES_OF_MNEMONICS = {
     "compiler/sema/builtins.py": "the instructions that have a function in C",
     "compiler/sema/chip_checks.py": "the two instructions that clear the watchdog",
     "engines/stream/theorem.py": "the instructions of which the interrupt's body consists",
-    "pic/analysis/counters.py": "the instructions that count, and those that copy what was counted",
     "pic/analysis/state.py": "what instructions make of sets of values",
     "pic/known_values.py": "what instructions compute: the second implementation beside the simulator's",
     "pic/wcet.py": "the instructions that count loops",

@@ -192,11 +192,12 @@ def prove(
 
     marks = _marks(start or [], end or [])
     program = read_program(file, device or DEVICES[0].name)
-    facts = Facts(program.image, program.listing, clock_of(program, clock_hz))
-    answers = [
-        *facts.answers(),
-        *(facts.time(a, b, interrupts=interrupts is Interrupts.INCLUDED) for a, b in marks),
-    ]
+    with status("following every path") as tell:
+        facts = Facts(program.image, program.listing, clock_of(program, clock_hz), tell)
+        answers = [
+            *facts.answers(),
+            *(facts.time(a, b, interrupts=interrupts is Interrupts.INCLUDED) for a, b in marks),
+        ]
     if json:
         as_json({"file": str(file), "answers": [answer.to_json() for answer in answers]})
     else:

@@ -6,7 +6,7 @@ quantified over, or something was found, or it is not decided and why.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -79,11 +79,18 @@ class Answer:
 class Facts:
     """The answers about one program."""
 
-    def __init__(self, image: Image, listing: Listing | None, clock: Clock) -> None:
+    def __init__(
+        self,
+        image: Image,
+        listing: Listing | None,
+        clock: Clock,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """Follow every path of a program; `tell` is given the progress."""
         self._image = image
         self._listing = listing
         self._clock = clock
-        self.paths: Paths = explore(image.program)
+        self.paths: Paths = explore(image.program, tell)
 
     @cached_property
     def _timing(self) -> Timing:

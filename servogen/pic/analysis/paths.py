@@ -11,11 +11,11 @@ turn by turn, until an address has `MAX_STATES` of them; from then on they are j
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.pic.analysis import values
-from servogen.pic.analysis.counters import counters
+from servogen.pic.analysis.demand import Graph, Node, Plan, Visit
 from servogen.pic.analysis.state import (
     BANK,
     DIGIT,
@@ -34,8 +34,10 @@ from servogen.pic.analysis.state import (
     State,
     at_interrupt,
     at_reset,
+    bits,
     computed,
     execute,
+    operands,
     skip_ways,
 )
 from servogen.pic.analysis.values import Value
@@ -51,14 +53,20 @@ MAX_POINTERS = 80
 """The number of values of FSR that are then kept apart: a loop over all 68 bytes of RAM is followed turn
 by turn.
 """
-MAX_COUNTED = 2000
-"""The number of values of FSR and the counters that are kept apart where counters are."""
+MAX_APART = 4000
+"""The number of values of FSR and the demanded bytes that are kept apart."""
+MAX_PARTS = 16
+"""The number of parts into which a state is split, one for each member of demanded values."""
 MAX_GROWN = 6
-"""The number of members to which a value may then grow at the head of a loop; beyond it, it becomes any."""
+"""The number of members to which other values may then grow at the head of a loop; beyond it, they become
+any.
+"""
 MAX_STEPS = 500_000
 """The number of instructions after which the analysis is given up."""
-MAX_COUNTED_STEPS = 1_500_000
-"""The same where counters are kept apart."""
+MAX_REFINED_STEPS = 2_800_000
+"""The same for all that is followed again."""
+STEPS_TOLD = 20_000
+"""The number of instructions between two reports of progress."""
 IN_INTERRUPT = -1
 """The mark, at the bottom of the return addresses, of the one that an interrupt pushes."""
 
@@ -149,6 +157,14 @@ class _TooLong(Exception):
     """Raised when the analysis has executed too many instructions."""
 
 
+class Undecided(Exception):
+    """Raised at an instruction that a plan does not decide, and is not meant to."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self.node = node
+
+
 @dataclass(slots=True)
 class _Interrupt:
     """The effects of the interrupt on the interrupted program, as far as they have been found."""
@@ -174,21 +190,32 @@ _SPECIAL = (OPTION, TRISA, TRISB, INTCON, PCLATH)
 class Explorer:
     """Follows every path of a program; `explore` returns what they do."""
 
-    def __init__(self, words: Mapping[int, int], *, count: bool = False) -> None:
-        """Prepare to follow the paths of `words`; `count`: with states of different counters kept apart."""
-        self._counters = counters(words) if count else {}
-        self._max_joined, self._max_steps = (
-            (MAX_COUNTED, MAX_COUNTED_STEPS) if count else (MAX_POINTERS, MAX_STEPS)
-        )
-        self._words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
+    def __init__(
+        self,
+        words: Mapping[int, int],
+        plan: Plan | None = None,
+        max_steps: int = MAX_STEPS,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """Prepare to follow the paths of `words`, with the states kept apart that `plan` says."""
+        self._plan = plan
+        self._max_joined = MAX_POINTERS if plan is None else MAX_APART
+        self._max_steps = max_steps
+        self._tell = tell
+        self.visits: dict[Node, Visit] = {}
+        """What was executed, if there is no plan yet: one is made from it."""
+        self.undecided: dict[Node, int] = {}
+        """Instructions about whose index, pointer or pins too little was known, with what they use."""
+        self.gave_up = False
+        self.words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
         self._heads = self._find_heads()
-        live = Program(self._words, ()).live
+        live = Program(self.words, ()).live
         self._dead = {
             at: frozenset(place for place in _PRUNED if not is_live(place, live[at])) for at in self._heads
         }
         self._interrupt = _Interrupt()
-        self._steps = 0
+        self.steps = 0
         self.paths = Paths()
 
     def explore(self) -> Paths:
@@ -207,6 +234,7 @@ class Explorer:
                 if self._interrupt.signature() == before:
                     break
         except _TooLong:
+            self.gave_up = True
             self.paths.lost[0] = f"more than {self._max_steps} instructions to follow"
         self.paths.interrupt_changes = set(self._interrupt.changes)
         self.paths.not_restored = set(self._interrupt.not_restored)
@@ -214,14 +242,14 @@ class Explorer:
 
     def _find_heads(self) -> frozenset[int]:
         heads = {0, INTERRUPT_VECTOR}
-        for at, number in self._words.items():
+        for at, number in self.words.items():
             try:
                 word = word_of(number)
             except Undefined:
                 continue
             if word.flow in ("jump", "call"):
                 heads |= {word.k, (at + 1) % PROGRAM_WORDS}
-                if word.flow == "jump" and word.k <= at and self._counters:
+                if word.flow == "jump" and word.k <= at and self._plan is not None:
                     self._loops.add(word.k)
         return frozenset(heads)
 
@@ -233,7 +261,7 @@ class Explorer:
         for flag in state.facts.keys() & dead:
             del state.facts[flag]
         if W in dead:
-            state.w_of = None
+            state.copies = ()
 
     def _follow(self, at: int, stack: tuple[int, ...], state: State) -> None:
         """Follow every path from a state to its end."""
@@ -243,14 +271,18 @@ class Explorer:
         entry: State | None = None
 
         def reach(at: int, stack: tuple[int, ...], state: State) -> None:
+            for part in self._parts(at, stack, state):
+                self._prune(at, part)
+                reach_with(at, stack, part)
+
+        def reach_with(at: int, stack: tuple[int, ...], state: State) -> None:
             node = nodes.setdefault((at, stack), _Node())
-            self._prune(at, state)
             if node.joined is None:
                 key = (
                     frozenset(state.values.items()),
                     frozenset(state.saved.items()),
                     frozenset(state.facts.items()),
-                    state.w_of,
+                    state.copies,
                 )
                 # `written` is not part of the key: states that differ only in it are joined, and keep
                 # what both have written.
@@ -272,7 +304,7 @@ class Explorer:
         def add(at: int, stack: tuple[int, ...], node: _Node, state: State) -> None:
             joined = node.joined
             assert joined is not None
-            key = tuple(state.get(place).constant for place in (FSR, *self._counters.get(at, ())))
+            key = tuple(state.get(place).constant for place in (FSR, *self._apart(at, stack)))
             if key not in joined and len(joined) >= self._max_joined:
                 key = _REST
             known = joined.get(key)
@@ -280,7 +312,7 @@ class Explorer:
                 joined[key] = state.copy()
                 pending.add(id(joined[key]))
                 waiting.append((at, stack, joined[key]))
-            elif known.join(state, MAX_GROWN if at in self._loops else 256) and id(known) not in pending:
+            elif known.join(state, *self._growth(at, stack)) and id(known) not in pending:
                 pending.add(id(known))
                 waiting.append((at, stack, known))
 
@@ -299,28 +331,73 @@ class Explorer:
             pending.discard(id(state))
             self._run(at, stack, state.copy())
 
+    def _apart(self, at: int, stack: tuple[int, ...]) -> tuple[Place, ...]:
+        """Return the places by whose values the states of a node are kept apart."""
+        return () if self._plan is None else self._plan.apart.get((at, stack), ())
+
+    def _growth(self, at: int, stack: tuple[int, ...]) -> tuple[int, int]:
+        """Return how many members a value may grow to where states meet, and the places that are exempt."""
+        if self._plan is None or at not in self._loops:
+            return 256, 0
+        return MAX_GROWN, self._plan.kept.get((at, stack), 0)
+
+    def _parts(self, at: int, stack: tuple[int, ...], state: State) -> list[State]:
+        """Return a state, split into one for each member of the values that keep states apart."""
+        parts = [state]
+        for place in self._apart(at, stack):
+            value = state.values.get(place)
+            if place == W or value is None or value.constant is not None:
+                continue  # W alone would be split just before the jump that it is the index of
+            if len(parts) * value.size > MAX_PARTS:
+                continue
+            parts = [part for whole in parts for part in whole.split(place)]
+        return parts
+
     def _run(self, at: int, stack: tuple[int, ...], state: State) -> None:
         """Execute instructions up to where paths part or meet."""
         while True:
             followers = self._step(at, stack, state)
+            if self._plan is None:
+                self._visit(at, stack, state, followers)
             if len(followers) != 1 or followers[0][0] in self._heads:
                 for follower in followers:
                     self._reach(*follower)
                 return
             at, stack, state = followers[0]
 
+    def _visit(
+        self,
+        at: int,
+        stack: tuple[int, ...],
+        state: State,
+        followers: list[tuple[int, tuple[int, ...], State]],
+    ) -> None:
+        """Note where an instruction continues, and which bytes it addressed."""
+        visit = self.visits.get((at, stack))
+        if visit is None:
+            visit = self.visits[at, stack] = Visit()
+        visit.followers.update((follower, then) for follower, then, _ in followers)
+        try:
+            word = word_of(self.words[at])
+        except Undefined:
+            return
+        if word.has_f:
+            visit.places.update(operand.place for operand in operands(state, word.f)[0])
+
     def _step(
         self, at: int, stack: tuple[int, ...], state: State
     ) -> list[tuple[int, tuple[int, ...], State]]:
-        self._steps += 1
-        if self._steps > self._max_steps:
+        self.steps += 1
+        if self.steps > self._max_steps:
             raise _TooLong
+        if not self.steps % STEPS_TOLD:
+            self._tell(f"following every path: {self.steps} of at most {self._max_steps} instructions")
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
         paths.executed.add(at)
         if state.interruptible:
             self._note_interrupt(at, stack, state, inside=inside)
         try:
-            word = word_of(self._words[at])
+            word = word_of(self.words[at])
         except Undefined:
             paths.undefined.add(at)
             return [((at + 1) % PROGRAM_WORDS, stack, state)]
@@ -329,8 +406,9 @@ class Explorer:
         if word.writes_pcl:
             return self._computed_jump(at, stack, state, word)
         after, effects = execute(state, word, at)
-        self._note(at, state, after, word, effects, inside=inside)
+        self._note(at, stack, state, after, word, effects, inside=inside)
         if effects.jumps:
+            self._leave_open(at, stack, FSR)
             paths.lost[at] = "a pointer may address PCL"
             return []
         if word.flow == "skip":
@@ -377,13 +455,29 @@ class Explorer:
                 state.values[place] |= value
                 state.unrelate(place)
 
+    def _leave_open(self, at: int, stack: tuple[int, ...], *used: Place) -> None:
+        """Note an instruction that is not decided. Raises Undecided if the plan leaves out what it uses."""
+        node = (at, stack)
+        self.undecided[node] = self.undecided.get(node, 0) | bits(used)
+        if self._plan is not None and bits(used) & ~self._plan.uses.get(node, 0):
+            raise Undecided(node)
+
     def _note(
-        self, at: int, before: State, after: State, word: Word, effects: Effects, *, inside: bool
+        self,
+        at: int,
+        stack: tuple[int, ...],
+        before: State,
+        after: State,
+        word: Word,
+        effects: Effects,
+        *,
+        inside: bool,
     ) -> None:
         paths = self.paths
         for place in effects.unwritten:
             paths.unwritten_reads.add((at, place))
         if effects.any_byte or effects.wild:
+            self._leave_open(at, stack, FSR)
             paths.pointers.add(at)
         if inside:
             changed = set(effects.changed)
@@ -403,17 +497,22 @@ class Explorer:
         if OPTION in effects.changed:
             paths.options |= after.get(OPTION)
         for port, may, must in effects.pins:
-            self._note_pins(at, before, port, may, must)
+            if self._note_pins(at, before, port, may, must):
+                self._leave_open(at, stack, FSR, W)
 
-    def _note_pins(self, at: int, state: State, port: int, may: int, must: int) -> None:
+    def _note_pins(self, at: int, state: State, port: int, may: int, must: int) -> bool:
+        """Note the inputs that are written; return whether it is not known which."""
         first, count = PORT_BITS[port]
         direction = TRISA if port == PORTA else TRISB
         directions = state.get(direction)
-        untouched = directions.constant == (1 << count) - 1
+        untouched, open_ = directions.constant == (1 << count) - 1, False
         for bit in range(count):
             if may >> bit & 1 and directions.may_be_1 >> bit & 1:
                 target = self.paths.early_writes if untouched else self.paths.input_writes
-                target.add(PinWrite(at, first + bit, bool(must >> bit & 1)))
+                certain = bool(must >> bit & 1)
+                target.add(PinWrite(at, first + bit, certain))
+                open_ |= not (certain or untouched)
+        return open_
 
     def _call(
         self, at: int, stack: tuple[int, ...], state: State, word: Word
@@ -464,38 +563,40 @@ class Explorer:
     ) -> list[tuple[int, tuple[int, ...], State]]:
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
         after, effects = execute(state, word, at)
-        self._note(at, state, after, word, effects, inside=inside)
+        self._note(at, stack, state, after, word, effects, inside=inside)
         low, high, table = _low_byte(state, word, at), state.get(PCLATH), self._table(at)
         targets = {(page << 8 | byte) % PROGRAM_WORDS for page in high for byte in low}
         if len(targets) > 1 and not targets <= set(table):
+            self._leave_open(at, stack, W)
             if not table:
                 paths.lost[at] = "a computed jump"
                 return []
             paths.tables[at] = (table[0], table[-1])
             targets = set(table)
         elif not targets <= set(table) and word.name == "ADDWF" and self._is_table_of_bytes(table):
+            self._leave_open(at, stack, W)
             paths.beyond[at] = min(targets)
         paths.computed.setdefault(at, set()).update(targets)
         after = self._settled(after, inside=inside)
-        words = [decode(self._words[target]) for target in sorted(targets)]
+        words = [decode(self.words[target]) for target in sorted(targets)]
         returned = [word.k for word in words if word is not None and _is_retlw(word.instruction)]
         if len(words) > 1 and len(returned) == len(words):
             # A table: one return with any of its bytes
             paths.executed |= targets
-            self._steps += len(targets)
+            self.steps += len(targets)
             after.put(W, values.of(returned))
             return self._return(at, stack, self._settled(after, inside=inside), word)
         return [(target, stack, after.copy()) for target in sorted(targets)]
 
     def _is_table_of_bytes(self, table: list[int]) -> bool:
-        words = [decode(self._words[at]) for at in table]
+        words = [decode(self.words[at]) for at in table]
         return len(words) > 1 and all(word is not None and _is_retlw(word.instruction) for word in words)
 
     def _table(self, at: int) -> list[int]:
         """Return the RETLWs or GOTOs that follow a computed jump without a gap."""
         addresses = []
         for following in range(at + 1, PROGRAM_WORDS):
-            decoded = decode(self._words[following])
+            decoded = decode(self.words[following])
             if decoded is None or not (decoded.instruction.flow == "jump" or _is_retlw(decoded.instruction)):
                 break
             addresses.append(following)
@@ -527,17 +628,31 @@ def _low_byte(state: State, word: Word, at: int) -> Value:
     return computed(word, state.get(W), values.constant(at + 1 & 0xFF), state.get(CARRY))[0]
 
 
-def explore(words: Mapping[int, int]) -> Paths:
-    """Return what the paths of a program do.
+def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text: None) -> Paths:
+    """Return what the paths of a program do; `tell` is given the progress.
 
-    Where a computed jump may leave its table they are followed again, with states of different counters kept
-    apart: the index of a table is often a counter, or the table's byte at one.
+    Where jumps, pointers or written pins are not decided the paths are followed again, with states kept apart
+    by the bytes from which these are made; what is not decided then is added, until it takes too long.
     """
-    paths = Explorer(words).explore()
-    if not paths.tables:
+    first = Explorer(words, tell=tell)
+    paths = first.explore()
+    if not first.undecided:
         return paths
-    counted = Explorer(words, count=True).explore()
-    return paths if counted.lost and not counted.beyond else counted
+    graph = Graph(first.words, first.visits)
+    uses, steps = dict(first.undecided), 0
+    while steps < MAX_REFINED_STEPS:
+        explorer = Explorer(words, Plan.of(graph, uses), max_steps=MAX_REFINED_STEPS - steps, tell=tell)
+        try:
+            refined = explorer.explore()
+        except Undecided as undecided:
+            for node in graph.alike(undecided.node):
+                uses[node] = uses.get(node, 0) | explorer.undecided[undecided.node]
+            steps += explorer.steps
+            continue
+        if explorer.gave_up:
+            break
+        return refined if refined.beyond or len(explorer.undecided) < len(first.undecided) else paths
+    return paths
 
 
 _NAMES = {

@@ -32,6 +32,7 @@ GIE, ENABLES = 0x80, 0x78
 """Bits of INTCON: the global enable; EEIE, T0IE, INTE, RBIE."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
 """The bits of STATUS that are tracked."""
+_FLAGS = frozenset(_FLAG_PLACES.values())
 PRESERVED = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
 """The registers that an interrupt has to restore."""
 _STATUS_PLACES = (CARRY, DIGIT, ZERO, BANK)
@@ -46,7 +47,9 @@ _SAVED_STATUS = -100
 Place = int
 Saved = dict[Place, tuple[Place, bool]]
 Fact = tuple[Place, str, int]
-"""The meaning of a flag for a place: it is 1 if `place == k`, `place >= k` or `place <= k`."""
+"""The meaning of a flag for a place: it is 1 if `place == k`, `place >= k`, `place <= k` or, for the relation
+`&`, `place & k == 0`.
+"""
 
 
 def bit(place: Place) -> int:
@@ -72,20 +75,17 @@ class State:
     saved: Saved = field(default_factory=dict)
     facts: dict[Place, Fact] = field(default_factory=dict)
     """The meaning of the flags C and Z for other places, so that a comparison bounds the compared place."""
-    w_of: Place | None = None
-    """The place whose value is equal to W."""
+    copies: tuple[Place, ...] = ()
+    """The places whose values are equal to W, the latest copy last."""
 
     def copy(self) -> State:
-        return State(
-            values=dict(self.values),
-            written=self.written,
-            saved=dict(self.saved),
-            facts=dict(self.facts),
-            w_of=self.w_of,
-        )
+        return State(self.values.copy(), self.written, self.saved.copy(), self.facts.copy(), self.copies)
 
     def get(self, place: Place) -> Value:
-        return self.values.get(place, BIT if place in _FLAG_PLACES.values() else ANY)
+        value = self.values.get(place)
+        if value is None:
+            return BIT if place in _FLAGS else ANY
+        return value
 
     def put(self, place: Place, value: Value) -> None:
         """Write a place; whatever it had saved is lost."""
@@ -99,8 +99,10 @@ class State:
 
     def unrelate(self, place: Place) -> None:
         """Forget the relations of flags and W to a place that changes."""
-        if place == W or place == self.w_of:
-            self.w_of = None
+        if place == W:
+            self.copies = ()
+        elif place in self.copies:
+            self.copies = tuple(copy for copy in self.copies if copy != place)
         self.facts.pop(place, None)
         for flag in [flag for flag, fact in self.facts.items() if fact[0] == place]:
             del self.facts[flag]
@@ -113,9 +115,9 @@ class State:
         if not was_written:
             self.written &= ~bit(place)
 
-    def join(self, other: State, max_grown: int = 256) -> bool:
+    def join(self, other: State, max_grown: int = 256, exempt: int = 0) -> bool:
         """Add the paths of another state, and return whether this one changed. A value that exceeds
-        `max_grown` members when it grows becomes any.
+        `max_grown` members when it grows becomes any, except at the places in the bit set `exempt`.
         """
         changed = False
         for place in list(self.values):
@@ -124,7 +126,7 @@ class State:
                 changed = True
                 continue
             joined = self.values[place] | other.values[place]
-            if joined is not self.values[place] and joined.size > max_grown:
+            if joined is not self.values[place] and joined.size > max_grown and not exempt & bit(place):
                 joined = ANY
             if joined is not self.values[place]:
                 if joined is ANY:
@@ -143,10 +145,26 @@ class State:
             if other.facts.get(flag) != fact:
                 del self.facts[flag]
                 changed = True
-        if self.w_of is not None and self.w_of != other.w_of:
-            self.w_of = None
-            changed = True
+        if self.copies and self.copies != other.copies:
+            common = tuple(copy for copy in self.copies if copy in other.copies)
+            changed |= common != self.copies
+            self.copies = common
         return changed
+
+    def equal_to(self, place: Place) -> tuple[Place, ...]:
+        """Return the places that certainly have the same value, the given one included."""
+        return (W, *self.copies) if place in self.copies else (place,)
+
+    def split(self, place: Place) -> list[State]:
+        """Return one state for each value that a place may have; what is equal to it has the same value."""
+        equal = self.equal_to(place)
+        parts = []
+        for member in self.get(place):
+            if all(member in self.get(copy) for copy in equal):
+                part = self.copy()
+                part.values.update(dict.fromkeys(equal, values.constant(member)))
+                parts.append(part)
+        return parts
 
     def has_written(self, place: Place) -> bool:
         """Return whether a place was written on every path since reset."""
@@ -183,7 +201,7 @@ def at_interrupt(interrupted: State) -> State:
     state = interrupted.copy()
     state.put(INTCON, values.mapped(state.get(INTCON), lambda member: member & ~GIE))
     state.saved = {place: (place, False) for place in PRESERVED}
-    state.facts, state.w_of = {}, None
+    state.facts, state.copies = {}, ()
     return state
 
 
@@ -423,18 +441,23 @@ def _relate(before: State, state: State, word: Word, addressed: list[_Operand]) 
     if word.name == "MOVF" and place is not None:
         if place in state.values or RAM_FIRST <= place <= RAM_LAST:
             state.facts[ZERO] = (place, "==", 0)
-            if word.writes_w:
-                state.w_of = place
+            state.copies = (place,) if word.writes_w else before.copies
         return
     if word.name == "MOVWF" and place is not None and place not in (FSR, *_FIVE_BITS):
-        state.w_of = place
+        state.copies = (*(copy for copy in before.copies if copy != place), place)
         return
     w = before.get(W).constant
+    if word.name == "ANDWF" and word.writes_w and place is not None and w is not None:
+        state.facts[ZERO] = (place, "&", w)
+        return
+    if word.name == "ANDLW" and before.copies:
+        state.facts[ZERO] = (before.copies[-1], "&", word.k)
+        return
     if word.name in ("SUBWF", "XORWF") and word.writes_w and place is not None and w is not None:
         compared: tuple[Place, int, str] = (place, w, ">=")
-    elif word.name in ("SUBLW", "XORLW", "ADDLW") and before.w_of is not None:
+    elif word.name in ("SUBLW", "XORLW", "ADDLW") and before.copies:
         k = word.k if word.name != "ADDLW" else -word.k & 0xFF
-        compared = (before.w_of, k, "<=" if word.name == "SUBLW" else ">=")
+        compared = (before.copies[-1], k, "<=" if word.name == "SUBLW" else ">=")
         if word.name == "ADDLW" and k == 0:
             return
     else:
@@ -446,6 +469,8 @@ def _relate(before: State, state: State, word: Word, addressed: list[_Operand]) 
 
 def _satisfies(fact: Fact, member: int) -> bool:
     _, relation, number = fact
+    if relation == "&":
+        return not member & number
     return {"==": member == number, ">=": member >= number, "<=": member <= number}[relation]
 
 
@@ -613,6 +638,10 @@ def _refined(
         possible = values.where(before.get(fact[0]), lambda member: _satisfies(fact, member) == bool(level))
         if possible is None:
             return None
-        if possible is not values.ANY:
-            after.values[fact[0]] = possible
+        for equal in after.equal_to(fact[0]):
+            narrowed = values.where(possible, after.get(equal).__contains__)
+            if narrowed is None:
+                return None
+            if narrowed is not values.ANY:
+                after.values[equal] = narrowed
     return after

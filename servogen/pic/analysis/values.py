@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 
-MAX_MEMBERS = 16
+MAX_MEMBERS = 64
 """The maximum number of members of a set that is kept exactly."""
 
 

@@ -95,3 +95,39 @@ def random_program(seed: int) -> str:
     for level in range(1, depth + 1):
         lines += [f"f{level}", *block(level, 0, 3), " return"]
     return "\n".join(lines)
+
+
+def random_player(seed: int) -> str:
+    """Return a program that plays a script from a table: steps, distances to go back by and how often, an
+    index from pins, a pointer. In some the script is wrong: an index leads beyond the table.
+    """
+    rng = random.Random(seed)
+    rows, length = rng.randint(4, 12), rng.randint(12, 48)
+    script = [rng.randrange(rows) for _ in range(length)]
+    for at in range(rng.randint(4, 20), length - 4, 20):
+        script[at : at + 3] = [255, rng.randint(4, min(at + 3, 17)), rng.randint(1, 4)]
+    if rng.random() < 0.2:
+        script[rng.randrange(length)] = rng.randrange(256)
+    wrap = rng.choice((" xorwf 0x20, w\n btfsc STATUS, 2\n", " subwf 0x20, w\n btfsc STATUS, 0\n"))
+    few = rng.choice((1, 3))
+    pieces = [
+        f" movf PORTB, w\n andlw {few}\n movwf 0x26\n movf 0x26, w\n movwf 0x27\n movwf 0x28\n movf 0x27, f\n"
+        " btfsc STATUS, 2\n goto s1\n decf 0x28, w\n call rows\n movwf 0x2B\ns1\n",
+        " movf 0x29, w\n andlw 7\n addlw 0x30\n movwf FSR\n incf INDF, f\n movf 0x33, w\n movwf 0x2C\n",
+        f" movlw {rng.randint(1, 30)}\n movwf 0x2A\ns2\n decfsz 0x2A, f\n goto s2\n",
+        " incf 0x2D, f\n movlw 3\n andwf 0x2D, w\n btfsc STATUS, 2\n goto s3\n"
+        " movlw 3\n andwf 0x2D, w\n call rows\ns3\n",
+    ]
+    chosen = "".join(piece for piece in pieces if rng.random() < 0.6)
+    return (
+        "main\n clrf 0x20\n clrf 0x21\n clrf 0x29\n clrf 0x2D\nloop\n call read\n movwf 0x22\n"
+        " xorlw 255\n btfss STATUS, 2\n goto step\n"
+        " call read\n movwf 0x23\n call read\n movwf 0x22\n"
+        " movf 0x21, f\n btfss STATUS, 2\n goto back\n movf 0x22, w\n movwf 0x21\n"
+        "back\n decf 0x21, f\n btfsc STATUS, 2\n goto on\n movf 0x23, w\n subwf 0x20, f\n"
+        "on\n call read\n movwf 0x22\n"
+        f"step\n movf 0x22, w\n call rows\n movwf 0x29\n{chosen} goto loop\n"
+        f"rows\n addwf PCL, f\n" + "".join(f" retlw {rng.randrange(256)}\n" for _ in range(rows))
+        + f"read\n movlw {length}\n{wrap} clrf 0x20\n incf 0x20, f\n decf 0x20, w\n addwf PCL, f\n"
+        + "".join(f" retlw {each}\n" for each in script)
+    )  # fmt: skip

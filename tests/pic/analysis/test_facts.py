@@ -97,7 +97,8 @@ def test_a_jump_into_a_table_beyond_which_the_index_may_lead_is_stated() -> None
     assert free.followed().status is Status.NOT_DECIDED
 
 
-SCRIPT = [3, 0, 4, 1, 2, 2, 0, 4, 3, 1, 0, 0, 2, 4, 1, 3, 3, 2, 0, 1, 4, 4, 2, 0, 3, 1, 0, 2]
+SCRIPT = 3 * [3, 0, 4, 1, 2, 2, 0, 4, 3, 1, 0, 0, 2, 4, 1, 3, 3, 2, 0, 1, 4, 4, 2, 0, 3, 1, 0, 2]
+"""More bytes than a set of values has members."""
 
 
 def script_player(end: int, script: list[int]) -> str:
@@ -139,6 +140,55 @@ def test_an_index_that_exceeds_its_table_by_one_is_found_with_its_place(
     assert answer.status is Status.FOUND
     assert at in addresses(answer)
     assert f"to 0x{target:03X}" in next(each.text for each in answer.findings if each.address == at)
+
+
+BACK = [*SCRIPT[:40], 255, 13, 3, *SCRIPT[40:]]
+"""The script with a part that goes back by 13 bytes until it was played three times."""
+
+
+def player_that_goes_back(script: list[int]) -> str:
+    """Play a script in which 255 is followed by a distance to go back by, and by how often."""
+    return (
+        "main\n clrf 0x20\n clrf 0x21\nloop\n call read\n movwf 0x22\n"
+        " xorlw 255\n btfss STATUS, 2\n goto step\n"
+        " call read\n movwf 0x23\n call read\n movf 0x21, f\n btfsc STATUS, 2\n movwf 0x21\n"
+        " decf 0x21, f\n btfsc STATUS, 2\n goto on\n movf 0x23, w\n subwf 0x20, f\n"
+        "on\n call read\n movwf 0x22\nstep\n movf 0x22, w\n call rows\n movwf 0x24\n goto loop\n"
+        "rows\n addwf PCL, f\n" + " retlw 7\n" * 5
+        + f"read\n movlw {len(script)}\n xorwf 0x20, w\n btfsc STATUS, 2\n clrf 0x20\n incf 0x20, f\n"
+        " decf 0x20, w\n addwf PCL, f\n" + "".join(f" retlw {each}\n" for each in script)
+    )  # fmt: skip
+
+
+def test_a_script_that_goes_back_by_a_distance_is_followed() -> None:
+    """Its place is a counter from which a byte of the script is subtracted."""
+    assert Explorer(assembled(player_that_goes_back(BACK)).image.program).explore().tables
+    answer = facts(player_that_goes_back(BACK)).followed()
+    assert (answer.status, answer.findings) == (Status.HOLDS, ())
+    wrong = facts(player_that_goes_back([*BACK[:35], 5, *BACK[36:]])).followed()
+    assert wrong.status is Status.FOUND
+
+
+def test_copies_of_a_byte_that_pins_chose_stay_equal() -> None:
+    """One copy is tested, the other is the index: 0 - 1 would lead beyond the table."""
+    text = (
+        "main\n nop\n nop\n nop\n nop\n movf PORTB, w\n andlw 3\n"
+        " movwf 0x20\n movwf 0x21\n movf 0x20, f\n btfsc STATUS, 2\n"
+        " goto main\n decf 0x21, w\n call table\n goto main\n"
+        "table\n addwf PCL, f\n retlw 1\n retlw 2\n retlw 3\n"
+    )
+    assert facts(text).followed().status is Status.HOLDS
+    changed = text.replace(" movf 0x20, f", " incf 0x21, f\n movf 0x20, f")
+    assert facts(changed).followed().status is not Status.HOLDS
+
+
+def test_a_byte_whose_masked_bits_are_0_is_bounded() -> None:
+    text = (
+        "main\n movf PORTB, w\n movwf 0x20\n movlw 0xFC\n andwf 0x20, w\n btfss STATUS, 2\n goto main\n"
+        " movf 0x20, w\n call table\n goto main\ntable\n addwf PCL, f\n" + " retlw 1\n" * 4
+    )
+    assert facts(text).followed().status is Status.HOLDS
+    assert facts(text.replace("0xFC", "0xF8")).followed().status is Status.NOT_DECIDED
 
 
 def test_a_byte_written_on_one_of_two_paths_only_is_found_where_it_is_read() -> None:

@@ -5,13 +5,15 @@ import random
 import numpy as np
 import pytest
 
+from servogen.pic.analysis.demand import Graph, Plan
 from servogen.pic.analysis.facts import Facts, Status
 from servogen.pic.analysis.paths import Explorer
 from servogen.pic.analysis.times import Timing
 from servogen.simulator import Machine, Observation, Options
 from servogen.simulator.machine import Packed
 from servogen.units import Clock
-from tests.pic.analysis.programs import CLOCK, assembled, random_program
+from tests.pic.analysis.containment import compared
+from tests.pic.analysis.programs import CLOCK, assembled, random_player, random_program
 
 CYCLES = 12_000
 
@@ -53,11 +55,15 @@ def spans(rows: Packed, start: int, end: int) -> list[int]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_run_leaves_the_paths_on_which_counters_are_kept_apart(seed: int) -> None:
+def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> None:
     text = random_program(seed)
     _, _, rows = observed(text, seed)
-    paths = Explorer(assembled(text).image.program, count=True).explore()
-    assert set(rows[:, 1].tolist()) <= paths.executed or paths.lost
+    words = assembled(text).image.program
+    first = Explorer(words)
+    first.explore()
+    graph = Graph(first.words, first.visits)
+    paths = Explorer(words, Plan.of(graph, graph.indices())).explore()
+    assert set(rows[:, 1].tolist()) <= paths.executed
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -100,3 +106,12 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
             most += max(measured) >= span.maximum
     assert decided > 30
     assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
+
+
+@pytest.mark.parametrize(("seed", "decided"), [(0, True), (1, False), (4, True)])
+def test_every_state_of_a_player_s_run_is_one_that_the_analysis_allows(seed: int, decided: bool) -> None:
+    """The script of the second leads beyond its table."""
+    run = compared(random_player(seed), seed, 250)
+    assert run.outside == []
+    assert run.compared > 200
+    assert (run.decided, run.refined) == (decided, True)

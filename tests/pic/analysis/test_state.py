@@ -118,8 +118,7 @@ def misfits(state: State, chip: Chip) -> list[tuple[int, int]]:
     wrong = [(place, value) for place, value in registers(chip) if value not in state.get(place)]
     wrong += [(place, -1) for place, fact in state.facts.items() if not _holds(fact, chip, place)]
     copies = dict(registers(chip))
-    if state.w_of in copies and copies[state.w_of] != chip.w:
-        wrong.append((state.w_of or 0, chip.w))
+    wrong += [(place, chip.w) for place in state.copies if copies.get(place, chip.w) != chip.w]
     return wrong
 
 
@@ -129,7 +128,8 @@ def _holds(fact: tuple[int, str, int], chip: Chip, flag: int) -> bool:
     if member is None:  # a port or a register of the EEPROM, which may change at any time
         return True
     level = bool(chip.status & FLAGS[flag])
-    return level == {"==": member == limit, ">=": member >= limit, "<=": member <= limit}[relation]
+    meanings = {"==": member == limit, ">=": member >= limit, "<=": member <= limit, "&": member & limit == 0}
+    return level == meanings[relation]
 
 
 def new_chip(words: list[int]) -> Chip:
