@@ -177,13 +177,15 @@ class Plan:
 
     uses: Mapping[Node, int]
     """The instructions for whose sake states are kept apart, and what they use, as bit sets."""
+    pins: bool
+    """Whether they are kept apart for the sake of the pins that are written, too."""
     apart: Mapping[Node, tuple[Place, ...]]
     """The places by whose values the states of a node are kept apart."""
     kept: Mapping[Node, int]
     """The places whose values are not widened, as bit sets."""
 
     @classmethod
-    def of(cls, graph: Graph, uses: Mapping[Node, int]) -> Plan:
+    def of(cls, graph: Graph, uses: Mapping[Node, int], *, pins: bool) -> Plan:
         """Return the plan that keeps states apart for the sake of `uses`, and widens no index."""
         free = graph.free()
         apart = {
@@ -191,4 +193,4 @@ class Plan:
             for node, demanded in graph.demanded(uses).items()
             if (places := tuple(place for place in APART if demanded & ~free & bit(place)))
         }
-        return cls(dict(uses), apart, graph.demanded(graph.indices()))
+        return cls(dict(uses), pins, apart, graph.demanded(graph.indices()))

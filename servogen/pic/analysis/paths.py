@@ -160,9 +160,9 @@ class _TooLong(Exception):
 class Undecided(Exception):
     """Raised at an instruction that a plan does not decide, and is not meant to."""
 
-    def __init__(self, node: Node) -> None:
-        super().__init__(node)
-        self.node = node
+    def __init__(self, node: Node, used: int) -> None:
+        super().__init__(node, used)
+        self.node, self.used = node, used
 
 
 @dataclass(slots=True)
@@ -205,7 +205,9 @@ class Explorer:
         self.visits: dict[Node, Visit] = {}
         """What was executed, if there is no plan yet: one is made from it."""
         self.undecided: dict[Node, int] = {}
-        """Instructions about whose index, pointer or pins too little was known, with what they use."""
+        """Instructions about whose index or pointer too little was known, with the places that they use."""
+        self.open_pins: dict[Node, int] = {}
+        """The same for writes of which it is not known whether they write inputs."""
         self.gave_up = False
         self.words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
@@ -239,6 +241,11 @@ class Explorer:
         self.paths.interrupt_changes = set(self._interrupt.changes)
         self.paths.not_restored = set(self._interrupt.not_restored)
         return self.paths
+
+    @property
+    def open(self) -> tuple[int, int]:
+        """Return how many instructions are not decided, and how many writes of pins."""
+        return len(self.undecided), len(self.open_pins)
 
     def _find_heads(self) -> frozenset[int]:
         heads = {0, INTERRUPT_VECTOR}
@@ -455,12 +462,13 @@ class Explorer:
                 state.values[place] |= value
                 state.unrelate(place)
 
-    def _leave_open(self, at: int, stack: tuple[int, ...], *used: Place) -> None:
+    def _leave_open(self, at: int, stack: tuple[int, ...], *used: Place, pins: bool = False) -> None:
         """Note an instruction that is not decided. Raises Undecided if the plan leaves out what it uses."""
-        node = (at, stack)
-        self.undecided[node] = self.undecided.get(node, 0) | bits(used)
-        if self._plan is not None and bits(used) & ~self._plan.uses.get(node, 0):
-            raise Undecided(node)
+        node, plan = (at, stack), self._plan
+        kind = self.open_pins if pins else self.undecided
+        kind[node] = kind.get(node, 0) | bits(used)
+        if plan is not None and plan.pins >= pins and kind[node] & ~plan.uses.get(node, 0):
+            raise Undecided(node, kind[node])
 
     def _note(
         self,
@@ -498,7 +506,7 @@ class Explorer:
             paths.options |= after.get(OPTION)
         for port, may, must in effects.pins:
             if self._note_pins(at, before, port, may, must):
-                self._leave_open(at, stack, FSR, W)
+                self._leave_open(at, stack, FSR, W, pins=True)
 
     def _note_pins(self, at: int, state: State, port: int, may: int, must: int) -> bool:
         """Note the inputs that are written; return whether it is not known which."""
@@ -631,28 +639,33 @@ def _low_byte(state: State, word: Word, at: int) -> Value:
 def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text: None) -> Paths:
     """Return what the paths of a program do; `tell` is given the progress.
 
-    Where jumps, pointers or written pins are not decided the paths are followed again, with states kept apart
-    by the bytes from which these are made; what is not decided then is added, until it takes too long.
+    Where jumps or pointers are not decided the paths are followed again, with states kept apart by the bytes
+    from which these are made; what is not decided then is added, until it takes too long. After that the same
+    is done for the pins that are written.
     """
-    first = Explorer(words, tell=tell)
-    paths = first.explore()
-    if not first.undecided:
-        return paths
-    graph = Graph(first.words, first.visits)
-    uses, steps = dict(first.undecided), 0
-    while steps < MAX_REFINED_STEPS:
-        explorer = Explorer(words, Plan.of(graph, uses), max_steps=MAX_REFINED_STEPS - steps, tell=tell)
-        try:
-            refined = explorer.explore()
-        except Undecided as undecided:
-            for node in graph.alike(undecided.node):
-                uses[node] = uses.get(node, 0) | explorer.undecided[undecided.node]
+    best = Explorer(words, tell=tell)
+    best.explore()
+    graph = Graph(best.words, best.visits)
+    uses: dict[Node, int] = {}
+    steps = 0
+    for pins in (False, True):
+        fresh = best.open_pins if pins else best.undecided
+        uses |= {node: uses.get(node, 0) | used for node, used in fresh.items()}
+        while fresh and steps < MAX_REFINED_STEPS:
+            plan = Plan.of(graph, uses, pins=pins)
+            explorer = Explorer(words, plan, max_steps=MAX_REFINED_STEPS - steps, tell=tell)
+            try:
+                explorer.explore()
+            except Undecided as undecided:
+                for node in graph.alike(undecided.node):
+                    uses[node] = uses.get(node, 0) | undecided.used
+                steps += explorer.steps
+                continue
             steps += explorer.steps
-            continue
-        if explorer.gave_up:
+            if not explorer.gave_up and (explorer.paths.beyond or explorer.open < best.open):
+                best = explorer
             break
-        return refined if refined.beyond or len(explorer.undecided) < len(first.undecided) else paths
-    return paths
+    return best.paths
 
 
 _NAMES = {

@@ -62,7 +62,7 @@ def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> N
     first = Explorer(words)
     first.explore()
     graph = Graph(first.words, first.visits)
-    paths = Explorer(words, Plan.of(graph, graph.indices())).explore()
+    paths = Explorer(words, Plan.of(graph, graph.indices(), pins=True)).explore()
     assert set(rows[:, 1].tolist()) <= paths.executed
 
 
