@@ -103,7 +103,8 @@ class Diagnostic:
 class ServogenError(Exception):
     """The base class of all errors that are shown to users without a traceback.
 
-    It carries one diagnostic, or all diagnostics collected before giving up, including warnings.
+    It carries one diagnostic, or all diagnostics collected before giving up, including warnings. `details`
+    are what its JSON document states beside them.
     """
 
     exit_code = 2
@@ -114,6 +115,7 @@ class ServogenError(Exception):
         super().__init__(message)
         self.diagnostics: tuple[Diagnostic, ...] = (Diagnostic("error", code, message, location, hint),)
         self.source_lines: SourceLines = {}
+        self.details: Mapping[str, object] = {}
 
     @classmethod
     def of(cls, diagnostics: Iterable[Diagnostic], source_lines: SourceLines | None = None) -> Self:
@@ -124,6 +126,7 @@ class ServogenError(Exception):
         error.args = (first.message,)
         error.diagnostics = kept
         error.source_lines = source_lines or {}
+        error.details = {}
         return error
 
     @property

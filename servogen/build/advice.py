@@ -1,22 +1,31 @@
-"""Advice for a job whose motion does not fit: changes that have been tried and make it fit.
+"""Advice for a job whose motion does not fit: what each part takes, and changes that make it fit.
 
-In: a planned job and the error that refused it. Out: the same error; its hint lists the changes with which
-the job can be built (planned, and compiled for its dialect), and the size of each segment of a walk by
-itself.
+In: a planned job and the error that refused it. Out: the same error; its hint and its details state what each
+part of the motion takes of the tables, and of the frame if the pulses do not fit it; the changes with which
+the job can be built, each of them planned and compiled for the job's dialect; and the size of each segment of
+a walk by itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from servogen.build.engines import Planned, planned
+from servogen.compiler import WORDS_NEEDED
+from servogen.engines.player.shares import Shares, shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
 from servogen.job.reader import changed
 from servogen.job.schema import MotionTable, WalkTable
+from servogen.pic.device import PROGRAM_WORDS
+from servogen.robot.servo import Servo
+from servogen.toml.locations import Key
 from servogen.units import counted
 
 CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
@@ -30,17 +39,26 @@ MAX_POSES = 500
 each.
 """
 
+MAX_S = 300.0
+"""The time after which no further change is tried."""
+
+MAX_PARTS = 6
+"""The number of parts that are shown one by one, the largest ones."""
+
 SLOWER = (1.25, 1.5, 2.0)
 LOWER = (0.75, 0.5)
+
+CAP_US = 10
+"""The step, in µs, in which shorter pulses are tried."""
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A key of the job with another value, and the notation of the change."""
+    """Other values for keys of the job, and the notation of the change."""
 
-    table: str
-    key: str
-    value: object
+    edits: Mapping[Key, object]
     text: str
 
 
@@ -55,85 +73,343 @@ class Fit:
     def text(self) -> str:
         return f"{self.data} bytes of motion, {self.words} words, {self.error_us:g} µs"
 
+    def to_json(self) -> dict[str, object]:
+        """Return the resources as a value that JSON can hold."""
+        return {"motion_bytes": self.data, "words": self.words, "error_us": self.error_us}
 
-def advised(job: PlannedJob, error: InputError) -> InputError:
-    """Return the error with a hint that lists what would fit, if anything that was tried does."""
-    if error.code not in CODES:
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A change and the resources of the job with it; without them it does not fit."""
+
+    text: str
+    fit: Fit | None
+
+
+@dataclass(slots=True)
+class Advice:
+    """What an adviser found; `omitted` changes were not tried because time was up."""
+
+    job: PlannedJob
+    error: InputError
+    shares: Shares | None = None
+    proposals: list[Trial] = field(default_factory=list)
+    segments: list[Trial] = field(default_factory=list)
+    omitted: bool = False
+
+    @property
+    def frame_is_short(self) -> bool:
+        return self.error.code == "frame-too-short"
+
+    @property
+    def words(self) -> int | None:
+        """Return the words of flash that the program needs; None if it was not compiled or fits."""
+        needed = self.error.details.get(WORDS_NEEDED)
+        return needed if isinstance(needed, int) else None
+
+    def text(self) -> str:
+        """Return the advice as lines; empty if there is none."""
+        lines = []
+        if self.shares is not None:
+            lines += [f"by part: {_parts_text(self.shares)}"]
+            if self.words is not None:
+                others = self.words - self.shares.bytes
+                whole = f"{self.words} of {PROGRAM_WORDS}"
+                lines += [f"of the words: the motion {self.shares.bytes}, all else {others}: {whole}"]
+            if self.frame_is_short:
+                lines += [f"of the frame: {self._frame_text(self.shares)}"]
+        found = [f"{trial.text} ({self._fit_text(trial.fit)})" for trial in self.proposals if trial.fit]
+        if found:
+            lines.append(f"what fits: {'; or '.join(found)}")
+        if self.segments:
+            alone = (
+                f"{trial.text} alone {'does not fit' if trial.fit is None else f'takes {trial.fit.text()}'}"
+                for trial in self.segments
+            )
+            lines.append(f"by segment: {'; '.join(alone)}")
+        if self.omitted:
+            lines.append(f"after {MAX_S:g} s no further changes were tried")
+        return "\n  ".join(lines)
+
+    def _fit_text(self, fit: Fit) -> str:
+        less = self.shares.bytes - fit.data if self.shares is not None else 0
+        return f"{counted(less, 'byte')} less: {fit.text()}" if less > 0 else fit.text()
+
+    def _frame_text(self, shares: Shares) -> str:
+        demand = shares.frame(self.job.servos, self.job.frame, self.job.clock)
+        us = self.job.clock.us
+        slots = (f"{_names(self.job, slot)} {float(us(cycles)):g}" for slot, cycles in demand.slots)
+        whole = f"{float(us(demand.minimum)):g} of {float(self.job.frame.period.achieved_us):g} µs"
+        return f"{', '.join(slots)}, the C for the next frame {float(us(demand.frame_c)):g}: {whole}"
+
+    def to_json(self) -> dict[str, object]:
+        """Return the advice as a value that JSON can hold."""
+        job, frame = self.job, None
+        if self.shares is not None and self.frame_is_short:
+            demand = self.shares.frame(job.servos, job.frame, job.clock)
+            frame = {
+                "slots": [
+                    {"servos": [job.servos[channel].name for channel in slot], "us": _us(job, cycles)}
+                    for slot, cycles in demand.slots
+                ],
+                "c_us": _us(job, demand.frame_c),
+                "minimum_us": _us(job, demand.minimum),
+                "period_us": float(job.frame.period.achieved_us),
+            }
+        return {
+            "parts": [part.to_json() for part in self.shares.parts] if self.shares else [],
+            "motion_bytes": self.shares.bytes if self.shares else None,
+            "words": self.words,
+            "frame": frame,
+            "proposals": [
+                {"change": trial.text, **trial.fit.to_json()} for trial in self.proposals if trial.fit
+            ],
+            "segments": [
+                {"segment": trial.text, "fits": trial.fit.to_json() if trial.fit else None}
+                for trial in self.segments
+            ],
+            "stopped_early": self.omitted,
+        }
+
+
+def _us(job: PlannedJob, cycles: int) -> float:
+    return float(job.clock.cycle_us * cycles)
+
+
+def _names(job: PlannedJob, slot: tuple[int, ...]) -> str:
+    return " and ".join(job.servos[channel].name for channel in slot)
+
+
+def _parts_text(found: Shares) -> str:
+    """Return the largest parts, and the sum of the others."""
+    order = sorted(found.parts, key=lambda part: -part.bytes)
+    shown = [part for part in found.parts if part in order[:MAX_PARTS]]
+    texts = [
+        f"{part.name}: {part.bytes} of {found.bytes} bytes"
+        + (f", {part.error_us:g} µs" if part.error_us is not None else "")
+        for part in shown
+    ]
+    others = order[MAX_PARTS:]
+    if others:
+        texts.append(f"{counted(len(others), 'other')}: {sum(part.bytes for part in others)}")
+    return "; ".join(texts)
+
+
+def advised(
+    job: PlannedJob,
+    error: InputError,
+    progress: Progress = lambda step: None,
+    now: Callable[[], float] = time.monotonic,
+) -> InputError:
+    """Return the error with advice in its hint and its details, if there is any.
+
+    `progress` is called with each change before it is tried; `now` returns the time in seconds.
+    """
+    section = job.section
+    if error.code not in CODES or (isinstance(section, MotionTable) and len(section.poses) > MAX_POSES):
         return error
-    tried = [_first_fit(job, group) for group in _groups(job, error)]
-    proposals = [f"{change.text} ({fit.text()})" for change, fit in filter(None, tried)]
-    sentences = [f"what fits: {'; or '.join(proposals)}"] if proposals else []
-    parts = list(_parts(job))
-    if parts:
-        sentences.append(f"by segment: {'; '.join(parts)}")
-    if not sentences:
+    end = now() + MAX_S
+    found = Advice(job, error, _shares(job))
+    for group in _groups(job, error, found.shares):
+        for change in group:
+            if now() > end:
+                found.omitted = True
+                break
+            progress(f"trying {change.text}")
+            fit = _fit(job, change)
+            if fit is not None:
+                found.proposals.append(Trial(change.text, fit))
+                break
+    for change in _segments(job):
+        if now() > end:
+            found.omitted = True
+            break
+        progress(f"trying {change.text} alone")
+        found.segments.append(Trial(change.text, _fit(job, change)))
+    text = found.text()
+    if not text:
         return error
-    advised_error = copy(error)
-    advised_error.diagnostics = (replace(error.first, hint="\n  ".join(sentences)),)
-    return advised_error
+    with_advice = copy(error)
+    with_advice.diagnostics = (replace(error.first, hint=text),)
+    with_advice.details = {**error.details, "advice": found.to_json()}
+    return with_advice
 
 
-def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:
+def _shares(job: PlannedJob) -> Shares | None:
+    """Return what the parts of the motion take in the player; None if it cannot be encoded at all."""
+    if job.stream is not None:
+        return None
+    try:
+        return shares(job)
+    except InputError:
+        return None
+
+
+def _groups(job: PlannedJob, error: InputError, found: Shares | None) -> Iterator[list[Change]]:
     """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
-    if isinstance(section, MotionTable) and len(section.poses) > MAX_POSES:
-        return
     period_us = float(job.frame.period.requested_us)
     longer = [value for value in PERIODS_US if value > period_us]
-    yield [Change("frame", "period_us", value, f"period_us = {value}") for value in longer]
+    if error.code == "frame-too-short":
+        yield [Change({("frame", "period_us"): value}, f"period_us = {value}") for value in longer]
+        if found is not None:
+            yield list(_limits_as_used(job, found))
+            if isinstance(section, MotionTable):
+                yield list(_shorter_pulses(job, found))
     if isinstance(section, WalkTable):
-        yield from _walk_changes(job, section)
+        yield from _walk_changes(job, section, error.code)
     if isinstance(section, MotionTable) and len(section.poses) > 1:
         poses = job.document.data["motion"]["poses"]
         counts = sorted({len(poses) * 3 // 4, len(poses) // 2} - {0}, reverse=True)
-        yield [Change("motion", "poses", poses[:count], f"only the first {count} poses") for count in counts]
+        yield [
+            Change({("motion", "poses"): poses[:count]}, f"only the first {counted(count, 'pose')}")
+            for count in counts
+        ]
     limit = job.firmware.max_error_us
-    if error.code == "beyond-max-error":
+    if error.code == "beyond-max-error" or not isinstance(section, WalkTable):
         larger = sorted({math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)})
-        yield [Change("firmware", "max_error_us", value, f"max_error_us = {value}") for value in larger]
+        yield [Change({("firmware", "max_error_us"): value}, f"max_error_us = {value}") for value in larger]
 
 
-def _walk_changes(job: PlannedJob, walk: WalkTable) -> Iterator[list[Change]]:
+def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[Change]]:
     period_s = float(job.clock.seconds(job.trajectory.period))
     if walk.cycle_s is not None:
         slower = [round(math.ceil(walk.cycle_s * factor / period_s) * period_s, 4) for factor in SLOWER]
-        yield [Change("walk", "cycle_s", value, f"cycle_s = {value:g}") for value in slower]
-    lower = [round(walk.lift_mm * share, 1) for share in LOWER]
-    yield [Change("walk", "lift_mm", value, f"lift_mm = {value:g}") for value in lower]
+        yield [Change({("walk", "cycle_s"): value}, f"cycle_s = {value:g}") for value in slower]
+    if code != "does-not-fit":  # a lift takes the same bytes whatever its height
+        lower = [round(walk.lift_mm * share, 1) for share in LOWER]
+        yield [Change({("walk", "lift_mm"): value}, f"lift_mm = {value:g}") for value in lower]
     if walk.gait != "tripod" and walk.duty is None:
-        yield [Change("walk", "gait", "tripod", 'gait = "tripod"')]
+        yield [Change({("walk", "gait"): "tripod"}, 'gait = "tripod"')]
     if len(walk.route) > 1:
         route = tuple(job.document.data["walk"]["route"])
         yield [
-            Change("walk", "route", route[:count], f"only the first {counted(count, 'segment')} of the route")
+            Change(
+                {("walk", "route"): route[:count]},
+                f"only the first {counted(count, 'segment')} of the route",
+            )
             for count in range(len(route) - 1, 0, -1)
         ]
     if walk.commands is not None and walk.commands.forward_mm and walk.commands.turn_deg:
         asked = job.document.data["walk"]["commands"]
         yield [
             Change(
-                "walk",
-                "commands",
-                {key: value for key, value in asked.items() if key != without},
+                {("walk", "commands"): {key: value for key, value in asked.items() if key != without}},
                 f"commands without {without}",
             )
             for without in ("turn_deg", "forward_mm")
         ]
 
 
-def _first_fit(job: PlannedJob, group: list[Change]) -> tuple[Change, Fit] | None:
-    for change in group:
-        fit = _fit(job, change)
-        if fit is not None:
-            return change, fit
-    return None
+def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[Change]:
+    """Yield the fewest limits at the servos' longest pulses without which a slot would keep a margin."""
+    order = sorted(
+        range(len(job.servos)), key=lambda index: (-found.pulses[index].longest, job.servos[index].name)
+    )
+    servos = list(job.servos)
+    edits: dict[Key, object] = {}
+    names = []
+    for index in order:
+        servo = servos[index]
+        limit = _limit(servo, _angle_of_longest(job, index), outward=True)
+        if limit is None:
+            continue
+        key, degrees = limit
+        low, high = servo.limits
+        angle = math.radians(degrees)
+        servos[index] = replace(servo, limits=(angle, high) if key == "min_deg" else (low, angle))
+        edits["servo", index, key] = degrees
+        names.append(f"{servo.name} {key} = {degrees:g}")
+        if found.frame(servos, job.frame, job.clock).minimum <= job.frame.period.cycles:
+            yield Change(edits, ", ".join(names))
+            return
+
+
+def _shorter_pulses(job: PlannedJob, found: Shares) -> Iterator[Change]:
+    """Yield limits, and poses within them, for which the longest pulses fit the frame."""
+    longest = [float(job.clock.us(used.longest)) for used in found.pulses]
+    poses = job.document.data["motion"]["poses"]
+    if any(key in pose for pose in poses for key in ("tip_mm", "foot_mm")):
+        return
+    for cap in range(int(max(longest)) // CAP_US * CAP_US, int(min(longest)) // 2, -CAP_US):
+        short = [
+            replace(used, longest=min(used.longest, job.clock.round_us(cap).cycles)) for used in found.pulses
+        ]
+        servos = [
+            _limited(servo, cap) if width > cap else servo
+            for servo, width in zip(job.servos, longest, strict=True)
+        ]
+        shorter = replace(found, pulses=tuple(short)).frame(servos, job.frame, job.clock)
+        if shorter.minimum <= job.frame.period.cycles:
+            yield from _capped(job, [index for index, width in enumerate(longest) if width > cap], cap)
+            return
+
+
+def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[Change]:
+    """Yield the change that limits these servos to pulses of `cap_us`, and their poses with them."""
+    poses = job.document.data["motion"]["poses"]
+    edits: dict[Key, object] = {}
+    names: dict[tuple[str, float], list[str]] = {}
+    for index in servos:
+        servo = job.servos[index]
+        limit = _limit(servo, servo.angle(cap_us), outward=False)
+        if limit is None:
+            return
+        key, degrees = limit
+        edits["servo", index, key] = degrees
+        names.setdefault(limit, []).append(servo.name)
+        keep = max if key == "min_deg" else min
+        for number, pose in enumerate(poses):
+            angle = pose.get(f"{servo.name}_deg")
+            if angle is not None and keep(angle, degrees) != angle:
+                edits["motion", "poses", number, f"{servo.name}_deg"] = degrees
+    limits = ", ".join(f"{key} = {degrees:g} of {', '.join(each)}" for (key, degrees), each in names.items())
+    yield Change(edits, f"{limits}, and no pose beyond")
+
+
+def _limited(servo: Servo, width_us: float) -> Servo:
+    """Return the servo with pulses of at most `width_us`."""
+    limit = _limit(servo, servo.angle(width_us), outward=False)
+    if limit is None:
+        return servo
+    key, degrees = limit
+    low, high = servo.limits
+    angle = math.radians(degrees)
+    return replace(servo, limits=(angle, high) if key == "min_deg" else (low, angle))
+
+
+def _angle_of_longest(job: PlannedJob, index: int) -> float:
+    """Return the angle at which a servo's pulse is longest, in radians."""
+    planned_angles = (job.trajectory.angles, *(direction.angles for direction in job.directions))
+    angles = np.concatenate([each[:, index] for each in planned_angles])
+    end = np.nanmax if _longer_upwards(job.servos[index]) else np.nanmin
+    return float(end(angles))
+
+
+def _longer_upwards(servo: Servo) -> bool:
+    """Return whether a larger angle needs a longer pulse."""
+    return servo.width_us(servo.limits[1]) > servo.width_us(servo.limits[0])
+
+
+def _limit(servo: Servo, angle: float, *, outward: bool) -> tuple[str, float] | None:
+    """Return the limit of the longest pulses, key and tenths of a degree, next to an angle in radians.
+
+    It allows the angle if `outward`. The result is None for wheels, and if the servo's own limits are
+    narrower.
+    """
+    if servo.model.continuous:
+        return None
+    upwards = _longer_upwards(servo)
+    tenths = round(10 * math.degrees(angle), 6)
+    degrees = (math.ceil(tenths) if upwards == outward else math.floor(tenths)) / 10
+    inside = math.degrees(servo.limits[0]) < degrees < math.degrees(servo.limits[1])
+    return ("max_deg" if upwards else "min_deg", degrees) if inside else None
 
 
 def _fit(job: PlannedJob, change: Change) -> Fit | None:
     """Return the resources of the changed job; None if it cannot be built."""
     try:
-        played = planned(plan_job(changed(job, change.table, change.key, change.value)))
-        return _taken(played)
+        return _taken(planned(plan_job(changed(job, change.edits))))
     except ServogenError:
         return None
 
@@ -146,10 +422,9 @@ def _taken(played: Planned) -> Fit | None:
     return Fit(firmware.compilation.words, played.data_bytes, 0.0 if error is None else error.width_us)
 
 
-def _parts(job: PlannedJob) -> Iterator[str]:
-    """Yield what each segment of a walk's route takes by itself."""
+def _segments(job: PlannedJob) -> Iterator[Change]:
+    """Yield each segment of a walk's route by itself."""
     if not isinstance(job.section, WalkTable) or len(job.section.route) < 2:
         return
     for number, segment in enumerate(job.document.data["walk"]["route"], 1):
-        fit = _fit(job, Change("walk", "route", (segment,), ""))
-        yield f"segment {number} alone {'does not fit' if fit is None else f'takes {fit.text()}'}"
+        yield Change({("walk", "route"): (segment,)}, f"segment {number}")

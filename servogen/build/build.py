@@ -157,8 +157,7 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     try:
         return _built(job, progress)
     except InputError as error:
-        progress("trying what would fit")
-        raise advised(job, error) from error
+        raise advised(job, error, progress) from error
 
 
 def _built(job: PlannedJob, progress: Progress) -> Build:

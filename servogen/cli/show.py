@@ -96,7 +96,7 @@ def warn_of_all(warnings: Sequence[Diagnostic], lines: SourceLines | None = None
 def show_error(error: ServogenError, arguments: Sequence[str]) -> None:
     """Print an error on standard error and, if the command line asks for it, as JSON on standard output."""
     if wants_json(arguments):
-        as_json({}, error.diagnostics)
+        as_json(error.details, error.diagnostics)
     print(error, file=sys.stderr)
 
 

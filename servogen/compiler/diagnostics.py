@@ -61,6 +61,10 @@ class CompileError(InputError):
     """Raised when the program cannot be compiled; `diagnostics` holds errors and warnings in source order."""
 
 
+WORDS_NEEDED = "words_needed"
+"""The key, among the details of the error, of the words that a program too large for flash needs."""
+
+
 class Fatal(Exception):
     """Raised inside the compiler to abandon a construct whose error has been reported."""
 
@@ -80,6 +84,8 @@ class Reporter:
         self._lines: dict[str, list[str]] = {}
         self._diagnostics: dict[Diagnostic, None] = {}
         self._errors = 0
+        self.details: dict[str, object] = {}
+        """What the error states beside its diagnostics."""
         self.lost: set[str] = set()
         """Names whose declarations have errors: that they are missing is not reported again."""
 
@@ -153,7 +159,9 @@ class Reporter:
 
     def failure(self) -> CompileError:
         """Return the error that carries everything reported."""
-        return CompileError.of(self.ordered(), self.source_lines())
+        error = CompileError.of(self.ordered(), self.source_lines())
+        error.details = self.details
+        return error
 
     def stop_on_error(self) -> None:
         """Raise CompileError if an error was reported."""

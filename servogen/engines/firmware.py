@@ -27,9 +27,11 @@ def compiled_to_fit(
     except CompileError as error:
         if error.code != TOO_LARGE:  # a defect of the templates
             raise
-        raise ResourceError(
+        refusal = ResourceError(
             "does-not-fit", f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
-        ) from error
+        )
+        refusal.details = error.details
+        raise refusal from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from servogen.engines.player.buttons import Buttons
 from servogen.engines.player.commands import Commander
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Location
-from servogen.motion import JointTrajectory
+from servogen.motion import JointTrajectory, Part
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.pic.device import Device
 from servogen.pulse import PulseSchedule
@@ -77,6 +77,9 @@ class EngineJob(Protocol):
 
     @property
     def trajectory(self) -> JointTrajectory: ...
+
+    @property
+    def parts(self) -> tuple[Part, ...]: ...
 
     @property
     def directions(self) -> tuple[CommandedDirection, ...]: ...

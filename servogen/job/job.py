@@ -12,7 +12,7 @@ from servogen.errors import Diagnostic, Location
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
-from servogen.motion import JointTrajectory
+from servogen.motion import JointTrajectory, Part
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.notebooks import table_html
 from servogen.pic.device import Device
@@ -124,4 +124,6 @@ class PlannedJob(Job):
     warnings: tuple[Diagnostic, ...]
     notes: tuple[Diagnostic, ...]
     directions: tuple[CommandedDirection, ...] = ()
+    parts: tuple[Part, ...] = ()
+    """The segments, poses or program lines of the motion, by the frames of `trajectory`."""
     """The directions of a walk on command, whose `trajectory` is its stance."""

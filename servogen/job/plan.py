@@ -54,6 +54,7 @@ def plan_job(
         warnings=(*planned.warnings, *_overloads(job, planned)),
         notes=planned.notes,
         directions=directions,
+        parts=planned.parts,
     )
 
 

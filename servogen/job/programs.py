@@ -16,7 +16,7 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
-from servogen.motion import JointTrajectory, Planned, bound
+from servogen.motion import JointTrajectory, Part, Planned, bound
 from servogen.motion.limits import Limits
 from servogen.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
 from servogen.robot.binding import Binding
@@ -58,7 +58,12 @@ def program_of(
         repeat=table.repeat,
         budget=Budget(table.max_commands, exact(table.max_s)),
     )
-    return Planned(_on_servos(document, done, table, bindings, servos), done.warnings, _notes(document, done))
+    return Planned(
+        _on_servos(document, done, table, bindings, servos),
+        done.warnings,
+        _notes(document, done),
+        tuple(Part(f"line {step.statement.number}", step.frame) for step in done.steps if step.frames),
+    )
 
 
 def _hand(

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
@@ -38,6 +39,7 @@ from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, exact
+from servogen.toml.locations import Key
 from servogen.units import Clock
 
 AUTO = "auto"
@@ -301,11 +303,23 @@ def calibrated(job: Job, servo: str, file: str) -> Job:
     return _job(replace(document, data={**document.data, "servo": tuple(rows)}))
 
 
-def changed(job: Job, table: str, key: str, value: object) -> Job:
-    """Return the job with another value for a key of one of its tables. Raises InputError."""
-    document = job.document
-    rows = {**document.data.get(table, {}), key: value}
-    return _job(replace(document, data={**document.data, table: rows}))
+def changed(job: Job, edits: Mapping[Key, object]) -> Job:
+    """Return the job with other values for these keys, each a path into the file. Raises InputError."""
+    data: Any = job.document.data
+    for key, value in edits.items():
+        data = _with(data, key, value)
+    return _job(replace(job.document, data=data))
+
+
+def _with(data: Any, key: Key, value: object) -> Any:
+    """Return a table or an array in which the value at the path `key` is another."""
+    if not key:
+        return value
+    first, *rest = key
+    if isinstance(first, int):
+        return (*data[:first], _with(data[first], tuple(rest), value), *data[first + 1 :])
+    table = data or {}
+    return {**table, first: _with(table.get(first), tuple(rest), value)}
 
 
 def _job(document: Document) -> Job:

@@ -14,9 +14,9 @@ import numpy as np
 
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
-from servogen.job.schema import CommandsTable, WalkTable
+from servogen.job.schema import CommandsTable, SegmentTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
-from servogen.motion import JointTrajectory, Planned, bound
+from servogen.motion import JointTrajectory, Part, Planned, bound
 from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedDirection, commanded_direction
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
@@ -61,7 +61,17 @@ def walk_of(
         trajectory,
         warnings=(*heavy, *_upright(document, planned)),
         notes=tuple(_notes(document, planned, job.servos)),
+        parts=tuple(
+            Part(f"segment {number} ({_way(row)})", begin)
+            for number, (row, begin) in enumerate(zip(table.route, planned.begins, strict=True), 1)
+        ),
     )
+
+
+def _way(row: SegmentTable) -> str:
+    """Return the keys of a segment of a route that are not 0."""
+    ways = (("forward_mm", row.forward_mm), ("left_mm", row.left_mm), ("turn_deg", row.turn_deg))
+    return ", ".join(f"{key} = {value:g}" for key, value in ways if value) or "standing"
 
 
 MAX_COMMANDED_CYCLES = 12

@@ -21,7 +21,7 @@ from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import Limits
-from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
+from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory, Part
 from servogen.units import Clock, Cycles
 
 OFF_THE_PATH_M = 1e-3
@@ -70,6 +70,8 @@ class Planned:
     trajectory: JointTrajectory
     warnings: tuple[Diagnostic, ...] = ()
     notes: tuple[Diagnostic, ...] = ()
+    parts: tuple[Part, ...] = ()
+    """The parts of the motion, in the order of their frames."""
 
 
 def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
@@ -94,7 +96,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
     joints = JointTrajectory(
         joints=motion.joints, clock=clock, period=period, angles=angles, loop_start=before_loop
     )
-    return Planned(joints, tuple(sampler.warnings), tuple(sampler.notes))
+    return Planned(joints, tuple(sampler.warnings), tuple(sampler.notes), tuple(sampler.parts))
 
 
 def _still(angles: Floats, frames: int) -> Floats:
@@ -111,6 +113,8 @@ class _Sampler:
         self.blocks: list[Floats] = []
         self.warnings: list[Diagnostic] = []
         self.notes: list[Diagnostic] = []
+        self.parts: list[Part] = []
+        self._names = {id(pose): f"pose {number}" for number, pose in enumerate(motion.poses, 1)}
         self._frames = 0
 
     def run(self) -> None:
@@ -228,6 +232,9 @@ class _Sampler:
         self._add(moves.through(points, counts, closed), chain[-1])
 
     def _add(self, block: Floats, pose: Pose) -> None:
+        name = self._names[id(pose)]
+        if not self.parts or self.parts[-1].name != name:
+            self.parts.append(Part(name, self._frames))
         self.blocks.append(block)
         self._frames += len(block)
         if self._frames > MAX_FRAMES:

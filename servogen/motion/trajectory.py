@@ -36,6 +36,14 @@ class JointTrajectory:
         return f"<JointTrajectory {', '.join(self.joints)}; {frames}>"
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a motion that its author wrote, such as a segment of a route: it begins at frame `begin`."""
+
+    name: str
+    begin: int
+
+
 def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTrajectory:
     """Return the trajectory of the bindings' servos, in their order. Raises InputError if a joint is
     missing.

@@ -1,13 +1,15 @@
 """The error of the pulses has a limit, and what is said to fit does fit."""
 
 import re
+from functools import cache
 
 import pytest
 
 from servogen.build import advice, build, planned
 from servogen.engines.firmware import ResourceError
+from servogen.engines.player.shares import shares
 from servogen.errors import InputError
-from servogen.job import loads, plan_job
+from servogen.job import load, loads, plan_job
 from tests.engines.player.player_jobs import ROOT, job_text, poses
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
@@ -48,23 +50,102 @@ def test_a_limit_is_a_number_above_zero(limit: str) -> None:
         loads(TRIPOD + f"max_error_us = {limit}\n", "job.toml")
 
 
+@cache
+def too_long(low: float, high: float) -> str:
+    """Return a job of thirteen servos whose limit is `high`."""
+    motion = poses([[low] * 13, [high] * 13], 1.28)
+    return job_text(13, motion, limits=(10, high), firmware="soft_start_s = 0.16")
+
+
+@cache
+def frame_too_short() -> InputError:
+    return refused(too_long(10, 178))
+
+
 def test_a_period_that_is_said_to_fit_does_and_a_shorter_one_does_not() -> None:
-    text = job_text(
-        13, poses([[10] * 13, [178] * 13], 1.28), limits=(10, 178), firmware="soft_start_s = 0.16"
-    )
-    error = refused(text)
+    error, text = frame_too_short(), too_long(10, 178)
     assert error.code == "frame-too-short" and error.hint is not None
     found = re.search(r"period_us = (\d+) \((\d+) bytes of motion, (\d+) words, [\d.]+ µs\)", error.hint)
     assert found
-    done = build(plan_job(loads(text.replace("[frame]", f"[frame]\nperiod_us = {found[1]}"), "job.toml")))
+    longer = text.replace("[frame]", f"[frame]\nperiod_us = {found[1]}")
+    made = planned(plan_job(loads(longer, "job.toml")))
+    assert (made.data_bytes, made.make("c2c").compilation.words) == (int(found[2]), int(found[3]))
+    # The slots and the C of the frame add up to what the refusal says it needs.
+    needed = re.search(r"take (\d+) cycles", error.message)
+    slots = re.search(r"of the frame: (.*), the C for the next frame (\d+): (\d+) of 20000 µs", error.hint)
+    assert needed and slots
+    shown = [int(slot.split()[-1]) for slot in slots[1].split(", ")]
+    assert len(shown) == 7 and sum(shown) + int(slots[2]) == int(slots[3]) == int(needed[1])
+
+
+def test_shorter_pulses_that_are_said_to_fit_build_once_they_are_in_the_file() -> None:
+    error = frame_too_short()
+    assert error.hint is not None
+    found = re.search(
+        r"max_deg = ([\d.]+) of (.*), and no pose beyond \((\d+) bytes of motion, (\d+)", error.hint
+    )
+    assert found and found[2].split(", ") == [f"s{number}" for number in range(13)]
+    done = build(plan_job(loads(too_long(10, float(found[1])), "job.toml")))
     assert done.proven
-    assert done.programs[0].firmware.compilation.words == int(found[3])
+    assert done.programs[0].firmware.compilation.words == int(found[4])
+
+
+def test_limits_that_are_said_to_fit_build_once_they_are_in_the_file() -> None:
+    """A slot keeps 20 µs beyond the longest pulse unless the servo's limits are narrower."""
+    text = job_text(
+        13, poses([[10] * 13, [158.4] * 13], 1.28), limits=(10, 178), firmware="soft_start_s = 0.16"
+    )
+    error = refused(text)
+    assert error.code == "frame-too-short" and error.hint is not None
+    limits = re.findall(r"(s\d+) max_deg = ([\d.]+)(?=, s| \()", error.hint)
+    assert [angle for _, angle in limits] == ["158.4", "158.4"]
+    for name, angle in limits:
+        begin = text.index(f'name = "{name}"')
+        text = text[:begin] + text[begin:].replace("max_deg = 178", f"max_deg = {angle}", 1)
+    assert planned(plan_job(loads(text, "job.toml"))).make("c2c").timing_budgets[1].left
+
+
+def test_each_change_is_announced_and_none_is_tried_once_time_is_up() -> None:
+    job = plan_job(loads(TRIPOD, "job.toml"))
+    error = InputError("beyond-max-error", "too far")
+    told: list[str] = []
+    clock = iter([0.0, 1.0, *[advice.MAX_S + 1] * 99])
+    found = advice.advised(job, error, told.append, lambda: next(clock))
+    assert told == ["trying cycle_s = 1.2"]
+    assert found.hint is not None and "no further changes were tried" in found.hint
+    assert found.details["advice"]["stopped_early"] is True  # type: ignore[index]
+
+
+@pytest.mark.parametrize("name", ["hexapod-turn", "hexapod-command", "scara-pick"])
+def test_the_shares_of_all_parts_are_the_bytes_of_the_tables_in_the_c(name: str) -> None:
+    """Counted in the committed C: two tables, the laws, and three bytes for each timing."""
+    text = (ROOT / "firmware" / name / "main.c2c.c").read_text()
+    tables = {key: values.count(",") + 1 for key, values in re.findall(r"char (\w+)\[\] = {(.*?)}", text)}
+    places = {key: int(value) for key, value in re.findall(r"#define ([A-Z_]+) (\d+)", text)}
+    after = sorted([*places.values(), tables["CONSTANT"]])
+    sizes = {key: after[after.index(place) + 1] - place for key, place in places.items()}
+    parts = shares(plan_job(load(ROOT / "jobs" / f"{name}.toml"))).parts
+    assert sum(part.rows for part in parts) == tables["ROW"]
+    assert sum(part.script for part in parts) == tables["SCRIPT"]
+    assert sum(part.timings for part in parts) == 3 * sizes["FRAMES"]
+    assert sum(part.laws for part in parts) == sizes["LAW"]
+    assert all(part.bytes == part.rows + part.script + part.timings + part.laws for part in parts)
+
+
+def test_a_part_takes_what_the_motion_grows_by_with_it() -> None:
+    """hexapod-turn is planned with and without its second segment; only the way back is shared."""
+    text = (ROOT / "jobs" / "hexapod-turn.toml").read_text()
+    alone = text.replace(", { turn_deg = 20, cycles = 9 }", "")
+    assert alone != text
+    both, one = (shares(plan_job(loads(each, "job.toml"))) for each in (text, alone))
+    turn = next(part for part in both.parts if "turn_deg" in part.name)
+    assert abs(turn.bytes - (both.bytes - one.bytes)) <= 12
 
 
 def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     error = refused(LONG)
     assert error.code == "does-not-fit" and error.hint is not None
-    fits, _, parts = error.hint.partition("\n")
+    fits = error.hint
     assert 'gait = "tripod"' in fits
     changed = LONG.replace('gait = "wave"', 'gait = "tripod"')
     made = planned(plan_job(loads(changed, "job.toml")))
@@ -72,13 +153,23 @@ def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     error_us = made.plan.schedule.plan_error
     assert error_us is not None
     assert (
-        f'gait = "tripod" ({made.data_bytes} bytes of motion, {words} words, {error_us.width_us:g} µs)'
-        in fits
+        f"less: {made.data_bytes} bytes of motion, {words} words, {error_us.width_us:g} µs)"
+        in fits[fits.index('gait = "tripod"') :]
     )
     alone = LONG.replace(MORE, "")
     data = planned(plan_job(loads(alone, "job.toml"))).data_bytes
-    assert f"segment 1 alone takes {data} bytes of motion" in parts
-    assert "segment 4 alone takes" in parts
+    assert f"segment 1 alone takes {data} bytes of motion" in fits
+    assert "segment 4 alone takes" in fits
+    advice = error.details["advice"]
+    assert isinstance(advice, dict)
+    (tripod,) = (each for each in advice["proposals"] if each["change"] == 'gait = "tripod"')
+    assert (tripod["motion_bytes"], tripod["words"]) == (made.data_bytes, words)
+    assert f"({advice['motion_bytes'] - made.data_bytes} bytes less: {made.data_bytes} bytes" in fits
+    # The refusal counts the poses itself; the parts add up to them.
+    poses_bytes = re.search(r"poses have (\d+) bytes", error.message)
+    assert poses_bytes and sum(part["rows"] for part in advice["parts"]) == int(poses_bytes[1])
+    turn = next(part for part in advice["parts"] if part["part"] == "segment 2 (turn_deg = 20)")
+    assert f"segment 2 (turn_deg = 20): {turn['bytes']} of {advice['motion_bytes']} bytes" in fits
 
 
 def test_a_walk_on_command_that_does_not_fit_has_changes_that_do() -> None:
@@ -87,12 +178,16 @@ def test_a_walk_on_command_that_does_not_fit_has_changes_that_do() -> None:
     assert error.code == "does-not-fit" and error.hint is not None
     assert 'gait = "tripod" (' in error.hint
     found = re.search(
-        r"commands without turn_deg \((\d+) bytes of motion, (\d+) words, ([\d.]+) µs\)", error.hint
+        r"commands without turn_deg \(\d+ bytes less: (\d+) bytes of motion, (\d+) words, ([\d.]+) µs\)",
+        error.hint,
     )
     assert found
     made = planned(plan_job(loads(text.replace("turn_deg = 20, ", ""), "job.toml")))
     assert made.data_bytes == int(found[1])
     assert made.make("c2c").compilation.words == int(found[2])
+    needed = re.search(r"the program needs (\d+) words", error.message)
+    words = re.search(r"of the words: the motion (\d+), all else (\d+): (\d+) of 1024", error.hint)
+    assert needed and words and int(words[1]) + int(words[2]) == int(words[3]) == int(needed[1])
 
 
 def test_a_limit_that_no_engine_keeps_has_a_larger_one_that_fits() -> None:
@@ -122,6 +217,7 @@ def test_for_motions_far_beyond_the_chip_nothing_is_tried(
         raise ResourceError("does-not-fit", "no")
 
     monkeypatch.setattr(advice, "planned", refuse)
+    monkeypatch.setattr(advice, "shares", refuse)
     moments = ", ".join(f"{{ arm_deg = {number % 181}, hold_s = 0.02 }}" for number in range(count))
     job = plan_job(
         loads(

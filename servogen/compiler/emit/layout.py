@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.codegen.tables import table_code
-from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.diagnostics import WORDS_NEEDED, Reporter
 from servogen.compiler.emit.frames import frame
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import TARGETED, Byte, Instruction, Label, Reg, assembly
@@ -129,6 +129,7 @@ def lay_out(
     assert layout is not None
     if layout.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
+        reporter.details[WORDS_NEEDED] = layout.end
         raise reporter.fatal(
             "program-too-large",
             f"the program needs {layout.end} words of flash, the chip has {PROGRAM_WORDS}",

@@ -95,7 +95,7 @@ def commanded(
     whole = np.vstack((lead_in.angles, *(direction.angles[:-1] for direction in directions)))
     tour = replace(lead_in, angles=whole, loop_start=stance)
     ideal = ideal_widths(tour, servos, clock)
-    encoded, chain = _encoded(lead_in, directions, read, servos, bindings, soft, max_bytes)
+    encoded, chain = encoded_directions(lead_in, directions, read, servos, bindings, soft, max_bytes)
     widths = encoded.widths
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in widths.T]
     slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
@@ -130,7 +130,7 @@ def commanded(
     return Playing(tour, plan, slots, encoded, chain), played
 
 
-def _encoded(
+def encoded_directions(
     lead_in: JointTrajectory,
     directions: Sequence[CommandedDirection],
     read: Commander,
@@ -138,8 +138,13 @@ def _encoded(
     bindings: Sequence[Binding],
     soft: Sequence[int],
     max_bytes: int,
+    *,
+    limited: bool = True,
 ) -> tuple[Encoded, Chain]:
-    """Return the first encoding that fits the tables, or the smallest one. Raises InputError."""
+    """Return the first encoding that has at most `max_bytes`, or the smallest one.
+
+    Raises InputError, also if the tables are `limited` and cannot hold it.
+    """
     pairs = leg_channels(servos, bindings)
     ahead = directions[::2]
     """The directions that are read forward."""
@@ -169,7 +174,13 @@ def _encoded(
     smallest: tuple[Encoded, Chain] | None = None
     for near in NEAR:
         made = _with_rows(
-            keyed_walk(walk, wanted[-1], near), directions, cuts, read, len(lead_in.angles) - 1, soft
+            keyed_walk(walk, wanted[-1], near),
+            directions,
+            cuts,
+            read,
+            len(lead_in.angles) - 1,
+            soft,
+            limited=limited,
         )
         if smallest is None or made[0].size < smallest[0].size:
             smallest = made
@@ -186,8 +197,13 @@ def _with_rows(
     read: Commander,
     stance: int,
     soft: Sequence[int],
+    *,
+    limited: bool,
 ) -> tuple[Encoded, Chain]:
-    """Return the encoding with the rows of `keyed`. Raises ResourceError if it does not fit the tables."""
+    """Return the encoding with the rows of `keyed`.
+
+    Raises ResourceError if it is `limited` and does not fit the tables.
+    """
     steps = list(keyed.steps)
     entry = {event // 2: number for number, event in enumerate(keyed.events)}
     # A pose that the chip reaches from two sides is stored once.
@@ -197,15 +213,15 @@ def _with_rows(
         steps[entry[other]] = replace(steps[entry[other]], row=steps[entry[one]].row)
         assert steps[entry[other]].lifted == steps[entry[one]].lifted
     columns = len(keyed.legs.turns)
-    rows = row_table(keyed.rows)
+    rows = row_table(keyed.rows, limited=limited)
     kinds = list(dict.fromkeys((step.timing, step.spot) for step in steps))
     timings = tuple(timing for timing, _ in kinds)
     data = b"".join(
-        bytes((step.row * columns, step.lifted << 2 | kinds.index((step.timing, step.spot))))
+        bytes((step.row * columns & 0xFF, step.lifted << 2 & 0xFF | kinds.index((step.timing, step.spot))))
         for step in steps
     )
     spots = [number for number, (_, spot) in enumerate(kinds) if spot]
-    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MAX_BYTES or len(spots) > 1:
+    if limited and (len(timings) > LEGS_TIMINGS + 1 or len(data) > MAX_BYTES or len(spots) > 1):
         raise ResourceError(
             "does-not-fit",
             f"the walk on command has {len(data)} bytes of steps with {len(timings)} timings: the player "
@@ -229,18 +245,19 @@ def _with_rows(
         keyed.scale,
         rows,
         keyed.laws,
-        Script(data, 0, timings, ENTRY * entry[stance]),
+        Script(data, 0, timings, ENTRY * entry[stance], tuple(at // ENTRY for at in range(len(data)))),
         keyed.legs,
         np.arange(len(widths)),
         widths,
         np.zeros(len(widths), dtype=bool),
         stance,
+        tuple(steps),
     )
     order = [number ^ 1 for number in range(len(directions))]
     places += [place for number in order for place in places_of[number]]
     names = tuple(directions[number].name for number in order)
     return encoded, Chain(
-        read, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots
+        read, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots[:1]
     )
 
 

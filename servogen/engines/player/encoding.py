@@ -12,7 +12,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole, excursion
-from servogen.engines.player.script import MAX_BYTES, Script
+from servogen.engines.player.script import MAX_BYTES, Script, Step
 from servogen.motion.trajectory import Floats
 
 LAST_STEP = 5
@@ -124,6 +124,8 @@ class Encoded:
     widths: Whole
     silent: np.ndarray
     lead: int
+    steps: tuple[Step, ...]
+    """The steps of the script; the first only tells where the second begins."""
 
     @property
     def size(self) -> int:
@@ -131,10 +133,10 @@ class Encoded:
         return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings)
 
 
-def row_table(rows: Sequence[Sequence[int]]) -> bytes:
-    """Return rows as one table. Raises ResourceError if they do not fit it."""
+def row_table(rows: Sequence[Sequence[int]], *, limited: bool = True) -> bytes:
+    """Return rows as one table. Raises ResourceError if it is `limited` and they do not fit."""
     data = bytes(value for row in rows for value in row)
-    if len(data) > MAX_BYTES:
+    if limited and len(data) > MAX_BYTES:
         raise ResourceError(
             "does-not-fit", f"the motion's poses have {len(data)} bytes: their table holds {MAX_BYTES}"
         )

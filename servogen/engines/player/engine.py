@@ -10,18 +10,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-from servogen.compiler import CompileError, Options
+from servogen.compiler import WORDS_NEEDED, CompileError, Options
 from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
-from servogen.engines.player import Layout, Playing, playing, soft_start
+from servogen.engines.player import Layout, Playing, playing
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
 from servogen.engines.player.rendering import OVERRUN, render_player
+from servogen.engines.player.soft_start import with_soft_start
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stored_script import Stored, eeprom_room, in_eeprom, in_flash
 from servogen.errors import Diagnostic
 from servogen.motion import JointTrajectory
+from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
 from servogen.pulse import PulseSchedule
@@ -45,10 +47,7 @@ def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing,
     Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError.
     """
     buttons = job.firmware.buttons
-    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
-    begun = soft_start(job.trajectory, job.servos, frames)
-    soft = len(begun.angles) - len(job.trajectory.angles)
-    ends = tuple(range(frames, soft + 1, frames)) if soft else ()
+    begun, ends = with_soft_start(job)
     if job.firmware.commands is not None:
         line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES + more_bytes
         played, tour = commanded(
@@ -85,16 +84,20 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
         return with_script(in_flash(script))
     except ResourceError as error:
         stored = in_eeprom(script, len(played.order))
+        needed = error.details.get(WORDS_NEEDED)
+        if not isinstance(needed, int) or needed - len(stored.eeprom) > PROGRAM_WORDS:
+            raise
         try:
             return with_script(stored)
         except ResourceError as larger:
             why = larger.__cause__
             assert isinstance(why, CompileError)
-            raise ResourceError(
-                "does-not-fit",
-                f"{error.message}; with its script in the EEPROM, as far as it fits there, {why.message}",
-                hint=HINT,
-            ) from error
+            message = (
+                f"{error.message}; with its script in the EEPROM, as far as it fits there, {why.message}"
+            )
+            refusal = ResourceError("does-not-fit", message, hint=HINT)
+            refusal.details = error.details
+            raise refusal from error
 
 
 def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:

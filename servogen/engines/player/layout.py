@@ -135,9 +135,7 @@ def layout(
     `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
     channels, that the C doubles a value. Raises InputError.
     """
-    motion_c = FRAME_C + len(servos) * CHANNEL_C + doublings * DOUBLING_C
-    motion_c += LEGS_C if legs else 0
-    motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
+    motion_c = _motion_c(len(servos), doublings, legs=legs)
     stagger = STAGGER if frame.max_together == 1 else NONE
     for servo, widths in zip(servos, used, strict=True):
         if widths.shortest < MIN_WIDTH:
@@ -149,17 +147,12 @@ def layout(
                 "choose a faster clock",
             )
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
-    size: _Frame | None = None
     for pairs in (_by_pins(servos), _by_length(servos, rooms)):
-        longest = tuple(
-            Cycles(max(rooms[channel] for channel in pair) + MAX_TRIM + stagger) for _, pair in pairs
-        )
+        longest = _longest(pairs, rooms, stagger)
         found = _slots(pairs, longest, motion_c, frame, clock)
         if found is not None:
             return Layout(found[0], found[1], stagger)
-        size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
-    assert size is not None
-    minimum = size.minimum * TICKS[0]
+    minimum = demand(servos, used, frame, clock, doublings, legs=legs).minimum
     raise InputError(
         "frame-too-short",
         f"the pulses do not fit a frame: those of {len(servos)} servos, two at a time, and the C for them "
@@ -168,6 +161,51 @@ def layout(
         frame.place,
         "lengthen period_us, or choose a faster clock",
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What the shortest frame consists of, in cycles: its slots, and the C for the next frame."""
+
+    slots: tuple[tuple[tuple[int, ...], Cycles], ...]
+    """The channels of each slot, and its length with the C after it."""
+    frame_c: Cycles
+
+    @property
+    def minimum(self) -> Cycles:
+        """Return the length of the shortest frame."""
+        return Cycles(sum(cycles for _, cycles in self.slots) + self.frame_c)
+
+
+def demand(
+    servos: Sequence[Servo],
+    used: Sequence[Used],
+    frame: Frame,
+    clock: Clock,
+    doublings: int = 0,
+    *,
+    legs: bool = False,
+) -> Demand:
+    """Return the lengths of the slots if servos with pulses of similar lengths share them."""
+    motion_c = _motion_c(len(servos), doublings, legs=legs)
+    rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
+    pairs = _by_length(servos, rooms)
+    longest = _longest(pairs, rooms, STAGGER if frame.max_together == 1 else NONE)
+    size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
+    lengths = [Cycles(size.whole(width, SLOT_C) * TICKS[0]) for width in longest]
+    slots = tuple((pair, length) for (_, pair), length in zip(pairs, lengths, strict=True))
+    return Demand(slots, Cycles(size.minimum * TICKS[0] - sum(lengths)))
+
+
+def _motion_c(channels: int, doublings: int, *, legs: bool) -> Cycles:
+    """Return the cycles reserved for the C between two frames."""
+    buttons = BUTTONS_C if channels < len(PINS) else 0
+    return Cycles(FRAME_C + channels * CHANNEL_C + doublings * DOUBLING_C + (LEGS_C if legs else 0) + buttons)
+
+
+def _longest(pairs: Pairs, rooms: Sequence[Cycles], stagger: Cycles) -> tuple[Cycles, ...]:
+    """Return the longest pulse of each slot, with a trim and the later rise."""
+    return tuple(Cycles(max(rooms[channel] for channel in pair) + MAX_TRIM + stagger) for _, pair in pairs)
 
 
 Pairs = Sequence[tuple[str, tuple[int, ...]]]

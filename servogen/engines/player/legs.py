@@ -87,12 +87,19 @@ class WalkEvents:
 
 
 def legs_encoded(
-    rows: Floats, loop_start: int, soft: Sequence[int], pairs: Sequence[tuple[int, int]], near: float
+    rows: Floats,
+    loop_start: int,
+    soft: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    near: float,
+    *,
+    limited: bool = True,
 ) -> Encoded | None:
     """Return the walk `rows` (frames, channels) encoded by its events; None if that is impossible.
 
     `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
-    each leg; poses within `near` steps of a row share it.
+    each leg; poses within `near` steps of a row share it. Raises ResourceError if it is `limited` and does
+    not fit the tables.
     """
     if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
@@ -116,7 +123,7 @@ def legs_encoded(
         return None
     if not begins:
         return None
-    made = _encoded(walk, begins[0], begins[0] + 2 * loop, near)
+    made = _encoded(walk, begins[0], begins[0] + 2 * loop, near, limited=limited)
     return replace(made, silent=np.arange(len(made.frames)) >= made.lead) if released else made
 
 
@@ -235,14 +242,14 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
 
 
-def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
+def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bool) -> Encoded:
     """Return the walk up to the event `end`; its loop begins at the event `begin`."""
     keyed = keyed_walk(walk, end, near)
     first = keyed.events.index(begin) + 1
     steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
-    rows = row_table([*keyed.rows[: keyed.fixed], *kept_rows])
-    made = script(lead, loop, len(walk.turns), legs=True)
+    rows = row_table([*keyed.rows[: keyed.fixed], *kept_rows], limited=limited)
+    made = script(lead, loop, len(walk.turns), legs=True, limited=limited)
     values = played_steps([*lead, *loop], rows, keyed.laws, keyed.legs)
     frames = np.arange(end // 2)
     turns = list(walk.turns)
@@ -252,7 +259,16 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
     scale = keyed.scale.moved(turns, -middle)
     silent = np.zeros(len(frames), dtype=bool)
     return Encoded(
-        scale, rows, keyed.laws, made, keyed.legs, frames, scale.widths(values), silent, begin // 2
+        scale,
+        rows,
+        keyed.laws,
+        made,
+        keyed.legs,
+        frames,
+        scale.widths(values),
+        silent,
+        begin // 2,
+        (*lead, *loop),
     )
 
 

@@ -89,7 +89,7 @@ def playing(
     rows = ideal_widths(trajectory, servos, clock)
     if np.isnan(rows).all():
         raise InputError("no-pulses", "the motion has no pulse")
-    encoded = _encoded(
+    encoded = encoded_motion(
         rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, max_bytes
     )
     # A walk's loop begins at an event of its gait, possibly some frames later than the trajectory's.
@@ -127,7 +127,7 @@ def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[t
     return [(joints[f"{leg}_alpha"], joints[f"{leg}_beta"]) for leg in legs if f"{leg}_beta" in joints]
 
 
-def _encoded(
+def encoded_motion(
     rows: Floats,
     loop_start: int,
     soft: Sequence[int],
@@ -135,13 +135,22 @@ def _encoded(
     max_error_us: float,
     clock: Clock,
     max_bytes: int,
+    *,
+    limited: bool = True,
 ) -> Encoded:
-    """Return the first encoding that fits the tables, trying that of a walk by its legs first."""
+    """Return the first encoding that has at most `max_bytes`, or the smallest one, trying that of a walk by
+    its legs first.
+
+    Raises ResourceError if the tables are `limited` and cannot hold it.
+    """
     limit = max_error_us / float(clock.cycle_us)
     encoders: list[Callable[[float, float], Encoded | None]] = []
     if pairs:
-        encoders.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near))
-    encoders.append(lambda far, near: poses_encoded(rows, (*soft, loop_start), loop_start, far * limit, near))
+        encoders.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near, limited=limited))
+    marks = (*soft, loop_start)
+    encoders.append(
+        lambda far, near: poses_encoded(rows, marks, loop_start, far * limit, near, limited=limited)
+    )
     refused: ResourceError | None = None
     smallest: Encoded | None = None
     for encoder in encoders:

@@ -56,11 +56,13 @@ class _Piece:
     pose: int
 
 
-def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: float, near: float) -> Encoded:
+def poses_encoded(
+    rows: Floats, marks: Sequence[int], loop_start: int, far: float, near: float, *, limited: bool = True
+) -> Encoded:
     """Return `rows` (frames, channels; NaN without pulses), with laws that deviate by up to `far` cycles.
 
     A step begins at each of `marks`. Poses within `near` steps of a row share it. Raises ResourceError if
-    they do not fit the tables.
+    they are `limited` and do not fit the tables, and if they exceed them by far.
     """
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
@@ -76,7 +78,7 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
     for laws in LAW_SETS:
         pieces = list(_pieces(whole, marks, loop_start, laws, far))
         try:
-            made = _encoded(whole, pieces, loop_start, laws, scale, near)
+            made = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited)
         except ResourceError as error:
             refused = error
             continue
@@ -233,7 +235,14 @@ def _nodes(rows: Floats, far: float) -> Whole:
 
 
 def _encoded(
-    rows: Floats, pieces: Sequence[_Piece], loop_start: int, laws: Sequence[str], scale: Scale, near: float
+    rows: Floats,
+    pieces: Sequence[_Piece],
+    loop_start: int,
+    laws: Sequence[str],
+    scale: Scale,
+    near: float,
+    *,
+    limited: bool,
 ) -> Encoded:
     places = {law: number * ENTRIES for number, law in enumerate(laws)}
     places |= {"straight": STRAIGHT, "stay": STAY, "silent": SILENT}
@@ -253,8 +262,8 @@ def _encoded(
     ]
     first = 1 + sum(piece.end <= loop_start for piece in pieces)
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept)
-    table = row_table(kept_rows)
-    made = script(lead, loop, rows.shape[1], legs=False)
+    table = row_table(kept_rows, limited=limited)
+    made = script(lead, loop, rows.shape[1], legs=False, limited=limited)
     tables = b"".join(table_of(law) for law in laws)
     values, silent = _played([*lead, *loop], kept_rows, tables)
     return Encoded(
@@ -267,6 +276,7 @@ def _encoded(
         scale.widths(values),
         silent,
         loop_start,
+        (*lead, *loop),
     )
 
 

@@ -85,6 +85,8 @@ class Script:
     loop: int
     timings: tuple[Timing, ...]
     third: int
+    owners: tuple[int, ...]
+    """The step to which each byte belongs, by its number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,15 +105,17 @@ LEGS_TIMINGS = 3
 """The highest timing of a walk, whose steps have a bit for each of six legs and two bits for the timing."""
 
 
-def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bool) -> Script:
+def script(
+    lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bool, limited: bool = True
+) -> Script:
     """Return the script of steps that are played once, followed by steps that repeat endlessly.
 
-    Raises ResourceError if it does not fit a table.
+    Raises ResourceError if it does not fit a table; unless `limited`, only its size is then right.
     """
     timings = tuple(dict.fromkeys(step.timing for step in (*lead, *loop)))
     maximum = LEGS_TIMINGS + 1 if legs else AT
     lifting = max((step.lifted for step in (*lead, *loop)), default=0)
-    if len(timings) > maximum:
+    if limited and len(timings) > maximum:
         raise ResourceError(
             "does-not-fit", f"the motion has steps of {len(timings)} timings: the player holds {maximum}"
         )
@@ -124,13 +128,15 @@ def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bo
         return _entries(steps, hows)
 
     assert not legs or lifting < ALL_LEGS
-    first = _bytes(entries(lead), columns)
-    data = first + _bytes(entries(loop), columns)
-    if len(data) > MAX_BYTES - 1:
+    first, owners = _bytes(entries(lead), columns)
+    rest, later = _bytes(entries(loop), columns)
+    data = first + rest
+    if limited and len(data) > MAX_BYTES - 1:
         raise ResourceError(
             "does-not-fit", f"the motion's script has {len(data)} bytes: its table holds {MAX_BYTES - 1}"
         )
-    return Script(data, len(first), timings, len(_bytes(entries(lead)[:3], columns)))
+    owners += [len(lead) + owner for owner in later]
+    return Script(data, len(first), timings, len(_bytes(entries(lead)[:3], columns)[0]), tuple(owners))
 
 
 ALL_LEGS = 0x3F
@@ -145,23 +151,31 @@ def _entries(steps: Sequence[Step], hows: Sequence[int]) -> list[Entry]:
     return found
 
 
-def _bytes(entries: Sequence[Entry], columns: int) -> bytes:
-    """Return the entries as bytes; consecutive repetitions are stored once, with their number."""
+def _bytes(entries: Sequence[Entry], columns: int) -> tuple[bytes, list[int]]:
+    """Return the entries as bytes, and the number of the entry to which each byte belongs.
+
+    Consecutive repetitions are stored once, with their number.
+    """
     made = bytearray()
+    owners: list[int] = []
+    at = 0
     last: int | None = None
     for body, times in folded(entries):
         begin = len(made)
         for index, entry in enumerate(body):
             again = times > 1 and index == 0 and not _follows(body[-1], entry)
             if entry.spot:
-                made += b"" if entry.goes_on else bytes((SPOT, entry.row * columns))
+                made += b"" if entry.goes_on else bytes((SPOT, entry.row * columns & 0xFF))
             elif last is None or entry.row != last + 1 or again:
-                made += bytes((AT, entry.row * columns))
-            made.append(entry.how)
+                made += bytes((AT, entry.row * columns & 0xFF))
+            made.append(entry.how & 0xFF)
+            owners += [at + index] * (len(made) - len(owners))
             last = None if entry.spot else entry.row
         if times > 1:
-            made += bytes((AGAIN, len(made) + 3 - begin, times))
-    return bytes(made)
+            made += bytes((AGAIN, len(made) + 3 - begin & 0xFF, times))
+            owners += [at + len(body) - 1] * (len(made) - len(owners))
+        at += len(body) * times
+    return bytes(made), owners
 
 
 def _follows(one: Entry, other: Entry) -> bool:

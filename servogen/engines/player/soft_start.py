@@ -9,10 +9,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from servogen.engines.protocol import EngineJob
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
 
 SAME_RAD = 1e-3
+
+
+def with_soft_start(job: EngineJob) -> tuple[JointTrajectory, tuple[int, ...]]:
+    """Return the job's motion with its soft start, and the frames at which the parts of that end."""
+    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
+    begun = soft_start(job.trajectory, job.servos, frames)
+    soft = len(begun.angles) - len(job.trajectory.angles)
+    return begun, tuple(range(frames, soft + 1, frames)) if soft else ()
 
 
 def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int) -> JointTrajectory:

@@ -171,22 +171,29 @@ class Footwork:
         ways = np.abs(feet[:, 0] - feet[0, 0] + 1j * (feet[:, 1] - feet[0, 1]))
         return float(np.interp(height, risen, ways))
 
-    def frames_of_route(self, segments: Sequence[Segment], count: int) -> list[Frames]:
-        """Return the frames of all segments, from rest and, unless the last one is endless, back to rest.
+    def frames_of_route(
+        self, segments: Sequence[Segment], count: int
+    ) -> tuple[list[Frames], tuple[int, ...]]:
+        """Return the frames of all segments, from rest and, unless the last one is endless, back to rest; and
+        the frame at which each segment begins.
 
         Between segments the feet step on the spot to where the next segment has them. The last part of an
         endless walk is one cycle and its lead-in.
         """
         rest = self._at_rest()
-        parts, here = [], rest
+        parts: list[Frames] = []
+        begins, here = [], rest
         for segment in segments:
+            begins.append(sum(len(part.angles) for part in parts))
             made = self.frames(segment, count)
             parts += [
                 *self._on_the_spot(here, made.first, count),
                 made if segment.cycles is None else made.begun,
             ]
             here = made.last
-        return parts if segments[-1].cycles is None else [*parts, *self._on_the_spot(here, rest, count), rest]
+        if segments[-1].cycles is not None:
+            parts += [*self._on_the_spot(here, rest, count), rest]
+        return parts, tuple(begins)
 
     def _footing(self, segment: Segment) -> tuple[complex, ...]:
         """Return where each foot stands in the middle of its stance, in the body's frame."""

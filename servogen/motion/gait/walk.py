@@ -82,6 +82,8 @@ class Walk:
     """
 
     trajectory: JointTrajectory
+    begins: tuple[int, ...]
+    """The frame at which each segment begins, with its steps on the spot."""
     legs: tuple[str, ...]
     feet: Floats
     ground: npt.NDArray[np.bool_]
@@ -234,7 +236,8 @@ def walk(
         rounded = gait.on_frames(count)
         plan = replace(plan, gait=rounded, beyond=0.0)
         plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
-        frames = joined(plan.frames_of_route(segments, count))
+        parts, begins = plan.frames_of_route(segments, count)
+        frames = joined(parts)
         loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
@@ -256,6 +259,7 @@ def walk(
     changes = rounded.changes_from(gait, count)
     result = Walk(
         trajectory=trajectory,
+        begins=begins,
         legs=names,
         feet=frames.feet,
         ground=frames.ground,

@@ -157,6 +157,7 @@ def test_a_chain_of_directions_is_read_from_the_eeprom() -> None:
 
 
 def test_a_program_that_is_too_large_either_way_is_refused_with_both_sizes() -> None:
-    wave = (ROOT / "jobs" / f"{JOB}.toml").read_text().replace('"tripod"', '"wave"')
-    with pytest.raises(ResourceError, match=r"needs 1\d\d\d words.*in the EEPROM.*needs 1\d\d\d words"):
+    ways = ROUTE[: ROUTE.index(", { turn_deg = -20")]
+    wave = re.sub(r"route = \[.*\]", f"route = [{ways}]", RIPPLE).replace('"ripple"', '"wave"')
+    with pytest.raises(ResourceError, match=r"needs 10\d\d words.*in the EEPROM.*needs 10\d\d words"):
         planned(plan_job(loads(wave, "wave.toml"))).make("c2c")

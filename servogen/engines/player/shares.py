@@ -1,0 +1,170 @@
+"""What each part of a motion takes of the player's tables and of a frame, also where they cannot hold it.
+
+In: a job. Out: `Share`s of the tables, which add up to them, and the shortest frame that its pulses need.
+
+A byte belongs to the first part that needs it: a row that two segments share, to the first of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+
+import numpy as np
+
+from servogen.engines.player.commanded import encoded_directions
+from servogen.engines.player.encoding import Encoded
+from servogen.engines.player.layout import Demand, Used, demand
+from servogen.engines.player.playing import DATA_BYTES, encoded_motion, ideal_widths, leg_channels
+from servogen.engines.player.soft_start import with_soft_start
+from servogen.engines.protocol import EngineJob
+from servogen.motion.trajectory import Floats, Part
+from servogen.pulse.slots import Frame
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+TIMING_BYTES = 3
+"""The bytes of a timing: its frames and its speed."""
+
+SOFT_START = "soft start"
+
+
+@dataclass(slots=True)
+class Share:
+    """The bytes that a part takes, each a word of flash; `error_us` is its largest distance from the plan."""
+
+    name: str
+    rows: int = 0
+    script: int = 0
+    timings: int = 0
+    laws: int = 0
+    error_us: float | None = None
+
+    @property
+    def bytes(self) -> int:
+        """Return all bytes of the part."""
+        return self.rows + self.script + self.timings + self.laws
+
+    def to_json(self) -> dict[str, object]:
+        """Return the share as a value that JSON can hold."""
+        return {
+            "part": self.name,
+            "bytes": self.bytes,
+            "rows": self.rows,
+            "script": self.script,
+            "timings": self.timings,
+            "laws": self.laws,
+            "error_us": self.error_us,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """The parts of a motion, and what its pulses need of a frame."""
+
+    parts: tuple[Share, ...]
+    pulses: tuple[Used, ...]
+    doublings: int
+    legs: bool
+
+    @property
+    def bytes(self) -> int:
+        """Return the bytes of all tables of the motion."""
+        return sum(part.bytes for part in self.parts)
+
+    def frame(self, servos: Sequence[Servo], frame: Frame, clock: Clock) -> Demand:
+        """Return what the shortest frame needs if `servos` make these pulses."""
+        return demand(servos, self.pulses, frame, clock, self.doublings, legs=self.legs)
+
+
+@dataclass(slots=True)
+class _Ledger:
+    """Shares by name, in the order in which parts first need something."""
+
+    found: dict[str, Share] = field(default_factory=dict)
+
+    def of(self, name: str) -> Share:
+        return self.found.setdefault(name, Share(name))
+
+
+def shares(job: EngineJob) -> Shares:
+    """Return the shares of the job's motion. Raises InputError if it cannot be encoded at all."""
+    begun, ends = with_soft_start(job)
+    clock, servos = job.clock, job.servos
+    soft = len(begun.angles) - len(job.trajectory.angles)
+    parts = [Part(SOFT_START, 0)] if soft else []
+    ideal: Floats | None = None
+    if job.firmware.commands is not None:
+        encoded, _ = encoded_directions(
+            begun,
+            job.directions,
+            job.firmware.commands,
+            servos,
+            job.bindings,
+            ends,
+            DATA_BYTES,
+            limited=False,
+        )
+        at = len(begun.angles)
+        for one, other in zip(job.directions[::2], job.directions[1::2], strict=True):
+            parts.append(Part(f"{one.name} and {other.name}", at))
+            at += len(one.angles) - 1
+    else:
+        ideal = ideal_widths(begun, servos, clock)
+        pairs = leg_channels(servos, job.bindings)
+        limit = job.firmware.max_error_us
+        encoded = encoded_motion(
+            ideal, begun.loop_start, ends, pairs, limit, clock, DATA_BYTES, limited=False
+        )
+        parts += [Part(part.name, part.begin + soft) for part in job.parts] or [Part("motion", soft)]
+    pulsed = encoded.widths[~encoded.silent]
+    used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
+    frames = len(encoded.widths) if ideal is None else len(ideal)
+    loop = frames - begun.loop_start
+    made = _shares(encoded, parts, frames, loop)
+    if ideal is not None:
+        order = np.where(encoded.frames < frames, encoded.frames, encoded.frames - loop)
+        away = np.abs(encoded.widths - ideal[order]) * float(clock.cycle_us)
+        away[encoded.silent] = 0
+        _add_errors(made, [_part(parts, frame) for frame in order.tolist()], away.max(axis=1))
+    doublings = int(encoded.scale.shifts.sum())
+    return Shares(tuple(made.found.values()), tuple(used), doublings, encoded.legs is not None)
+
+
+def _part(parts: Sequence[Part], frame: int) -> str:
+    """Return the name of the part to which a frame belongs."""
+    return next((part.name for part in reversed(parts) if part.begin <= frame), parts[0].name)
+
+
+def _shares(encoded: Encoded, parts: Sequence[Part], frames: int, loop: int) -> _Ledger:
+    """Return the shares; of the motion's `frames` the last `loop` repeat."""
+    steps = encoded.steps
+    # The first step only tells where the second begins.
+    begins = [0, 0, *accumulate(step.timing.frames for step in steps[1:])][: len(steps)]
+    owner = [_part(parts, begin if begin < frames else begin - loop) for begin in begins]
+    made = _Ledger()
+    for name in owner:
+        made.of(name)
+    columns = len(encoded.legs.turns) if encoded.legs else encoded.widths.shape[1]
+    users: dict[int, str] = {}
+    timings: dict[object, str] = {}
+    for step, name in zip(steps, owner, strict=True):
+        users.setdefault(step.row, name)
+        timings.setdefault(step.timing, name)
+    for row in range(len(encoded.rows) // columns):
+        made.of(users.get(row, "lifts")).rows += columns
+    for byte_owner in encoded.script.owners:
+        made.of(owner[byte_owner]).script += 1
+    for timing in encoded.script.timings:
+        made.of(timings[timing]).timings += TIMING_BYTES
+    if encoded.laws:
+        made.of("laws").laws += len(encoded.laws)
+    return made
+
+
+def _add_errors(made: _Ledger, names: Sequence[str], away_us: Floats) -> None:
+    """Add the largest distance from the plan of each part, from its name and the distance in each frame."""
+    for name, away in zip(names, away_us.tolist(), strict=True):
+        share = made.of(name)
+        share.error_us = max(share.error_us or 0.0, round(away, 3))
