@@ -3,6 +3,10 @@
 import json
 from pathlib import Path
 
+import pytest
+
+from servogen.cli.show import show_error
+from servogen.errors import InputError
 from tests.cli.conftest import Run
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 
@@ -28,3 +32,12 @@ def test_build_says_what_is_left_and_that_the_c_never_came_too_late(run: Run, tm
     assert shown.count("overrun: never") == len(answer["programs"])
     text = (tmp_path / "out" / "report.txt").read_text()
     assert "with RA4 low from power-up on" in text and "button to ground, 10 kOhm pull-up" in text
+
+
+def test_a_refusal_has_its_advice_in_the_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    error = InputError("frame-too-short", "too long", hint="by part: …")
+    error.details = {"advice": {"motion_bytes": 81, "proposals": []}}
+    show_error(error, ["build", "job.toml", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["advice"] == {"motion_bytes": 81, "proposals": []}
+    assert answer["diagnostics"][0]["hint"] == "by part: …"
