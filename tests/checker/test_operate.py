@@ -107,3 +107,21 @@ def test_additions_know_every_bit_that_no_carry_reaches() -> None:
     added = chip.operate(chip.ADD, 0x08 | 0x04 << 8, 0x04, 0, 1, FLAGS)
     assert (added & 0xFF, added >> 8 & 0xFF) == (0x00, 0x1C)
     assert added >> 32 & 7 == chip.DC | chip.Z  # that neither is 0 is not in the bits
+
+
+def test_ra4_is_known_where_the_program_pulls_it_low_or_the_board_holds_it() -> None:
+    """An open drain: of an output at 1 the wire says what it is, of every other pin the latch."""
+    state, parameters = np.zeros(chip.SLOTS + 1, np.int64), np.zeros(8, np.int64)
+
+    def read(latch: int) -> int:
+        state[chip.PORTA] = latch
+        return chip.read.py_func(state, parameters, chip.PORTA, 0)
+
+    assert read(0x01) == 0x01
+    assert read(0x11) == 0x01 | 0x10 << 8  # unknown
+    parameters[chip.CHANNELS] = 0x10  # a servo's pin has the pull-up that the job asks for
+    assert read(0x11) == 0x11
+    parameters[chip.CHANNELS], parameters[chip.HELD] = 0, 0x10
+    assert read(0x11) == 0x01
+    parameters[chip.LEVELS] = 0x10
+    assert read(0x11) == 0x11

@@ -1,11 +1,14 @@
 """Programs that do an exercise in different ways, right and wrong: each verdict is right and says why."""
 
+import math
 from pathlib import Path
 
 import pytest
 
 from servogen.build.grading import Task, grade_submissions
 from servogen.grade import Grade, Submission, load_lab
+from servogen.grade.checks import order, order_faults
+from servogen.grade.watch import Commanded, Visit
 from servogen.programs import read_submission
 
 PROGRAMS = Path(__file__).parent / "programs"
@@ -122,3 +125,20 @@ def test_what_is_measured_is_what_the_program_does() -> None:
     assert all(19.167 <= period <= 19.2 for period in row.periods_ms)
     assert all(2.018 <= silent <= 2.019 for silent in row.silent_s)
     assert all(3.91 <= stay <= 3.93 for stay in row.stays_s)
+
+
+def test_a_strange_position_in_a_wrong_order_is_named_once() -> None:
+    """30°, 120° and 90°, where 30°, 90°, 120° is asked for, and twice 1250 µs, which is 45°."""
+    lab = load_lab("lab8-exercise")
+    solution = lab.solutions[0]
+
+    def visit(degrees: float, *places: int) -> Visit:
+        command = Commanded(0, (math.radians(degrees),), (1000 + degrees / 0.18,))
+        return Visit(0, 100, frozenset(places), (command,))
+
+    one, two, three, strange = visit(30, 0), visit(90, 1), visit(120, 2), visit(45)
+    visits = [one, three, two, strange, one, three, two, strange]
+    said = [str(fault) for fault in order_faults(visits, order(visits, solution), lab, solution)]
+    assert len(said) == 2
+    assert "it should be 30° → 90° → 120°" in said[0]
+    assert "not a position of the task: 'arm' gets pulses of 1250 µs, which is 45.0°" in said[1]

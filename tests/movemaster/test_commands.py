@@ -159,6 +159,7 @@ def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -
         "a.rvm:4:4: error: program line 20: the straight line to position 2 leaves what the arm reaches at "
         "(0.000, 146.833, 350.000) mm: "
     )
+    assert "but not in this orientation" in said  # the hand would have to point another way
 
 
 def test_ms_that_would_change_the_branch_is_refused_at_the_place(refused: Refused) -> None:

@@ -98,6 +98,13 @@ def test_a_file_without_line_ends_is_not_held_in_memory(tmp_path: Path, name: st
         join(read_edges(path, Clock(4_000_000)).chunks)
 
 
+def test_a_vcd_file_that_ends_with_its_declarations_is_not_whole(tmp_path: Path) -> None:
+    """It is short: that nothing was found in its last part is not what is wrong."""
+    (tmp_path / "a.vcd").write_bytes(HEADER)
+    with pytest.raises(InputError, match="not a whole VCD file: no time stamp follows the declarations"):
+        join(read_edges(tmp_path / "a.vcd", Clock(4_000_000)).chunks)
+
+
 def test_the_first_line_of_a_capture_is_bounded(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"T" * (MAX_LINE_BYTES + 2))
     for read in (is_capture, read_capture):

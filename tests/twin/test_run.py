@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
+from servogen.errors import InputError
 from servogen.twin import Ground, Settings, Verdict
 from servogen.twin.causes import Kind
 from tests.twin.walking import AHEAD, SUPPLIED, walking
@@ -149,10 +150,14 @@ def test_a_lighter_foot_friction_and_a_moved_centre_change_little() -> None:
     assert 0.9 * 80 <= 1000 * seen.done[0] <= 1.05 * 80
 
 
-def test_the_record_can_be_cut_at_any_time() -> None:
+def test_the_record_can_be_cut_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a second is 100 samples of 5 ms; no more than a record may have."""
+    monkeypatch.setattr("servogen.twin.run.MAX_SAMPLES", 100)
     short = walking(AHEAD).twin(Settings(seconds=0.5))
     assert short.record.time[-1] == pytest.approx(0.495)
     assert replace(short.record.settings, seconds=None) == Settings()
+    with pytest.raises(InputError, match="longer than half an hour"):
+        walking(AHEAD).twin(Settings(seconds=0.505))
 
 
 def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
