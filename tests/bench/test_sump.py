@@ -66,3 +66,15 @@ def test_a_wire_that_is_none_is_refused(text: str) -> None:
 def test_a_pin_without_a_channel_is_refused() -> None:
     with pytest.raises(InputError, match="no channel of the analyser is on RB1"):
         channel_of("RB1", wires(["0=RB0"]))
+
+
+def test_the_commands_are_those_of_the_protocol() -> None:
+    """As the page of the SUMP analyser and that of the Logic Sniffer's metadata list them.
+
+    The virtual analyser of the other tests knows them from the same table.
+    """
+    commands = [(each.name, int(each)) for each in sump.Command]
+    short = [("RESET", 0x00), ("RUN", 0x01), ("ID", 0x02), ("METADATA", 0x04), ("FINISH", 0x05)]
+    long = [("DIVIDER", 0x80), ("COUNTS", 0x81), ("FLAGS", 0x82)]
+    trigger = [("TRIGGER_MASK", 0xC0), ("TRIGGER_VALUE", 0xC1), ("TRIGGER_CONFIG", 0xC2)]
+    assert commands == short + long + trigger

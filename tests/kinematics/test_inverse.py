@@ -12,7 +12,7 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
+from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, Target, spherical
 from servogen.kinematics.inverse.solve import ik, ik_all, nearest_point, solve
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import orientation_matrix
@@ -453,3 +453,17 @@ def test_targets_that_are_no_points_are_refused() -> None:
             ik(arm("scara"), wrong)
     with pytest.raises(InputError, match="rotation matrix"):
         ik(arm("scara"), [0.5, 0.1, 0.3], [1.0, 2.0])
+
+
+def test_all_four_branches_of_the_spherical_arm_lead_to_the_point() -> None:
+    """p = q3 (c1 s2, s1 s2, c2), also where q3 is negative, which the joint limits of most arms exclude."""
+    points = np.array([[0.3, 0.4, 0.5], [-0.2, 0.1, 0.6], [0.1, -0.7, -0.2]]).T
+    branches = spherical(arm("spherical"), Target((points[0], points[1], points[2])))
+    assert len(branches) == 4
+    for one, two, three in branches:
+        reached = three * np.array([np.cos(one) * np.sin(two), np.sin(one) * np.sin(two), np.cos(two)])
+        assert reached == pytest.approx(points)
+    signs = {
+        (bool((three > 0).all()), bool((np.cos(one) * points[0] > 0).all())) for one, _, three in branches
+    }
+    assert len(signs) == 4

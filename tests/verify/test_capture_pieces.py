@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from servogen.edges import UNDRIVEN, EdgeTrace, Expected, ExpectedChunk, edge_chunk, join
 from servogen.units import Cycles
 from servogen.verify import CaptureVerdict, capture_lines, verify_capture
+from servogen.verify.capture.check import _joint_clock
 from tests.verify import test_capture as one
 
 GAP = 1000
@@ -117,3 +119,19 @@ def test_a_piece_with_another_clock_is_told() -> None:
     verdict = verify_capture(schedule(), trace, pieces=pieces)
     assert not verdict.proven
     assert any("by piece 3 alone the chip's clock is off by -" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("known", "joint"),
+    [
+        ([(100.0, 1.0)], (100.0, 1.0)),
+        ([(100.0, 1.0), (104.0, 1.0)], (102.0, 0.5**0.5)),
+        ([(100.0, 1.0), (104.0, 2.0), (None, None)], (100.8, 0.8**0.5)),  # weights of 1 and 1/4
+        ([(None, None)], (None, None)),
+    ],
+)
+def test_the_clock_of_several_captures_is_their_weighted_mean(
+    known: list[tuple[float | None, float | None]], joint: tuple[float | None, float | None]
+) -> None:
+    verdicts = [SimpleNamespace(ppm=ppm, ppm_error=error) for ppm, error in known]
+    assert _joint_clock(verdicts) == pytest.approx(joint)  # type: ignore[arg-type]
