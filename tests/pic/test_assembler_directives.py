@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from servogen.pic.assembler import assemble
+from servogen.pic.assembler.messages import NUMBERS
 from servogen.pic.device import DEVICES, device
+from tests.pic.conftest import MPASM
 
 # -- labels and names ----------------------------------------------------------------------------------
 
@@ -310,3 +312,7 @@ def test_directives_about_paper_do_nothing(asm: Any) -> None:
 
 def test_a_radix_that_does_not_exist_is_an_error(asm: Any) -> None:
     assert asm.errors(" radix bin\n end") == ["1:8 124 'bin' is not a radix"]
+
+
+def test_every_warning_is_muted_by_its_number_in_mpasm() -> None:
+    assert {code: MPASM[code] for code in NUMBERS} == NUMBERS

@@ -268,6 +268,14 @@ def test_a_button_is_not_released_while_it_still_bounces(hold_ms: float) -> None
         chip.press("RA4", bounce_ms=5, hold_ms=5.1)
 
 
+def test_the_time_of_a_chip_on_the_bench_is_that_of_its_runs() -> None:
+    board = cast(Player, SimpleNamespace(wiring=input_wiring(["RA4=17"])))
+    chip = SeenChip("bench", Clock(4_000_000), board)
+    assert (chip.ms, chip.us) == (0, 0)
+    chip._past_ms, chip._length_ms = 40, 2  # a run that has been seen, and one that is being prepared
+    assert (chip.ms, chip.us) == (42, 42_000)
+
+
 def test_bounces_are_over_when_they_should_be() -> None:
     chip = chip_of(COUNTER, inputs={"RA4": 1})
     chip.press("RA4", bounce_ms=5, bounces=50)
