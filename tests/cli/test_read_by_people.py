@@ -232,6 +232,27 @@ def test_a_profile_lists_the_lines_that_take_most_time_first(run: Run, tmp_path:
     assert "deepest stack 1 of 8, 1 bytes of RAM written" in out
 
 
+PROFILED_C = """
+#pragma CLOCK_FREQ 4000000
+unsigned char n;
+void quick(void) { n = 1; }
+void slow(void) { unsigned char i; for (i = 0; i < 50; i++) n += i; }
+void main(void) { while (1) { quick(); slow(); quick(); } }
+"""
+
+
+def test_a_profile_lists_the_functions_that_take_most_time_first(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "slow.c").write_text(PROFILED_C)
+    out = run("simulate", tmp_path / "slow.c", "--cycles", 5000, "--profile").out
+    table = out.partition("Functions")[2].partition("Lines")[0]
+    rows = [line.split() for line in table.splitlines() if re.search(r"\d", line)]
+    cycles = {name: int(count) for name, count, _ in rows}
+    assert cycles.keys() == {"slow", "quick", "main", "__start"}
+    assert list(cycles.values()) == sorted(cycles.values(), reverse=True)
+    assert (next(iter(cycles)), sum(cycles.values())) == ("slow", 5000)
+    assert [float(share) for *_, share in rows] == [round(count / 50, 2) for count in cycles.values()]
+
+
 def test_a_capture_says_what_it_holds_and_what_comes_next(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

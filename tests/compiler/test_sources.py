@@ -215,3 +215,8 @@ def test_extensions_in_the_functions_of_every_file_are_kept() -> None:
     found = compile_sources([Source(one, "one.c"), Source(two, "two.c")], Options(dialect="xc8"))
     where = {name: address for address, name, _ in found.listing.variables}
     assert (where["set.held"], where["x"]) == (0x20, 0x30)
+
+
+def test_the_shortest_comment_is_a_comment() -> None:
+    assert build(f"/**/{EMPTY}/**/").image == build(EMPTY).image
+    assert errors(f"{EMPTY}\n/*/") == ["the comment is not closed"]

@@ -78,6 +78,21 @@ def test_the_centre_of_mass_is_the_one_of_the_file() -> None:
     assert model.body_subtreemass[1] == pytest.approx(1.2)
 
 
+def test_the_trunk_is_a_homogeneous_box_around_the_mounts() -> None:
+    """m / 12 (a² + b²) about each axis; its sides are twice as far apart as the farthest mounts are out."""
+    text = bodies(replace(robot("hexapod"), mass=1.2)).text
+    (trunk,) = (each for each in xml.fromstring(text).iter("body") if each.get("name") == "body")
+    inertial, box = trunk.find("inertial"), trunk.find("geom")
+    assert inertial is not None and box is not None
+    mass = float(inertial.get("mass", "nan"))
+    x, y, z = (2 * float(each) for each in box.get("size", "").split())
+    assert (x, y) == pytest.approx(
+        [2 * max(abs(getattr(mount, axis)) for mount in robot("hexapod").mounts) for axis in ("x", "y")]
+    )
+    about = [mass / 12 * (one**2 + other**2) for one, other in ((y, z), (x, z), (x, y))]
+    assert [float(each) for each in inertial.get("diaginertia", "").split()] == pytest.approx(about)
+
+
 def test_legs_that_weigh_more_than_the_robot_are_refused() -> None:
     with pytest.raises(InputError, match="weigh more than its mass_g of 100"):
         bodies(replace(robot("hexapod"), mass=0.1, leg_masses=(("coxa", 0.05),)))
