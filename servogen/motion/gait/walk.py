@@ -234,7 +234,7 @@ def walk(
                 hint="walk fewer cycles, or faster ones",
             )
         rounded = gait.on_frames(count)
-        plan = replace(plan, gait=rounded, beyond=0.0)
+        plan = replace(plan, gait=rounded)
         plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
         parts, begins = plan.frames_of_route(segments, count)
         frames = joined(parts)
