@@ -166,3 +166,32 @@ def test_a_step_of_any_chip_lies_within_the_step_of_its_state(first: int) -> Non
                 assert fitting, f"{where}: {[misfits(after, chip) for after in states]}"
                 state = fitting[0]
             assert misfits(state, chip) == [], where
+
+
+def after_some_steps(seed: int) -> tuple[State, Chip]:
+    """Return a chip after a few instructions, and the state that follows from the one it lay in."""
+    rng = random.Random(seed)
+    words = [instruction(rng) for _ in range(STEPS)]
+    words = [word for word in words if word_of(word).flow == "next"][: rng.randint(0, 6)]
+    words += [encode("MOVF", f=RAM[0], d=0), encode("MOVWF", f=RAM[1])][: rng.randrange(3)]
+    chip = new_chip(words)
+    state = drawn(rng, chip)
+    for at, code in enumerate(words):
+        word = word_of(code)
+        touched, unknown = operands(state, word.f) if word.has_f else ([], False)
+        if unknown or any(operand.special in (PCL, INTCON) for operand in touched):
+            break
+        state, _ = execute(state, word, at)
+        chip.run(chip.now + 1)
+    return state, chip
+
+
+def test_a_split_keeps_every_chip_and_a_join_keeps_the_chips_of_both_states() -> None:
+    for seed in range(0, 800, 2):
+        (one, chip), (other, second) = after_some_steps(seed), after_some_steps(seed + 1)
+        assert misfits(one, chip) == misfits(other, second) == []
+        for place in one.values:
+            if one.get(place).size <= 16:
+                assert any(not misfits(part, chip) for part in one.split(place)), f"seed {seed}, {place}"
+        one.join(other)
+        assert misfits(one, chip) == misfits(one, second) == [], f"seed {seed}"
