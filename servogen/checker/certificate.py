@@ -9,59 +9,56 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
-from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from servogen.checker import chip
-from servogen.checker.plan import OVER, PINS, Place, Plan, Position
+from servogen.checker.plan import PINS, Place
 from servogen.errors import InputError, Location
 from servogen.pic.image import Image
 
 Ints = chip.Ints
 MAX_TEXT, MAX_STATES = 64 << 20, 250_000
-RAM = [f"ram.{address:02x}" for address in range(chip.RAM, chip.RAM_END)]
-CELLS = {name: chip.RAM + n for n, name in enumerate(RAM)} | {
-    "w": chip.W, "fsr": chip.FSR, "tmr0": chip.T0, "eedata": chip.EEDATA, "eeadr": chip.EEADR
-}  # fmt: skip
-"""Columns that are bytes which may be unknown, or move with the phase."""
-DIRECT = {"pc": chip.PC, "depth": chip.DEPTH, "pclath": chip.PCLATH, "option": chip.OPTION,
-          "tmr0_wait": chip.T0_AT}  # fmt: skip
-MASKED = {"status": chip.STATUS, "intcon": chip.INTCON, "eecon1": chip.EECON1, "prescaler": chip.PRESCALER}
-STACK = [f"stack{level}" for level in range(8)]
-RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1FFF, "latch_unknown": 0x1FFF,
-          "rb_old": 0x1FFF, "rb_old_unknown": 0x1FFF, "depth": 8, "tmr0_wait": 3, "tmr0_flagged": 1,
-          "watchdog_age": 1 << 40, "irq": 8, "glitch": 0x1FFF, "glitch_age": 10,
-          "sleeping": 1, "spec.phase": 2, "spec.time": 1 << 30, "spec.frame": 1 << 30, "spec.running": 1,
-          "spec.on": 1, "spec.start_seen": 255, "spec.stop_seen": 255, "spec.start_sample": 1,
-          "spec.stop_sample": 1, "spec.heard": 255, "spec.wanted": 255, "spec.line_read": 511,
-          **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
-"""The other columns, and their largest values; the least is 0, but for `LEAST`."""
-PLACED = ["spec.phase", "spec.start_sample", "spec.stop_sample", "spec.line_read",
-          *(f"spec.{name}" for name in Position._fields)]  # fmt: skip
-NO_IRQ = -1000
-LEAST = {"irq": NO_IRQ, "spec.start_sample": -1, "spec.stop_sample": -1}
+FRAME_NUMBER, PLACE, WIDTH = range(chip.SLOTS, chip.SLOTS + 3)
+"""Columns beside the chip's slots: the schedule's frame, -1 when nothing more is due, and the number of the
+place in the list.
+"""
+RAM = {f"ram.{address:02x}": address for address in range(chip.RAM, chip.RAM_END)}
+FREE = RAM | {"w": chip.W, "fsr": chip.FSR, "tmr0": chip.T0, "eedata": chip.EEDATA, "eeadr": chip.EEADR}
+"""Columns of cells of which any bit may be unknown, and which may move with φ."""
+CELLS = {"status": (chip.STATUS, 0xFF), "porta": (chip.PORTA, 0x1F), "portb": (chip.PORTB, 0xFF),
+         "pclath": (chip.PCLATH, 0x1F), "intcon": (chip.INTCON, 0x07), "eecon1": (chip.EECON1, 0x08),
+         **{name: (slot, 0xFF) for name, slot in FREE.items()}}  # fmt: skip
+"""Columns of cells, with the bits that may be unknown."""
+NUMBERS = {"pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "option": (chip.OPTION, 0xFF),
+           "trisa": (chip.TRISA, 0x1F), "trisb": (chip.TRISB, 0xFF), "prescaler": (chip.T0_ZERO, 0xFF),
+           "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
+           "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
+           **{f"stack{level}": (chip.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
+"""Columns of numbers, with the largest ones."""
+AGES = [chip.T0_ZERO, chip.CLEARED, chip.FRAME]
+"""Slots that count from an earlier cycle on."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
-        "assumptions": list, "cuts": list, "count": int, "columns": dict}  # fmt: skip
+        "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is claimed: of which program and schedule, and the states in columns."""
+    """What is claimed: of which program and schedule, and the states."""
 
     image: str
     schedule: str
     clock_hz: int
     held: dict[str, int]
     cuts: frozenset[int]
-    count: int
-    columns: dict[str, Ints]
+    places: list[Place]
+    states: Ints
 
-
-class ImpossibleState(Exception):
-    """A listed state, by its number, that the chip or the schedule does not have."""
+    @property
+    def count(self) -> int:
+        return len(self.states)
 
 
 def read_certificate(packed: bytes, file: str) -> Certificate:
@@ -72,8 +69,8 @@ def read_certificate(packed: bytes, file: str) -> Certificate:
         if len(text) > MAX_TEXT or not unpacker.eof or unpacker.unused_data:
             raise ValueError("the file is cut short, too large, or has something after its end")
         data = json.loads(text)
-        if {key: type(value) for key, value in data.items()} != KEYS or data["format"] != 1:
-            raise ValueError(f"it needs format 1 and the keys {', '.join(KEYS)}")
+        if {key: type(value) for key, value in data.items()} != KEYS or data["format"] != 2:
+            raise ValueError(f"it needs format 2 and the keys {', '.join(KEYS)}")
         return _certificate(data)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError, EOFError,
             MemoryError, lzma.LZMAError) as error:  # fmt: skip
@@ -86,12 +83,29 @@ def _certificate(data: dict[str, Any]) -> Certificate:
         raise ValueError("count or cuts")
     if any(pin not in PINS or level not in (0, 1) for pin, level in held.items()):
         raise ValueError("held")
-    if data["columns"].keys() != {*CELLS, *MASKED, *RANGES}:
-        raise ValueError(f"columns {', '.join(sorted(data['columns'].keys() ^ {*CELLS, *MASKED, *RANGES}))}")
-    columns = {name: _column(name, column, count) for name, column in data["columns"].items()}
-    return Certificate(
-        data["image"], data["schedule"], data["clock_hz"], held, frozenset(cuts), count, columns
-    )
+    places = [Place(tuple(memory), levels, sampled) for memory, levels, sampled in data["places"]]
+    words = [word for place in places for word in (place.levels, place.sampled)]
+    if any(type(word) is not int or not 0 <= word < 1 << len(PINS) for word in words):
+        raise ValueError("places")
+    if data["columns"].keys() != {*CELLS, *NUMBERS}:
+        raise ValueError(f"columns {', '.join(sorted(data['columns'].keys() ^ {*CELLS, *NUMBERS}))}")
+    states = np.zeros((count, WIDTH), dtype=np.int64)
+    for name, column in data["columns"].items():
+        slot, largest = NUMBERS.get(name) or CELLS[name]
+        values = _column(name, column, count)
+        mask, phased = (values >> 8 & 0xFF, values >> 16) if name in CELLS else (0 * values, 0 * values)
+        wrong = (values < -(name == "frame")) | (values > (0x1FFFF if name in CELLS else largest))
+        wrong |= values & mask != 0 if name in CELLS else False
+        wrong |= (mask & ~largest != 0) | (phased & ((mask != 0) | (name not in FREE)) != 0)
+        if wrong.any():
+            raise ValueError(f"column {name} has a value that is out of range")
+        states[:, slot] = values
+    states[:, AGES] *= -1
+    states[:, [chip.IRQ, chip.DARK]] = chip.NEVER
+    if (states[:, PLACE] >= len(places)).any():
+        raise ValueError("column place")
+    fields = {key: data[key] for key in ("image", "schedule", "clock_hz", "held")}
+    return Certificate(**fields, cuts=frozenset(cuts), places=places, states=states)
 
 
 def _column(name: str, column: dict[str, Any], count: int) -> Ints:
@@ -101,14 +115,8 @@ def _column(name: str, column: dict[str, Any], count: int) -> Ints:
         raise ValueError(f"column {name}")
     values = np.array(numbers, dtype=np.int64)
     values = np.cumsum(values) if "delta" in column else np.full(count, values[0])
-    least, largest = LEAST.get(name, 0), RANGES.get(name, 0x1FFFF)
-    wrong = len(values) != count or (values < least).any() or (values > largest).any()
-    if name not in RANGES:
-        mask = values >> 8 & 0xFF
-        phased = values >> 16 == 1
-        wrong = wrong or (values & mask).any() or (phased & ((mask != 0) | (name in MASKED))).any()
-    if wrong:
-        raise ValueError(f"column {name} has {len(values)} values of {count}, or one that is out of range")
+    if len(values) != count:
+        raise ValueError(f"column {name} has {len(values)} values of {count}")
     return values
 
 
@@ -118,59 +126,3 @@ def fingerprint(image: Image) -> str:
     text = "".join(f"{address:03x} {word:04x}\n" for address, word in sorted(image.program.items()))
     cells = "".join(f"{image.eeprom.get(cell, 0xFF):02x}" for cell in range(64))
     return hashlib.sha256(f"{text}config {config}\n{cells}\n".encode()).hexdigest()
-
-
-def chip_states(claim: Certificate, plan: Plan) -> tuple[Ints, list[Place]]:
-    """Return the listed states as rows of the chip's slots, and each state's place in the plan.
-
-    Raises ImpossibleState for one that the chip or the plan does not have.
-    """
-    c = claim.columns
-    s = np.zeros((claim.count, chip.SLOTS), dtype=np.int64)
-    for name, slot in (*CELLS.items(), *MASKED.items(), *DIRECT.items()):
-        s[:, slot] = c[name]
-    latch, dark, tris = c["latch"] & ~c["latch_unknown"], c["latch_unknown"], c["tris"]
-    s[:, chip.PORTA], s[:, chip.PORTB] = latch & 0x1F | (dark & 0x1F) << 8, latch >> 5 | dark >> 5 << 8
-    s[:, chip.TRISA], s[:, chip.TRISB], s[:, chip.OUT] = tris & 0x1F, tris >> 5, latch & ~tris
-    stack = np.stack([c[name] for name in STACK], axis=1)
-    s[:, chip.STACK : chip.STACK + 8] = stack & 0x3FF
-    s[:, chip.IRQ] = np.where(c["irq"] == NO_IRQ, chip.NEVER, c["irq"])
-    s[:, chip.DARK] = np.where(c["glitch"] != 0, chip.GLITCH - c["glitch_age"], chip.NEVER)
-    s[:, chip.WDT_CLEARED] = -c["watchdog_age"]
-    phase, time = c["spec.phase"], c["spec.time"]
-    s[:, chip.FRAME] = np.where(phase == 0, chip.BEFORE, np.where(phase == 1, -time, chip.NEVER))
-    wrong = (c["sleeping"] != 0) | (time >= np.where(phase == 1, plan.period, 1))
-    wrong |= ((stack != 0) & (np.arange(8) >= c["depth"][:, None])).any(axis=1)
-    places: list[Place] = []
-    known: dict[tuple[int, ...], Place | None] = {}
-    fields = zip(*(c[name].tolist() for name in PLACED), strict=True)
-    for number, (now, key) in enumerate(zip(time.tolist(), fields, strict=True)):
-        if key not in known:
-            known[key] = _place(key, plan)
-        place = known[key]
-        if place is None or wrong[number]:
-            raise ImpossibleState(number)
-        places.append(place)
-        s[number, chip.EDGE] = bisect_left(plan.due(place.position)[0], now) if key[0] else 0
-    return s, places
-
-
-def _place(key: tuple[int, ...], plan: Plan) -> Place | None:
-    """Return the place that the columns `PLACED` name; None if the plan has none such."""
-    phase, start_sample, stop_sample, line_read, *fields = key
-    position = Position(*fields)
-    if position.frame >= plan.ends[-1] or (phase == 0 and position != plan.start_up):
-        return None
-    if plan.directions and position.wanted >= len(plan.directions.parts):
-        return None
-    if line_read > (1 if plan.line else 511 if plan.pushed else 0):
-        return None
-    levels, sampled = 0, line_read << plan.line.pin if plan.line else 0
-    if plan.pushed:
-        levels, sampled = plan.pushed.read(line_read)
-    for button, level in ((plan.start, start_sample), (plan.stop, stop_sample)):
-        if level != -1:
-            if button is None:
-                return None
-            levels, sampled = levels | level << button.pin, sampled | 1 << button.pin
-    return Place((plan.first, position, OVER)[phase], levels, sampled)

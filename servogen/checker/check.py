@@ -6,37 +6,45 @@ certificate's cuts, once for each value of every bit on which its course depends
 within a listed one, with the same position in the plan. So, by induction, these runs are all runs; every edge
 of every pin in them is compared.
 
-States are the rows of a matrix, beside the numbers of their places in the plan.
+A run depends on W and the RAM only by the bytes that it reads before it writes them. So all states that agree
+in these, and in everything else, go the same way, and are run as one.
 """
 
 from __future__ import annotations
 
 import hashlib
+from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
 
 import numpy as np
 
 from servogen.checker import chip
-from servogen.checker.certificate import Certificate, ImpossibleState, chip_states, fingerprint
-from servogen.checker.plan import OVER, PINS, Place, Plan, read_plan
+from servogen.checker.certificate import FRAME_NUMBER, PLACE, WIDTH, Certificate, fingerprint
+from servogen.checker.plan import OVER, PINS, UNCOMMANDED, Place, Plan, Position, read_plan
 from servogen.pic.image import Image
 from servogen.units import Clock
 
 Ints = chip.Ints
-PLACE, ORIGIN, COLUMNS = range(chip.SLOTS, chip.SLOTS + 3)
-"""Columns beside the chip's slots: the number of the place in the plan, and the listed state from which the
-run began (-1: power-up).
+DUE, ORIGIN, COLUMNS = range(WIDTH, WIDTH + 3)
+"""Columns beside those of a certificate: the run of equal frames whose edges are due, and the listed state
+from which the run began (-1: power-up).
 """
-EXACT = [chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.EDGE, chip.OUT, chip.IRQ, chip.DARK,
-         chip.FRAME, PLACE, *range(chip.STACK, chip.STACK + 8)]  # fmt: skip
-"""What must be the same in a state and in the listed one that contains it."""
-MAX_PERIODS, MAX_FORKS, MAX_CYCLES, MAX_COMPARED = 500, 5_000_000, 3_000_000_000, 50_000_000
-"""Of a way between two cuts, all splits, the cycles that are run, and all comparisons of states."""
-MAX_ROWS, ROWS = 250_000, 8_000
-"""States that wait for their run, and listed states that are taken together."""
+BYTES = [*range(chip.RAM, chip.RAM_END), chip.STATUS, chip.FSR, chip.PORTA, chip.PORTB, chip.EEDATA,
+         chip.EEADR, chip.PCLATH, chip.INTCON, chip.EECON1, chip.W, chip.T0]  # fmt: skip
+"""The slots of cells; TMR0's is the last one."""
+EXACT = [chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.FRAME, FRAME_NUMBER, PLACE,
+         *range(chip.STACK, chip.SLOTS)]  # fmt: skip
+"""What must be the same in a state and in the listed one that contains it, besides cells and TMR0's count."""
+CHIP, ALWAYS = np.arange(COLUMNS) < chip.SLOTS, np.arange(COLUMNS) <= DUE
+ALWAYS[[chip.W, *range(chip.RAM, chip.RAM_END), FRAME_NUMBER, PLACE]] = False
+"""The chip's slots; and what every run depends on."""
+TIMES = [chip.CLEARED, chip.WDT_DUE, chip.FRAME]
+MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
+"""Of a way between two cuts; cycles that are run; ways that wait for it; states that are taken together."""
+PAUSE = 100
+"""In this cycle runs stop once, so that those which have forgotten their differences go on as one."""
 RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
 """Bits of the configuration word, and the largest clocks of LP, XT, HS and RC in Hz (section 6.2)."""
 WATCHDOG_US, WATCHDOG_ON = 7_000, 4
@@ -61,173 +69,253 @@ class Checker:
     """Runs the chip from power-up and from the listed states."""
 
     def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
-        held = certificate.held
-        if plan.directions and any(plan.buttons >> PINS.index(pin) & 1 for pin in held):
-            plan = replace(plan, line=None, pushed=None, directions=None)
-        self._plan, self._certificate = plan, certificate
-        self._code = chip.program_code(image, certificate.cuts)
-        self._parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-        self._held = sum(level << PINS.index(pin) for pin, level in held.items())
-        self._inputs = plan.buttons & ~sum(1 << PINS.index(pin) for pin in held)
+        held = {PINS.index(pin): level for pin, level in certificate.held.items()}
+        if any(plan.buttons >> pin & 1 for pin in held):
+            plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
+        self._plan = plan
         watched = image.config is None or image.config & WATCHDOG_ON
-        for slot, value in (
-            (chip.LIMIT, MAX_PERIODS * plan.period),
-            (chip.PERIOD, plan.period),
-            (chip.CHANNELS, plan.channels),
-            (chip.BUTTONS, self._inputs),
-            (chip.HELD, sum(1 << PINS.index(pin) for pin in held)),
-            (chip.LEVELS, self._held),
-            (chip.WATCHDOG, int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0),
-            (chip.EEPROM, [image.eeprom.get(cell, 0xFF) for cell in range(64)]),
-        ):
-            self._parameters[slot : slot + np.size(value)] = value
-        self._places: dict[Place, int] = {}
-        self._place_of: list[Place] = []
-        at, out = (np.concatenate(each) for each in zip(*plan.edges, strict=True))
-        self._edges = np.cumsum([0, *(len(each) for each, _ in plan.edges)]), at, out
-        self._states = np.zeros((0, COLUMNS), dtype=np.int64)
-        self._at: dict[bytes, list[int]] = defaultdict(list)
-        self._frames = self._cycles = self._run = self._forks = self._compared = 0
+        self._memory = chip.Memory(
+            chip.program_code(image, certificate.cuts),
+            np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)]),
+            chip.result_table(),
+            chip.slot_table(),
+            memo=np.full((chip.MEMO, 2), -1),
+        )
+        self._board = chip.Board(
+            limit=MAX_PERIODS * plan.period,
+            period=plan.period,
+            channels=plan.channels,
+            buttons=plan.buttons,
+            held=sum(1 << pin for pin in held),
+            levels=sum(level << pin for pin, level in held.items()),
+            watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
+        )
+        self._following, self._sampled = cache(self._after), cache(self._sample)
+        self._due = cache(lambda frame, place: plan.run_of(Position(frame, self._places[place].memory)))
+        self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
+        self._places: list[Place] = []
+        self._numbers: dict[Place, int] = {}
+        self._listed: list[tuple[Ints, dict[bytes | None, int]]] = []
+        self._states = self._started(self._known(certificate))
+        self._frames = self._cycles = self._run = self._forks = 0
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
-        try:
-            states, places = chip_states(self._certificate, self._plan)
-        except ImpossibleState as wrong:
-            text = f"state {wrong}: the schedule has no such position, or the chip no such state"
-            raise Refused(text) from wrong
-        number = chip.complete(states, self._certificate.columns["tmr0_flagged"], self._parameters)
-        if number >= 0:
-            raise Refused(f"state {number}: {chip.REASONS[chip.INTERRUPT]}")
-        self._states = np.pad(states, ((0, 0), (0, COLUMNS - chip.SLOTS)))
-        self._states[:, ORIGIN] = np.arange(len(states))
-        numbers = [self._number(place) for place in places]
-        self._states[:, PLACE] = numbers
-        self._states[:, chip.DUE] = [self._plan.run_of(place.position) for place in places]
-        for number, key in enumerate(np.ascontiguousarray(self._states[:, EXACT])):
-            self._at[key.tobytes()].append(number)
         self._follow(self._power_up())
-        order = np.argsort(self._states[:, chip.DUE], kind="stable")  # those of one frame go the same way
-        for first in range(0, len(order), ROWS):
-            self._follow(self._states[order[first : first + ROWS]])
-        return Checked(len(states), self._frames, self._cycles, self._forks)
+        order = np.argsort(self._states[:, DUE], kind="stable")  # those of one frame go the same way
+        changes = np.flatnonzero(np.diff(self._states[order, DUE])) + 1
+        for group in np.split(order, changes):
+            for first in range(0, len(group), ROWS):
+                self._follow(self._states[group[first : first + ROWS]])
+        return Checked(len(order), self._frames, self._cycles, self._forks)
+
+    def _known(self, certificate: Certificate) -> Ints:
+        """Return the listed states with their places numbered, once they can be found. Raises Refused."""
+        rows, parts = np.pad(certificate.states, ((0, 0), (0, COLUMNS - WIDTH))), self._plan.parts
+        over = rows[:, FRAME_NUMBER] < 0
+        for place in certificate.places:
+            same = [*map(type, place.memory)] == [*map(type, self._plan.inputs.power_up)]
+            if not same or (parts and not 0 <= place.memory[0] < len(parts)):
+                raise Refused(f"place {place}: the schedule has none such")
+        if (rows[:, FRAME_NUMBER] >= self._plan.ends[-1]).any():
+            raise Refused("the schedule has fewer frames than the listed states")
+        numbers = np.array([*map(self._number, certificate.places), 0])
+        rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
+        rows[over, chip.FRAME] = chip.NEVER
+        rows[:, ORIGIN] = np.arange(len(rows))
+        cells = rows[:, BYTES].astype(np.int32)
+        shapes: dict[bytes, list[int]] = defaultdict(list)
+        for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & chip.UNKNOWN)):
+            shapes[shape.tobytes()].append(number)
+        for text, numbers_of in shapes.items():
+            shape = np.frombuffer(text, dtype=np.int32)
+            self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
+        return rows
+
+    def _started(self, rows: Ints) -> Ints:
+        """Return listed states as those of a chip that runs on from there."""
+        rows, ratio = rows.copy(), _ratio(rows)
+        rows[rows[:, chip.OPTION] & chip.T0CS != 0, chip.T0] = chip.UNKNOWN
+        rows[:, chip.T0_ZERO] -= (rows[:, chip.T0] & 0xFF) * ratio
+        due = rows[:, chip.T0_ZERO] + 256 * ratio - 1
+        rows[:, chip.T0_DUE] = np.where(
+            rows[:, chip.T0] >> 8, chip.NEVER, np.where(due > 0, due, due + 256 * ratio)
+        )
+        rows[:, chip.T0] &= ~0xFF
+        rows[:, [chip.GIVEN, chip.WDT_DUE]] = chip.UNKNOWN, chip.NEVER
+        for row in rows:
+            frame, place = row[[FRAME_NUMBER, PLACE]].tolist()
+            row[DUE] = self._due(frame, place)
+            row[chip.EDGE] = self._edge(int(row[DUE]), -int(row[chip.FRAME]))
+            if self._board.watchdog:
+                chip.plan_time_out(row, self._board, 0, 0)
+        return rows
 
     def _power_up(self) -> Ints:
         """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
         s = np.zeros(COLUMNS, dtype=np.int64)
-        s[chip.BYTES] = chip.UNKNOWN
+        s[BYTES] = s[chip.GIVEN] = chip.UNKNOWN
         s[[chip.PORTA, chip.STATUS]] = 0x1F00  # TO and PD differ between resets
         s[[chip.PCLATH, chip.INTCON, chip.EECON1]] = 0, 0, 0x0800
         s[[chip.OPTION, chip.TRISA, chip.TRISB, chip.FRAME]] = 0xFF, 0x1F, 0xFF, chip.BEFORE
         s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = chip.NEVER
-        chip.plan_time_out(s, self._parameters, 0, 0)
-        first = self._plan.first
-        s[[PLACE, ORIGIN, chip.DUE]] = self._number(Place(first)), -1, self._plan.run_of(first)
+        chip.plan_time_out(s, self._board, 0, 0)
+        frame, memory = self._plan.first
+        s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
+        s[DUE] = self._plan.run_of(self._plan.first)
         return s[None]
 
     def _number(self, place: Place) -> int:
         """Return the number of a place."""
-        if place not in self._places:
-            self._places[place] = len(self._place_of)
-            self._place_of.append(place)
-        return self._places[place]
+        if place not in self._numbers:
+            self._numbers[place] = len(self._places)
+            self._places.append(place)
+        return self._numbers[place]
 
     def _follow(self, states: Ints) -> None:
         """Run from each of `states` to the next cuts, on every way. Raises Refused."""
-        waiting = [states.copy()]
-        while waiting:
-            rows = waiting.pop()
-            before, reasons = rows[:, chip.CYCLE].copy(), np.zeros(len(rows), dtype=np.int64)
-            self._run += chip.run_all(rows, self._code, self._parameters, *self._edges, reasons)
-            self._cycles += int((rows[:, chip.CYCLE] - before).sum())
-            for why in np.unique(reasons):
-                its = rows[reasons == why]
+        arrived = []
+        while len(states):
+            stopped = []
+            while len(states):
+                rows, why, states = self._run_first(states)
                 if why == chip.NEW_FRAME:
-                    waiting.append(self._next_frame(its))
-                elif why == chip.LAST_EDGE:
-                    waiting.append(its)
+                    stopped.append(self._next_frame(rows))
+                elif why == chip.LAST_EDGE or (
+                    why == chip.TOO_LONG and rows[0, chip.CYCLE] < self._board.limit
+                ):
+                    stopped.append(rows)
                 elif why in (chip.FORK, chip.BUTTON):
-                    waiting += self._both(its, why)
+                    stopped += self._both(rows, why)
                 elif why == chip.CUT:
-                    self._compare(its)
+                    arrived.append(rows)
                 else:
-                    raise self._refused(its[0], chip.REASONS[why])
-            if self._run > MAX_CYCLES or self._compared > MAX_COMPARED:
-                raise self._refused(rows[0], "more cycles, or comparisons of states, than are allowed")
-            if self._forks > MAX_FORKS or sum(map(len, waiting)) > MAX_ROWS:
-                raise self._refused(rows[0], "more ways than can be followed")
+                    raise self._refused(rows[0], chip.REASONS[why])
+                if self._run > MAX_CYCLES or sum(map(len, stopped)) > MAX_ROWS:
+                    raise self._refused(rows[0], "more cycles, or ways, than are allowed")
+            states = np.concatenate([states, *stopped])
+        if arrived:
+            self._compare(np.concatenate(arrived))
+
+    def _run_first(self, states: Ints) -> tuple[Ints, int, Ints]:
+        """Run the first state and all that go the same way; return them, why they stopped, and the others."""
+        s, used = states[0].copy(), np.zeros(COLUMNS, dtype=np.int64)
+        edge_at, edge_out = self._plan.edges[s[DUE]]
+        board = self._board if s[chip.CYCLE] >= PAUSE else self._board._replace(limit=PAUSE)
+        why = chip.run(s, used, edge_at, edge_out, self._memory, board)
+        decide = np.flatnonzero(ALWAYS | (used & chip.READ != 0))
+        alike = (states[:, decide] == states[0, decide]).all(axis=1)
+        rows, others = states[alike], states[~alike]
+        cycles = int(s[chip.CYCLE] - rows[0, chip.CYCLE])
+        self._run += cycles
+        self._cycles += cycles * len(rows)
+        changed = np.flatnonzero(CHIP & (ALWAYS | (used & chip.WRITTEN != 0)))
+        rows[:, changed] = s[changed]
+        return rows, why, others
 
     def _next_frame(self, rows: Ints) -> Ints:
-        """Return the rows in their next frames."""
-
-        def after(place: Place, _: int) -> Place | None:
-            if self._inputs & ~place.sampled:
-                return None
-            return Place(self._plan.after(place.position, place.levels | self._held))
-
+        """Return the rows in their next frames. Raises Refused where an input was not read."""
         self._frames += len(rows)
-        self._move(rows, np.zeros(len(rows), dtype=np.int64), after, "an input was not read in the frame")
-        over = rows[:, PLACE] == self._number(Place(OVER))
+        for row in rows:
+            following = self._following(*row[[FRAME_NUMBER, PLACE]].tolist())
+            if following is None:
+                raise self._refused(row, "an input was not read in the frame")
+            row[[FRAME_NUMBER, PLACE, DUE]] = following
+        over = rows[:, FRAME_NUMBER] < 0
         rows[:, chip.FRAME] = np.where(over, chip.NEVER, rows[:, chip.FRAME] + self._plan.period)
         rows[:, chip.EDGE] = 0
         return rows
 
+    def _after(self, frame: int, number: int) -> tuple[int, int, int] | None:
+        """Return what follows frame and place: both and the run of frames; None if an input was not read."""
+        place, inputs = self._places[number], self._plan.inputs
+        if self._plan.buttons & ~place.sampled:
+            return None
+        memory = place.memory if inputs.at_once else inputs.hear(place.memory, place.levels)
+        position = self._plan.following(frame, memory)
+        return position.frame, self._number(Place(position.memory)), self._plan.run_of(position)
+
     def _both(self, rows: Ints, why: int) -> list[Ints]:
-        """Return the rows with the lowest bit in question 0, and with it 1."""
+        """Return the rows with the bit in question 0, and with it 1. Raises Refused if it is read again."""
         self._forks += len(rows)
+        slot, bit = rows[0, [chip.ASKED, chip.ASKED_BIT]].tolist()
+        pin = bit.bit_length() - 1 + (5 if slot == chip.PORTB else 0)
         both = [rows, rows.copy()]
-        slot, bit = rows[:, chip.ASKED], rows[:, chip.ASKED_BITS] & -rows[:, chip.ASKED_BITS]
-        given = np.isin(slot, (chip.NOWHERE, chip.PORTA, chip.PORTB))
-        stored = np.flatnonzero(~given), slot[~given]
-        pin = np.where(slot == chip.PORTB, bit << 5, bit)
         for level, its in enumerate(both):
-            its[given, chip.GIVEN] |= bit[given]
-            its[given, chip.GIVEN_BITS] |= bit[given] * level
-            its[stored] = its[stored] & ~(bit[~given] << 8) | bit[~given] * level
-            if why == chip.BUTTON:
-                framed = np.isin(its[:, chip.FRAME], (chip.BEFORE, chip.NEVER), invert=True)
-                sample = partial(self._plan.sample, level=level)
-                self._move(its, np.where(framed, pin, 0), sample, "an input is read again")
+            stored = chip.GIVEN if why == chip.BUTTON else slot
+            its[:, stored] = its[:, stored] & ~(bit << 8) | bit * level
+            if why == chip.BUTTON and its[0, chip.FRAME] not in (chip.BEFORE, chip.NEVER):
+                its[:, PLACE] = [self._sampled(place, pin, level) for place in its[:, PLACE].tolist()]
+                for row in its[its[:, PLACE] < 0]:
+                    raise self._refused(row, "an input is read again")
         return both
 
-    def _move(
-        self, rows: Ints, pins: Ints, change: Callable[[Place, int], Place | None], reason: str
-    ) -> None:
-        """Change the rows' places in the plan by the pins that are read. Raises Refused where that fails."""
-        keys, which = np.unique(rows[:, PLACE] << len(PINS) | pins, return_inverse=True)
-        moved = np.zeros((len(keys), 2), dtype=np.int64)
-        for number, key in enumerate(keys.tolist()):
-            place = change(self._place_of[key >> len(PINS)], key & (1 << len(PINS)) - 1)
-            if place is None:
-                raise self._refused(rows[which == number][0], reason)
-            moved[number] = self._number(place), self._plan.run_of(place.position)
-        rows[:, [PLACE, chip.DUE]] = moved[which]
+    def _sample(self, number: int, pin: int, level: int) -> int:
+        """Return the number of the place once a pin was read; -1 if it was read before in this frame."""
+        place = self._plan.sample(self._places[number], pin, level)
+        return self._number(place) if place else -1
 
     def _compare(self, rows: Ints) -> None:
         """Raise Refused for a row that is within no listed state."""
-        there = rows.copy()
-        for row in there:
-            chip.rebase(row)
-        for row, inner, key in zip(rows, there, there[:, EXACT].copy(), strict=True):
-            for number in self._at.get(key.tobytes(), ()):
-                self._compared += 1
-                if chip.within(inner, self._states[number], chip.BYTES):
-                    break
-            else:
-                raise self._refused(row, "the state is within no listed one")
+        settled = _settled(rows)
+        missing = np.ones(len(rows), dtype=bool)
+        for shape, listed in self._listed:
+            found = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
+            within = found >= 0
+            if self._board.watchdog:
+                ages = [chip.CLEARED, chip.WDT_DUE]
+                within &= (settled[:, ages] >= self._states[found][:, ages]).all(axis=1)
+            missing &= ~within
+        for row in rows[missing]:
+            raise self._refused(row, "the state is within no listed one")
 
     def _refused(self, row: Ints, reason: str) -> Refused:
         """Return what is wrong, and where."""
-        frame = "before the first pulse"
-        if row[chip.FRAME] != chip.BEFORE:
-            number = self._place_of[row[PLACE]].position.frame
-            frame = f"frame {number}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
-        if row[chip.FRAME] == chip.NEVER:
-            frame = "after the last pulse"
+        frame = f"frame {row[FRAME_NUMBER]}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
+        if row[chip.FRAME] in (chip.BEFORE, chip.NEVER):
+            frame = "before the first pulse" if row[chip.FRAME] < 0 else "after the last pulse"
         origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
-        high = " ".join(pin for bit, pin in enumerate(PINS) if chip.pins(row) >> bit & 1) or "none"
+        levels = (row[chip.PORTA] | row[chip.PORTA] >> 8) & 0x1F | (
+            row[chip.PORTB] | row[chip.PORTB] >> 8
+        ) << 5
+        driven = levels & ~(row[chip.TRISA] | row[chip.TRISB] << 5)
+        high = " ".join(pin for bit, pin in enumerate(PINS) if driven >> bit & 1) or "none"
         where = f"{row[chip.CYCLE]} cycles after {origin}, at address 0x{row[chip.PC]:03X}, {frame}"
         return Refused(f"{where}, high pins: {high}: {reason}")
+
+
+def _ratio(rows: Ints) -> Ints:
+    """Return the cycles in which TMR0 counts one."""
+    option = rows[:, chip.OPTION]
+    return np.where(option & chip.PSA, 1, 2 << (option & chip.PS))
+
+
+def _settled(rows: Ints) -> Ints:
+    """Return states as a certificate lists them: with cycles counted from now on, and TMR0 as it is read."""
+    rows, now, ratio = rows.copy(), rows[:, [chip.CYCLE]], _ratio(rows)
+    counts = (now[:, 0] - rows[:, chip.T0_ZERO]) % (256 * ratio)
+    rows[:, chip.T0] |= np.where(rows[:, chip.T0] & chip.UNKNOWN, 0, counts // ratio)
+    rows[:, chip.T0_ZERO] = -(counts % ratio)
+    rows[:, TIMES] -= np.where(abs(rows[:, TIMES]) == chip.NEVER, 0, now)
+    rows[:, [chip.CYCLE, chip.T0_FROM]] = 0
+    return rows
+
+
+def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
+    """Return the keys of the listed states that contain each of `rows`, among those whose unknown bits, and
+    bytes that move with φ, are as in `shape`; None for a row that none can contain.
+
+    One φ fits all bytes that move if they differ from TMR0 as the listed ones do.
+    """
+    cells, unknown, moves = rows[:, BYTES].astype(np.int32), shape >> 8 & 0xFF, shape >> 16 == 1
+    timer = cells[:, -1:]
+    together = (cells >> 8 == timer >> 8) & (timer & chip.UNKNOWN == 0)
+    doubt = np.where(cells >> 16, 0xFF, cells >> 8)
+    fits = np.where(moves, together, doubt & ~unknown == 0).all(axis=1)
+    values = np.where(moves, cells - timer, cells) & 0xFF & ~unknown
+    count = rows[:, [chip.T0_ZERO]] * (shape[-1] & chip.UNKNOWN == 0)
+    keys = np.hstack([rows[:, EXACT], count, values])
+    return [key.tobytes() if fit else None for key, fit in zip(keys, fits, strict=True)]
 
 
 def check_certificate(certificate: Certificate, image: Image, schedule: bytes, file: str) -> Checked:

@@ -1,7 +1,7 @@
-"""What the pins must do: the frames of a schedule, and the buttons or the line that choose among them.
+"""What the pins must do: the frames of a schedule, and the inputs that choose among them.
 
 In: schedule.json as bytes. Out: a `Plan`. Pins are bits of a word: RA0 to RA4 are 0 to 4, RB0 to RB7 are 5 to
-12. The buttons follow docs/firmware.md, "Start and emergency stop".
+12. What the inputs choose follows docs/firmware.md; each way of choosing keeps a memory of what was read.
 """
 
 from __future__ import annotations
@@ -11,40 +11,34 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker.line import OFF, DirectionButtons, Directions, Line, StepButton
 from servogen.errors import InputError, Location
 
 Ints = npt.NDArray[np.int64]
+Memory = tuple[Any, ...]
 PINS = [f"RA{n}" for n in range(5)] + [f"RB{n}" for n in range(8)]
 LARGEST = 10**9
 
 
 class Position(NamedTuple):
-    """The frame whose pulses are due, and the state of the buttons."""
+    """The frame whose pulses are due, and the memory of the inputs."""
 
     frame: int
-    running: int = 1
-    on: int = 1
-    start_seen: int = 0
-    stop_seen: int = 0
-    heard: int = 0
-    wanted: int = 0
-    """Of a line that commands: see `checker.line`."""
+    memory: Memory
 
 
-OVER = Position(-1, on=0)
+OVER = Position(-1, ())
 """No pulse will follow, whatever happens."""
 
 
 class Place(NamedTuple):
-    """A position, the inputs that were read in its frame, and their levels."""
+    """The memory of the inputs, the pins that were read in this frame, and their levels."""
 
-    position: Position
+    memory: Memory
     levels: int = 0
     sampled: int = 0
 
@@ -53,6 +47,124 @@ class Button(NamedTuple):
     pin: int
     pressed: int
     """The level while it is pressed."""
+
+    def down(self, levels: int) -> bool:
+        """Return whether it is pressed."""
+        return levels >> self.pin & 1 == self.pressed
+
+
+@dataclass(frozen=True)
+class StartStop:
+    """Buttons that start and stop the motion, by "Start and emergency stop". The memory is whether it runs,
+    whether there are pulses, and for how many frames start and stop were seen pressed.
+    """
+
+    start: Button | None
+    stop: Button | None
+    off: bool
+    """Whether stop ends the pulses."""
+    frames: int
+    """The frames in a row in which a button must be pressed."""
+    at_once: ClassVar[bool] = False
+
+    @property
+    def power_up(self) -> Memory:
+        return int(self.start is None), 1, 0, 0
+
+    def hear(self, memory: Memory, levels: int) -> Memory:
+        running, on, started, stopped = memory
+        if self.start:
+            before, started = started, self._count(self.start, started, levels)
+            if started == self.frames > before:
+                running = on = 1
+        if self.stop:
+            stopped = self._count(self.stop, stopped, levels)
+            if stopped == self.frames:
+                running, on = 0, int(on and not self.off)
+        return running, on, started, stopped
+
+    def _count(self, button: Button, seen: int, levels: int) -> int:
+        return min(seen + 1, self.frames) if button.down(levels) else 0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line with codes, by "Walk on command". The memory is the direction that is commanded, 0 to stand, and
+    what was heard since the line was at rest: the levels of a code, or - and equal levels that are none.
+    """
+
+    pin: int
+    rest: str
+    """The level at rest."""
+    rest_frames: int
+    stop_frames: int
+    codes: list[str]
+    at_once: ClassVar[bool] = True
+    """What is read counts at once, not at the end of the frame."""
+
+    @property
+    def power_up(self) -> Memory:
+        return 0, "-" + "10"[int(self.rest)]
+
+    def hear(self, memory: Memory, levels: int) -> Memory:
+        wanted, heard = memory
+        level = str(levels >> self.pin & 1)
+        if heard == "" and level == self.rest:
+            return wanted, ""
+        heard += level
+        code = heard[1:]
+        if heard[0] != "-":
+            if code in self.codes:
+                wanted = self.codes.index(code) + 1
+            elif any(each.startswith(code) for each in self.codes):
+                return wanted, heard
+        run = len(heard) - len(heard.rstrip(level))
+        if level == self.rest:
+            return wanted, "" if run >= self.rest_frames else "-" + level * run
+        if run >= self.stop_frames:
+            return 0, "-" + level * (self.stop_frames - 1)
+        return wanted, "-" + level * run
+
+
+@dataclass(frozen=True)
+class StepButton:
+    """One button that steps through the directions. The memory is the direction that is commanded, 0 to
+    stand, the latest one, and the frames in which the button was seen pressed.
+    """
+
+    button: Button
+    frames: int
+    directions: int
+    power_up: ClassVar[Memory] = (0, 0, 0)
+    at_once: ClassVar[bool] = True
+
+    def hear(self, memory: Memory, levels: int) -> Memory:
+        wanted, latest, seen = memory
+        if not self.button.down(levels):
+            return wanted, latest, 0
+        if seen + 1 == self.frames:
+            latest = latest if wanted else latest % self.directions + 1
+            wanted = 0 if wanted else latest
+        return wanted, latest, min(seen + 1, self.frames)
+
+
+@dataclass(frozen=True)
+class DirectionButtons:
+    """A button for each direction. The memory is the direction that is commanded, 0 to stand, the one whose
+    button alone is pressed, 0 for none, and the frames in which that was the same.
+    """
+
+    buttons: list[Button]
+    frames: int
+    power_up: ClassVar[Memory] = (0, 0, 0)
+    at_once: ClassVar[bool] = False
+
+    def hear(self, memory: Memory, levels: int) -> Memory:
+        wanted, before, seen = memory
+        down = [number for number, button in enumerate(self.buttons, 1) if button.down(levels)]
+        now = down[0] if len(down) == 1 else 0
+        seen = min(seen + 1, self.frames) if now == before else 1
+        return now if seen == self.frames else wanted, now, seen
 
 
 @dataclass(frozen=True)
@@ -71,134 +183,115 @@ class Plan:
     """The frame that follows the last one."""
     loop_end: int
     """The frame after the loop."""
-    start: Button | None
-    stop: Button | None
-    off: bool
-    """Whether stop ends the pulses."""
-    seen: int
-    """The frames in a row in which a button must be pressed."""
-    line: Line | StepButton | None
-    """The line, or the one button, that commands the motion."""
-    pushed: DirectionButtons | None
-    """The buttons that command the motion."""
-    directions: Directions | None
-    """What is commanded."""
-
-    @property
-    def buttons(self) -> int:
-        """Return the pins that are read once in each frame."""
-        pushed = self.pushed.word() if self.pushed else 0
-        return pushed + sum(1 << each.pin for each in (self.start, self.stop, self.line) if each)
+    buttons: int
+    """The pins that are read once in each frame, as a word."""
+    inputs: StartStop | Line | StepButton | DirectionButtons
+    parts: list[tuple[int, int, int, int]]
+    """Of the stance and of each direction: the first frames of its start, cycle and stop, and the frame
+    after; empty if none is commanded.
+    """
 
     @property
     def waiting(self) -> int:
         """Return the frame that is repeated until start is pressed; the first frames stand for its delay."""
-        return self.seen - 1 if self.start else 0
-
-    @cached_property
-    def start_up(self) -> Position:
-        """Return the position before the first pulse."""
-        heard = self.line.power_up if self.line else 0
-        return Position(self.waiting, running=int(self.start is None), heard=heard)
+        inputs = self.inputs
+        return inputs.frames - 1 if isinstance(inputs, StartStop) and inputs.start else 0
 
     @cached_property
     def first(self) -> Position:
         """Return the position at the first pulse."""
-        run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
-        return self.start_up._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
+        run = next(number for number, (at, _) in enumerate(self.edges) if len(at))
+        return Position(max(self.waiting, self.ends[run - 1] if run else 0), self.inputs.power_up)
 
     def sample(self, place: Place, pin: int, level: int) -> Place | None:
-        """Return the place once input `pin` (0: none) was read as `level`; None if it was read before in this
-        frame.
-        """
-        position, levels, sampled = place
-        if sampled & pin:
+        """Return the place once the pin was read; None if it was read before in this frame."""
+        memory, levels, sampled = place
+        if sampled >> pin & 1:
             return None
-        if self.line and pin:
-            heard, wanted = self.line.hear(position.heard, position.wanted, level)
-            position = position._replace(heard=heard, wanted=wanted)
-        else:
-            levels |= pin * level
-        return Place(position, levels, sampled | pin)
+        if self.inputs.at_once:
+            return Place(self.inputs.hear(memory, level << pin), 0, 1 << pin)
+        return Place(memory, levels | level << pin, sampled | 1 << pin)
 
     def run_of(self, position: Position) -> int:
         """Return the number of the run of equal frames at `position`; one of no edges if no pulse is due."""
-        return bisect_right(self.ends, position.frame) if position.on else len(self.ends)
+        on = position != OVER and (not isinstance(self.inputs, StartStop) or position.memory[1])
+        return bisect_right(self.ends, position.frame) if on else len(self.ends)
 
-    def due(self, position: Position) -> tuple[Ints, Ints]:
-        """Return the edges of the frame at `position`."""
-        return self.edges[self.run_of(position)]
-
-    def after(self, position: Position, levels: int) -> Position:
-        """Return the position of the next frame, if the buttons were read as `levels` after this one."""
-        frame, running, on, start_seen, stop_seen, heard, wanted = position
-        if self.pushed:
-            heard, wanted = self.pushed.hear(heard, wanted, levels)
-        if self.directions:
-            frame = self.directions.after(frame, wanted)
-            return position._replace(frame=frame, heard=heard, wanted=wanted)
-        if self.start:
-            before, start_seen = start_seen, self._count(self.start, start_seen, levels)
-            if start_seen == self.seen > before:
-                running = on = 1
-        if self.stop:
-            stop_seen = self._count(self.stop, stop_seen, levels)
-            if stop_seen == self.seen:
-                running, on = 0, on and not self.off
-                if self.off and self.start:
-                    frame = self.waiting
+    def following(self, frame: int, memory: Memory) -> Position:
+        """Return the position of the frame after `frame`, with what is remembered at its end."""
+        if self.parts:
+            return Position(self._commanded(frame, memory[0]), memory)
+        inputs = cast(StartStop, self.inputs)
+        running, on, _, stopped = memory
+        if inputs.start and inputs.off and stopped == inputs.frames:
+            frame = self.waiting
         if running:
             frame = frame + 1 if frame + 1 < self.loop_end else self.loop
-        silent = frame >= self.loop and not self.buttons and self._silent_loop
-        if silent or (not on and not self.start):
-            return OVER
-        return Position(frame, running, int(on), start_seen, stop_seen, heard, wanted)
+        pulses = any(len(at) for at, _ in self.edges[bisect_right(self.ends, self.loop) :])
+        silent = frame >= self.loop and not self.buttons and not pulses
+        return OVER if silent or not (on or inputs.start) else Position(frame, memory)
 
-    @property
-    def _silent_loop(self) -> bool:
-        return not any(len(at) for at, _ in self.edges[bisect_right(self.ends, self.loop) :])
+    def _commanded(self, frame: int, wanted: int) -> int:
+        """Return the frame after `frame`, that of another part where it is the last one of its part."""
+        for direction, (start, cycle, stop, end) in enumerate(self.parts):
+            if frame + 1 == end or (frame + 1 == start and not direction):
+                return self.parts[wanted][0]
+            if frame + 1 in (cycle, stop) and direction:
+                return cycle if wanted == direction else stop
+        return frame + 1
 
-    def _count(self, button: Button, seen: int, levels: int) -> int:
-        return min(seen + 1, self.seen) if levels >> button.pin & 1 == button.pressed else 0
 
-
+UNCOMMANDED = StartStop(None, None, off=False, frames=1)
 NO_EDGES = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
 
 def read_plan(text: bytes, file: str) -> Plan:
     """Return the plan in a schedule. Raises InputError."""
     try:
-        data = json.loads(text)
-        period = _number(data["period_cycles"], 1)
-        pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
-        commands = data.get("commands")
-        directions = commands["directions"] if commands else []
-        parts = [direction[part] for direction in directions for part in ("start", "cycle", "stop")]
-        loop_runs = len(data["lead_in"]) + len(data["loop"])
-        runs = [*data["lead_in"], *data["loop"], *(run for part in parts for run in part)]
-        frames = [_number(run["frames"], 1) for run in runs]
-        buttons = data.get("buttons") or {"start": None, "stop": None, "pulses": "hold", "pressed_frames": 1}
-        if not data["loop"] or len(set(pins)) < len(pins) or buttons["pulses"] not in ("off", "hold"):
-            raise ValueError("it needs a loop, a pin for each channel, and pulses 'off' or 'hold'")
-        return Plan(
-            clock_hz=_number(data["clock_hz"], 4),
-            period=period,
-            channels=sum(pins),
-            ends=list(accumulate(frames)),
-            edges=[_edges(run["pulses"], pins, period) for run in runs] + [NO_EDGES],
-            loop=(loop := sum(frames[: len(data["lead_in"])])),
-            loop_end=(end := sum(frames[:loop_runs])),
-            start=_button(buttons["start"]),
-            stop=_button(buttons["stop"]),
-            off=buttons["pulses"] == "off",
-            seen=_number(buttons["pressed_frames"], 1),
-            line=_line(commands) if commands and "pin" in commands else None,
-            pushed=_pushed(commands) if commands and "pin" not in commands else None,
-            directions=_directions(commands, loop, end) if commands else None,
-        )
+        return _plan(json.loads(text))
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         message = f"not a schedule: {type(error).__name__}: {error}"
         raise InputError("not-a-schedule", message, Location(file)) from error
+
+
+def _plan(data: dict[str, Any]) -> Plan:
+    period = _number(data["period_cycles"], 1)
+    pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
+    commands = data.get("commands")
+    directions = commands["directions"] if commands else []
+    parts = [data["lead_in"], data["loop"]]
+    parts += [direction[part] for direction in directions for part in ("start", "cycle", "stop")]
+    lengths = [sum(_number(run["frames"], 1) for run in part) for part in parts]
+    if not all(lengths[1:]) or len(set(pins)) < len(pins) or (commands and data.get("buttons")):
+        raise ValueError("it needs frames in the loop and in all directions, and a pin for each channel")
+    loop, end, *turns = accumulate(lengths)
+    runs = [run for part in parts for run in part]
+    edges = [_edges(run["pulses"], pins, period) for run in runs]
+    if not any(len(at) for at, _ in edges):
+        raise ValueError("it has no pulses")
+    first = [end, *turns]
+    return Plan(
+        clock_hz=_number(data["clock_hz"], 4),
+        period=period,
+        channels=sum(pins),
+        ends=list(accumulate(run["frames"] for run in runs)),
+        edges=[*edges, NO_EDGES],
+        loop=loop,
+        loop_end=end,
+        buttons=sum(1 << PINS.index(each["pin"]) for each in _inputs(data)),
+        inputs=_commands(commands) if commands else _start_stop(data.get("buttons")),
+        parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
+        if commands
+        else [],
+    )
+
+
+def _inputs(data: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what has a pin among the buttons, or the directions, or the line."""
+    commands, buttons = data.get("commands"), data.get("buttons") or {}
+    if commands:
+        return [commands] if "pin" in commands else commands["directions"]
+    return [buttons[name] for name in ("start", "stop") if buttons.get(name)]
 
 
 def _number(value: Any, least: int, largest: int = LARGEST) -> int:
@@ -207,50 +300,34 @@ def _number(value: Any, least: int, largest: int = LARGEST) -> int:
     return value
 
 
-def _button(data: Any) -> Button | None:
-    return None if data is None else Button(PINS.index(data["pin"]), _number(data["level"], 0, 1))
+def _button(data: Any) -> Button:
+    return Button(PINS.index(data["pin"]), _number(data["level"], 0, 1))
 
 
-def _directions(data: dict[str, Any], loop: int, at: int) -> Directions:
-    """Return the directions of a schedule whose loop are the frames from `loop` up to `at`."""
-    parts = [(loop, at, at, at)]
-    for direction in data["directions"]:
-        lengths = [
-            sum(_number(run["frames"], 1) for run in direction[part]) for part in ("start", "cycle", "stop")
-        ]
-        start, cycle, stop, at = accumulate((at, *lengths))
-        if not all(lengths):
-            raise ValueError("a direction needs a start, a cycle and a stop")
-        parts.append((start, cycle, stop, at))
-    return Directions(parts)
-
-
-def _pushed(data: dict[str, Any]) -> DirectionButtons:
-    pins = [_button(direction) for direction in data["directions"]]
-    buttons = [(button.pin, button.pressed) for button in pins if button]
-    if not 0 < len({pin for pin, _ in buttons}) == len(buttons) < 8:
-        raise ValueError("the directions need buttons of different pins")
-    return DirectionButtons(buttons, _number(data["pressed_frames"], 1, 31))
-
-
-def _line(data: dict[str, Any]) -> Line | StepButton:
-    if "pressed_frames" in data:
-        level, frames = _number(data["level"], 0, 1), _number(data["pressed_frames"], 1, 7)
-        return StepButton(PINS.index(data["pin"]), level, frames, len(data["directions"]))
-    codes = [direction["code"] for direction in data["directions"]]
-    if not all(codes) or set("".join(codes)) - set("01"):
-        raise ValueError("a direction needs a code of levels")
-    if not codes or len(set(codes)) < len(codes):
-        raise ValueError("a line needs directions of different codes")
-    if 1 << max(map(len, codes)) > OFF:
-        raise ValueError("a code has at most 6 levels")
-    return Line(
-        PINS.index(data["pin"]),
-        str(_number(data["rest_level"], 0, 1)),
-        _number(data["rest_frames"], 1, OFF - 1),
-        _number(data["stop_frames"], 1, OFF - 1),
-        codes,
+def _start_stop(data: dict[str, Any] | None) -> StartStop:
+    if data is None:
+        return UNCOMMANDED
+    start, stop = (_button(data[name]) if data[name] else None for name in ("start", "stop"))
+    return StartStop(
+        start, stop, ("hold", "off").index(data["pulses"]) == 1, _number(data["pressed_frames"], 1)
     )
+
+
+def _commands(data: dict[str, Any]) -> Line | StepButton | DirectionButtons:
+    directions = data["directions"]
+    if "pin" not in data:
+        buttons = [_button(direction) for direction in directions]
+        if not 0 < len({button.pin for button in buttons}) == len(buttons):
+            raise ValueError("the directions need buttons of different pins")
+        return DirectionButtons(buttons, _number(data["pressed_frames"], 1))
+    if "pressed_frames" in data:
+        return StepButton(_button(data), _number(data["pressed_frames"], 1), _number(len(directions), 1))
+    codes = [direction["code"] for direction in directions]
+    if not codes or not all(codes) or set("".join(codes)) - set("01") or len(set(codes)) < len(codes):
+        raise ValueError("a line needs directions of different codes of levels")
+    rest = str(_number(data["rest_level"], 0, 1))
+    rest_frames, stop_frames = (_number(data[name], 1, 99) for name in ("rest_frames", "stop_frames"))
+    return Line(PINS.index(data["pin"]), rest, rest_frames, stop_frames, codes)
 
 
 def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:

@@ -13,16 +13,19 @@ from hashlib import sha256
 from servogen.edges import PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
+from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
 from servogen.prove.prover import Proof
+from servogen.prove.specification import BEFORE, OVER, SpecState
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import CodeLine, CommandRule, Input, StepButton
 from servogen.simulator import layout
 from servogen.simulator.abstract import BASE, CELL_MASK_SHIFT, CELL_PHASED, FIELD
-from servogen.simulator.layout import NEVER
+from servogen.simulator.layout import NEVER, PS, PSA
 
-FORMAT = 1
-NO_INTERRUPT = -1000
-ALL_PINS = (1 << len(PINS)) - 1
+FORMAT = 2
+Memory = tuple[int | str, ...]
+Place = tuple[Memory, int, int]
 
 
 def image_digest(image: Image) -> str:
@@ -39,13 +42,18 @@ def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_te
         raise ValueError("only a proof over every power-up, reset and chip has a certificate")
     if proof.asynchronous:
         raise ValueError("interrupts by INT and port B, SLEEP and EEPROM writes are not certified")
-    nodes = [node for node in proof.nodes if node.parent >= 0]
+    listed = [node for node in proof.nodes if node.parent >= 0 and node.spec.phase != BEFORE]
+    nodes = [node for node in listed if _is_settled(proof.transitions, node.rest)]
     rows = {node.rest: _row(proof.transitions, node.rest) for node in nodes}
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
     for place, address in enumerate(range(RAM_FIRST, RAM_LAST + 1)):
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
-    for name in nodes[0].spec._fields if nodes else ():
-        columns[f"spec.{name}"] = [getattr(node.spec, name) for node in nodes]
+    over = [node.spec.phase == OVER for node in nodes]
+    columns["time"] = [node.spec.time for node in nodes]
+    columns["frame"] = [-1 if done else node.spec.frame for node, done in zip(nodes, over, strict=True)]
+    reader = None if proof.held else schedule.commands
+    places: dict[Place, int] = {}
+    columns["place"] = [places.setdefault(_place(node.spec, schedule, reader), len(places)) for node in nodes]
     content = {
         "format": FORMAT,
         "image": image_digest(image),
@@ -55,6 +63,7 @@ def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_te
         "assumptions": list(proof.assumptions),
         "cuts": list(proof.cuts),
         "count": len(nodes),
+        "places": list(places),
         "columns": {name: _column(values) for name, values in columns.items()},
     }
     text = json.dumps(content, separators=(",", ":"))
@@ -67,33 +76,78 @@ def _column(values: list[int]) -> dict[str, int | list[int]]:
     return {"delta": [now - before for before, now in zip([0, *values], values, strict=False)]}
 
 
+def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | None) -> Place:
+    """Return what the certificate says of the inputs: the memory, the levels read in this frame, and of which
+    pins.
+    """
+    if commands is None:
+        memory: Memory = (spec.running, spec.on, spec.start_seen, spec.stop_seen)
+        rule = schedule.buttons
+        read = [(rule.start, spec.start_sample), (rule.stop, spec.stop_sample)] if rule else []
+        pins = [(PINS.index(button.pin), level) for button, level in read if button and level >= 0]
+        return memory, sum(level << pin for pin, level in pins), sum(1 << pin for pin, _ in pins)
+    frames, kind = divmod(spec.heard, COUNT)
+    if isinstance(commands.read, CodeLine):
+        line = commands.read.line
+        return (spec.wanted, _heard(spec.heard, line.level)), 0, spec.line_read << PINS.index(line.pin)
+    if isinstance(commands.read, StepButton):
+        pin = PINS.index(commands.read.button.pin)
+        return (spec.wanted, frames, kind), 0, spec.line_read << pin
+    levels = sampled = 0
+    buttons = (direction.selector for direction in commands.directions)
+    for number, button in enumerate(each for each in buttons if isinstance(each, Input)):
+        pin, seen = PINS.index(button.pin), spec.line_read >> 2 * number
+        sampled |= (seen >> 1 & 1) << pin
+        levels |= (button.level if seen & 4 else 1 - button.level) * (seen >> 1 & 1) << pin
+    return (spec.wanted, kind, frames), levels, sampled
+
+
+def _heard(number: int, rest: int) -> str:
+    """Return the levels that a number of `prove.commands.Line` stands for."""
+    if number >= OFF_REST:
+        level, count = (rest, number - ON_REST) if number >= ON_REST else (1 - rest, number - OFF_REST)
+        return "-" + str(level) * count
+    return "" if number == AT_REST else str(1 - rest) + f"{number:b}"[1:]
+
+
 _STACK = tuple(f"stack{level}" for level in range(8))
 _NAMES = (
-    *("pc", "w", "fsr", "tmr0", "eedata", "eeadr", "status", "intcon", "eecon1", "pclath", "option", "tris"),
-    *("latch", "latch_unknown", "rb_old", "rb_old_unknown", "depth", *_STACK, "tmr0_wait", "tmr0_flagged"),
-    *("prescaler", "watchdog_age", "irq", "glitch", "glitch_age", "sleeping"),
+    *("pc", "w", "fsr", "tmr0", "prescaler", "eedata", "eeadr", "status", "intcon", "eecon1", "pclath"),
+    *("option", "trisa", "trisb", "porta", "portb", "depth", *_STACK, "watchdog_age"),
 )
 
 
+def _is_settled(transitions: Transitions, number: int) -> bool:
+    """Return whether no interrupt is under way and TMR0 counts; the checker passes other states by."""
+    rest = transitions.rest(number)
+    return rest[FIELD["IRQ_AT"]] == NEVER and rest[FIELD["T0_AT"]] <= BASE
+
+
 def _row(transitions: Transitions, number: int) -> dict[str, int]:
+    """Return the columns of what is beside the RAM.
+
+    TMR0 is unknown if bits of its prescaler's count are that reach it.
+    """
     rest = transitions.rest(number)
 
     def get(name: str) -> int:
         return rest[FIELD[name]]
 
-    def cell(value: str, mask: str) -> int:
+    def cell(value: str, mask: str, shift: int = 0, width: int = 8) -> int:
         bits = get(mask)
         if bits == layout.PHASED:
             return get(value) | CELL_PHASED
-        return get(value) & ~bits & 0xFF | (bits & 0xFF) << CELL_MASK_SHIFT
+        every = (1 << width) - 1
+        return get(value) >> shift & ~(bits >> shift) & every | (bits >> shift & every) << CELL_MASK_SHIFT
 
-    pins = get("DRIVEN_UNKNOWN")
-    ages = [BASE - get(f"DRIVEN_FROM_{pin}") for pin in PINS if pins >> PINS.index(pin) & 1]
+    counted = 0 if get("OPTION") & PSA else (2 << (get("OPTION") & PS)) - 1
+    timed = not get("PRESCALER_UNKNOWN") & counted
     row = {
         "pc": get("PC") & 0x3FF,
         "w": cell("W", "W_UNKNOWN"),
         "fsr": cell("FSR", "FSR_UNKNOWN"),
-        "tmr0": cell("T0_VALUE", "T0_UNKNOWN"),
+        "tmr0": cell("T0_VALUE", "T0_UNKNOWN") if timed else 0xFF << CELL_MASK_SHIFT,
+        "prescaler": get("PRESCALER") & counted if timed else 0,
         "eedata": cell("EEDATA", "EEDATA_UNKNOWN"),
         "eeadr": cell("EEADR", "EEADR_UNKNOWN"),
         "status": cell("STATUS", "STATUS_UNKNOWN"),
@@ -101,19 +155,11 @@ def _row(transitions: Transitions, number: int) -> dict[str, int]:
         "eecon1": cell("EECON1", "EECON1_UNKNOWN"),
         "pclath": get("PCLATH"),
         "option": get("OPTION"),
-        "tris": get("TRIS") & ALL_PINS,
-        "latch": get("LATCH"),
-        "latch_unknown": get("LATCH_UNKNOWN"),
-        "rb_old": get("RB_OLD"),
-        "rb_old_unknown": get("RB_OLD_UNKNOWN"),
+        "trisa": get("TRIS") & 0x1F,
+        "trisb": get("TRIS") >> 5 & 0xFF,
+        "porta": cell("LATCH", "LATCH_UNKNOWN", 0, 5),
+        "portb": cell("LATCH", "LATCH_UNKNOWN", 5),
         "depth": get("DEPTH"),
-        "tmr0_wait": get("T0_AT") - BASE,
-        "tmr0_flagged": int(get("T0_FLAGGED") == BASE),
-        "prescaler": cell("PRESCALER", "PRESCALER_UNKNOWN"),
         "watchdog_age": BASE - get("WDT_CLEARED"),
-        "irq": NO_INTERRUPT if get("IRQ_AT") == NEVER else get("IRQ_AT") - BASE,
-        "glitch": pins,
-        "glitch_age": max(ages, default=0),
-        "sleeping": get("SLEEPING"),
     }
-    return row | {name: get(f"STACK{level}") for level, name in enumerate(_STACK)}
+    return row | {name: get(f"STACK{level}") & 0x3FF for level, name in enumerate(_STACK)}

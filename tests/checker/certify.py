@@ -15,17 +15,19 @@ import numpy as np
 
 from servogen.checker import check, chip
 from servogen.checker.certificate import (
+    AGES,
     CELLS,
-    MASKED,
-    NO_IRQ,
-    RANGES,
-    STACK,
+    FRAME_NUMBER,
+    NUMBERS,
     Certificate,
     fingerprint,
     read_certificate,
 )
+from servogen.checker.certificate import (
+    WIDTH as STATE_WIDTH,
+)
 from servogen.checker.check import Checker, Refused
-from servogen.checker.plan import OVER, PINS, Place, read_plan
+from servogen.checker.plan import Place, read_plan
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
@@ -108,50 +110,57 @@ class Maker(Checker):
     """Lists each state that it comes to."""
 
     forget: Forget
+    listed: chip.Ints
 
-    def make(self, forget: Forget) -> tuple[chip.Ints, list[Place]]:
-        """Return the states and their places."""
-        self.forget = forget
+    def make(self, forget: Forget) -> Certificate:
+        """Return a certificate with these states."""
+        self.forget, self.listed = forget, self._states
         self._follow(self._power_up())
         number = 0
-        while number < len(self._states):  # it grows meanwhile
-            self._follow(self._states[number : number + 1])
+        while number < len(self.listed):  # it grows meanwhile
+            self._follow(self._started(self.listed[number : number + 1]))
             number += 1
-        return self._states, [self._place_of[place] for place in self._states[:, check.PLACE]]
+        return self._claim()
+
+    def _claim(self) -> Certificate:
+        nothing = self._plan.inputs.power_up  # in a state after the last pulse, the place says nothing
+        places = [place if place.memory else Place(nothing) for place in self._places]
+        return Certificate("", "", 0, {}, frozenset(), places, self.listed[:, :STATE_WIDTH])
 
     def _compare(self, rows: chip.Ints) -> None:
-        for row in rows:
+        for settled, row in zip(check._settled(rows), rows, strict=True):
+            self._listed = []
+            self._states = self._started(self._known(self._claim()))
             try:
                 super()._compare(row[None])
             except Refused:
-                settled = row.copy()
-                chip.rebase(settled)
                 listed = settled.copy()
                 self.forget(listed)
-                assert chip.within(settled, listed, chip.BYTES)
-                self._at[listed[check.EXACT].tobytes()].append(len(self._states))
-                self._states = np.concatenate([self._states, listed[None]])
+                self.listed = np.concatenate([self.listed, listed[None]])
 
 
 def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = lambda s: None) -> bytes:
     """Return a certificate of `image`; raises Refused if it does not do what the schedule says."""
     plan = read_plan(plan_text, "schedule.json")
-    claim = Certificate("", "", plan.clock_hz, {}, frozenset(cuts), 0, {})
-    states, places = Maker(image, plan, claim).make(forget)
-    rows = [_row(s, place, plan.start is not None) for s, place in zip(states, places, strict=True)]
+    none = np.zeros((0, STATE_WIDTH), dtype=np.int64)
+    claim = Maker(image, plan, Certificate("", "", 0, {}, frozenset(cuts), [], none)).make(forget)
+    states = claim.states.copy()
+    states[:, AGES] *= -1
+    states[states[:, FRAME_NUMBER] < 0, chip.FRAME] = 0
     columns = {
-        name: {"delta": np.diff([0, *(row[name] for row in rows)]).tolist()}
-        for name in (*CELLS, *MASKED, *RANGES)
+        name: {"delta": np.diff([0, *states[:, slot].tolist()]).tolist()}
+        for name, (slot, _) in (*CELLS.items(), *NUMBERS.items())
     }
     data = {
-        "format": 1,
+        "format": 2,
         "image": fingerprint(image),
         "schedule": hashlib.sha256(plan_text).hexdigest(),
         "clock_hz": plan.clock_hz,
         "held": {},
         "assumptions": [],
         "cuts": cuts,
-        "count": len(rows),
+        "count": len(states),
+        "places": claim.places,
         "columns": columns,
     }
     return pack(data)
@@ -168,36 +177,3 @@ def unpack(packed: bytes) -> dict[str, Any]:
 
 def reread(data: dict[str, Any]) -> Certificate:
     return read_certificate(pack(data), "certificate")
-
-
-def _row(s: chip.Ints, place: Place, start: bool) -> dict[str, int]:
-    over = place.position == OVER
-    row = {name: int(s[slot]) for name, slot in (*CELLS.items(), *MASKED.items())}
-    row |= dict.fromkeys(RANGES, 0)
-    row |= {name: int(s[chip.STACK + level]) * (level < s[chip.DEPTH]) for level, name in enumerate(STACK)}
-    row |= {
-        "pc": int(s[chip.PC]),
-        "depth": int(s[chip.DEPTH]),
-        "pclath": int(s[chip.PCLATH]),
-        "option": int(s[chip.OPTION]),
-        "tris": int(s[chip.TRISA] | s[chip.TRISB] << 5),
-        "latch": int(s[chip.PORTA] & 0x1F | (s[chip.PORTB] & 0xFF) << 5),
-        "latch_unknown": int(s[chip.PORTA] >> 8 | s[chip.PORTB] >> 8 << 5),
-        "prescaler": chip.UNKNOWN if s[chip.PRESCALER] < 0 else int(s[chip.PRESCALER]),
-        "watchdog_age": int(-s[chip.WDT_CLEARED]),
-        "irq": NO_IRQ if s[chip.IRQ] == chip.NEVER else int(s[chip.IRQ]),
-        "spec.phase": 2 if over else 1,
-        "spec.time": 0 if over else int(-s[chip.FRAME]),
-        "spec.heard": 0,
-        "spec.wanted": 0,
-        "spec.line_read": 0,
-        "spec.start_sample": -1,
-        "spec.stop_sample": -1,
-    }
-    if not over:
-        row |= {f"spec.{name}": int(value) for name, value in place.position._asdict().items()}
-        read = [pin for pin in range(len(PINS)) if place.sampled >> pin & 1]
-        name = "spec.start_sample" if start else "spec.stop_sample"
-        for pin in read:
-            row[name] = place.levels >> pin & 1
-    return row

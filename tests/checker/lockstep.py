@@ -87,7 +87,7 @@ def noise(rng: random.Random, cycles: int) -> Stimuli:
 def power_up() -> chip.Ints:
     s = np.zeros(chip.SLOTS, dtype=np.int64)
     s[chip.RAM : chip.RAM_END] = chip.UNKNOWN
-    for slot in (chip.T0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W):
+    for slot in (chip.T0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W, chip.GIVEN):
         s[slot] = chip.UNKNOWN
     s[chip.PORTA] = s[chip.STATUS] = 0x1F00
     s[chip.EECON1] = 0x0800
@@ -95,6 +95,18 @@ def power_up() -> chip.Ints:
     for slot in (chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK):
         s[slot] = chip.NEVER
     return s
+
+
+def memory(image: Image) -> chip.Memory:
+    eeprom = np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)])
+    memo = np.full((chip.MEMO, 2), -1)
+    code = chip.program_code(image, frozenset())
+    return chip.Memory(code, eeprom, chip.result_table(), chip.slot_table(), memo)
+
+
+def board(limit: int) -> chip.Board:
+    """A board on which nothing is held, that ends a run in the cycle `limit`."""
+    return chip.Board(limit, period=chip.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0)
 
 
 def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
@@ -120,15 +132,12 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
     machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
     edge_at, edge_out = outputs(image, machine, cycles)
     machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
-    parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-    parameters[chip.PERIOD] = chip.NEVER
-    parameters[chip.EEPROM :] = [image.eeprom.get(cell, 0xFF) for cell in range(64)]
-    code = chip.program_code(image, frozenset())
+    held = memory(image)
     s = power_up()
     phase, asked, instructions, stride = -1, 0, 0, rng.choice((1, 1, 7, 300))
     while s[chip.CYCLE] < cycles:
-        parameters[chip.LIMIT] = s[chip.CYCLE] + stride
-        why = chip.run(s, code, parameters, np.zeros(chip.SLOTS, dtype=np.int64), edge_at, edge_out)
+        used = np.zeros(chip.SLOTS, dtype=np.int64)
+        why = chip.run(s, used, edge_at, edge_out, held, board(int(s[chip.CYCLE]) + stride))
         while machine.cycles < s[chip.CYCLE]:
             machine.step()
             instructions += 1
@@ -141,7 +150,7 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
             return Compared(instructions, asked, why, phase >= 0)
         assert machine.cycles == s[chip.CYCLE] and state.pc & 0x3FF == s[chip.PC], f"seed {seed}"
         contained(s, state, phase, seed)
-        if phase < 0 and chip.timer_exact(s) and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
+        if phase < 0 and s[chip.T0] >> 8 == 0 and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
             phase = rng.randrange(256)
             forget(s, rng, phase)
     return Compared(instructions, asked, chip.TOO_LONG, phase >= 0)
@@ -149,8 +158,8 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
 
 def give(s: chip.Ints, state: State, image: Image) -> None:
     """Answer the checker's question with the simulator's value."""
-    slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BITS])
-    if slot != chip.NOWHERE:
+    slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BIT])
+    if slot != chip.GIVEN:
         value = concrete(state, slot)
         assert s[slot] >> 8 & bits
         s[slot] = s[slot] & ~(bits << 8) | value & bits
@@ -158,8 +167,7 @@ def give(s: chip.Ints, state: State, image: Image) -> None:
     f = image.program[int(s[chip.PC])] & 0x7F
     address = state.registers["FSR"] if f == 0 else f | (state.status & 0x20) << 2
     value = state.registers[FILES[address if address in FILES else address & 0x7F]]
-    s[chip.GIVEN] |= bits
-    s[chip.GIVEN_BITS] |= value & bits
+    s[chip.GIVEN] = s[chip.GIVEN] & ~(bits << 8) | value & bits
 
 
 def concrete(state: State, slot: int) -> int:
@@ -176,7 +184,7 @@ def contained(s: chip.Ints, state: State, phase: int, seed: int) -> None:
         cell, value = int(s[slot]), concrete(state, slot)
         used = USED.get(slot, 0xFF)
         if slot == chip.INTCON:
-            cell |= 0x300 if chip.timer_exact(s) else 0x700
+            cell |= 0x300 if s[chip.T0] >> 8 == 0 else 0x700
         if cell >> 16:
             assert (cell + phase) & 0xFF == value, f"seed {seed}: slot {slot:#x}"
         else:
@@ -195,7 +203,8 @@ def contained(s: chip.Ints, state: State, phase: int, seed: int) -> None:
 
 def forget(s: chip.Ints, rng: random.Random, phase: int) -> None:
     """Let TMR0 and some bytes of RAM be known only relative to each other."""
-    for slot in (chip.T0, *rng.sample(range(chip.RAM, chip.RAM_END), 30), 0x0C, 0x0D, 0x20):
+    for slot in (*rng.sample(range(chip.RAM, chip.RAM_END), 30), 0x0C, 0x0D, 0x20):
         if s[slot] >> 8 == 0:
             s[slot] = (s[slot] - phase) & 0xFF | 1 << 16
-    s[chip.T0_DUE] = chip.NEVER
+    s[chip.T0_ZERO] += phase * int(chip.ratio(s))
+    s[chip.T0], s[chip.T0_DUE] = 1 << 16, chip.NEVER

@@ -16,6 +16,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, Instruction, encode
 
 pytest.importorskip("pypcode", reason="pypcode (extra `dev`) is not installed")
+from tests.checker.lockstep import board, memory, power_up
 from tests.checker.pcode import LANGUAGES, Place, Semantics
 
 Vector = npt.NDArray[np.int64]
@@ -32,26 +33,22 @@ DIFFERENCES = {
 
 
 @njit
-def execute(start, code, parameters, inputs, out):
+def execute(start, held, board, inputs, out):
     """Execute one instruction for each row (W, RAM, STATUS)."""
     used, none = np.zeros(chip.SLOTS, dtype=np.int64), np.zeros(0, dtype=np.int64)
     for i in range(len(inputs)):
         s = start.copy()
         s[chip.W], s[RAM], s[chip.STATUS] = inputs[i]
-        chip.run(s, code, parameters, used, none, none)
+        chip.run(s, used, none, none, held, board)
         out[i] = s[chip.W], s[RAM], s[chip.STATUS], s[chip.PC], s[chip.CYCLE], s[chip.INTCON] & 0x80
 
 
 def ours(word: int, inputs: Vector) -> Vector:
-    s = np.zeros(chip.SLOTS, dtype=np.int64)
-    s[chip.PC], s[chip.FRAME], s[chip.PRESCALER], s[chip.OPTION] = ADDRESS, chip.BEFORE, -1, 0xFF
-    for slot in (chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK):
-        s[slot] = chip.NEVER
-    s[chip.DEPTH], s[chip.STACK] = 1, 0x155
-    parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-    parameters[chip.LIMIT] = 1
+    s = power_up()
+    s[chip.PC], s[chip.DEPTH], s[chip.STACK] = ADDRESS, 1, 0x155
+    s[chip.FSR] = s[chip.PCLATH] = 0
     out = np.zeros((len(inputs), 6), dtype=np.int64)
-    execute(s, chip.program_code(Image({ADDRESS: word}), frozenset()), parameters, inputs, out)
+    execute(s, memory(Image({ADDRESS: word})), board(1), inputs, out)
     return out
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from servogen.checker import chip
 from tests.checker.certify import image_of
-from tests.checker.lockstep import NO_EDGES, compare, power_up, program
+from tests.checker.lockstep import NO_EDGES, board, compare, memory, power_up, program
 
 PROGRAMS = int(os.environ.get("SERVOGEN_LOCKSTEP_PROGRAMS", "12"))
 
@@ -27,53 +27,48 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
     assert chip.MISSING not in refused
 
 
-def test_a_state_that_is_not_run_ends_as_if_it_were() -> None:
-    """Random programs from states that differ in a few bytes of RAM: together, and each by itself.
-
-    Some bytes decide and some do not, and some are unknown. The sums of cycles tell whether any were saved.
+def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None:
+    """Random programs from states that differ in the other bytes: all ends are alike, but for bytes that are
+    neither read nor written.
     """
-    saved = 0
-    begins = np.array([0, 0])
+    compared = 0
     for seed in range(PROGRAMS):
         rng = np.random.default_rng(seed)
-        code = chip.program_code(program(seed), frozenset())
-        parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-        parameters[chip.PERIOD], parameters[chip.LIMIT] = chip.NEVER, 400
-        together = np.stack([power_up()] * 60)
-        together[:, chip.RAM : chip.RAM_END] = rng.integers(256, size=chip.RAM_END - chip.RAM)
-        for row in together:
-            some = rng.integers(chip.RAM, chip.RAM_END, size=4)
-            row[some] = rng.choice([chip.UNKNOWN, 0, 1, 255], size=4)
-        alone = together.copy()
-        reasons = np.zeros(len(together), dtype=np.int64)
-        cycles = chip.run_all(together, code, parameters, begins, NO_EDGES, NO_EDGES, reasons)
-        for row, expected, reason in zip(together, alone, reasons, strict=True):
-            used = np.zeros(chip.SLOTS, dtype=np.int64)
-            assert chip.run(expected, code, parameters, used, NO_EDGES, NO_EDGES) == reason, seed
-            assert np.array_equal(row, expected), seed
-            saved += int(expected[chip.CYCLE])
-        saved -= cycles
-    assert saved > 1000 * PROGRAMS
+        held = memory(program(seed))
+        ram = slice(chip.RAM, chip.RAM_END)
+        first = power_up()
+        first[ram] = rng.integers(256, size=68)
+        first[rng.integers(chip.RAM, chip.RAM_END, size=4)] = chip.UNKNOWN
+        start, used = first.copy(), np.zeros(chip.SLOTS, dtype=np.int64)
+        reason = chip.run(first, used, NO_EDGES, NO_EDGES, held, board(400))
+        for value in (0, 1, 255, chip.UNKNOWN):
+            other = start.copy()
+            other[ram] = np.where(used[ram] & chip.READ, start[ram], value)
+            before = other[ram].copy()
+            used_now = np.zeros(chip.SLOTS, dtype=np.int64)
+            assert chip.run(other, used_now, NO_EDGES, NO_EDGES, held, board(400)) == reason, seed
+            assert np.array_equal(used, used_now), seed
+            assert np.array_equal(other[ram], np.where(used[ram] & chip.WRITTEN, first[ram], before)), seed
+            other[ram] = first[ram]
+            assert np.array_equal(other, first), seed
+            compared += int((used[ram] == 0).sum())
+    assert compared > 100 * PROGRAMS
 
 
 @pytest.mark.parametrize(
-    ("decides", "runs"),
+    ("decides", "read"),
     [
-        ("movf 0x20,w", 3),  # read: each of the three values is run
-        ("clrf 0x20\n movf 0x20,w", 1),  # overwritten first
-        ("movlw 0x20\n movwf 4\n movf 0,w", 3),  # read through the pointer
-        ("btfsc 0x20,0", 3),
-        ("incf 0x20,f", 3),
-        ("movf 0x21,w", 1),  # another byte
+        ("movf 0x20,w", True),
+        ("clrf 0x20\n movf 0x20,w", False),  # overwritten first
+        ("movlw 0x20\n movwf 4\n movf 0,w", True),  # read through the pointer
+        ("btfsc 0x20,0", True),
+        ("incf 0x20,f", True),
+        ("movf 0x21,w", False),  # another byte
     ],
 )
-def test_only_states_that_agree_in_what_is_read_share_a_run(decides: str, runs: int) -> None:
-    code = chip.program_code(image_of(f" list p=16f84\n org 0\n {decides}\n goto $\n"), frozenset())
-    parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
-    parameters[chip.PERIOD], parameters[chip.LIMIT] = chip.NEVER, 100
-    rows = np.stack([power_up()] * 6)
-    rows[:, [0x20, 0x21]] = [[5, 1], [7, 1], [5, 1], [9, 1], [7, 1], [5, 1]]
-    reasons = np.zeros(6, dtype=np.int64)
-    cycles = chip.run_all(rows, code, parameters, np.array([0, 0]), NO_EDGES, NO_EDGES, reasons)
-    assert reasons.tolist() == [chip.TOO_LONG] * 6
-    assert cycles // 100 == runs
+def test_only_what_is_read_before_it_is_written_decides(decides: str, read: bool) -> None:
+    image = image_of(f" list p=16f84\n org 0\n {decides}\n goto $\n")
+    s, used = power_up(), np.zeros(chip.SLOTS, dtype=np.int64)
+    s[0x20] = 5
+    chip.run(s, used, NO_EDGES, NO_EDGES, memory(image), board(100))
+    assert bool(used[0x20] & chip.READ) is read

@@ -42,6 +42,7 @@ from servogen.simulator.options import start_value
 from servogen.simulator.sources import Source
 from servogen.traces import read_edges
 from servogen.units import Clock
+from tests.checker.plans import after, due, start_stop
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 from tests.prove.attack_programs import programs
 
@@ -110,7 +111,7 @@ def target(name: str) -> Target:
 def as_verified(case: Target) -> Environment:
     """What `verify` runs: start pressed, stop released, nothing on the other pins."""
     level = 0
-    for button, pressed in ((case.plan.start, True), (case.plan.stop, False)):
+    for button, pressed in ((start_stop(case.plan).start, True), (start_stop(case.plan).stop, False)):
         if button:
             level |= (button.pressed if pressed else 1 - button.pressed) << button.pin
     return Environment((level,) * case.frames)
@@ -119,7 +120,7 @@ def as_verified(case: Target) -> Environment:
 def random_environment(case: Target, rng: random.Random) -> Environment:
     """Presses of 1 to 9 frames, and perhaps noise and other values at power-up."""
     levels = [0] * case.frames
-    for button in (case.plan.start, case.plan.stop):
+    for button in (start_stop(case.plan).start, start_stop(case.plan).stop):
         frame = 0
         level = rng.randrange(2)
         while button and frame < case.frames:
@@ -139,10 +140,10 @@ def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     """(cycle since the first rise, levels of all pins), as the state machine of the buttons says."""
     position, found = case.plan.first, []
     for frame in range(case.frames):
-        at, out = case.plan.due(position)
+        at, out = due(case.plan, position)
         found += [(frame * case.plan.period + int(a), int(o)) for a, o in zip(at, out, strict=True)]
         if position != OVER:
-            position = case.plan.after(position, around.buttons[frame])
+            position = after(case.plan, position, around.buttons[frame])
     return [(cycle - found[0][0], out) for cycle, out in found]
 
 
@@ -346,9 +347,9 @@ def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault
         return fault >= SILENT_PERIODS * plan.period
     reads = readings(case, image, machine, end)
     position = plan.first
-    frame = begun - int(plan.due(position)[0][0])
+    frame = begun - int(due(plan, position)[0][0])
     while frame + plan.period <= end:
-        at, out = plan.due(position)
+        at, out = due(plan, position)
         wanted = [(frame + int(cycle), int(level)) for cycle, level in zip(at, out, strict=True)]
         if [edge for edge in seen if frame <= edge[0] < frame + plan.period] != wanted:
             return True
@@ -359,7 +360,7 @@ def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault
             if plan.buttons & bit and first is None:
                 return False
             levels |= bit & (first or 0)
-        position = plan.after(position, levels) if position != OVER else OVER
+        position = after(plan, position, levels) if position != OVER else OVER
         frame += plan.period
     return False
 

@@ -20,8 +20,8 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker import Certificate, read_certificate
-from servogen.checker.certificate import RAM
+from servogen.checker import Certificate, chip, read_certificate
+from servogen.checker.certificate import FRAME_NUMBER, PLACE
 from servogen.checker.plan import OVER, Plan, Position, read_plan
 from servogen.edges import PINS, EdgeChunk, join
 from servogen.engines.board import board_of
@@ -32,6 +32,7 @@ from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, Options
 from servogen.simulator import layout as at
 from servogen.units import Clock
+from tests.checker.plans import after, due, start_stop
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 
 BUTTONS = 'start_pin = "RA4"\nstop_pin = "RB7"\n'
@@ -51,7 +52,7 @@ class Target:
     plan: Plan
     claim: Certificate
     by_place: dict[tuple[int, ...], Ints]
-    """The certificate's states by cut, time in the frame, position, and levels read."""
+    """The certificate's states by cut, time in the frame, position, levels read, and pins that were read."""
 
 
 @cache
@@ -66,12 +67,12 @@ def target(buttons: str = BUTTONS) -> Target:
 
 
 def places(claim: Certificate) -> dict[tuple[int, ...], Ints]:
-    names = ("time", *Position._fields, "start_sample", "stop_sample")
-    columns = [claim.columns["pc"], *(claim.columns[f"spec.{name}"] for name in names)]
     found: dict[tuple[int, ...], list[int]] = {}
-    for number, place in enumerate(zip(*columns, strict=True)):
-        if claim.columns["spec.phase"][number] == 1:
-            found.setdefault(place, []).append(number)
+    for number, state in enumerate(claim.states.tolist()):
+        if state[FRAME_NUMBER] >= 0:
+            place = claim.places[state[PLACE]]
+            key = state[chip.PC], -state[chip.FRAME], state[FRAME_NUMBER], *place.memory
+            found.setdefault((*key, place.levels, place.sampled), []).append(number)
     return {place: np.array(numbers) for place, numbers in found.items()}
 
 
@@ -118,7 +119,7 @@ class Reads:
 
 def reads_of(aim: Target) -> list[Reads | None]:
     found: list[Reads | None] = []
-    for button in (aim.plan.start, aim.plan.stop):
+    for button in (start_stop(aim.plan).start, start_stop(aim.plan).stop):
         places = [
             address
             for address, row in ((a, decode(word)) for a, word in aim.image.program.items())
@@ -140,7 +141,7 @@ def walk(aim: Target, seed: int, frames: int) -> Iterator[str]:
     chunks, rows = zip(*machine.visits(frames * period), strict=True)
     visits = np.concatenate(rows)
     edges = levels_of(join(iter(chunks)))
-    begun = int(edges[0][0] - aim.plan.due(aim.plan.first)[0][0])
+    begun = int(edges[0][0] - due(aim.plan, aim.plan.first)[0][0])
     count = (int(machine.cycles) - begun) // period - 1
     visits = visits[(visits[:, at.CYCLE] >= begun) & (visits[:, at.CYCLE] < begun + count * period)]
     samples = [sampled(visits, each, begun, period, count) for each in readers]
@@ -187,7 +188,7 @@ def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], cou
         found.append(position)
         following = known.get((position, level))
         if following is None:
-            following = known[position, level] = plan.after(position, level) if position != OVER else OVER
+            following = known[position, level] = after(plan, position, level) if position != OVER else OVER
         position = following
     return found
 
@@ -195,11 +196,11 @@ def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], cou
 def wrong_edges(
     plan: Plan, edges: tuple[Ints, Ints], begun: int, positions: list[Position], seed: int
 ) -> Iterator[str]:
-    due = {position: plan.due(position) for position in set(positions)}
-    lengths = np.array([len(due[position][0]) for position in positions])
+    edges_of = {position: due(plan, position) for position in set(positions)}
+    lengths = np.array([len(edges_of[position][0]) for position in positions])
     starts = np.repeat(begun + np.arange(len(positions)) * plan.period, lengths)
-    cycles = np.concatenate([due[position][0] for position in positions]) + starts
-    out = np.concatenate([due[position][1] for position in positions])
+    cycles = np.concatenate([edges_of[position][0] for position in positions]) + starts
+    out = np.concatenate([edges_of[position][1] for position in positions])
     seen = edges[0] < begun + len(positions) * plan.period
     if not np.array_equal(edges[0][seen], cycles) or not np.array_equal(edges[1][seen], out):
         shortest = min(len(cycles), int(seen.sum()))
@@ -222,9 +223,14 @@ def uncovered(
     bytes_of = rows[:, list(SLOTS.values())].astype(np.uint8)
     since = rows[:, at.CYCLE] - begun
     frame = since // aim.plan.period
-    spots = np.array(positions)[frame]
-    read = [np.where(when[frame] < rows[:, at.CYCLE], level[frame], -1) for when, level in samples]
-    keys = np.column_stack([rows[:, at.PC] & 0x3FF, since % aim.plan.period, spots, *read])
+    spots = np.array([(position.frame, *position.memory) for position in positions])[frame]
+    levels = pins = np.zeros(len(rows), dtype=np.int64)
+    for reader, (when, level) in zip(reads_of(aim), samples, strict=True):
+        if reader:
+            read = when[frame] < rows[:, at.CYCLE]
+            levels = levels | np.where(read, level[frame], 0) << reader.pin
+            pins = pins | read << reader.pin
+    keys = np.column_stack([rows[:, at.PC] & 0x3FF, since % aim.plan.period, spots, levels, pins])
     kinds, which = np.unique(keys, axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
     for key, members in zip(kinds, np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1]), strict=True):
@@ -236,26 +242,30 @@ def uncovered(
             yield f"seed {seed}: cycle {cycle}: no state of the certificate contains this one"
 
 
-SLOTS = {"w": at.W, "fsr": at.FSR, "tmr0": at.T0_VALUE, "eedata": at.EEDATA, "eeadr": at.EEADR}
-SLOTS |= {name: int(name.removeprefix("ram."), 16) for name in RAM}
-SLOTS |= {"status": at.STATUS, "intcon": at.INTCON, "eecon1": at.EECON1}
-TIMER = list(SLOTS).index("tmr0")
-EXACT = {"pclath": at.PCLATH, "option": at.OPTION, "tris": at.TRIS, "depth": at.DEPTH}
+SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.T0: at.T0_VALUE, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
+SLOTS |= {slot: slot for slot in range(chip.RAM, chip.RAM_END)}
+SLOTS |= {chip.STATUS: at.STATUS, chip.INTCON: at.INTCON, chip.EECON1: at.EECON1}
+"""The simulator's slots of the checker's."""
+TIMER = list(SLOTS).index(chip.T0)
+EXACT = {chip.PCLATH: at.PCLATH, chip.OPTION: at.OPTION, chip.DEPTH: at.DEPTH}
 
 
 def within(
     claim: Certificate, number: int, rows: Ints, bytes_of: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.bool_]:
     """Which of the chip's states, whose `SLOTS` are `bytes_of`, lie within a listed one."""
-    listed = np.array([claim.columns[name][number] for name in SLOTS])
+    state = claim.states[number]
+    listed = state[list(SLOTS)]
     value, known = (listed & 0xFF).astype(np.uint8), (~(listed >> 8) & 0xFF).astype(np.uint8)
     moving = listed >> 16 == 1
     seen = bytes_of - np.outer(bytes_of[:, TIMER], moving).astype(np.uint8)
     fine = ((seen ^ value) & known == 0).all(axis=1)
-    for name, slot in EXACT.items():
-        fine &= rows[:, slot] == int(claim.columns[name][number])
-    dark = int(claim.columns["latch_unknown"][number])
-    return fine & ((rows[:, at.LATCH] ^ int(claim.columns["latch"][number])) & ~dark == 0)
+    for slot, here in EXACT.items():
+        fine &= rows[:, here] == state[slot]
+    fine &= rows[:, at.TRIS] == state[chip.TRISA] | state[chip.TRISB] << 5
+    a, b = state[chip.PORTA], state[chip.PORTB]
+    latch, dark = a & 0x1F | (b & 0xFF) << 5, a >> 8 | b >> 8 << 5
+    return fine & ((rows[:, at.LATCH] ^ latch) & ~dark == 0)
 
 
 def main() -> int:

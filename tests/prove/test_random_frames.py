@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from servogen.checker.certificate import CELLS, NUMBERS
+from tests.checker.plans import start_stop
 from tests.prove.random_frames import target, walk
 
 FRAMES = 300
@@ -26,14 +28,15 @@ def test_a_certificate_that_lacks_states_would_be_noticed() -> None:
 @pytest.mark.parametrize("column", ["ram.1a", "tmr0", "status", "option"])
 def test_a_state_that_is_another_one_would_be_noticed(column: str) -> None:
     aim = target()
-    cells = aim.claim.columns[column]
-    known = ~(cells >> 8) & 1
-    columns = {**aim.claim.columns, column: cells ^ known}
-    other = replace(aim, claim=replace(aim.claim, columns=columns))
+    slot, _ = NUMBERS.get(column) or CELLS[column]
+    states = aim.claim.states.copy()
+    known = ~(states[:, slot] >> 8) & 1
+    states[:, slot] ^= known
+    other = replace(aim, claim=replace(aim.claim, states=states))
     assert bool(list(walk(other, 1, FRAMES))) == bool(known.any())
 
 
 def test_a_wrong_edge_would_be_noticed() -> None:
     aim = target()
-    other = replace(aim, plan=replace(aim.plan, seen=2))
+    other = replace(aim, plan=replace(aim.plan, inputs=replace(start_stop(aim.plan), frames=2)))
     assert any("an edge that the schedule does not have" in each for each in walk(other, 1, FRAMES))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.build.engines import planned
-from servogen.checker.plan import read_plan
+from servogen.checker.plan import Line, read_plan
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
 from servogen.errors import InputError
@@ -116,8 +116,8 @@ def test_the_schedule_with_commands_is_read_back() -> None:
     text = target().schedule.json_text()
     assert from_json(text, "schedule.json") == target().schedule
     plan = read_plan(text.encode(), "schedule.json")
-    assert plan.line is not None
-    assert plan.line.codes == ["01010", "00110", "11000", "11011"]
+    assert isinstance(plan.inputs, Line)
+    assert plan.inputs.codes == ["01010", "00110", "11000", "11011"]
 
 
 @pytest.mark.parametrize(
