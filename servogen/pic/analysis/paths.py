@@ -63,7 +63,7 @@ any.
 """
 MAX_STEPS = 500_000
 """The number of instructions after which the analysis is given up."""
-MAX_REFINED_STEPS = 2_800_000
+MAX_REFINED_STEPS = 2_300_000
 """The same for all that is followed again."""
 STEPS_TOLD = 20_000
 """The number of instructions between two reports of progress."""
