@@ -169,8 +169,9 @@ def measure(
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about "
-    "suspicious ones."""
+    """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
+    suspicious ones.
+    """
     from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines

@@ -36,6 +36,11 @@ def test_no_help_has_brackets_that_are_taken_for_markup() -> None:
     assert [text for text in texts if Text.from_markup(text).plain != text] == []
 
 
+def test_no_help_has_the_quotes_of_its_source() -> None:
+    """In a docstring adjacent strings are not joined: their quotes are shown."""
+    assert [text for text in helps() if re.search(r'"\s+"', text)] == []
+
+
 @pytest.mark.parametrize("module", COMMANDS)
 def test_the_table_of_commands_has_those_that_the_module_registers(module: str) -> None:
     part = typer.Typer(callback=lambda: None)

@@ -156,7 +156,6 @@ def _written(word: Word, places: Iterable[Place | None]) -> tuple[int, int]:
         certain = written if written.bit_count() == 1 else 0
     flags = bit(CARRY) if "C" in word.flags else 0
     return written | flags, certain | flags
-    return written, certain
 
 
 def _holds_free(word: Word, places: Collection[Place | None], *, before: bool) -> bool:
