@@ -131,14 +131,24 @@ def choose_cuts(
 
 
 def _needs_w(program: Program, pc: int) -> bool:
-    """Return whether the instructions from `pc` on read W before they write it, as far as none jumps."""
-    while (decoded := program.at(pc)) is not None and decoded.instruction.flow == "next":
+    """Return whether the instructions from `pc` on read W before they write it, as far as there is one way.
+
+    Calls are followed: a table that is called reads its index in W.
+    """
+    seen: set[int] = set()
+    while pc not in seen and (decoded := program.at(pc)) is not None:
+        seen.add(pc)
         row = decoded.instruction
         if "W" in row.reads:
             return True
         if "W" in row.writes or (row.writes == "d" and not decoded.d):
             return False
-        pc += 1
+        if row.flow in ("jump", "call"):
+            pc = decoded.k
+        elif row.flow == "next":
+            pc += 1
+        else:
+            return False
     return False
 
 
