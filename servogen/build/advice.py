@@ -302,7 +302,9 @@ def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[
 
 
 def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[Change]:
-    """Yield the fewest limits at the servos' longest pulses without which a slot would keep a margin."""
+    """Yield limits at the angles of the longest pulses, for as many servos as the frame needs, those with the
+    longest pulses first: a slot keeps no margin beyond a limit.
+    """
     order = sorted(
         range(len(job.servos)), key=lambda index: (-found.pulses[index].longest, job.servos[index].name)
     )

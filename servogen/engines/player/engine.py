@@ -47,7 +47,7 @@ def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing,
     Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError.
     """
     buttons = job.firmware.buttons
-    begun, ends = with_soft_start(job)
+    begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
     if job.firmware.commands is not None:
         line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES + more_bytes
         played, tour = commanded(

@@ -90,7 +90,7 @@ class _Ledger:
 
 def shares(job: EngineJob) -> Shares:
     """Return the shares of the job's motion. Raises InputError if it cannot be encoded at all."""
-    begun, ends = with_soft_start(job)
+    begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
     clock, servos = job.clock, job.servos
     soft = len(begun.angles) - len(job.trajectory.angles)
     parts = [Part(SOFT_START, 0)] if soft else []

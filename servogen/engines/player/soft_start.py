@@ -6,21 +6,24 @@ In: a trajectory of the servos. Out: the same with a lead-in before it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
 
-from servogen.engines.protocol import EngineJob
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
+from servogen.units import Clock
 
 SAME_RAD = 1e-3
 
 
-def with_soft_start(job: EngineJob) -> tuple[JointTrajectory, tuple[int, ...]]:
-    """Return the job's motion with its soft start, and the frames at which the parts of that end."""
-    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
-    begun = soft_start(job.trajectory, job.servos, frames)
-    soft = len(begun.angles) - len(job.trajectory.angles)
+def with_soft_start(
+    motion: JointTrajectory, servos: Sequence[Servo], clock: Clock, soft_start_s: Fraction
+) -> tuple[JointTrajectory, tuple[int, ...]]:
+    """Return the motion with its soft start, and the frames at which the parts of that end."""
+    frames = round(soft_start_s / clock.seconds(motion.period))
+    begun = soft_start(motion, servos, frames)
+    soft = len(begun.angles) - len(motion.angles)
     return begun, tuple(range(frames, soft + 1, frames)) if soft else ()
 
 

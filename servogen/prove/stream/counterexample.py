@@ -59,7 +59,7 @@ SHORT_PULSE = 10
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """Where a lemma fails, as far as it is known."""
+    """Where a lemma fails, as far as the solver names it."""
 
     chip: Chip | None = None
     """The variables, known, for which it fails."""
@@ -196,7 +196,7 @@ def _talk(sender: Sender, suspect: Suspect) -> None:
         (0.4, lambda: sender.frames(sender.streamed.silence_frames + sender.streamed.soft_frames + 3)),
         (12 if suspect.second is not None else 0, lambda: _suspected(sender, suspect)),
     )
-    dice.choices([each for _, each in kinds], [weight for weight, _ in kinds])[0]()
+    dice.choices([send for _, send in kinds], [weight for weight, _ in kinds])[0]()
 
 
 def _third(dice: random.Random) -> int:
@@ -304,9 +304,9 @@ class Search:
         for seed in seeds:
             self.tell(f"lines tried: {seed - seeds.start} of {len(seeds)}")
             near = suspect if seed < FIRST_LINES + SUSPECTED_LINES else NOBODY
-            found = self._run(self._trial(random.Random(seed), near))
-            if found is not None:
-                return found
+            counterexample = self._run(self._trial(random.Random(seed), near))
+            if counterexample is not None:
+                return counterexample
         return None
 
     def _trial(self, dice: random.Random, suspect: Suspect) -> _Trial:
@@ -348,8 +348,8 @@ class Search:
         wrong = wrong_pulse(self.streamed, edges, sender.sent, trims, end)
         if wrong is None:
             return None
-        levels = tuple(each for each in sender.levels if each[0] <= wrong.cycle)
-        before = [each for each in sender.sent if each.ends <= wrong.cycle]
+        levels = tuple(change for change in sender.levels if change[0] <= wrong.cycle)
+        before = [command for command in sender.sent if command.ends <= wrong.cycle]
         after = f" after the command {before[-1]}" if before else ""
         return Counterexample(
             f"{wrong.message}{after}", wrong.cycle, trial.options, ((pin, levels),), eeprom=trial.eeprom
@@ -393,13 +393,13 @@ def wrong_pulse(
         while place < len(seen) and seen[place][0] < rise + slot:
             pulse.append(seen[place])
             place += 1
-        due = [(each, _due(streamed, number, rise, each.width)) for each in possible]
-        going = [each for each, right in due if right == pulse]
+        due = [(chip, _due(streamed, number, rise, chip.width)) for chip in possible]
+        going = [chip for chip, right in due if right == pulse]
         if not going:
             return _described(
-                streamed, number % streamed.layout.slots, rise, pulse, [each for _, each in due]
+                streamed, number % streamed.layout.slots, rise, pulse, [right for _, right in due]
             )
-        possible = {after for each in going for after in each.following(number + 1, rise, slot, sent)}
+        possible = {after for chip in going for after in chip.following(number + 1, rise, slot, sent)}
         if len(possible) > MAX_CHIPS:
             break
     return None
@@ -425,7 +425,7 @@ class _Possible:
         chip = self.chip
         numbers = (*chip.widths, *chip.goals, *chip.speeds, *chip.trims, chip.left, chip.silence)
         truths = (*chip.waiting, *chip.group, chip.starting, chip.gathering)
-        values = (*(each.value for each in numbers), *(each.known for each in truths))
+        values = (*(number.value for number in numbers), *(truth.known for truth in truths))
         return (self.executed, self.width, *values)
 
     def following(self, number: int, rise: int, slot: int, sent: Sequence[Sent]) -> Iterator[_Possible]:
@@ -463,7 +463,7 @@ def _due(streamed: Streaming, number: int, rise: int, width: int) -> list[Edge]:
 def _first_rise(edges: Sequence[Edge]) -> int | None:
     """Return the first rise of a pulse to which a servo responds."""
     for number, (cycle, pin, level) in enumerate(edges):
-        fall = next((each[0] for each in edges[number + 1 :] if each[1] == pin), None)
+        fall = next((edge[0] for edge in edges[number + 1 :] if edge[1] == pin), None)
         if level and (fall is None or fall - cycle > SHORT_PULSE):
             return cycle
     return None
@@ -477,7 +477,7 @@ def _described(
     for right in due:
         at = next((n for n, pair in enumerate(zip(pulse, right, strict=False)) if pair[0] != pair[1]), None)
         at = min(len(pulse), len(right)) if at is None else at
-        first = min(each[at][0] for each in (pulse, right) if at < len(each))
+        first = min(edges[at][0] for edges in (pulse, right) if at < len(edges))
         if first > cycle:
             longest, cycle = right, first
     names = [channel.name for channel in streamed.plan.schedule.channels]
