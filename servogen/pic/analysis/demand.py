@@ -58,9 +58,9 @@ class Graph:
         """Return the instructions that write the same operand with the same content of the stack: if one of
         them is not decided, the others are not, either.
         """
-        word, stack = self._words[node[0]], node[1]
-        if word.writes_pcl or not word.writes_f:
-            return [node]
+        word, stack = self._words.get(node[0]), node[1]
+        if word is None or word.writes_pcl or not word.writes_f:
+            return [node]  # None: only a jump beyond its table leads there
         found = [other for other in self._visits if other[1] == stack and other[0] in self._words]
         words = [(other, self._words[other[0]]) for other in found]
         return [node, *(other for other, each in words if each.writes_f and each.f == word.f)]

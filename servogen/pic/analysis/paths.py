@@ -63,8 +63,10 @@ any.
 """
 MAX_STEPS = 500_000
 """The number of instructions after which the analysis is given up."""
+MAX_JUMP_STEPS = 1_400_000
+"""The same for all that is followed again, to decide jumps and pointers."""
 MAX_REFINED_STEPS = 2_300_000
-"""The same for all that is followed again."""
+"""The same including what is followed once more, to decide which pins are written."""
 STEPS_TOLD = 20_000
 """The number of instructions between two reports of progress."""
 IN_INTERRUPT = -1
@@ -172,6 +174,8 @@ class _Interrupt:
     entry: State | None = None
     changes: set[Place] = field(default_factory=set)
     not_restored: set[Place] = field(default_factory=set)
+    lost: set[Place] = field(default_factory=set)
+    """The registers that it may not restore, and the bytes of RAM that it may write."""
     exits: dict[Place, Value] = field(default_factory=dict)
     """The values of the special registers at the end of the interrupt."""
 
@@ -452,11 +456,7 @@ class Explorer:
     def _after_interrupt(self, state: State) -> None:
         """Add to a state in which an interrupt may come what it may be afterwards."""
         interrupt = self._interrupt
-        for place in interrupt.changes:
-            if RAM_FIRST <= place <= RAM_LAST:
-                _forget(state, place)
-        for place in interrupt.not_restored:
-            _forget(state, place)
+        state.forget(interrupt.lost)
         for place, value in interrupt.exits.items():
             if place in state.values:
                 state.values[place] |= value
@@ -492,6 +492,7 @@ class Explorer:
             if effects.wild:
                 changed |= set(range(RAM_FIRST, RAM_LAST + 1))
             self._interrupt.changes |= changed
+            self._interrupt.lost |= {place for place in changed if RAM_FIRST <= place <= RAM_LAST}
         if effects.timer_writes is not None:
             known = paths.timer_writes.get(at)
             paths.timer_writes[at] = effects.timer_writes if known is None else known | effects.timer_writes
@@ -561,6 +562,7 @@ class Explorer:
         for place in PRESERVED:
             if state.saved.get(place) != (place, False):
                 interrupt.not_restored.add(place)
+                interrupt.lost.add(place)
         for place in _SPECIAL:
             if place in interrupt.changes or place == INTCON:
                 value = state.get(place)
@@ -625,12 +627,6 @@ def _is_retlw(row: Instruction) -> bool:
     return row.flow == "return" and row.writes == "W"
 
 
-def _forget(state: State, place: Place) -> None:
-    state.values.pop(place, None)
-    state.saved.pop(place, None)
-    state.unrelate(place)
-
-
 def _low_byte(state: State, word: Word, at: int) -> Value:
     """Return what an instruction writes to PCL."""
     return computed(word, state.get(W), values.constant(at + 1 & 0xFF), state.get(CARRY))[0]
@@ -648,12 +644,14 @@ def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text:
     graph = Graph(best.words, best.visits)
     uses: dict[Node, int] = {}
     steps = 0
-    for pins in (False, True):
+    for pins, limit in ((False, MAX_JUMP_STEPS), (True, MAX_REFINED_STEPS)):
         fresh = best.open_pins if pins else best.undecided
         uses |= {node: uses.get(node, 0) | used for node, used in fresh.items()}
-        while fresh and steps < MAX_REFINED_STEPS:
+        while fresh:
+            if steps >= limit:
+                return best.paths
             plan = Plan.of(graph, uses, pins=pins)
-            explorer = Explorer(words, plan, max_steps=MAX_REFINED_STEPS - steps, tell=tell)
+            explorer = Explorer(words, plan, max_steps=limit - steps, tell=tell)
             try:
                 explorer.explore()
             except Undecided as undecided:
@@ -661,8 +659,10 @@ def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text:
                     uses[node] = uses.get(node, 0) | undecided.used
                 steps += explorer.steps
                 continue
+            if explorer.gave_up:
+                return best.paths
             steps += explorer.steps
-            if not explorer.gave_up and (explorer.paths.beyond or explorer.open < best.open):
+            if explorer.paths.beyond or explorer.open < best.open:
                 best = explorer
             break
     return best.paths

@@ -10,7 +10,7 @@ to the register whose value at the interrupt it holds, and whether its nibbles a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -106,6 +106,19 @@ class State:
         self.facts.pop(place, None)
         for flag in [flag for flag, fact in self.facts.items() if fact[0] == place]:
             del self.facts[flag]
+
+    def forget(self, places: Set[Place]) -> None:
+        """Forget what is known of the values of some places."""
+        for place in self.values.keys() & places:
+            del self.values[place]
+        for place in self.saved.keys() & places:
+            del self.saved[place]
+        if self.copies:
+            kept = () if W in places else self.copies
+            self.copies = tuple(copy for copy in kept if copy not in places)
+        for flag, fact in list(self.facts.items()):
+            if flag in places or fact[0] in places:
+                del self.facts[flag]
 
     def may_put(self, place: Place, value: Value) -> None:
         """Write a place on some of the paths that this state stands for."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import random
 import sys
 from dataclasses import dataclass, field
+from unittest import mock
 
 from servogen.pic.analysis import paths
 from servogen.pic.analysis.paths import ERASED, Explorer
@@ -19,6 +20,9 @@ from servogen.pic.known_values import word_of
 from tests.pic.analysis.programs import assembled, random_player
 from tests.pic.analysis.test_state import misfits
 from tests.simulator.reference import Chip
+
+MAX_STEPS = 150_000
+"""The number of instructions that are followed again: a program that needs more is not decided."""
 
 
 @dataclass
@@ -53,18 +57,17 @@ def compared(text: str, seed: int, steps: int) -> Run:
     """Run a program for some instructions, and compare each of its states with those of the analysis."""
     image = assembled(text).image
     last.clear()
-    original, paths.Explorer = paths.Explorer, _Recording  # type: ignore[misc]
-    try:
+    limits = {"MAX_JUMP_STEPS": MAX_STEPS, "MAX_REFINED_STEPS": MAX_STEPS}
+    with mock.patch.multiple(paths, Explorer=_Recording, **limits):
         answer = paths.explore(image.program)
-    finally:
-        paths.Explorer = original  # type: ignore[misc]
+    answering = next(explorer for explorer in last if explorer.paths is answer)
     run = Run(not answer.tables and not answer.beyond and not answer.lost, len(last) > 1)
     chip = _powered_up(image, seed, steps)
     for _ in range(steps):
         if word_of(image.program.get(chip.pc, ERASED)).name == "RETLW":  # a table is one step of the analysis
             chip.run(chip.now + 1)
             continue
-        states = last[-1].states.get(chip.pc, [])
+        states = answering.states.get(chip.pc, [])
         fitting = next((state for state in states if not misfits(state, chip)), None)
         if fitting is None:
             if run.decided:

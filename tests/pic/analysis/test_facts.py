@@ -434,3 +434,16 @@ def test_what_an_interrupt_writes_may_change_between_any_two_instructions() -> N
     assert facts(INTERRUPT.format(work=" incf 0x42, f") + main).unreachable().status is Status.HOLDS
     alone = facts(INTERRUPT.format(work=" incf 0x43, f") + main).unreachable()
     assert dict(alone.numbers)["unreachable_words"] == 1
+
+
+def test_a_pointer_that_only_a_jump_beyond_its_table_leads_to_is_reported() -> None:
+    """No index but 30 leads there: the paths that are followed first take the jump to stay in its table."""
+    answer = facts(
+        "main\n clrf 0x20\nloop\n movf 0x20, w\n call rows\n incf 0x20, f\n movf 0x20, w\n xorlw 40\n"
+        " btfss STATUS, 2\n goto loop\n goto main\n"
+        "rows\n addwf PCL, f\n" + " retlw 7\n" * 30 + " incf INDF, f\n goto main\n"
+    ).followed()
+    assert answer.status is Status.FOUND
+    texts = [(finding.address, finding.text) for finding in answer.findings]
+    assert texts[0] == (0x009, "the index leads beyond the table of RETLWs after it, to 0x028")
+    assert (0x028, "nothing is known of the pointer: taken to address a byte of RAM") in texts

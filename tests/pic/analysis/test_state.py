@@ -195,3 +195,25 @@ def test_a_split_keeps_every_chip_and_a_join_keeps_the_chips_of_both_states() ->
                 assert any(not misfits(part, chip) for part in one.split(place)), f"seed {seed}, {place}"
         one.join(other)
         assert misfits(one, chip) == misfits(one, second) == [], f"seed {seed}"
+
+
+def test_what_an_interrupt_changes_is_forgotten_with_its_copies_and_the_flags_that_tell_of_it() -> None:
+    def state() -> State:
+        known = {W: 5, 0x20: 5, 0x21: 5, ZERO: 1, CARRY: 0}
+        facts = {ZERO: (0x20, "==", 5), CARRY: (0x21, ">=", 9)}
+        saved = {0x21: (FSR, False)}
+        return State(
+            {place: values.constant(byte) for place, byte in known.items()}, 0, saved, facts, (0x20, 0x21)
+        )
+
+    changed = state()
+    changed.forget({0x20, 0x30})
+    assert changed.values.keys() == {W, 0x21, ZERO, CARRY}
+    assert changed.copies == (0x21,)
+    assert changed.facts == {CARRY: (0x21, ">=", 9)}
+    assert changed.saved == {0x21: (FSR, False)}
+    changed = state()
+    changed.forget({W, CARRY, 0x21})
+    assert changed.values.keys() == {0x20, ZERO}
+    assert (changed.copies, changed.saved) == ((), {})
+    assert changed.facts == {ZERO: (0x20, "==", 5)}
