@@ -57,7 +57,7 @@ def test_import_loads_nothing_and_build_is_a_function_and_a_package() -> None:
 def test_load_takes_jobs_programs_and_builds() -> None:
     job = servogen.load(JOB)
     assert isinstance(job, Job) and not isinstance(job, PlannedJob)
-    for path, words in ((FOLDER, 95), (FOLDER / "main.hex", 95)):
+    for path, words in ((FOLDER, 91), (FOLDER / "main.hex", 91)):
         program = servogen.load(str(path))
         assert isinstance(program, Program) and program.image.words == words
     with pytest.raises(InputError, match=r"'\.md' is neither the ending of a job nor of a program"):
@@ -106,11 +106,11 @@ def test_every_value_shows_itself_in_a_line(ran: Simulation, made: Build) -> Non
         "<PlannedJob lab8-exercise: arm on RB0; PIC16F84 at 4 MHz>": made.job,
         "<JointTrajectory arm; 0 + 500 frames>": made.job.trajectory,
         "<Build lab8-exercise: sequence in c2c, xc8, sdcc; proven, 1500 frames>": made,
-        "<Program in c2c: 95 words, proven>": program,
-        "<Program of 95 words at 4 MHz>": servogen.load(FOLDER),
+        "<Program in c2c: 91 words, proven>": program,
+        "<Program of 91 words at 4 MHz>": servogen.load(FOLDER),
         "<PulseSchedule arm on RB0; 0 + 500 frames of 20 ms>": made.plan.schedule,
         "<Verdict: proven>": program.verdict,
-        "<Image of 95 words, configuration 0x3FF1>": program.image,
+        "<Image of 91 words, configuration 0x3FF1>": program.image,
         "<EdgeTrace of 10 s at 4 MHz>": ran.edges,
     }
     assert {text: repr(value) for text, value in values.items()} == {text: text for text in values}
@@ -141,7 +141,7 @@ class Table(HTMLParser):
 
 
 def test_values_are_tables_in_html(ran: Simulation, made: Build) -> None:
-    assert Table(made._repr_html_()).cells[6:10] == ["c2c", "95", "2", "proven"]
+    assert Table(made._repr_html_()).cells[6:10] == ["c2c", "91", "2", "proven"]
     assert Table(made.plan.schedule._repr_html_()).cells[-3:] == [
         "arm",
         "RB0",
