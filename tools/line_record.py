@@ -30,12 +30,11 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     running = coverage.Coverage.current()
     assert running is not None
     running.switch_context(context)
-    began = time.process_time(), time.monotonic()
+    began = time.monotonic()
     try:
         return (yield)
     finally:
-        seconds = time.monotonic() - began[1]
-        _tests[context] = [item.nodeid, seconds]
+        _tests[context] = [item.nodeid, time.monotonic() - began]
         running.switch_context("")
 
 

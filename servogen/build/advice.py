@@ -18,6 +18,7 @@ import numpy as np
 
 from servogen.build.engines import Planned, planned
 from servogen.compiler import WORDS_NEEDED
+from servogen.engines.player.layout import Demand
 from servogen.engines.player.shares import Shares, shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
@@ -136,8 +137,7 @@ class Advice:
         return f"{counted(less, 'byte')} less: {fit.text()}" if less > 0 else fit.text()
 
     def _frame_text(self, shares: Shares) -> str:
-        demand = shares.frame(self.job.servos, self.job.frame, self.job.clock)
-        us = self.job.clock.us
+        demand, us = _demand(self.job, shares), self.job.clock.us
         slots = (f"{_names(self.job, slot)} {float(us(cycles)):g}" for slot, cycles in demand.slots)
         whole = f"{float(us(demand.minimum)):g} of {float(self.job.frame.period.achieved_us):g} µs"
         return f"{', '.join(slots)}, the C for the next frame {float(us(demand.frame_c)):g}: {whole}"
@@ -146,7 +146,7 @@ class Advice:
         """Return the advice as a value that JSON can hold."""
         job, frame = self.job, None
         if self.shares is not None and self.frame_is_short:
-            demand = self.shares.frame(job.servos, job.frame, job.clock)
+            demand = _demand(job, self.shares)
             frame = {
                 "slots": [
                     {"servos": [job.servos[channel].name for channel in slot], "us": _us(job, cycles)}
@@ -170,6 +170,11 @@ class Advice:
             ],
             "stopped_early": self.omitted,
         }
+
+
+def _demand(job: PlannedJob, found: Shares) -> Demand:
+    """Return what the shortest frame of the job's pulses consists of."""
+    return found.frame(job.servos, job.frame, job.clock)
 
 
 def _us(job: PlannedJob, cycles: int) -> float:
@@ -317,9 +322,7 @@ def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[Change]:
         if limit is None:
             continue
         key, degrees = limit
-        low, high = servo.limits
-        angle = math.radians(degrees)
-        servos[index] = replace(servo, limits=(angle, high) if key == "min_deg" else (low, angle))
+        servos[index] = _with_limit(servo, key, degrees)
         edits["servo", index, key] = degrees
         names.append(f"{servo.name} {key} = {degrees:g}")
         if found.frame(servos, job.frame, job.clock).minimum <= job.frame.period.cycles:
@@ -372,9 +375,11 @@ def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[Change]
 def _limited(servo: Servo, width_us: float) -> Servo:
     """Return the servo with pulses of at most `width_us`."""
     limit = _limit(servo, servo.angle(width_us), outward=False)
-    if limit is None:
-        return servo
-    key, degrees = limit
+    return servo if limit is None else _with_limit(servo, *limit)
+
+
+def _with_limit(servo: Servo, key: str, degrees: float) -> Servo:
+    """Return the servo with `degrees` for one of its limits, min_deg or max_deg."""
     low, high = servo.limits
     angle = math.radians(degrees)
     return replace(servo, limits=(angle, high) if key == "min_deg" else (low, angle))

@@ -40,6 +40,7 @@ from servogen.prove.specification import START_FRAMES, Edge
 from servogen.prove.stream.bits import byte
 from servogen.prove.stream.chip import NOTHING, Chip
 from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator.layout import GLITCH
 
 PAUSES_S = {Kind.TRIM: Fraction(30, 1000), Kind.QUERY: Fraction(25, 1000)}
 """For so long the sender leaves the line alone after a command: docs/firmware.md, "Protocol"."""
@@ -53,8 +54,6 @@ LINE_S = 2
 """The minimum duration of a line."""
 MAX_CHIPS = 200
 """The number of chips of the specification that a run is compared with; with more it is not judged."""
-SHORT_PULSE = 10
-"""Cycles of a pulse before the first frame, while a latch is unknown, that no servo responds to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -464,7 +463,7 @@ def _first_rise(edges: Sequence[Edge]) -> int | None:
     """Return the first rise of a pulse to which a servo responds."""
     for number, (cycle, pin, level) in enumerate(edges):
         fall = next((edge[0] for edge in edges[number + 1 :] if edge[1] == pin), None)
-        if level and (fall is None or fall - cycle > SHORT_PULSE):
+        if level and (fall is None or fall - cycle > GLITCH):
             return cycle
     return None
 
