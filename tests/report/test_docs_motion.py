@@ -82,7 +82,7 @@ def test_the_refused_walk_is_refused_so() -> None:
 
     found = hexapod()
     side = custom("own", 0.5, [0, 0, 0, 0.5, 0.5, 0.5], found)
-    message = TEXT.split("    servogen: ")[1].splitlines()[0]
+    shown = TEXT.split("    servogen: error: ")[1].splitlines()[:2]
     with pytest.raises(InputError) as caught:
         walk(
             found,
@@ -93,4 +93,4 @@ def test_the_refused_walk_is_refused_so() -> None:
             Clock(4_000_000),
             frames_per_cycle=20,
         )
-    assert caught.value.message == message
+    assert shown == [f"{caught.value.message} [{caught.value.code}]", f"      {caught.value.hint}"]
