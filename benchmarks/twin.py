@@ -14,7 +14,7 @@ from pathlib import Path
 
 from servogen.build.engines import planned
 from servogen.job import load, plan_job
-from servogen.twin import Settings
+from servogen.twin import TwinSettings
 from servogen.twin.run import Record, simulate
 
 JOB = Path(__file__).parent.parent / "jobs" / "hexapod-turn.toml"
@@ -30,7 +30,7 @@ def main() -> int:
     lead_in = found.job.trajectory.loop_start - job.trajectory.loop_start
     right = True
     for name, chunk_ms, demand in (("edges first", 20, EDGES_FIRST), ("lock-step", 1, LOCK_STEP)):
-        settings = replace(Settings(), chunk_ms=chunk_ms)
+        settings = replace(TwinSettings(), chunk_ms=chunk_ms)
         best, busy, records = 0.0, 0.0, list[Record]()
         for _ in range(ROUNDS):
             start, begun = time.perf_counter(), time.process_time()

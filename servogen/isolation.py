@@ -1,7 +1,7 @@
 """Work done in a separate process, with limits on its time, memory, open files and result size.
 
-In: functions without arguments and their `Limits`. Out: what each function returns or raises; `LimitExceeded`
-if it was stopped, `ProcessDied` if its process ended without an answer.
+In: functions without arguments and their `WorkLimits`. Out: what each function returns or raises;
+`LimitExceeded` if it was stopped, `ProcessDied` if its process ended without an answer.
 
     this process ──fork──▶ child: sets its limits, reads nothing, prints nothing, does the work
          ▲                                                  │
@@ -40,7 +40,7 @@ MEGABYTE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class WorkLimits:
     """The limits of one piece of work: processor time, elapsed time, memory, size of the result.
 
     The limit on elapsed time, by default equal to that on processor time, stops work that only waits.
@@ -59,7 +59,7 @@ class Limits:
         return self.seconds if self.elapsed_s is None else self.elapsed_s
 
 
-COMPILING = Limits()
+COMPILING = WorkLimits()
 """The limits for compiling or assembling one program. Programs that fit the chip use a tenth of them."""
 
 
@@ -75,7 +75,7 @@ class Resource(Enum):
 class LimitExceeded(Exception):
     """The work was stopped at a limit."""
 
-    def __init__(self, resource: Resource, limits: Limits) -> None:
+    def __init__(self, resource: Resource, limits: WorkLimits) -> None:
         super().__init__(resource, limits)
         self.resource = resource
         self.limits = limits
@@ -109,7 +109,7 @@ def missing_limits() -> str:
     return ""
 
 
-def run(work: Callable[[], T], limits: Limits) -> T:
+def run(work: Callable[[], T], limits: WorkLimits) -> T:
     """Do `work` in a separate process; return what it returns, or raise what it raises.
 
     On systems that cannot fork, `work` is done in this process without limits: see `missing_limits`.
@@ -121,7 +121,7 @@ def run(work: Callable[[], T], limits: Limits) -> T:
 
 
 def run_each(
-    works: Sequence[Callable[[], T]], limits: Limits, at_once: int = 1
+    works: Sequence[Callable[[], T]], limits: WorkLimits, at_once: int = 1
 ) -> Iterator[tuple[int, T | Exception]]:
     """Do `works`, up to `at_once` at a time, and yield (index, returned or raised) as each one ends.
 
@@ -181,7 +181,7 @@ class _Child:
     index: int
     process: int
     pipe: int
-    limits: Limits
+    limits: WorkLimits
     deadline: float
     received: bytearray = field(default_factory=bytearray)
     done: bool = False
@@ -229,7 +229,7 @@ class _Child:
         return status, used.ru_utime + used.ru_stime
 
 
-def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
+def _start(index: int, work: Callable[[], object], limits: WorkLimits) -> _Child:
     reading, writing = os.pipe()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):  # closed, or none
@@ -249,7 +249,7 @@ def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
     )
 
 
-def _be_child(work: Callable[[], object], limits: Limits, writing: int) -> None:
+def _be_child(work: Callable[[], object], limits: WorkLimits, writing: int) -> None:
     """Do the work, send the answer and end the process; never return."""
     code = 1
     try:
@@ -313,7 +313,7 @@ def _shut_off(writing: int) -> int:
     return answers
 
 
-def _set_limits(limits: Limits) -> None:
+def _set_limits(limits: WorkLimits) -> None:
     used = _memory_used()
     if used is not None:
         data, resident = used

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
-from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
+from servogen.isolation import COMPILING, LimitExceeded, ProcessDied, WorkLimits, run
 from servogen.notebooks import table_html
 from servogen.pic.device import Device, device
 from servogen.units import Clock
@@ -127,7 +127,7 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
 def within_limits(
     work: Callable[[], T],
     file: Path,
-    limits: Limits = COMPILING,
+    limits: WorkLimits = COMPILING,
     hint: str = LIMITS_HINT,
 ) -> T:
     """Return what `work`, which compiles `file`, returns. Raises InputError if it exceeds the limits."""

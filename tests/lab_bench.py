@@ -18,8 +18,8 @@ import numpy.typing as npt
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
 from servogen.simulator import Machine
-from servogen.simulator.sources import Source as Outside
-from servogen.simulator.state import State
+from servogen.simulator.sources import SignalSource
+from servogen.simulator.state import MachineState
 from servogen.simulator.stimulus import Stimuli
 from servogen.units import Clock
 
@@ -35,7 +35,7 @@ class Pins:
     """What a program did: the changes of each pin as (cycle, level), and the machine's last state."""
 
     changes: dict[str, Edges]
-    state: State
+    state: MachineState
 
     def edges(self, pin: str) -> Edges:
         return self.changes[pin]
@@ -77,7 +77,7 @@ PORT_A = tuple(f"RA{bit}" for bit in range(4))
 """Without RA4, an open drain, which is never high by itself."""
 
 
-def run(path: Path, dialect: str, cycles: int, *outside: Outside | Keypad) -> Pins:
+def run(path: Path, dialect: str, cycles: int, *outside: SignalSource | Keypad) -> Pins:
     """Compile a program for 4 MHz and let it run. No lab program may give a warning or upset the chip."""
     compiled = compile_sources(
         [Source(path.read_text(), path.name)], Options(dialect=dialect, clock_hz=CLOCK.hz)

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
@@ -158,6 +159,37 @@ def longest(name: str, own: dict[str, list[str]]) -> list[str]:
 def ancestors(name: str, own: dict[str, list[str]]) -> list[str]:
     """Our own classes above a class, nearest first."""
     return [each for base in own[name] if base != name for each in (base, *ancestors(base, own))]
+
+
+SAME_NAME = {
+    "DirectionButtons": "the checker reads schedules with classes of its own",
+    "StepButton": "the checker reads schedules with classes of its own",
+    "FrameTable": "[frame] of a job, a fixed frame of a robot's file: the tables' names in TOML",
+    "RobotTable": "[robot] of a job, a robot's own file: the tables' names in TOML",
+    "SupplyTable": "[supply] of a job, [[supply]] of a servo's file: the tables' names in TOML",
+}
+"""Public classes that share a name, and why."""
+
+
+def test_one_name_means_one_class() -> None:
+    """Otherwise a reader who searches for a name finds several things."""
+    definitions = [
+        name for file in PACKAGE.rglob("*.py") for name in public_classes(ast.parse(file.read_text()))
+    ]
+    assert {name for name, count in Counter(definitions).items() if count > 1} == set(SAME_NAME)
+
+
+def test_every_public_class_is_seen() -> None:
+    assert public_classes(ast.parse("class A:\n class B: pass\nclass _C: pass")) == ["A", "B"]
+
+
+def public_classes(tree: ast.Module) -> list[str]:
+    """Return the names of the classes that do not begin with an underscore."""
+    return [
+        node.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
 
 
 def test_there_is_no_stub_and_no_dispatch_by_computed_names() -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from servogen import isolation
 from servogen.errors import InputError, Location
-from servogen.isolation import LimitExceeded, Limits, ProcessDied, Resource, run, run_each
+from servogen.isolation import LimitExceeded, ProcessDied, Resource, WorkLimits, run, run_each
 
-SHORT = Limits(seconds=0.5)
+SHORT = WorkLimits(seconds=0.5)
 
 
 def spin() -> None:
@@ -43,7 +43,7 @@ def hoard() -> None:
 
 
 def test_a_result_comes_back() -> None:
-    assert run(lambda: {"answer": 42}, Limits()) == {"answer": 42}
+    assert run(lambda: {"answer": 42}, WorkLimits()) == {"answer": 42}
 
 
 def test_an_error_comes_back_with_its_place_and_hint() -> None:
@@ -51,7 +51,7 @@ def test_an_error_comes_back_with_its_place_and_hint() -> None:
         raise InputError("wrong", "is wrong", Location("a.c", 3, 4), "mend it")
 
     with pytest.raises(InputError) as caught:
-        run(work, Limits())
+        run(work, WorkLimits())
     assert str(caught.value) == "a.c:3:4: error: is wrong [wrong]\n  mend it"
 
 
@@ -68,17 +68,17 @@ def sleep_then_answer() -> int:
 
 
 def test_processor_time_and_elapsed_time_are_two_limits() -> None:
-    assert run(sleep_then_answer, Limits(seconds=1, elapsed_s=60)) == 5
+    assert run(sleep_then_answer, WorkLimits(seconds=1, elapsed_s=60)) == 5
     for work in (spin, deaf):
         with pytest.raises(LimitExceeded, match="took more than 1 s of processor time or 600 s") as caught:
-            run(work, Limits(seconds=1, elapsed_s=600))
+            run(work, WorkLimits(seconds=1, elapsed_s=600))
         assert caught.value.resource is Resource.TIME
 
 
 @pytest.mark.parametrize("work", [hoard, lambda: bytearray(400_000_000)])
 def test_work_that_takes_all_memory_is_stopped(work: Callable[[], object]) -> None:
     with pytest.raises(LimitExceeded, match="needed more than 150 MB of memory") as caught:
-        run(work, Limits(seconds=60, memory_mb=150))
+        run(work, WorkLimits(seconds=60, memory_mb=150))
     assert caught.value.resource is Resource.MEMORY
 
 
@@ -98,16 +98,16 @@ def test_the_memory_of_the_process_stays_below_the_limit() -> None:
 
     before = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     allowed = max(200_000_000, before + 100_000_000)
-    assert 100_000_000 < run(work, Limits(memory_mb=200)) * 1024 < allowed + 20_000_000
+    assert 100_000_000 < run(work, WorkLimits(memory_mb=200)) * 1024 < allowed + 20_000_000
 
 
 def test_work_that_fits_in_its_memory_is_done() -> None:
-    assert run(lambda: len(bytearray(100_000_000)), Limits(memory_mb=300)) == 100_000_000
+    assert run(lambda: len(bytearray(100_000_000)), WorkLimits(memory_mb=300)) == 100_000_000
 
 
 def test_a_result_that_is_too_large_is_refused() -> None:
     with pytest.raises(LimitExceeded, match="gave more than 1 MB of results") as caught:
-        run(lambda: b"x" * 2_000_000, Limits(result_mb=1))
+        run(lambda: b"x" * 2_000_000, WorkLimits(result_mb=1))
     assert caught.value.resource is Resource.RESULT
 
 
@@ -117,12 +117,12 @@ def test_a_result_that_is_too_large_is_refused() -> None:
 )
 def test_a_crash_is_said_with_its_signal(number: int, words: str) -> None:
     with pytest.raises(ProcessDied, match=words):
-        run(lambda: os.kill(os.getpid(), number), Limits())
+        run(lambda: os.kill(os.getpid(), number), WorkLimits())
 
 
 def test_an_end_without_an_answer_is_said_with_its_exit_code() -> None:
     with pytest.raises(ProcessDied, match="exit code 3"):
-        run(lambda: os._exit(3), Limits())
+        run(lambda: os._exit(3), WorkLimits())
 
 
 def test_it_has_no_standard_input_and_its_output_goes_nowhere(capfd: pytest.CaptureFixture[str]) -> None:
@@ -131,7 +131,7 @@ def test_it_has_no_standard_input_and_its_output_goes_nowhere(capfd: pytest.Capt
         os.write(2, b"err")
         return os.read(0, 100)
 
-    assert run(work, Limits()) == b""
+    assert run(work, WorkLimits()) == b""
     assert capfd.readouterr() == ("", "")
 
 
@@ -139,7 +139,7 @@ def test_it_has_none_of_this_process_open_files(tmp_path: Path) -> None:
     with (tmp_path / "secret").open("w+") as secret:
         number = secret.fileno()
         with pytest.raises(OSError, match="Bad file descriptor"):
-            run(lambda: os.read(number, 1), Limits())
+            run(lambda: os.read(number, 1), WorkLimits())
 
 
 def test_it_can_open_few_files_and_write_none(tmp_path: Path) -> None:
@@ -148,9 +148,9 @@ def test_it_can_open_few_files_and_write_none(tmp_path: Path) -> None:
             os.open(os.devnull, os.O_RDONLY)
 
     with pytest.raises(OSError, match="Too many open files"):
-        run(flood, Limits(open_files=32))
+        run(flood, WorkLimits(open_files=32))
     with pytest.raises(OSError, match="File too large"):
-        run(lambda: (tmp_path / "file").write_bytes(b"x"), Limits())
+        run(lambda: (tmp_path / "file").write_bytes(b"x"), WorkLimits())
 
 
 def test_what_it_starts_ends_with_it(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_what_it_starts_ends_with_it(tmp_path: Path) -> None:
         spin()
 
     with pytest.raises(LimitExceeded):
-        run(work, Limits(seconds=1, elapsed_s=60))
+        run(work, WorkLimits(seconds=1, elapsed_s=60))
     grandchild = int(os.read(reading, 100))
     os.close(reading)
     state = Path(f"/proc/{grandchild}/stat")
@@ -183,7 +183,7 @@ def test_one_that_crashes_costs_no_other_its_result() -> None:
         lambda: b"x" * 20_000_000,
         lambda: 7,
     ]
-    found = dict(run_each(works, Limits(seconds=8, memory_mb=100, elapsed_s=90), at_once=2))
+    found = dict(run_each(works, WorkLimits(seconds=8, memory_mb=100, elapsed_s=90), at_once=2))
     assert [found[index] for index in (0, 4, 6)] == [1, 5, 7]
     assert isinstance(found[1], ProcessDied)
     stopped = [found[2], found[3], found[5]]
@@ -195,7 +195,7 @@ def test_one_that_crashes_costs_no_other_its_result() -> None:
 
 
 def test_all_end_when_nobody_wants_more_results() -> None:
-    results = run_each([lambda: 1, spin, spin], Limits(seconds=600), at_once=3)
+    results = run_each([lambda: 1, spin, spin], WorkLimits(seconds=600), at_once=3)
     assert next(results) == (0, 1)
     results.close()
     with pytest.raises(ChildProcessError):  # there is none left
@@ -211,7 +211,7 @@ def test_an_exception_that_cannot_be_sent_is_said_in_words() -> None:
         raise Odd(1, 2)
 
     with pytest.raises(RuntimeError, match="Odd: 1 and 2"):
-        run(work, Limits())
+        run(work, WorkLimits())
 
 
 def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,4 +221,4 @@ def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(isolation.sys, "platform", "win32")
     monkeypatch.setattr(isolation, "_resource", None)
     assert "win32 cannot limit the memory and the open files" in isolation.missing_limits()
-    assert run(os.getpid, Limits()) == os.getpid()
+    assert run(os.getpid, WorkLimits()) == os.getpid()

@@ -6,8 +6,8 @@
 import sys
 from types import ModuleType
 
-from servogen.build.build import Build, Program, build, report, write
-from servogen.build.engines import Planned, nearest_pulses, planned
+from servogen.build.build import Build, BuiltProgram, build, report, write
+from servogen.build.engines import PlayedJob, nearest_pulses, planned
 from servogen.build.notebook import File
 from servogen.build.notebook import build as build_job
 from servogen.build.proof import (
@@ -25,8 +25,8 @@ from servogen.job import Job
 __all__ = [
     "LOOPS_CHECKED",
     "Build",
-    "Planned",
-    "Program",
+    "BuiltProgram",
+    "PlayedJob",
     "ResourceError",
     "build",
     "checked_cycles",

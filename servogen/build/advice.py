@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from servogen.build.engines import Planned, planned
+from servogen.build.engines import PlayedJob, planned
 from servogen.compiler import WORDS_NEEDED
 from servogen.engines.player.layout import Demand
 from servogen.engines.player.shares import Shares, shares
@@ -56,7 +56,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class JobChange:
     """Other values for keys of the job, and the notation of the change."""
 
     edits: Mapping[Key, object]
@@ -64,7 +64,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class ResourceUse:
     """The resources of a job that can be built."""
 
     words: int
@@ -80,11 +80,11 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class TriedChange:
     """A change and the resources of the job with it; without them it does not fit."""
 
     text: str
-    fit: Fit | None
+    fit: ResourceUse | None
 
 
 @dataclass(slots=True)
@@ -94,8 +94,8 @@ class Advice:
     job: PlannedJob
     error: InputError
     shares: Shares | None = None
-    proposals: list[Trial] = field(default_factory=list)
-    segments: list[Trial] = field(default_factory=list)
+    proposals: list[TriedChange] = field(default_factory=list)
+    segments: list[TriedChange] = field(default_factory=list)
     omitted: bool = False
 
     @property
@@ -132,7 +132,7 @@ class Advice:
             lines.append(f"after {MAX_S:g} s no further changes were tried")
         return "\n  ".join(lines)
 
-    def _fit_text(self, fit: Fit) -> str:
+    def _fit_text(self, fit: ResourceUse) -> str:
         less = self.shares.bytes - fit.data if self.shares is not None else 0
         return f"{counted(less, 'byte')} less: {fit.text()}" if less > 0 else fit.text()
 
@@ -223,14 +223,14 @@ def advised(
             progress(f"trying {change.text}")
             fit = _fit(job, change)
             if fit is not None:
-                found.proposals.append(Trial(change.text, fit))
+                found.proposals.append(TriedChange(change.text, fit))
                 break
     for change in _segments(job):
         if now() > end:
             found.omitted = True
             break
         progress(f"trying {change.text} alone")
-        found.segments.append(Trial(change.text, _fit(job, change)))
+        found.segments.append(TriedChange(change.text, _fit(job, change)))
     text = found.text()
     if not text:
         return error
@@ -250,13 +250,13 @@ def _shares(job: PlannedJob) -> Shares | None:
         return None
 
 
-def _groups(job: PlannedJob, error: InputError, found: Shares | None) -> Iterator[list[Change]]:
+def _groups(job: PlannedJob, error: InputError, found: Shares | None) -> Iterator[list[JobChange]]:
     """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
     period_us = float(job.frame.period.requested_us)
     longer = [value for value in PERIODS_US if value > period_us]
     if error.code == "frame-too-short":
-        yield [Change({("frame", "period_us"): value}, f"period_us = {value}") for value in longer]
+        yield [JobChange({("frame", "period_us"): value}, f"period_us = {value}") for value in longer]
         if found is not None:
             yield list(_limits_as_used(job, found))
             if isinstance(section, MotionTable):
@@ -267,29 +267,31 @@ def _groups(job: PlannedJob, error: InputError, found: Shares | None) -> Iterato
         poses = job.document.data["motion"]["poses"]
         counts = sorted({len(poses) * 3 // 4, len(poses) // 2} - {0}, reverse=True)
         yield [
-            Change({("motion", "poses"): poses[:count]}, f"only the first {counted(count, 'pose')}")
+            JobChange({("motion", "poses"): poses[:count]}, f"only the first {counted(count, 'pose')}")
             for count in counts
         ]
     limit = job.firmware.max_error_us
     if error.code == "beyond-max-error" or not isinstance(section, WalkTable):
         larger = sorted({math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)})
-        yield [Change({("firmware", "max_error_us"): value}, f"max_error_us = {value}") for value in larger]
+        yield [
+            JobChange({("firmware", "max_error_us"): value}, f"max_error_us = {value}") for value in larger
+        ]
 
 
-def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[Change]]:
+def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[JobChange]]:
     period_s = float(job.clock.seconds(job.trajectory.period))
     if walk.cycle_s is not None:
         slower = [round(math.ceil(walk.cycle_s * factor / period_s) * period_s, 4) for factor in SLOWER]
-        yield [Change({("walk", "cycle_s"): value}, f"cycle_s = {value:g}") for value in slower]
+        yield [JobChange({("walk", "cycle_s"): value}, f"cycle_s = {value:g}") for value in slower]
     if code != "does-not-fit":  # a lift takes the same bytes whatever its height
         lower = [round(walk.lift_mm * share, 1) for share in LOWER]
-        yield [Change({("walk", "lift_mm"): value}, f"lift_mm = {value:g}") for value in lower]
+        yield [JobChange({("walk", "lift_mm"): value}, f"lift_mm = {value:g}") for value in lower]
     if walk.gait != "tripod" and walk.duty is None:
-        yield [Change({("walk", "gait"): "tripod"}, 'gait = "tripod"')]
+        yield [JobChange({("walk", "gait"): "tripod"}, 'gait = "tripod"')]
     if len(walk.route) > 1:
         route = tuple(job.document.data["walk"]["route"])
         yield [
-            Change(
+            JobChange(
                 {("walk", "route"): route[:count]},
                 f"only the first {counted(count, 'segment')} of the route",
             )
@@ -298,7 +300,7 @@ def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[
     if walk.commands is not None and walk.commands.forward_mm and walk.commands.turn_deg:
         asked = job.document.data["walk"]["commands"]
         yield [
-            Change(
+            JobChange(
                 {("walk", "commands"): {key: value for key, value in asked.items() if key != without}},
                 f"commands without {without}",
             )
@@ -306,7 +308,7 @@ def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[
         ]
 
 
-def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[Change]:
+def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[JobChange]:
     """Yield limits at the angles of the longest pulses, for as many servos as the frame needs, those with the
     longest pulses first: a slot keeps no margin beyond a limit.
     """
@@ -326,11 +328,11 @@ def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[Change]:
         edits["servo", index, key] = degrees
         names.append(f"{servo.name} {key} = {degrees:g}")
         if found.frame(servos, job.frame, job.clock).minimum <= job.frame.period.cycles:
-            yield Change(edits, ", ".join(names))
+            yield JobChange(edits, ", ".join(names))
             return
 
 
-def _shorter_pulses(job: PlannedJob, found: Shares) -> Iterator[Change]:
+def _shorter_pulses(job: PlannedJob, found: Shares) -> Iterator[JobChange]:
     """Yield limits, and poses within them, for which the longest pulses fit the frame."""
     longest = [float(job.clock.us(used.longest)) for used in found.pulses]
     poses = job.document.data["motion"]["poses"]
@@ -350,7 +352,7 @@ def _shorter_pulses(job: PlannedJob, found: Shares) -> Iterator[Change]:
             return
 
 
-def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[Change]:
+def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[JobChange]:
     """Yield the change that limits these servos to pulses of `cap_us`, and their poses with them."""
     poses = job.document.data["motion"]["poses"]
     edits: dict[Key, object] = {}
@@ -369,7 +371,7 @@ def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[Change]
             if angle is not None and keep(angle, degrees) != angle:
                 edits["motion", "poses", number, f"{servo.name}_deg"] = degrees
     limits = ", ".join(f"{key} = {degrees:g} of {', '.join(each)}" for (key, degrees), each in names.items())
-    yield Change(edits, f"{limits}, and no pose beyond")
+    yield JobChange(edits, f"{limits}, and no pose beyond")
 
 
 def _limited(servo: Servo, width_us: float) -> Servo:
@@ -413,7 +415,7 @@ def _limit(servo: Servo, angle: float, *, outward: bool) -> tuple[str, float] | 
     return ("max_deg" if upwards else "min_deg", degrees) if inside else None
 
 
-def _fit(job: PlannedJob, change: Change) -> Fit | None:
+def _fit(job: PlannedJob, change: JobChange) -> ResourceUse | None:
     """Return the resources of the changed job; None if it cannot be built."""
     try:
         return _taken(planned(plan_job(changed(job, change.edits))))
@@ -421,17 +423,19 @@ def _fit(job: PlannedJob, change: Change) -> Fit | None:
         return None
 
 
-def _taken(played: Planned) -> Fit | None:
+def _taken(played: PlayedJob) -> ResourceUse | None:
     firmware = played.make(played.job.firmware.dialect)
     if any(room.left is None or room.left < 0 for room in firmware.timing_budgets):
         return None
     error = played.plan.schedule.plan_error
-    return Fit(firmware.compilation.words, played.data_bytes, 0.0 if error is None else error.width_us)
+    return ResourceUse(
+        firmware.compilation.words, played.data_bytes, 0.0 if error is None else error.width_us
+    )
 
 
-def _segments(job: PlannedJob) -> Iterator[Change]:
+def _segments(job: PlannedJob) -> Iterator[JobChange]:
     """Yield each segment of a walk's route by itself."""
     if not isinstance(job.section, WalkTable) or len(job.section.route) < 2:
         return
     for number, segment in enumerate(job.document.data["walk"]["route"], 1):
-        yield Change({("walk", "route"): (segment,)}, f"segment {number}")
+        yield JobChange({("walk", "route"): (segment,)}, f"segment {number}")

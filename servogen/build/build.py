@@ -43,7 +43,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class BuiltProgram:
     """One dialect's firmware and the verdict on its edges."""
 
     firmware: Firmware
@@ -88,7 +88,7 @@ class Build:
     job: PlannedJob
     engine: str
     plan: PulsePlan
-    programs: tuple[Program, ...]
+    programs: tuple[BuiltProgram, ...]
     left_out: tuple[Diagnostic, ...] = ()
     """The dialects whose program does not fit the chip, although that of the job's own dialect does."""
 
@@ -165,7 +165,7 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
     played = planned(job)
     schedule = played.plan.schedule
     own = job.firmware.dialect
-    programs: list[Program] = []
+    programs: list[BuiltProgram] = []
     left_out: list[Diagnostic] = []
     for dialect in (own, *(other for other in DIALECTS if other != own)):
         progress(f"compiling {dialect}")
@@ -190,7 +190,7 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
     )
 
 
-def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
+def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> BuiltProgram:
     """Run the firmware for `span` cycles of pulses, and return it with the verdict on its edges."""
     image = firmware.compilation.image
     machine = machine_of(schedule, image, tracked=True)
@@ -203,7 +203,7 @@ def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program
         late = machine_of(schedule, image)
         while not _overrun(late, firmware.overrun):
             late.run(schedule.period)
-    return Program(firmware, verdict, late.cycles if late else None)
+    return BuiltProgram(firmware, verdict, late.cycles if late else None)
 
 
 def _overrun(machine: Machine, address: int) -> bool:
@@ -278,5 +278,5 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
     )
 
 
-def hex_name(done: Build, program: Program) -> str:
+def hex_name(done: Build, program: BuiltProgram) -> str:
     return "main.hex" if program is done.programs[0] else f"main.{program.firmware.dialect}.hex"

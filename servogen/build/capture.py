@@ -14,9 +14,16 @@ from functools import partial
 from math import ceil
 from pathlib import Path
 
-from servogen.bench.analysers.memory import MIN_EDGES, TYPICAL_EDGES, TYPICAL_PERIOD_S, Plan, Wanted, plan
+from servogen.bench.analysers.memory import (
+    MIN_EDGES,
+    TYPICAL_EDGES,
+    TYPICAL_PERIOD_S,
+    CaptureNeeds,
+    CapturePlan,
+    plan,
+)
 from servogen.bench.analysers.recording import (
-    Record,
+    SampleRecord,
     Stitched,
     check_name,
     edges,
@@ -27,7 +34,13 @@ from servogen.bench.analysers.recording import (
 from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
 from servogen.bench.analysers.sigrok import capture as sigrok_capture
 from servogen.bench.analysers.sump import channel_of, wires
-from servogen.bench.analysers.sump_client import BAUD, Analyser, Look, Seen, identify
+from servogen.bench.analysers.sump_client import (
+    BAUD,
+    AnalyserDescription,
+    ReceivedSamples,
+    SampleRequest,
+    identify,
+)
 from servogen.bench.analysers.sump_client import capture as sump_capture
 from servogen.bench.ports import Port, open_port
 from servogen.errors import Location, ToolError
@@ -84,8 +97,8 @@ class Captured:
     """A complete capture, written to a file."""
 
     path: Path
-    analyser: Analyser
-    plan: Plan
+    analyser: AnalyserDescription
+    plan: CapturePlan
     seen: Stitched
 
     @property
@@ -209,8 +222,8 @@ def check_rate(rate: int) -> None:
 
 
 def _looks(
-    look: Callable[[Plan, str], Seen],
-    planned: Plan,
+    look: Callable[[CapturePlan, str], ReceivedSamples],
+    planned: CapturePlan,
     frames: int,
     wired: Mapping[int, int],
     schedule: PulseSchedule | None,
@@ -219,7 +232,7 @@ def _looks(
     """Return one capture or, if it is too short, as many as are needed."""
     if schedule is None or planned.frames >= frames:
         seen = look(planned, "capture")
-        return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
+        return Stitched((SampleRecord(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
     about = -(-frames // planned.frames)
     return stitch(
         lambda plan, number: look(plan, f"capture {number} of about {about}"),
@@ -233,24 +246,26 @@ def _looks(
 
 def _look(
     line: Port,
-    planned: Plan,
+    planned: CapturePlan,
     label: str,
     *,
     channel: int | None,
     armed: Callable[[], None],
     progress: Progress,
-) -> Seen:
+) -> ReceivedSamples:
     patience = SLACK * float(planned.seconds) + PATIENCE_S
-    look = Look(rate=planned.rate, words=planned.words, rle=planned.rle, channel=channel, patience_s=patience)
+    look = SampleRequest(
+        rate=planned.rate, words=planned.words, rle=planned.rle, channel=channel, patience_s=patience
+    )
     with progress(label, planned.words) as done:
         return sump_capture(line, look, done, armed)
 
 
-def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
+def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> CaptureNeeds:
     """Return what is to be captured: by default the whole loop of the schedule, and a lead-in before it."""
     if schedule is None:
         frames = ceil(_exact(seconds or SECONDS) / TYPICAL_PERIOD_S)
-        return Wanted(
+        return CaptureNeeds(
             period_s=TYPICAL_PERIOD_S,
             edges=Fraction(TYPICAL_EDGES),
             frames=frames,
@@ -262,7 +277,7 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     begin, more = _moments(schedule.lead_in)
     if seconds is None:
         frames = schedule.lead_in_frames + schedule.loop_frames
-        return Wanted(
+        return CaptureNeeds(
             period_s=period,
             edges=max(loop, begin),
             frames=frames,
@@ -270,7 +285,7 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
             most=max(maximum, more),
         )
     frames = ceil(_exact(seconds) / period)
-    return Wanted(
+    return CaptureNeeds(
         period_s=period,
         edges=Fraction(max(maximum, more)),
         frames=frames,

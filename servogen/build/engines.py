@@ -1,6 +1,6 @@
 """The engines that a job can choose: from a job to its schedule and the firmware of each dialect.
 
-In: a `PlannedJob`. Out: `Planned`. "auto" is the first engine of the registry that can do the job.
+In: a `PlannedJob`. Out: `PlayedJob`. "auto" is the first engine of the registry that can do the job.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from servogen.report.tracks import errors_of, tracks_of, worst_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Planned:
+class PlayedJob:
     """A job as its engine plays it, with its lead-in; the schedule; the function that makes the firmware."""
 
     job: PlannedJob
@@ -47,7 +47,7 @@ class Planned:
         }
 
 
-def planned(job: PlannedJob) -> Planned:
+def planned(job: PlannedJob) -> PlayedJob:
     """Return the job as its engine plays it.
 
     Raises InputError; ResourceError if no engine can hold the motion.
@@ -87,7 +87,7 @@ def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
     return replace(plan, schedule=replace(plan.schedule, plan_error=error))
 
 
-def _planned(job: PlannedJob) -> Planned:
+def _planned(job: PlannedJob) -> PlayedJob:
     names = _suitable(job)
     if len(names) == 1:
         return _played_by(names[0], job)
@@ -118,7 +118,7 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
     return suitable(job.stream is not None, firmware.buttons.any, firmware.commands is not None)
 
 
-def _played_by(name: str, job: PlannedJob) -> Planned:
+def _played_by(name: str, job: PlannedJob) -> PlayedJob:
     played = engine_named(name).plan(job)
     error, limit = played.plan.schedule.plan_error, job.firmware.max_error_us
     if error is not None and error.width_us > limit:
@@ -129,7 +129,7 @@ def _played_by(name: str, job: PlannedJob) -> Planned:
             job.document.place("firmware", "max_error_us"),
         )
     motion = replace(job, trajectory=played.trajectory)
-    return Planned(
+    return PlayedJob(
         job=motion,
         engine=name,
         plan=played.plan,

@@ -1,6 +1,6 @@
 """Checks an image before it is programmed: the chip, the proof of its pulses, the image itself.
 
-In: an image, the schedule it was built for, the requested device. Out: a `Check`.
+In: an image, the schedule it was built for, the requested device. Out: a `FlashCheck`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SCHEDULE = "schedule.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class FlashCheck:
     """The device to program, the objections to programming it, and warnings."""
 
     device: Device
@@ -45,7 +45,7 @@ def schedule_beside(file: Path) -> Path | None:
 
 def check(
     file: Path, image: Image, asked: str | None, path: Path | None, schedule: PulseSchedule | None
-) -> Check:
+) -> FlashCheck:
     """Return the check of `image`, read from `file` and built for `schedule`, which was read from `path`.
 
     Raises InputError if neither the schedule nor `asked` names the device.
@@ -53,7 +53,7 @@ def check(
     name, wrong_chip = _device(file, asked, schedule)
     device, place = device_named(name), Location(str(file))
     against = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
-    return Check(
+    return FlashCheck(
         device,
         tuple(replace(objection, location=place) for objection in against),
         tuple(replace(diagnostic, location=place) for diagnostic in remarks(image, device)),

@@ -28,16 +28,16 @@ from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
 from servogen.grade import ChipFacts, Grade, Lab, Submission, judge, message, refused
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
 from servogen.grade.watch import Watched, watch
-from servogen.isolation import COMPILING, LimitExceeded, Limits, Resource, can_fork, run_each
+from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
-from servogen.simulator import Machine, Options, Repeat, State, find_repeat
+from servogen.simulator import Machine, MachineState, Repeat, SimulatorOptions, find_repeat
 from servogen.units import Clock, Cycles
 
-BOARD = Options(ra4_pull_up=True)
+BOARD = SimulatorOptions(ra4_pull_up=True)
 
-RUNNING = Limits(seconds=120.0)
+RUNNING = WorkLimits(seconds=120.0)
 """The limits for running and judging one program, which usually takes a second."""
 
 PATIENCE = 4
@@ -100,7 +100,7 @@ class Graded:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class GradingTask:
     """How to grade: the lab, how programs are read, and the limits for compiling and running one.
 
     A task can be sent to a worker of a cluster.
@@ -108,24 +108,24 @@ class Task:
 
     lab: Lab
     read: Read
-    compiling: Limits = COMPILING
-    running: Limits = RUNNING
+    compiling: WorkLimits = COMPILING
+    running: WorkLimits = RUNNING
 
     @classmethod
-    def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> Task:
+    def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> GradingTask:
         """Return the task in which running and compiling may each take `seconds` of processor time."""
         compiling_s = min(seconds, COMPILING.seconds)
         return cls(
             lab,
             read,
-            Limits(compiling_s, memory_mb, elapsed_s=PATIENCE * compiling_s),
-            Limits(seconds, memory_mb, elapsed_s=PATIENCE * seconds),
+            WorkLimits(compiling_s, memory_mb, elapsed_s=PATIENCE * compiling_s),
+            WorkLimits(seconds, memory_mb, elapsed_s=PATIENCE * seconds),
         )
 
 
 def grade_submissions(
     submissions: Sequence[Submission],
-    task: Task,
+    task: GradingTask,
     scheduler: str | None = None,
     progress: Callable[[int], None] = lambda done: None,
     at_once: int | None = None,
@@ -193,7 +193,9 @@ def _source(listing: Listing | None, pc: int, returns: Sequence[int]) -> FilmSou
     return None
 
 
-def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> Iterator[tuple[int, Graded]]:
+def _in_forks(
+    submissions: Sequence[Submission], task: GradingTask, at_once: int
+) -> Iterator[tuple[int, Graded]]:
     """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
     _load_simulator()
     compiled: dict[int, Compiled] = {}
@@ -242,7 +244,7 @@ def _load_simulator() -> None:
 
 
 def _in_fresh_processes(
-    submissions: Sequence[Submission], task: Task, at_once: int
+    submissions: Sequence[Submission], task: GradingTask, at_once: int
 ) -> Iterator[tuple[int, Graded]]:
     with ThreadPoolExecutor(at_once) as pool:
         futures = {
@@ -256,7 +258,7 @@ def _in_fresh_processes(
                 yield futures[future], future.result()[0]
 
 
-def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> list[Graded]:
+def grade_in_fresh_process(submissions: Sequence[Submission], task: GradingTask) -> list[Graded]:
     """Return the grades of `submissions`, graded one after the other in one fresh process.
 
     If that process fails, each submission is tried in one of its own.
@@ -278,7 +280,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
         why = ": ".join([f"its process ended with exit code {done.returncode}", *last])
     except subprocess.TimeoutExpired as error:
         if len(submissions) == 1:  # where processes cannot be forked
-            late = LimitExceeded(Resource.TIME, Limits(seconds=error.timeout))
+            late = LimitExceeded(Resource.TIME, WorkLimits(seconds=error.timeout))
             return [_failed(submissions[0], task.lab, "compiling and running it", late)]
         why = f"its process had not ended after {error.timeout:g} s"
     if len(submissions) > 1:
@@ -300,7 +302,7 @@ def serve() -> None:
 
 
 def _on_cluster(
-    submissions: Sequence[Submission], task: Task, scheduler: str
+    submissions: Sequence[Submission], task: GradingTask, scheduler: str
 ) -> Iterator[tuple[int, Graded]]:
     starts = range(0, len(submissions), BATCH)
     with _client(scheduler) as client:
@@ -323,7 +325,7 @@ def _on_cluster(
                 yield from enumerate(_results(future, batch, task), start)
 
 
-def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Task) -> list[Graded]:
+def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: GradingTask) -> list[Graded]:
     if not future.done():
         error: BaseException | None = ToolError("grading-failed", "the cluster no longer has a worker")
     else:
@@ -371,7 +373,7 @@ def _has_worker(client: Any) -> bool:
         return False
 
 
-def _facts(state: State, program: Runnable) -> ChipFacts:
+def _facts(state: MachineState, program: Runnable) -> ChipFacts:
     tris = {"A": state.registers["TRISA"], "B": state.registers["TRISB"]}
     return ChipFacts(
         inputs=frozenset(number for number, pin in enumerate(PINS) if tris[pin[1]] >> int(pin[2]) & 1),

@@ -23,7 +23,7 @@ from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, is_job, read_
 from servogen.pulse import PulseSchedule
 from servogen.report.pictures import Picture
 from servogen.report.pulse_plot import pulse_figure
-from servogen.simulator import Options, Simulation, load_stimuli
+from servogen.simulator import Simulation, SimulatorOptions, load_stimuli
 from servogen.simulator import simulate as run
 from servogen.simulator.machine import Stimulus
 from servogen.units import Clock, Cycles
@@ -70,7 +70,7 @@ def simulate(
     seconds: float | None = None,
     *,
     clock_hz: int | None = None,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     stimulus: File | Stimulus | None = None,
 ) -> Simulation:
     """Return what a program does from power-up on: its pins' edges, the chip at the end, warnings.

@@ -23,7 +23,7 @@ from servogen.pic.listing import Listing
 from servogen.plan_error import plan_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, Options, find_repeat
+from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, SimulatorOptions, find_repeat
 from servogen.traces.captures import Capture
 from servogen.units import Cycles
 from servogen.verify import (
@@ -60,7 +60,7 @@ def running(
     schedule: PulseSchedule,
     image: Image,
     span: Cycles,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> EdgeTrace:
     """Return the edges of `image` on the simulator, for `span` cycles plus the time to the first pulse."""
     limit = Cycles(span + START_FRAMES * schedule.period)
@@ -125,7 +125,7 @@ def prove_image(
     image: Image,
     span: Cycles | None = None,
     listing: Listing | None = None,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> Verdict:
     """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
 
@@ -226,7 +226,7 @@ def prove_forever(
     image: Image,
     limit: Cycles,
     listing: Listing | None = None,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> Forever:
     """Find a repetition of the machine's state within `limit` cycles from reset; return the verdict on all
     cycles up to it.

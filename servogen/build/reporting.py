@@ -22,14 +22,14 @@ from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import CaptureFacts, PageFacts, html_page
 from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
 from servogen.traces.vcd import read_vcd
-from servogen.twin import Verdict
+from servogen.twin import TwinVerdict
 from servogen.twin.pictures import page_facts
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class ReportPage:
     """A page, whether all programs' edges are proven and, if no program was built, the reason."""
 
     html: str
@@ -37,7 +37,7 @@ class Page:
     not_built: Diagnostic | None
     plan_error: PlanError | None = None
     capture: CaptureVerdict | None = None
-    twin: Verdict | None = None
+    twin: TwinVerdict | None = None
 
     @property
     def proven(self) -> bool:
@@ -60,7 +60,7 @@ def page_of(
     progress: Progress = lambda step: None,
     rate: int | None = None,
     twin: bool = False,
-) -> Page:
+) -> ReportPage:
     """Build the job and return its page; `rate` is a capture's samples per second. Raises InputError.
 
     With `twin` the page shows what the robot does in the physics; raises ToolError if MuJoCo is missing.
@@ -74,7 +74,7 @@ def page_of(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
         seen = beside.verdict if beside else None
-        return Page(
+        return ReportPage(
             html=html_page(facts),
             programs_proven=False,
             not_built=error.first,
@@ -89,7 +89,7 @@ def page_of(
     beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
     facts = replace(_facts(done, beside), twin=page_facts(moved) if moved else None)
-    return Page(
+    return ReportPage(
         html=html_page(facts),
         programs_proven=done.proven,
         not_built=None,

@@ -19,7 +19,7 @@ from servogen.build.engines import planned
 from servogen.build.proof import checked_cycles, motion_cycles, prove_image, running
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
-from servogen.engines.sequence.overheads import START, Overheads, Path
+from servogen.engines.sequence.overheads import START, DelayPath, Overheads
 from servogen.engines.sequence.programs import Hold
 from servogen.engines.sequence.programs import Sequence as Program
 from servogen.engines.sequence.rendering import render
@@ -118,7 +118,7 @@ def _overheads(
     `files` are the names of the HEX and its C.
     """
     ways = _ways(program)
-    costs: dict[Path, int] = {}
+    costs: dict[DelayPath, int] = {}
     for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
         delays, taken, at = _since(ours, index) - known.of(path), _since(seen, index), seen[index].cycle
         cost = taken - delays
@@ -181,7 +181,7 @@ def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, name: 
         )
 
 
-def _ways(program: Program) -> Mapping[Path, str]:
+def _ways(program: Program) -> Mapping[DelayPath, str]:
     """Return a description of each path, to follow a subject."""
     ways = {START: "from reset to the first edge"}
     for step in (*program.lead_in, *program.loop):
@@ -190,7 +190,7 @@ def _ways(program: Program) -> Mapping[Path, str]:
     return ways
 
 
-def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[Path, str]]:
+def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, str]]:
     name = f"position_{step.position.number}" if step.position else f"the frame of step {step.number + 1}"
     owner = step.position.number if step.position else -step.number
     for index, edge in enumerate(step.frame.edges):
@@ -198,7 +198,7 @@ def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[Path, str]]:
             f"{schedule.channels[channel].name} {'high' if level else 'low'}"
             for channel, level in edge.changes
         )
-        yield Path("in", owner, index), f"in {name} after {words}"
-    yield Path("again", owner), f"from {name} to the same again"
-    yield Path("turn", step.number), f"from a call of step {step.number + 1} to its next"
-    yield Path("after", step.number), f"from step {step.number + 1} to the next"
+        yield DelayPath("in", owner, index), f"in {name} after {words}"
+    yield DelayPath("again", owner), f"from {name} to the same again"
+    yield DelayPath("turn", step.number), f"from a call of step {step.number + 1} to its next"
+    yield DelayPath("after", step.number), f"from step {step.number + 1} to the next"

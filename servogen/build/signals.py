@@ -21,7 +21,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import servo_model
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.traces import SUFFIXES, read_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.units import Cycles
@@ -101,7 +101,7 @@ def refuse_chip_options(file: Path) -> None:
 
 
 def scheduled_edges(
-    file: Path, schedule: PulseSchedule, span: Cycles, options: Options, read: Read = read_program
+    file: Path, schedule: PulseSchedule, span: Cycles, options: SimulatorOptions, read: Read = read_program
 ) -> EdgeTrace:
     """Return the edges of a program that runs for `span`, or those in a file, by the schedule's clock."""
     if is_program(file):
@@ -114,7 +114,7 @@ def unscheduled_edges(
     file: Path,
     seconds: float | None,
     clock_hz: int | None,
-    options: Options,
+    options: SimulatorOptions,
     read: Read = read_program,
     *,
     own_device: bool = False,

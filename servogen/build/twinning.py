@@ -1,6 +1,6 @@
 """From a job to its twin: the program, compiled or from a file, in a simulated robot.
 
-In: a planned job, settings. Out: `Verdict`.
+In: a planned job, settings. Out: `TwinVerdict`.
 """
 
 from __future__ import annotations
@@ -8,22 +8,22 @@ from __future__ import annotations
 from pathlib import Path
 
 from servogen.build.build import Build, Progress
-from servogen.build.engines import Planned, planned
+from servogen.build.engines import PlayedJob, planned
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
 from servogen.programs import read_program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
-from servogen.twin import Settings, Verdict, planned_of, simulate, verdict_of
+from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
 
 
 def twin_of(
     job: PlannedJob,
-    settings: Settings = Settings(),  # noqa: B008 - frozen
+    settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
     program: Path | None = None,
     stimuli: Stimuli | None = None,
     progress: Progress = lambda step: None,
-) -> Verdict:
+) -> TwinVerdict:
     """Return what the robot does with the job's own program, or with the one in a file. Raises InputError."""
     played = planned(job)
     progress("compiling")
@@ -32,7 +32,7 @@ def twin_of(
     return twin_of_image(job, played.job, played.plan.schedule, image, settings, stimuli)
 
 
-def twin_of_build(job: PlannedJob, done: Build) -> Verdict:
+def twin_of_build(job: PlannedJob, done: Build) -> TwinVerdict:
     """Return what the robot does with the job's own program of a build."""
     return twin_of_image(job, done.job, done.plan.schedule, done.programs[0].image)
 
@@ -42,16 +42,16 @@ def twin_of_image(
     played: PlannedJob,
     schedule: PulseSchedule,
     image: Image,
-    settings: Settings = Settings(),  # noqa: B008 - frozen
+    settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
     stimuli: Stimuli | None = None,
-) -> Verdict:
+) -> TwinVerdict:
     """Return what the robot does with an image; `played` is the job as its engine plays it."""
     lead_in = played.trajectory.loop_start - job.trajectory.loop_start
     record = simulate(played, schedule, image, lead_in, settings, stimuli)
     return verdict_of(record, job, planned_of(played, lead_in, settings.loops))
 
 
-def _image(played: Planned, program: Path | None) -> Image:
+def _image(played: PlayedJob, program: Path | None) -> Image:
     if program is not None:
         return read_program(program, played.job.device.name).image
     return played.make(played.job.firmware.dialect).compilation.image

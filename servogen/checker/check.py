@@ -22,7 +22,7 @@ import numpy as np
 
 from servogen.checker import chip
 from servogen.checker.certificate import FRAME_NUMBER, PLACE, WIDTH, Certificate, fingerprint
-from servogen.checker.plan import OVER, PINS, UNCOMMANDED, Place, Plan, Position, read_plan
+from servogen.checker.plan import OVER, PINS, UNCOMMANDED, Place, Plan, PlanPosition, read_plan
 from servogen.pic.image import Image
 from servogen.units import Clock
 
@@ -74,14 +74,14 @@ class Checker:
             plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
         self._plan = plan
         watched = image.config is None or image.config & WATCHDOG_ON
-        self._memory = chip.Memory(
+        self._memory = chip.ChipMemory(
             chip.program_code(image, certificate.cuts),
             np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)]),
             chip.result_table(),
             chip.slot_table(),
             memo=np.full((chip.MEMO, 2), -1),
         )
-        self._board = chip.Board(
+        self._board = chip.ChipSurroundings(
             limit=MAX_PERIODS * plan.period,
             period=plan.period,
             channels=plan.channels,
@@ -91,7 +91,7 @@ class Checker:
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
         )
         self._following, self._sampled = cache(self._after), cache(self._sample)
-        self._due = cache(lambda frame, place: plan.run_of(Position(frame, self._places[place].memory)))
+        self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
         self._places: list[Place] = []
         self._numbers: dict[Place, int] = {}

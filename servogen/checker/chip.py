@@ -98,7 +98,7 @@ X_IS_W, X_IS_CARRY = -1, -2
 MEMO, SPREAD = 1 << 16, 0x2545F4914F6CDD1D
 
 
-class Memory(NamedTuple):
+class ChipMemory(NamedTuple):
     """What the chip holds, and tables."""
 
     code: Ints
@@ -111,7 +111,7 @@ class Memory(NamedTuple):
     """Results of unknown operands."""
 
 
-class Board(NamedTuple):
+class ChipSurroundings(NamedTuple):
     """What is around the chip. Pins are bits of a word."""
 
     limit: int
@@ -230,7 +230,7 @@ def timer(s: Ints, at: int) -> int:
 
 
 @compiled
-def plan_time_out(s: Ints, board: Board, changed: int, at: int) -> None:
+def plan_time_out(s: Ints, board: ChipSurroundings, changed: int, at: int) -> None:
     """Set the first cycle in which any chip's watchdog may time out, after bits of OPTION have changed."""
     if board.watchdog:
         scaled = s[OPTION] & PSA and not changed & PSA  # its prescaler's count is 0 since CLRWDT
@@ -249,7 +249,7 @@ def request(s: Ints, at: int) -> None:
 
 
 @compiled
-def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: Board, at: int) -> int:
+def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: ChipSurroundings, at: int) -> int:
     """Compare the pins with the expected edges after the instruction of cycle `at` wrote a port or TRIS."""
     tris = s[TRISA] | s[TRISB] << 5
     out = (s[PORTA] & 0x1F | (s[PORTB] & 0xFF) << 5) & ~tris
@@ -270,7 +270,7 @@ def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: Board, at: int) -> int:
 
 
 @compiled
-def read(s: Ints, board: Board, slot: int, at: int) -> int:
+def read(s: Ints, board: ChipSurroundings, slot: int, at: int) -> int:
     """Return the byte that an instruction in cycle `at` reads from a register."""
     if slot in (PORTA, PORTB):
         driven, used, shift = ~s[slot + BANK_1], 0xFF, 5
@@ -290,7 +290,7 @@ def read(s: Ints, board: Board, slot: int, at: int) -> int:
 
 
 @compiled
-def write(s: Ints, eeprom: Ints, board: Board, slot: int, at: int, r: int) -> int:
+def write(s: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, at: int, r: int) -> int:
     """Write a register other than PCL, STATUS and the ports by an instruction in cycle `at`."""
     m = 0xFF if r >> 16 else r >> 8
     if slot == T0:
@@ -333,7 +333,7 @@ def ask(s: Ints, slot: int, bits: int) -> int:
 
 
 @compiled
-def attend(s: Ints, edge_at: Ints, board: Board) -> int:
+def attend(s: Ints, edge_at: Ints, board: ChipSurroundings) -> int:
     """Process the events due between two instructions; return the reason to stop."""
     now = s[CYCLE]
     if now >= s[T0_DUE]:  # one cycle before TMR0 is read as 00h
@@ -367,7 +367,9 @@ def attend(s: Ints, edge_at: Ints, board: Board) -> int:
 
 
 @compiled
-def run(s: Ints, used: Ints, edge_at: Ints, edge_out: Ints, memory: Memory, board: Board) -> int:
+def run(
+    s: Ints, used: Ints, edge_at: Ints, edge_out: Ints, memory: ChipMemory, board: ChipSurroundings
+) -> int:
     """Run to the next cut, fork, frame or last edge of a frame, and return the reason; the instruction at PC
     is not executed.
 

@@ -24,14 +24,14 @@ PINS = [f"RA{n}" for n in range(5)] + [f"RB{n}" for n in range(8)]
 LARGEST = 10**9
 
 
-class Position(NamedTuple):
+class PlanPosition(NamedTuple):
     """The frame whose pulses are due, and the memory of the inputs."""
 
     frame: int
     memory: Memory
 
 
-OVER = Position(-1, ())
+OVER = PlanPosition(-1, ())
 """No pulse will follow, whatever happens."""
 
 
@@ -198,10 +198,10 @@ class Plan:
         return inputs.frames - 1 if isinstance(inputs, StartStop) and inputs.start else 0
 
     @cached_property
-    def first(self) -> Position:
+    def first(self) -> PlanPosition:
         """Return the position at the first pulse."""
         run = next(number for number, (at, _) in enumerate(self.edges) if len(at))
-        return Position(max(self.waiting, self.ends[run - 1] if run else 0), self.inputs.power_up)
+        return PlanPosition(max(self.waiting, self.ends[run - 1] if run else 0), self.inputs.power_up)
 
     def sample(self, place: Place, pin: int, level: int) -> Place | None:
         """Return the place once the pin was read; None if it was read before in this frame."""
@@ -212,15 +212,15 @@ class Plan:
             return Place(self.inputs.hear(memory, level << pin), 0, 1 << pin)
         return Place(memory, levels | level << pin, sampled | 1 << pin)
 
-    def run_of(self, position: Position) -> int:
+    def run_of(self, position: PlanPosition) -> int:
         """Return the number of the run of equal frames at `position`; one of no edges if no pulse is due."""
         on = position != OVER and (not isinstance(self.inputs, StartStop) or position.memory[1])
         return bisect_right(self.ends, position.frame) if on else len(self.ends)
 
-    def following(self, frame: int, memory: Memory) -> Position:
+    def following(self, frame: int, memory: Memory) -> PlanPosition:
         """Return the position of the frame after `frame`, with what is remembered at its end."""
         if self.parts:
-            return Position(self._commanded(frame, memory[0]), memory)
+            return PlanPosition(self._commanded(frame, memory[0]), memory)
         inputs = cast(StartStop, self.inputs)
         running, on, _, stopped = memory
         if inputs.start and inputs.off and stopped == inputs.frames:
@@ -229,7 +229,7 @@ class Plan:
             frame = frame + 1 if frame + 1 < self.loop_end else self.loop
         pulses = any(len(at) for at, _ in self.edges[bisect_right(self.ends, self.loop) :])
         silent = frame >= self.loop and not self.buttons and not pulses
-        return OVER if silent or not (on or inputs.start) else Position(frame, memory)
+        return OVER if silent or not (on or inputs.start) else PlanPosition(frame, memory)
 
     def _commanded(self, frame: int, wanted: int) -> int:
         """Return the frame after `frame`, that of another part where it is the last one of its part."""

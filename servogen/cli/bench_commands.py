@@ -19,7 +19,7 @@ from servogen.units import counted
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
-    from servogen.build import Planned
+    from servogen.build import PlayedJob
     from servogen.build.capture import Captured
     from servogen.pic.image import Image
 
@@ -64,7 +64,7 @@ def flash(
     """Prove a program's pulses, program a chip with it, and check that the chip was programmed."""
     from servogen.bench.programmers.flash import command_of
     from servogen.bench.programmers.flash import flash as flashed
-    from servogen.bench.programmers.table import Order, find
+    from servogen.bench.programmers.table import ProgrammingRequest, find
     from servogen.build.flashing import check, schedule_beside
 
     if is_job(file):
@@ -76,7 +76,7 @@ def flash(
     image = read_image(file)
     path = against or schedule_beside(file)
     checked = check(file, image, device, path, read_schedule(path) if path else None)
-    order = Order(file, checked.device, port)
+    order = ProgrammingRequest(file, checked.device, port)
     installed = find(programmer)
     command = command_of(installed, order)
     for warning in checked.warnings(force):
@@ -220,7 +220,7 @@ def rig(
         terminals.serve(ended.is_set)
 
 
-def _image(played: Planned) -> Image:
+def _image(played: PlayedJob) -> Image:
     return played.make(played.job.firmware.dialect).compilation.image
 
 

@@ -11,7 +11,7 @@ import typer
 from servogen.cli.files import keep_apart, read_image, within_limits
 from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import as_json, warn_of_all
-from servogen.isolation import COMPILING, Limits
+from servogen.isolation import COMPILING, WorkLimits
 from servogen.programs import (
     beside_c,
     devices_of,
@@ -115,7 +115,7 @@ def compile_c(
     compilation = within_limits(
         lambda: compile_sources(texts, options),
         sources[0],
-        Limits(timeout, memory_mb),
+        WorkLimits(timeout, memory_mb),
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")
@@ -197,7 +197,7 @@ def assemble(
     assembly = within_limits(
         lambda: assembled(text, str(source), chip, beside(source.parent)),
         source,
-        Limits(timeout, memory_mb),
+        WorkLimits(timeout, memory_mb),
         "--timeout and --memory-mb allow more",
     )
     target = output or source.with_suffix(".hex")

@@ -19,7 +19,7 @@ from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
     from servogen.drive.commands import CommandSource, Keys
-    from servogen.drive.controller import Channel, ServoController
+    from servogen.drive.controller import ControllerChannel, ServoController
     from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
     from servogen.drive.sweep import Ask, Sweep
@@ -120,9 +120,9 @@ def drive(
 ) -> None:
     """Move a robot live over a serial line (Mini SSC): play its job's motion, go to a pose or steer it."""
     from servogen.drive.controller import controller_of
-    from servogen.drive.request import Request, course_of
+    from servogen.drive.request import DriveRequest, course_of
     from servogen.drive.serial_link import SerialLink, Time, VirtualTime
-    from servogen.drive.session import Session
+    from servogen.drive.session import DriveSession
     from servogen.drive.steering import Rates
     from servogen.job import load, plan_job
 
@@ -139,7 +139,7 @@ def drive(
         _walk_on_command(loaded, port, baud, seconds, dry_run, json)
         return
     speed, controller = controller_of(loaded, baud, range_us, first)
-    request = Request(
+    request = DriveRequest(
         pose=pose,
         steer=steer,
         single_keys=sys.stdin.isatty() and not dry_run,
@@ -163,7 +163,7 @@ def drive(
             if course.state is not None and not json:
                 print(course.state(), file=sys.stderr, flush=True)
 
-        session = Session(
+        session = DriveSession(
             controller=controller,
             line=line,
             time=time,
@@ -204,7 +204,7 @@ def _walk_on_command(
     from contextlib import ExitStack
 
     from servogen.drive.commands import WALK_KEYS
-    from servogen.drive.on_command import CommandedDrive, State, Twin, line_baud
+    from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin, line_baud
     from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
     from servogen.engines.player.commands import CommandLine
     from servogen.errors import InputError, Location
@@ -232,9 +232,9 @@ def _walk_on_command(
                 f"{job.name}: {where}; widths of {', '.join(servo.name for servo in job.servos)}", flush=True
             )
         source = stack.enter_context(_source(True, dry_run, WALK_KEYS, WALK_KEYS_HELP))
-        last: State | None = None
+        last: CommandedFrame | None = None
 
-        def tell(state: State) -> None:
+        def tell(state: CommandedFrame) -> None:
             nonlocal last
             new = last is None or (state.direction, state.part) != (last.direction, last.part)
             last = state
@@ -460,7 +460,7 @@ def _taken(
         return sweep_readings(controller, index, stops, line, time, ask)
 
 
-def _asking(channel: Channel, count: int) -> Ask:
+def _asking(channel: ControllerChannel, count: int) -> Ask:
     """Return what asks on the terminal until it gets a number."""
     from servogen.drive.commands import QUIT, LineCommands
     from servogen.errors import InputError

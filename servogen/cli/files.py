@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from servogen import programs
 from servogen.cli.show import warn
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.isolation import COMPILING, Limits, missing_limits
+from servogen.isolation import COMPILING, WorkLimits, missing_limits
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -73,7 +73,7 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
 def within_limits(
     work: Callable[[], T],
     file: Path,
-    limits: Limits = COMPILING,
+    limits: WorkLimits = COMPILING,
     hint: str = programs.LIMITS_HINT,
 ) -> T:
     """Return what `work`, which compiles `file`, returns. Raises InputError if it exceeds the limits."""

@@ -21,9 +21,9 @@ from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from servogen.build.grading import Graded, Task
+    from servogen.build.grading import Graded, GradingTask
     from servogen.grade import Lab
-    from servogen.grade.formats import Entry
+    from servogen.grade.formats import GradedProgram
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 """What counts as a HEX file in a folder: other tools write .obj files that are not."""
@@ -115,11 +115,11 @@ def grade(
         require_server()
     elif port:
         raise InputError("conflicting-options", "--port is for --watch")
-    from servogen.build.grading import Task, grade_submissions
+    from servogen.build.grading import GradingTask, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
 
     keep_apart([path for path in files if not path.is_dir()], csv, junit, gradescope, classroom)
-    task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
+    task = GradingTask.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))
     formats = _Formats(csv, junit, gradescope, classroom)
@@ -159,7 +159,9 @@ def grade(
     raise typer.Exit(0 if all(result.grade.passed for result in graded) else 1)
 
 
-def _serve(task: Task, names: Sequence[str], graded: Sequence[Graded], port: int, browser: bool) -> None:
+def _serve(
+    task: GradingTask, names: Sequence[str], graded: Sequence[Graded], port: int, browser: bool
+) -> None:
     """Serve the class's pages until Ctrl-C."""
     from servogen.watch.graded import class_pages, class_rooms
     from servogen.watch.server import WatchServer
@@ -191,10 +193,10 @@ class _Formats:
 
     def write(self, lab: Lab, graded: Sequence[Graded]) -> None:
         """Write the requested files."""
-        from servogen.grade.formats import Entry, classroom_json, csv_text, gradescope_json, junit_xml
+        from servogen.grade.formats import GradedProgram, classroom_json, csv_text, gradescope_json, junit_xml
         from servogen.outputs import write_text
 
-        entries = [Entry(result.submission.name, result.grade, result.defect) for result in graded]
+        entries = [GradedProgram(result.submission.name, result.grade, result.defect) for result in graded]
         if self.csv:
             write_text(self.csv, csv_text(lab, entries))
         if self.junit:
@@ -220,7 +222,7 @@ class _Formats:
                 write_text(target, text(lab, why))
 
 
-def _write_each(folder: Path, entries: Sequence[Entry], text: Callable[[Entry], str]) -> None:
+def _write_each(folder: Path, entries: Sequence[GradedProgram], text: Callable[[GradedProgram], str]) -> None:
     """Write a file for each program to a folder, named like its page."""
     from servogen.grade import page_names
     from servogen.outputs import make_folder, write_text

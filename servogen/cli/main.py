@@ -67,7 +67,7 @@ COMMANDS = {module: names for modules in GROUPS.values() for module, names in mo
 PANELS = {name: group for group, modules in GROUPS.items() for names in modules.values() for name in names}
 
 
-class Commands(TyperGroup):
+class LazyCommands(TyperGroup):
     """The commands, of which only those of the module that is needed are loaded: the others cost no time."""
 
     def list_commands(self, ctx: Context) -> list[str]:
@@ -91,7 +91,7 @@ class Commands(TyperGroup):
 
 app = typer.Typer(
     name="servogen",
-    cls=Commands,
+    cls=LazyCommands,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,

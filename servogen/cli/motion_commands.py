@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from servogen.kinematics.protocol import WalkingRobot
     from servogen.motion.gait.phases import Gait
     from servogen.motion.gait.walk import Walk
-    from servogen.movemaster import Run
+    from servogen.movemaster import ProgramRun
     from servogen.report.gait_facts import GaitFacts
 
 
@@ -148,7 +148,7 @@ def gait(
     from servogen.kinematics.protocol import Posture
     from servogen.motion.gait.steps import Segment
     from servogen.motion.gait.walk import walk
-    from servogen.motion.limits import Limits
+    from servogen.motion.limits import JointLimits
     from servogen.motion.loads import check_loads, loads_of
     from servogen.report.gait_facts import facts_of, walk_to_json
     from servogen.robot.servo_models import servo_model
@@ -176,7 +176,7 @@ def gait(
         period,
         clock,
         frames_per_cycle=frames,
-        limits=Limits(model.speed or float("inf")),
+        limits=JointLimits(model.speed or float("inf")),
         spring_m=_metres(spring_mm),
         allow_falling=allow_falling,
         lost=model.lost_motion(model.calibration) if compensate else 0.0,
@@ -402,7 +402,7 @@ def run_program(
     warn_of_all(done.warnings)
 
 
-def _show_run(done: Run) -> None:
+def _show_run(done: ProgramRun) -> None:
     table(
         "Motion",
         ("line", "command", "from s", "for s", "x mm", "y mm", "z mm", "pitch °", "roll °", "hand"),

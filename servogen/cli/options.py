@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from servogen.simulator.options import Options, start_value
+from servogen.simulator.options import SimulatorOptions, start_value
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
@@ -144,17 +144,17 @@ class ChipOptions:
 
     values: Mapping[str, Any]
 
-    def on(self, device: str) -> Options:
+    def on(self, device: str) -> SimulatorOptions:
         """Return the simulator's options for a device. Raises InputError."""
         start = tuple(start_value(text) for text in self.values["start"])
-        return Options(device=device, **{**self.values, "start": start})
+        return SimulatorOptions(device=device, **{**self.values, "start": start})
 
     @property
     def given(self) -> bool:
         """Return whether any differs from its default."""
         return any(
             self.values[option.name] != option.default
-            for option in fields(Options)
+            for option in fields(SimulatorOptions)
             if option.name != "device"
         )
 
@@ -167,7 +167,7 @@ def takes_chip_options(command: Callable[..., None]) -> Callable[..., None]:
         for name, parameter in signature.parameters.items()
         if name != "chip"
     ]
-    chips = [_chip_parameter(option) for option in fields(Options) if option.name != "device"]
+    chips = [_chip_parameter(option) for option in fields(SimulatorOptions) if option.name != "device"]
     where = next((index for index, parameter in enumerate(own) if parameter.name == "json"), len(own))
 
     @wraps(command)

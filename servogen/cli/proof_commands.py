@@ -173,7 +173,7 @@ def prove(
             raise InputError(
                 "conflicting-options", "--any-line has neither --certificate, --hold-inputs nor --any-eeprom"
             )
-        request = Request(
+        request = ProofRequest(
             against=against,
             certificate=certificate,
             counterexample=counterexample,
@@ -223,7 +223,7 @@ def _text(answer: Answer) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ProofRequest:
     """The options of the command that belong to a schedule."""
 
     against: Path
@@ -242,13 +242,13 @@ class Request:
         return self.counterexample.with_suffix(".hex")
 
 
-def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
+def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: bool) -> int:
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
     from servogen.build.signals import device_for, program_for
     from servogen.inputs import read_input
     from servogen.prove import certificate, prove_for_all
     from servogen.prove.prover import MAX_STATES
-    from servogen.simulator import Options
+    from servogen.simulator import SimulatorOptions
 
     if request.certificate is not None and not request.over.complete:
         raise InputError(
@@ -260,7 +260,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
     keep_apart([file, request.against], request.certificate, request.counterexample, content)
     schedule = read_schedule(request.against)
     chip = device_for(schedule, request.against, device)
-    board = replace(Options(device=chip), **request.times)
+    board = replace(SimulatorOptions(device=chip), **request.times)
     program = program_for(schedule, file, chip, read_program)
     planned = None if request.any_line is None else _line_job(request.any_line, schedule, request.against)
     with status("looking for every state") as tell:
@@ -322,7 +322,7 @@ def _any_line(program: Program, job: PlannedJob, streamed: Streaming) -> LinePro
 
 
 def _line_lines(
-    line: LineProof, idle: Proof, file: Path, request: Request, schedule: PulseSchedule
+    line: LineProof, idle: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> list[str]:
     """Return the answer for any line as text; `idle` is the one for an idle line."""
     if not line.proven:
@@ -353,7 +353,7 @@ def _of_any_line(line: LineProof, idle: Proof, schedule: PulseSchedule) -> list[
 
 
 def _line_to_json(
-    line: LineProof, idle: Proof, file: Path, request: Request, schedule: PulseSchedule
+    line: LineProof, idle: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> dict[str, object]:
     """Return the answer for any line as values of JSON."""
     shown = line.counterexample
@@ -381,7 +381,9 @@ def _write_content(content: dict[int, int], image: Image, path: Path) -> None:
     write_text(path, to_hex(replace(image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), 0xFF), **content})))
 
 
-def _command(counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
+def _command(
+    counterexample: Counterexample, file: Path, request: ProofRequest, schedule: PulseSchedule
+) -> str:
     """Return the command that shows a counterexample's edges."""
     stimulus = ["--stimulus", str(request.counterexample)] if counterexample.stimulus(schedule) else []
     clock = [] if counterexample.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
@@ -391,7 +393,7 @@ def _command(counterexample: Counterexample, file: Path, request: Request, sched
     return shlex.join([*words, "--edges", "counterexample.csv"])
 
 
-def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> list[str]:
+def _lines(proof: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule) -> list[str]:
     counterexample = proof.counterexample
     if counterexample is not None:
         return _counterexample_lines(counterexample, file, request, schedule)
@@ -407,7 +409,7 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
 
 
 def _counterexample_lines(
-    counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule
+    counterexample: Counterexample, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> list[str]:
     return [
         f"counterexample: {counterexample.message}, cycle {counterexample.cycle} from reset",
@@ -416,7 +418,7 @@ def _counterexample_lines(
 
 
 def _counterexample_to_json(
-    counterexample: Counterexample, file: Path, request: Request, schedule: PulseSchedule
+    counterexample: Counterexample, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> dict[str, object]:
     return {
         "message": counterexample.message,
@@ -443,7 +445,9 @@ def _over(proof: Proof) -> str:
     return "every " + " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
 
 
-def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> dict[str, object]:
+def _proof_to_json(
+    proof: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule
+) -> dict[str, object]:
     counterexample = proof.counterexample
     answer = "proven" if proof.proven else "counterexample" if counterexample else "not decided"
     return {

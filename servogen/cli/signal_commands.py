@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from servogen.edges import EdgeTrace
     from servogen.pulse import PulseSchedule
-    from servogen.simulator import Options
+    from servogen.simulator import SimulatorOptions
 
 FOREVER_SECONDS = 3 * 3600.0
 """How far a repeat is looked for: TMR0 and a motion of 2000 frames come round together in it."""
@@ -108,7 +108,7 @@ def verify(
 
 
 def _verify_forever(
-    file: Path, schedule: PulseSchedule, seconds: float | None, board: Options, json: bool
+    file: Path, schedule: PulseSchedule, seconds: float | None, board: SimulatorOptions, json: bool
 ) -> int:
     from servogen.build.proof import prove_forever
     from servogen.build.signals import is_program, program_for

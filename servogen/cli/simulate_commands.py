@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from servogen.edges import EdgeChunk
     from servogen.programs import Program
-    from servogen.simulator import Options, Profile, State, Stimuli
+    from servogen.simulator import MachineState, Profile, SimulatorOptions, Stimuli
     from servogen.units import Clock, Cycles
 
 DEFAULT_SECONDS = 1.0
@@ -118,7 +118,7 @@ def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[
 
 
 def _write_trace(
-    path: Path, program: Program, clock: Clock, board: Options, stimuli: Stimuli | None, span: Cycles
+    path: Path, program: Program, clock: Clock, board: SimulatorOptions, stimuli: Stimuli | None, span: Cycles
 ) -> None:
     from servogen.outputs import atomic_write
     from servogen.simulator import Machine
@@ -129,7 +129,7 @@ def _write_trace(
         file.writelines(f"{row}\n" for row in traced(machine, span, program.listing))
 
 
-def _write_eeprom(path: Path, program: Program, state: State) -> None:
+def _write_eeprom(path: Path, program: Program, state: MachineState) -> None:
     from dataclasses import replace
 
     from servogen.outputs import write_text
@@ -139,7 +139,7 @@ def _write_eeprom(path: Path, program: Program, state: State) -> None:
 
 
 def _profiled(
-    program: Program, clock: Clock, board: Options, stimuli: Stimuli | None, span: Cycles
+    program: Program, clock: Clock, board: SimulatorOptions, stimuli: Stimuli | None, span: Cycles
 ) -> Profile:
     from servogen.simulator import Machine
     from servogen.simulator import profile as profiled
@@ -147,7 +147,7 @@ def _profiled(
     return profiled(Machine(program.image, clock, board, stimuli), span, program.listing)
 
 
-def _print_state(state: State, clock: Clock, edges: int) -> None:
+def _print_state(state: MachineState, clock: Clock, edges: int) -> None:
     print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {edges} edges")
     print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
     print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))

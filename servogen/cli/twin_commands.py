@@ -12,7 +12,7 @@ from servogen.cli.options import Json, StimulusFile
 from servogen.cli.show import as_json, status, table, warn_of_all
 
 if TYPE_CHECKING:
-    from servogen.twin import Verdict
+    from servogen.twin import TwinVerdict
 
 
 def register(app: typer.Typer) -> None:
@@ -63,7 +63,7 @@ def twin(
     from servogen.report.film import SUFFIXES as FILM_SUFFIXES
     from servogen.report.pictures import SUFFIXES, check_suffix
     from servogen.simulator import load_stimuli
-    from servogen.twin import Ground, Settings
+    from servogen.twin import Ground, TwinSettings
     from servogen.twin.pictures import csv_text, twin_plot, twin_scene
 
     keep_apart([path for path in (job, hexfile, stimulus) if path], picture, film, csv)
@@ -71,7 +71,7 @@ def twin(
         if path:
             check_suffix(path, suffixes, kind)
     loaded = plan_job(load(job))
-    settings = Settings(
+    settings = TwinSettings(
         ground=Ground(friction, math.radians(slope_deg), step_mm / 1000, rough=rough_mm / 1000, seed=seed),
         broken=tuple(broken or ()),
         unplugged=tuple(unplugged or ()),
@@ -97,7 +97,7 @@ def twin(
     raise typer.Exit(0 if verdict.passed else 1)
 
 
-def _show(verdict: Verdict, name: str) -> None:
+def _show(verdict: TwinVerdict, name: str) -> None:
     from servogen.twin.pictures import check_rows, comparison_rows, servo_rows
 
     table(

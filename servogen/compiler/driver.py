@@ -23,7 +23,7 @@ from servogen.compiler.frontend.asm_blocks import AsmBlock
 from servogen.compiler.frontend.dialects import DIALECTS, FLOAT_BITS, float_type, headers, macros
 from servogen.compiler.frontend.extensions import Rewritten, rewrite_tokens
 from servogen.compiler.frontend.preprocessor import Preprocessed, preprocess
-from servogen.compiler.frontend.settings import Settings
+from servogen.compiler.frontend.settings import PragmaSettings
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.printer import text_of
 from servogen.compiler.options import LEVELS, Options, Source
@@ -111,7 +111,7 @@ def _reported(sources: Sequence[Source], options: Options) -> Compilation:
 
 
 def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) -> Compilation:
-    settings = Settings(options.device, reporter)
+    settings = PragmaSettings(options.device, reporter)
     blocks: list[AsmBlock] = []
     files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
     all_macros: dict[str, Any] = {}

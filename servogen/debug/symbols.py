@@ -26,7 +26,7 @@ class Variable(NamedTuple):
         return int.from_bytes(ram[start : start + self.size], "little", signed=signed)
 
 
-class SourceLine(NamedTuple):
+class ListedLine(NamedTuple):
     file: str
     line: int
     text: str
@@ -64,7 +64,7 @@ def routine(name: str, listing: Listing | None) -> int:
     return names[name]
 
 
-def line_at(chip: TimeMachine, address: int) -> SourceLine | None:
+def line_at(chip: TimeMachine, address: int) -> ListedLine | None:
     """Return the source line of an instruction; None where the listing knows of none."""
     number = int(chip.line_ids[address % len(chip.line_ids)])
     if number == NO_LINE:
@@ -72,10 +72,10 @@ def line_at(chip: TimeMachine, address: int) -> SourceLine | None:
     file, line = chip.lines[number]
     sources = dict(chip.listing.sources) if chip.listing else {}
     lines = sources.get(file, "").splitlines()
-    return SourceLine(file, line, lines[line - 1].strip() if line <= len(lines) else "")
+    return ListedLine(file, line, lines[line - 1].strip() if line <= len(lines) else "")
 
 
-def current_line(chip: TimeMachine) -> SourceLine | None:
+def current_line(chip: TimeMachine) -> ListedLine | None:
     """Return the source line that runs: within a routine of the compiler, the one that called it."""
     state = chip.machine.state()
     returns = (address - 1 for address in state.stack[: state.stack_depth])

@@ -25,7 +25,7 @@ from servogen.edges import EdgeChunk, join, part
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
-from servogen.simulator import Change, Machine, Observation, Options, Snapshot, Stimulus
+from servogen.simulator import LevelChange, Machine, Observation, SimulatorOptions, Snapshot, Stimulus
 from servogen.units import Clock, Cycles
 
 SPACING_S = Fraction(20, 1000)
@@ -54,7 +54,7 @@ class _Input:
     """Changes that were applied in `cycle`, none of them earlier."""
 
     cycle: int
-    changes: tuple[Change, ...]
+    changes: tuple[LevelChange, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class TimeMachine:
         self,
         image: Image,
         clock: Clock,
-        options: Options = Options(),  # noqa: B008 - frozen
+        options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
         stimulus: Stimulus | None = None,
         listing: Listing | None = None,
     ) -> None:
@@ -106,7 +106,7 @@ class TimeMachine:
         return self.machine.cycles
 
     @property
-    def inputs(self) -> tuple[Change, ...]:
+    def inputs(self) -> tuple[LevelChange, ...]:
         """Return the changes of all inputs, in order of cycles."""
         changes = [change for one in self._inputs for change in one.changes]
         return tuple(sorted(changes, key=lambda change: change.cycle))
@@ -115,7 +115,7 @@ class TimeMachine:
     def snapshots(self) -> int:
         return len(self._at)
 
-    def apply(self, changes: Sequence[Change]) -> None:
+    def apply(self, changes: Sequence[LevelChange]) -> None:
         """Apply changes from outside, none of them before the current moment, whose old future is dropped."""
         self.machine.apply(changes)
         now = self.now

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.engines.stream.protocol import MAX_VALUE, Command, Kind, travel
+from servogen.engines.stream.protocol import MAX_VALUE, CommandKind, StreamCommand, travel
 from servogen.engines.stream.settings import Stream
 from servogen.errors import InputError, Location
 from servogen.job import Job
@@ -35,7 +35,7 @@ TINY_US = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class ControllerChannel:
     """A servo, its number at the controller, and the widths of its positions 0 to 254, rising."""
 
     servo: Servo
@@ -77,7 +77,7 @@ class Channel:
 class ServoController:
     """All servos, in the order of the job; `frame_s` is only set for the stream engine, which has groups."""
 
-    channels: tuple[Channel, ...]
+    channels: tuple[ControllerChannel, ...]
     frame_s: float | None = None
     refresh_s: float = REFRESH_S
 
@@ -93,7 +93,7 @@ class ServoController:
 
     def command(self, index: int, position: int) -> bytes:
         """Return the bytes that command a position."""
-        return Command(Kind.POSITION, self.channels[index].number, position).to_bytes()
+        return StreamCommand(CommandKind.POSITION, self.channels[index].number, position).to_bytes()
 
 
 def controller_of(
@@ -121,7 +121,9 @@ def controller_of(
             "see the controller's manual: --range-us 500,2500",
         )
     widths = tuple(np.linspace(*_range(range_us), MAX_VALUE + 1).tolist())
-    channels = tuple(Channel(servo, first + index, widths) for index, servo in enumerate(job.servos))
+    channels = tuple(
+        ControllerChannel(servo, first + index, widths) for index, servo in enumerate(job.servos)
+    )
     return baud or DEFAULT_BAUD, ServoController(channels)
 
 
@@ -132,7 +134,7 @@ def _stream(job: Job, stream: Stream) -> ServoController:
     for index, servo in enumerate(job.servos):
         limits = travel(servo, job.clock)
         widths = tuple(float(job.clock.us(limits.width(position))) for position in range(MAX_VALUE + 1))
-        channels.append(Channel(servo, index, widths, half_us + TINY_US))
+        channels.append(ControllerChannel(servo, index, widths, half_us + TINY_US))
     frame_s = float(job.clock.seconds(job.frame.period.cycles))
     return ServoController(
         tuple(channels), frame_s, min(REFRESH_S, float(stream.silence_s) / REFRESHES_PER_SILENCE)

@@ -18,7 +18,7 @@ from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
 
 
-class Motion(Protocol):
+class AngleFunction(Protocol):
     """Servo angles as a function of time."""
 
     def at(self, seconds: float) -> Floats | None:
@@ -58,7 +58,7 @@ class Played:
 class Limited:
     """A motion that is over after `seconds`."""
 
-    motion: Motion
+    motion: AngleFunction
     seconds: float
 
     def at(self, seconds: float) -> Floats | None:

@@ -1,7 +1,7 @@
 """Steering a walk on command: codes for the line of its chip, or its buttons; what a chip does with them.
 
 In: a job whose robot walks on command, a source of commands, and the port of a real chip, if there is one.
-Out: the codes on the port, and a `State` for each frame.
+Out: the codes on the port, and a `CommandedFrame` for each frame.
 
     command ─▶ byte ─▶ port, at one bit per frame
                  ╰───▶ a simulated chip with the job's program ─▶ direction, part, frame, widths
@@ -23,7 +23,7 @@ from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import PRESSED_FRAMES
-from servogen.engines.player.commands import Chain, CommandButton, CommandLine, uart_byte
+from servogen.engines.player.commands import CommandButton, CommandLine, DirectionPlaces, uart_byte
 from servogen.engines.player.engine import compiled, play
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
@@ -47,7 +47,7 @@ def line_baud(job: PlannedJob) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class CommandedFrame:
     """What the chip does in a frame; `part` is empty in the stance and in the lead-in."""
 
     seconds: float
@@ -85,7 +85,7 @@ class Twin:
         assert played.chain is not None
         compilation = compiled(job, played, job.firmware.dialect).compilation
         schedule = played.plan.schedule
-        self._chain: Chain = played.chain
+        self._chain: DirectionPlaces = played.chain
         self._variable = {name: compilation.listing.variable(name) for name in ("begun", "until")}
         self._stimulus = _stimulus_of(job, self._chain, int(schedule.period))
         self._chip = VirtualChip(compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus)
@@ -128,12 +128,12 @@ class Twin:
         self._stimulus.waiting.extend(code)
         return code
 
-    def frame(self) -> State:
+    def frame(self) -> CommandedFrame:
         """Run the chip for one frame and return its state at the end."""
         self._chip.run(self._period)
         self._frames += 1
         direction, part = self._direction()
-        return State(
+        return CommandedFrame(
             seconds=self.seconds,
             frame=self._frames,
             direction=direction,
@@ -160,7 +160,7 @@ class Twin:
                     self._widths[name] = float(self._clock.us(cycle - self._rises.pop(pin)))
 
 
-def _stimulus_of(job: PlannedJob, chain: Chain, period: int) -> LineStimulus | HeldButtons:
+def _stimulus_of(job: PlannedJob, chain: DirectionPlaces, period: int) -> LineStimulus | HeldButtons:
     """Return the line at rest, or the buttons, none of them pressed."""
     if isinstance(chain.read, CommandLine):
         return LineStimulus(PINS.index(chain.read.pin), line_baud(job))
@@ -176,7 +176,7 @@ class CommandedDrive:
     twin: Twin
     source: CommandSource
     time: Time
-    tell: Callable[[State], None]
+    tell: Callable[[CommandedFrame], None]
     link: SerialLink | None = None
     single_keys: bool = False
     """Whether the commands are keys; keys without a meaning are ignored."""

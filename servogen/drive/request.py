@@ -1,7 +1,7 @@
 """The request for a drive, and what it means for a job's robot.
 
-In: a planned job and a `Request`. Out: a `Course`: the motion, the function that takes commands, the pose
-that ends the drive.
+In: a planned job and a `DriveRequest`. Out: a `Course`: the motion, the function that takes commands, the
+pose that ends the drive.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from servogen.drive.jog import Jog
-from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
+from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
 from servogen.drive.steering import Rates, steering_of
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
@@ -24,7 +24,7 @@ HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class DriveRequest:
     """A pose, steering, or the job's motion if neither is requested."""
 
     pose: str | None = None
@@ -46,7 +46,7 @@ class Request:
 class Course:
     """A drive that is ready to start."""
 
-    motion: Motion
+    motion: AngleFunction
     on_command: Callable[[str], None]
     """Takes the commands."""
     stop: Floats | None
@@ -57,7 +57,7 @@ class Course:
     """Returns the state that a command has changed, in one line; None if there is no such line."""
 
 
-def course_of(job: PlannedJob, request: Request) -> Course:
+def course_of(job: PlannedJob, request: DriveRequest) -> Course:
     """Return the course that `request` asks of the job's robot. Raises InputError."""
     if request.pose is not None and request.steer:
         raise InputError("conflicting-options", "--pose is one pose, --keys is many: use one of the two")
@@ -75,7 +75,7 @@ def course_of(job: PlannedJob, request: Request) -> Course:
         return Course(
             motion=Limited(steering, seconds), on_command=on_command, stop=stop, seconds=seconds, state=state
         )
-    motion: Motion
+    motion: AngleFunction
     if request.pose is not None:
         motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)
     else:
@@ -83,7 +83,7 @@ def course_of(job: PlannedJob, request: Request) -> Course:
     return Course(Limited(motion, seconds), lambda command: None, stop, seconds)
 
 
-def _motion_seconds(job: PlannedJob, request: Request) -> float:
+def _motion_seconds(job: PlannedJob, request: DriveRequest) -> float:
     if request.seconds is not None:
         return request.seconds
     planned = job.trajectory
@@ -91,7 +91,7 @@ def _motion_seconds(job: PlannedJob, request: Request) -> float:
     return once if request.rehearsal else math.inf
 
 
-def _pose_seconds(job: PlannedJob, request: Request) -> float:
+def _pose_seconds(job: PlannedJob, request: DriveRequest) -> float:
     """Return 0 for a pose that the robot keeps by itself, else infinity: for wheels that turn, and for a pose
     that the chip's fail-safe would end.
     """

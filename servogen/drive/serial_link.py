@@ -23,14 +23,14 @@ RETRY_S = 0.5
 """The interval between attempts to open a port that has disappeared."""
 
 
-class Wire(Protocol):
+class ByteSink(Protocol):
     """Something to which bytes can be written."""
 
     def write(self, data: bytes) -> None:
         """Write bytes. Raises `Unplugged` if the port has disappeared."""
 
 
-Opener = Callable[[], AbstractContextManager[Wire]]
+Opener = Callable[[], AbstractContextManager[ByteSink]]
 """Opens the port. Raises ToolError."""
 
 
@@ -78,7 +78,7 @@ class SerialLink:
         self._time = time
         self._patience_s = patience_s
         self._held = ExitStack()
-        self._wire: Wire = self._held.enter_context(opener())
+        self._wire: ByteSink = self._held.enter_context(opener())
         self._free_at = time.now()
 
     def __enter__(self) -> SerialLink:

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field
 from servogen.bench.ports import Unplugged
 from servogen.drive.commands import QUIT, CommandSource, NoCommands
 from servogen.drive.controller import ServoController
-from servogen.drive.motions import Motion
+from servogen.drive.motions import AngleFunction
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE, group_begins, group_goes, speed_command
 from servogen.errors import InputError, Location, ToolError
@@ -61,7 +61,7 @@ class Summary:
 
 
 @dataclass(slots=True)
-class Session:
+class DriveSession:
     """The parts of a drive: `source` gives commands to `on_command`; `stop` is the final pose, None for
     none.
     """
@@ -99,7 +99,7 @@ class Session:
                 f"the stream engine counts up to {MAX_VALUE} frames, {MAX_VALUE * frame_s:.4g} s",
             )
 
-    def run(self, motion: Motion) -> Summary:
+    def run(self, motion: AngleFunction) -> Summary:
         """Drive until the motion is over or `quit` is given, then stop the robot, also after any error.
 
         Raises ToolError if the port does not come back, InputError for an unknown command.
@@ -123,7 +123,7 @@ class Session:
             self.summary.moving_s = self.summary.seconds - self._held_s
         return self.summary
 
-    def _commanded(self, motion: Motion, moment: float) -> Floats | None:
+    def _commanded(self, motion: AngleFunction, moment: float) -> Floats | None:
         """Carry out the commands given until `moment` and return the angles then; None if the drive is
         over.
         """

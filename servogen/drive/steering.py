@@ -47,7 +47,7 @@ class Rates:
 
 
 class Steering(Protocol):
-    """An endless `Motion` that takes commands."""
+    """An endless `AngleFunction` that takes commands."""
 
     @property
     def commands(self) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ SAME_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gait:
+class GaitFrames:
     """Frames (n, servos): from standing to walking, one cycle, and back to standing."""
 
     start: Floats
@@ -237,7 +237,7 @@ def _segment(row: Mapping[str, float]) -> Segment:
     return Segment(row["forward_mm"] / 1000, row["left_mm"] / 1000, math.radians(row["turn_deg"]))
 
 
-def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> Gait:
+def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> GaitFrames:
     """Return one direction as start, cycle and stop, with the stance of all directions at both ends.
 
     Raises InputError if the legs cannot walk in it.
@@ -248,7 +248,7 @@ def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) 
     for cycles in range(-(-loop // cycle) + 1, MAX_CYCLES):
         whole = plan_job(job, {**row, "cycles": float(cycles)}, others).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
-            return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
+            return GaitFrames(angles[:loop], angles[loop:], whole[len(angles) :])
     raise InputError(
         "endless-motion", "the walk cannot be stopped: its gait leaves a leg behind", Location(job.file)
     )
@@ -259,7 +259,7 @@ class WalkController:
     """Walks cycle by cycle; `walking` is the direction of the current cycle, None while the robot stands."""
 
     job: PlannedJob
-    gaits: Mapping[str, Gait]
+    gaits: Mapping[str, GaitFrames]
     commanded: str = STOP
     walking: str | None = None
     _block: Floats = field(init=False)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from servogen.drive.controller import Channel, ServoController
+from servogen.drive.controller import ControllerChannel, ServoController
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
@@ -26,7 +26,9 @@ SETTLE_S = 0.5
 """The time that a servo needs to come to rest."""
 
 
-def positions(channel: Channel, from_us: float | None, to_us: float | None, count: int) -> tuple[int, ...]:
+def positions(
+    channel: ControllerChannel, from_us: float | None, to_us: float | None, count: int
+) -> tuple[int, ...]:
     """Return `count` evenly spaced, rising positions, by default over the whole range of the servo's limits.
 
     Raises InputError for widths beyond the limits and for a range too short for that many points.

@@ -7,14 +7,14 @@ from dataclasses import replace
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.sources import pin_number
 
 
 def machine_of(
     schedule: PulseSchedule,
     image: Image,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     *,
     tracked: bool = False,
 ) -> Machine:
@@ -30,8 +30,8 @@ def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
 
 def board_of(
     schedule: PulseSchedule,
-    options: Options = Options(),  # noqa: B008 - frozen
-) -> Options:
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
+) -> SimulatorOptions:
     """Return `options` with the chip of a schedule, and the pull-up that a servo on RA4 (open drain)
     needs.
     """

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from servogen.engines.firmware import Firmware
-from servogen.engines.player.buttons import Buttons
+from servogen.engines.player.buttons import ControlButtons
 from servogen.engines.player.commands import Commander
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Location
@@ -42,7 +42,7 @@ class FirmwareChoice(Protocol):
     def max_error_us(self) -> float: ...
 
     @property
-    def buttons(self) -> Buttons: ...
+    def buttons(self) -> ControlButtons: ...
 
     @property
     def commands(self) -> Commander | None: ...

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class EngineEntry:
     """The module whose `ENGINE` is the engine, and whether it reads buttons, a serial line, or commands for a
     walk.
 
@@ -35,11 +35,11 @@ class Entry:
     check_frame: Callable[[Sequence[Servo], Frame, Clock], object] | None = None
 
 
-ENGINES: Mapping[str, Entry] = MappingProxyType(
+ENGINES: Mapping[str, EngineEntry] = MappingProxyType(
     {
-        "sequence": Entry("servogen.engines.sequence.engine", check_frame=rises),
-        "player": Entry("servogen.engines.player.engine", buttons=True, commands=True),
-        "stream": Entry("servogen.engines.stream.engine", serial=True),
+        "sequence": EngineEntry("servogen.engines.sequence.engine", check_frame=rises),
+        "player": EngineEntry("servogen.engines.player.engine", buttons=True, commands=True),
+        "stream": EngineEntry("servogen.engines.stream.engine", serial=True),
     }
 )
 

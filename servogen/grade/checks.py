@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.edges import PINS
 from servogen.grade.check import Check, Fault
-from servogen.grade.lab import Lab, Position, Solution
+from servogen.grade.lab import Lab, Solution, TaskPosition
 from servogen.grade.watch import Commanded, PinPulses, Visit, Watched
 from servogen.pulse.lint import PERIOD_US
 from servogen.robot.servo import Servo
@@ -110,26 +110,26 @@ SHOWN_ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class VisitOrder:
     """Which position each visit should be at; `right` are the numbers of the visits that are there."""
 
     asked: tuple[int, ...]
     right: tuple[int, ...]
 
 
-def order(visits: Sequence[Visit], solution: Solution) -> Order:
+def order(visits: Sequence[Visit], solution: Solution) -> VisitOrder:
     """Return the order with the most correct visits; a round may begin at any of its positions."""
     size = len(solution.positions)
     tries = []
     for first in range(size):
         asked = tuple((first + index) % size for index in range(len(visits)))
         right = tuple(index for index, visit in enumerate(visits) if asked[index] in visit.places)
-        tries.append(Order(asked, right))
+        tries.append(VisitOrder(asked, right))
     return max(tries, key=lambda order: len(order.right))
 
 
 def order_faults(
-    visits: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution
+    visits: Sequence[Visit], found_order: VisitOrder, lab: Lab, solution: Solution
 ) -> Iterator[Fault]:
     """Yield what is wrong with the order or with the positions."""
     right = set(found_order.right)
@@ -247,7 +247,7 @@ def pause_faults(lab: Lab, solution: Solution, stays: Sequence[Stay]) -> Iterato
 
 
 def first_wrong(
-    visits: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, solution: Solution
+    visits: Sequence[Visit], placed: VisitOrder, right: Sequence[Stay], lab: Lab, solution: Solution
 ) -> int | None:
     """Return the cycle in which the first visit begins, or ends, that is wrong; None if all are right."""
     wrong = sorted(set(range(len(visits))) - set(placed.right))
@@ -265,12 +265,12 @@ def first_wrong(
     return min(moments, default=None)
 
 
-def _pause_error(stay: Stay, position: Position) -> float:
+def _pause_error(stay: Stay, position: TaskPosition) -> float:
     asked = position.pause_s or 0.0
     return min(abs(stay.stays_s - asked), abs(stay.silent_s - asked))
 
 
-def _pause_words(stay: Stay, position: Position) -> str:
+def _pause_words(stay: Stay, position: TaskPosition) -> str:
     asked = f"the pause should be {position.pause_s:g} s"
     if stay.silent_s:
         return f"after {position.name} there are no pulses for {stay.silent_s:.2f} s; {asked}"

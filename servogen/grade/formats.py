@@ -17,14 +17,14 @@ from xml.etree import ElementTree
 from servogen.grade.display import shown_name, visible
 from servogen.grade.judge import Grade
 from servogen.grade.lab import Lab
-from servogen.grade.points import WHOLE, Outcome, State, headline, max_total, number, outcomes, total
+from servogen.grade.points import WHOLE, CheckState, Outcome, headline, max_total, number, outcomes, total
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a spreadsheet takes for the beginning of a formula."""
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class GradedProgram:
     """A graded program; `defect` is an error of servogen itself, not of the program."""
 
     name: str
@@ -36,7 +36,7 @@ class Entry:
         return shown_name(self.name)
 
 
-def csv_text(lab: Lab, entries: Sequence[Entry]) -> str:
+def csv_text(lab: Lab, entries: Sequence[GradedProgram]) -> str:
     """Return one row per program: its points, those of each check (empty: not checked), and why."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -45,7 +45,9 @@ def csv_text(lab: Lab, entries: Sequence[Entry]) -> str:
     for entry in entries:
         results = outcomes(lab, entry.grade)
         verdict = "passed" if entry.grade.passed else "not passed"
-        cells = ["" if outcome.state is State.NOT_CHECKED else number(outcome.points) for outcome in results]
+        cells = [
+            "" if outcome.state is CheckState.NOT_CHECKED else number(outcome.points) for outcome in results
+        ]
         points = [number(total(results)), number(max_total(results))]
         why = "; ".join(" ".join(visible(reason).split()) for reason in entry.grade.reasons)
         writer.writerow([_no_formula(entry.shown), verdict, *points, *cells, _no_formula(why)])
@@ -57,7 +59,7 @@ def _no_formula(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULA) else text
 
 
-def junit_xml(lab: Lab, entries: Sequence[Entry]) -> str:
+def junit_xml(lab: Lab, entries: Sequence[GradedProgram]) -> str:
     """Return JUnit XML: a suite for each program, a case for each check; what was not checked is skipped."""
     suites = [_suite(lab, entry) for entry in entries]
     root = ElementTree.Element("testsuites", name=visible(lab.title))
@@ -68,7 +70,7 @@ def junit_xml(lab: Lab, entries: Sequence[Entry]) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
-def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
+def _suite(lab: Lab, entry: GradedProgram) -> ElementTree.Element:
     results = outcomes(lab, entry.grade)
     suite = ElementTree.Element("testsuite", name=entry.shown)
     properties = ElementTree.SubElement(suite, "properties")
@@ -77,7 +79,7 @@ def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
     for outcome in results:
         case = ElementTree.SubElement(suite, "testcase", classname=f"{shown_name(lab.name)}.{entry.shown}")
         case.set("name", outcome.title)
-        tag = {State.FAILED: "failure", State.NOT_CHECKED: "skipped"}.get(outcome.state)
+        tag = {CheckState.FAILED: "failure", CheckState.NOT_CHECKED: "skipped"}.get(outcome.state)
         if tag:
             tag = "error" if entry.defect and tag == "failure" else tag
             text = visible(outcome.text)
@@ -89,7 +91,7 @@ def _suite(lab: Lab, entry: Entry) -> ElementTree.Element:
     return suite
 
 
-def gradescope_json(lab: Lab, entry: Entry) -> str:
+def gradescope_json(lab: Lab, entry: GradedProgram) -> str:
     """Return the results.json of one submission: Gradescope adds up the points of its tests."""
     results = outcomes(lab, entry.grade)
     verdict = "passed" if entry.grade.passed else "not passed"
@@ -110,7 +112,7 @@ def gradescope_json(lab: Lab, entry: Entry) -> str:
 def _gradescope_test(index: int, outcome: Outcome) -> dict[str, object]:
     """Return one test; without points it only informs, so it has no score."""
     points = {"score": outcome.points, "max_score": outcome.max_points} if outcome.max_points else {}
-    status = "passed" if outcome.state is State.PASSED else "failed"
+    status = "passed" if outcome.state is CheckState.PASSED else "failed"
     test = {"name": outcome.title, "number": str(index), **points, "status": status}
     return {**test, "output": outcome.text} if outcome.text else test
 
@@ -128,12 +130,12 @@ def gradescope_without_program(lab: Lab, why: str) -> str:
     )
 
 
-def classroom_json(lab: Lab, entry: Entry) -> str:
+def classroom_json(lab: Lab, entry: GradedProgram) -> str:
     """Return the result of one repository, of which GitHub Classroom's reporter reads the Base64."""
     results = outcomes(lab, entry.grade)
     status = "error" if entry.defect else "pass" if entry.grade.passed else "fail"
     tests = [
-        _classroom_test(outcome.title, outcome.state is State.PASSED, outcome.points, outcome.text)
+        _classroom_test(outcome.title, outcome.state is CheckState.PASSED, outcome.points, outcome.text)
         for outcome in results
     ]
     return _json({"version": 1, "status": status, "max_score": max_total(results), "tests": tests})

@@ -45,7 +45,7 @@ class SolutionTable(Table):
     positions: tuple[PositionTable, ...] = Field(min_length=2)
 
 
-class ServoTable(Table):
+class LabServoTable(Table):
     """[[servo]]: its model, the lab's pin and other pins that are accepted."""
 
     name: str
@@ -88,14 +88,14 @@ class LabTable(Table):
     rounds: int = Field(ge=1)
     pause_tolerance_percent: float = Field(default=5.0, gt=0)
     longest_move_s: float = Field(default=0.0, ge=0)
-    servo: tuple[ServoTable, ...] = Field(min_length=1)
+    servo: tuple[LabServoTable, ...] = Field(min_length=1)
     period: PeriodTable
     solution: tuple[SolutionTable, ...] = Field(min_length=1)
     points: PointsTable = PointsTable(passed=1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class TaskPosition:
     """`ranges`: (smallest, largest) correct angle of each servo, radians, in the order of the servos."""
 
     name: str
@@ -111,7 +111,7 @@ class Solution:
     """One correct solution: positions in order, repeatedly."""
 
     name: str
-    positions: tuple[Position, ...]
+    positions: tuple[TaskPosition, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +225,7 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
     return lab
 
 
-def _servo(document: Document, index: int, table: ServoTable) -> LabServo:
+def _servo(document: Document, index: int, table: LabServoTable) -> LabServo:
     pins = (table.pin, *table.other_pins)
     for pin in pins:
         if pin not in PINS:
@@ -239,7 +239,7 @@ def _servo(document: Document, index: int, table: ServoTable) -> LabServo:
 
 def _position(
     document: Document, key: tuple[str | int, ...], table: PositionTable, servos: tuple[LabServo, ...]
-) -> Position:
+) -> TaskPosition:
     known = [lab_servo.servo.name for lab_servo in servos]
     for name in table.angles_deg:
         if name not in known:
@@ -263,4 +263,4 @@ def _position(
                 f"{low:g}° to {high:g}° is not a range within the servo's {least:g}° to {greatest:g}°",
             )
         ranges.append((math.radians(low), math.radians(high)))
-    return Position(table.name, tuple(ranges), table.pause_s)
+    return TaskPosition(table.name, tuple(ranges), table.pause_s)

@@ -12,7 +12,7 @@ from urllib.parse import quote
 from servogen.grade.display import markdown, shown_name
 from servogen.grade.judge import Grade, Row
 from servogen.grade.lab import Lab
-from servogen.grade.points import State, max_total, number, outcomes, total
+from servogen.grade.points import CheckState, max_total, number, outcomes, total
 
 
 def page(lab: Lab, student: str, grade: Grade, film: str = "", command: str = "") -> str:
@@ -59,7 +59,7 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Ite
         yield f"Servos: {servos}. {_how_long(grade)}"
 
 
-NOT_PASSED = {State.PASSED: "", State.FAILED: ": failed", State.NOT_CHECKED: ": not checked"}
+NOT_PASSED = {CheckState.PASSED: "", CheckState.FAILED: ": failed", CheckState.NOT_CHECKED: ": not checked"}
 
 
 def _item(reason: str) -> Iterator[str]:

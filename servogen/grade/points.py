@@ -18,7 +18,7 @@ WHOLE = "passed"
 """The key and the name of the points that only a program without any fault gets."""
 
 
-class State(StrEnum):
+class CheckState(StrEnum):
     """The result of a check."""
 
     PASSED = "passed"
@@ -32,20 +32,20 @@ class Outcome:
 
     key: str
     title: str
-    state: State
+    state: CheckState
     max_points: float
     text: str = ""
 
     @property
     def points(self) -> float:
-        return self.max_points if self.state is State.PASSED else 0.0
+        return self.max_points if self.state is CheckState.PASSED else 0.0
 
 
 def outcomes(lab: Lab, grade: Grade) -> tuple[Outcome, ...]:
     """Return the outcome of each check that the lab makes, then that of all together if it has points."""
     results = [_outcome(lab, grade, check) for check in lab.checks]
     if lab.points_passed:
-        state = State.PASSED if grade.passed else State.FAILED
+        state = CheckState.PASSED if grade.passed else CheckState.FAILED
         text = "" if grade.passed else "only for a program without any fault"
         results.append(Outcome(WHOLE, "everything is right", state, lab.points_passed, text))
     return tuple(results)
@@ -61,13 +61,13 @@ def _outcome(lab: Lab, grade: Grade, check: Check) -> Outcome:
     points = dict(lab.points).get(check, 0.0)
     texts = [fault.text for fault in grade.faults if check in fault.checks]
     if texts:
-        return Outcome(check, CHECK_TITLES[check], State.FAILED, points, "\n".join(texts))
+        return Outcome(check, CHECK_TITLES[check], CheckState.FAILED, points, "\n".join(texts))
     if check in grade.unchecked:
         because = "; ".join(dict.fromkeys(headline(text) for text in grade.reasons))
         return Outcome(
-            check, CHECK_TITLES[check], State.NOT_CHECKED, points, f"could not be checked: {because}"
+            check, CHECK_TITLES[check], CheckState.NOT_CHECKED, points, f"could not be checked: {because}"
         )
-    return Outcome(check, CHECK_TITLES[check], State.PASSED, points)
+    return Outcome(check, CHECK_TITLES[check], CheckState.PASSED, points)
 
 
 def total(results: Sequence[Outcome]) -> float:

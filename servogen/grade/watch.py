@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, EdgeTrace, join
-from servogen.grade.lab import Position
+from servogen.grade.lab import TaskPosition
 from servogen.robot.servo import Servo
 from servogen.units import Clock
 
@@ -127,7 +127,7 @@ class Visit:
 
 
 def visits(
-    watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo], positions: Sequence[Position]
+    watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo], positions: Sequence[TaskPosition]
 ) -> list[Visit]:
     """Return the visits from when every servo has had a pulse to the end of the watch."""
     stops: list[Visit] = []

@@ -1,7 +1,7 @@
 """[drive] of a job -> the wheel servos' trajectory: a contour of a robot on wheels, or its routines.
 
-In: the job and its validated table. Out: `Planned`; its notes describe the stretches, and how far from its
-plan a round ends when the pulses are whole cycles.
+In: the job and its validated table. Out: `PlannedPoses`; its notes describe the stretches, and how far from
+its plan a round ends when the pulses are whole cycles.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
 from servogen.kinematics.protocol import DrivingRobot, Routine, Stretch
-from servogen.motion import JointTrajectory, Planned
-from servogen.motion.drive import Drive, drive, positions
+from servogen.motion import JointTrajectory, PlannedPoses
+from servogen.motion.drive import PlannedDrive, drive, positions
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
@@ -26,7 +26,7 @@ from servogen.units import Clock
 def drive_of(
     job: Job,
     table: DriveTable,
-) -> Planned:
+) -> PlannedPoses:
     """Return the drive along the contour or by the routines. Raises InputError."""
     document, robot, servos = job.document, job.robot, job.servos
     period, clock = job.frame.period.cycles, job.clock
@@ -57,7 +57,7 @@ def drive_of(
     if table.end == "release":
         angles[-1] = np.nan
     names = tuple(servo.name for servo in servos)
-    return Planned(
+    return PlannedPoses(
         JointTrajectory(
             joints=names, clock=clock, period=period, angles=angles, loop_start=planned.trajectory.loop_start
         ),
@@ -134,7 +134,9 @@ def _wheels(
     return tuple(by_name[name] for name in table.wheels)
 
 
-def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels: Sequence[Servo]) -> None:
+def _check_speeds(
+    document: Document, table: DriveTable, planned: PlannedDrive, wheels: Sequence[Servo]
+) -> None:
     """Raise InputError if a wheel is faster than its servo, naming the wheel that exceeds its limit most."""
     asked = [
         (servo, speed, servo.limits[0 if speed < 0 else 1])
@@ -155,7 +157,7 @@ def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels:
     )
 
 
-def _stretch_notes(document: Document, table: DriveTable, planned: Drive) -> list[Diagnostic]:
+def _stretch_notes(document: Document, table: DriveTable, planned: PlannedDrive) -> list[Diagnostic]:
     """Return a note for each stretch: its direction, how far the wheels turn, its time."""
     period_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     notes = []
@@ -170,7 +172,7 @@ def _ending(
     document: Document,
     table: DriveTable,
     base: DrivingRobot,
-    planned: Drive,
+    planned: PlannedDrive,
     wheels: Sequence[Servo],
     clock: Clock,
 ) -> Diagnostic:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.player.buttons import Buttons
+from servogen.engines.player.buttons import ControlButtons
 from servogen.engines.player.commands import Commander
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Diagnostic, Location
@@ -25,7 +25,7 @@ from servogen.units import Clock
 
 
 @dataclass(frozen=True, slots=True)
-class Firmware:
+class FirmwareSettings:
     """The program that a job requests."""
 
     dialect: str
@@ -34,7 +34,7 @@ class Firmware:
     soft_start_s: Fraction
     max_error_us: float
     """The maximum deviation of a pulse from the planned one."""
-    buttons: Buttons
+    buttons: ControlButtons
     commands: Commander | None = None
     """The input that selects the direction of a walk on command."""
     soft_start_place: Location | None = None
@@ -67,7 +67,7 @@ class Job:
     tip: Tip | None
     wheels: tuple[str, ...]
     frame: Frame
-    firmware: Firmware
+    firmware: FirmwareSettings
     stream: Stream | None
     """The serial line, which only the stream engine reads; None if there is none."""
     section: Section | None

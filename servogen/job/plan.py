@@ -20,10 +20,10 @@ from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
 from servogen.job.walks import walk_of, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
-from servogen.motion import JointTrajectory, Motion, Planned, trajectory
+from servogen.motion import JointTrajectory, Motion, PlannedPoses, trajectory
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.gait.steps import Segment
-from servogen.motion.limits import Limits
+from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque
 from servogen.motion.trajectory import MAX_FRAMES, Floats
 from servogen.robot.servo import Servo
@@ -83,13 +83,13 @@ def _key(section: Section) -> str:
 
 def _motion(
     job: Job, section: Section | None, others: Sequence[Segment]
-) -> tuple[Planned, tuple[NamedPose, ...], tuple[CommandedDirection, ...]]:
+) -> tuple[PlannedPoses, tuple[NamedPose, ...], tuple[CommandedDirection, ...]]:
     """Return the motion of the section, its poses if it has any, and the directions of a walk on command."""
     period = job.frame.period.cycles
     limits = _limits(job)
     match section:
         case None:
-            return Planned(_still(job.servos, period, job.clock)), (), ()
+            return PlannedPoses(_still(job.servos, period, job.clock)), (), ()
         case MotionTable():
             poses = poses_of(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
@@ -121,11 +121,11 @@ def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajec
     return JointTrajectory(joints=names, clock=clock, period=period, angles=angles, loop_start=0)
 
 
-def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
+def _joint_limits(job: Job, limits: tuple[JointLimits, ...]) -> tuple[JointLimits, ...]:
     """Return the limits of each bound joint. Raises InputError for a servo that turns no joint."""
     by_name = dict(zip([servo.name for servo in job.servos], limits, strict=True))
     joints = tuple(
-        Limits(limit.speed / abs(binding.ratio), limit.acceleration / abs(binding.ratio))
+        JointLimits(limit.speed / abs(binding.ratio), limit.acceleration / abs(binding.ratio))
         for binding in job.bindings
         for limit in (by_name[binding.servo],)
     )
@@ -141,7 +141,7 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
     return joints
 
 
-def _limits(job: Job) -> tuple[Limits, ...]:
+def _limits(job: Job) -> tuple[JointLimits, ...]:
     """Return the limits of each servo, narrowed to those of the joint that it turns."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
@@ -153,11 +153,11 @@ def _limits(job: Job) -> tuple[Limits, ...]:
         top = joints.get(binding.joint) if binding else None
         if binding and top is not None:
             speed = min(speed, top * abs(binding.ratio))
-        limits.append(Limits(speed, servo.model.acceleration or math.inf))
+        limits.append(JointLimits(speed, servo.model.acceleration or math.inf))
     return tuple(limits)
 
 
-def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
+def _overloads(job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:
     """Yield a warning for each servo of an arm whose links and payload need more than its torque.
 
     An arm without stated masses is not checked. A servo that turns `ratio` radians per unit of its joint
@@ -189,7 +189,7 @@ def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
                 servo.width_us(angle, place)
 
 
-def _check_soft_start(job: Job, planned: Planned) -> None:
+def _check_soft_start(job: Job, planned: PlannedPoses) -> None:
     """Raise InputError if the motion is too long with its soft start, which moves from the neutral pose to
     the first one.
     """

@@ -19,7 +19,7 @@ from servogen.job.schema import MotionTable, PoseTable
 from servogen.job.tip import Tip
 from servogen.motion import Pose
 from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, LeavesReach, trace
-from servogen.motion.paths import Arc, Line, arc
+from servogen.motion.paths import Arc, StraightLine, arc
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact, shown, unknown_key
@@ -248,9 +248,9 @@ class _Reader:
         columns = [[job_servo.name for job_servo in self.servos].index(servo.name) for servo in tip.servos]
         start, end = np.array(self._vector(before)), np.array(self._vector(state))
         a, b = tip.where(start[columns][None])[0], tip.where(end[columns][None])[0]
-        path: Line | Arc
+        path: StraightLine | Arc
         if row.path == "line":
-            path = Line(_triple(a), _triple(b))
+            path = StraightLine(_triple(a), _triple(b))
         elif row.through_mm is None:
             raise self.document.error(
                 "pose-keys", here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
@@ -275,7 +275,7 @@ class _Reader:
 class _FollowedPath:
     """A path of the tip; servos that do not move the tip go straight from start to end."""
 
-    path: Line | Arc
+    path: StraightLine | Arc
     tip: Tip
     columns: tuple[int, ...]
     start: Floats

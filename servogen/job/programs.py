@@ -1,7 +1,7 @@
 """[program] of a job -> the servos' trajectory: an arm, its hand, and a file of the arm command language.
 
-In: the job, its validated table, the limits of each servo. Out: `Planned`. The arm's joints are limited to
-the travel of their servos, so that a position that a servo cannot reach is refused at its program line.
+In: the job, its validated table, the limits of each servo. Out: `PlannedPoses`. The arm's joints are limited
+to the travel of their servos, so that a position that a servo cannot reach is refused at its program line.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
-from servogen.motion import JointTrajectory, Part, Planned, bound
-from servogen.motion.limits import Limits
-from servogen.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
+from servogen.motion import JointTrajectory, Part, PlannedPoses, bound
+from servogen.motion.limits import JointLimits
+from servogen.movemaster import Budget, Hand, Manipulator, ProgramRun, input_of, manipulator, read, run
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm
 from servogen.robot.servo import Servo
@@ -31,8 +31,8 @@ HAND = "the hand"
 def program_of(
     job: Job,
     table: ProgramTable,
-    limits: Sequence[Limits],
-) -> Planned:
+    limits: Sequence[JointLimits],
+) -> PlannedPoses:
     """Return the motion of the program; `limits` has one entry per servo.
 
     Raises InputError, with locations in the job or in the program.
@@ -58,7 +58,7 @@ def program_of(
         repeat=table.repeat,
         budget=Budget(table.max_commands, exact(table.max_s)),
     )
-    return Planned(
+    return PlannedPoses(
         _on_servos(document, done, table, bindings, servos),
         done.warnings,
         _notes(document, done),
@@ -120,7 +120,7 @@ def _manipulator(
     arm: Arm,
     bindings: Sequence[Binding],
     servos: Sequence[Servo],
-    limits: Sequence[Limits],
+    limits: Sequence[JointLimits],
 ) -> Manipulator:
     """Return the arm with the maximum speeds that both its joints and their servos allow."""
     by_servo = {servo.name: limit.speed for servo, limit in zip(servos, limits, strict=True)}
@@ -133,7 +133,11 @@ def _manipulator(
 
 
 def _on_servos(
-    document: Document, done: Run, table: ProgramTable, bindings: Sequence[Binding], servos: Sequence[Servo]
+    document: Document,
+    done: ProgramRun,
+    table: ProgramTable,
+    bindings: Sequence[Binding],
+    servos: Sequence[Servo],
 ) -> JointTrajectory:
     """Return the trajectory of the servos, in their order, from that of the joints, released at the end if
     the job says so.
@@ -155,7 +159,7 @@ def _on_servos(
     return motion
 
 
-def _notes(document: Document, done: Run) -> tuple[Diagnostic, ...]:
+def _notes(document: Document, done: ProgramRun) -> tuple[Diagnostic, ...]:
     place = document.place("program")
     trajectory = done.trajectory
     seconds = float(trajectory.clock.seconds(len(trajectory.angles) * trajectory.period))

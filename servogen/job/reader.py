@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from servogen.edges import PINS
-from servogen.engines.player.buttons import Button, Buttons
+from servogen.engines.player.buttons import ButtonPin, ControlButtons
 from servogen.engines.player.commands import CommandButton, CommandButtons, Commander, CommandLine
 from servogen.engines.registry import ENGINES, suitable
 from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError, Location, did_you_mean
-from servogen.job.job import Firmware, Job
+from servogen.job.job import FirmwareSettings, Job
 from servogen.job.rig import rig_of, servos_of
 from servogen.job.schema import (
     SECTIONS,
@@ -47,7 +47,7 @@ AUTO = "auto"
 
 def firmware_of(
     document: Document, table: JobTable, servos: Sequence[Servo], frame: Frame, clock: Clock
-) -> tuple[Firmware, Stream | None]:
+) -> tuple[FirmwareSettings, Stream | None]:
     """Return the program that a job requests, and its serial line if it has one. Raises InputError."""
     stream = _stream(document, table, servos, clock)
     wanted = table.firmware
@@ -63,7 +63,7 @@ def firmware_of(
             )
     elif check_frame := ENGINES[wanted.engine].check_frame:
         check_frame(servos, frame, clock)
-    firmware = Firmware(
+    firmware = FirmwareSettings(
         dialect=wanted.dialect,
         engine=wanted.engine,
         soft_start_s=exact(wanted.soft_start_s),
@@ -75,9 +75,9 @@ def firmware_of(
     return firmware, stream
 
 
-def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) -> Buttons:
+def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) -> ControlButtons:
     """Return the start button and the emergency stop. Raises InputError."""
-    buttons: dict[str, Button] = {}
+    buttons: dict[str, ButtonPin] = {}
     for name in ("start", "stop"):
         pin = getattr(table, f"{name}_pin")
         if pin is None:
@@ -112,12 +112,12 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
                 'write stop_pulses = "off"',
             )
         level = int(getattr(table, f"{name}_level") == "high")
-        buttons[name] = Button(pin, level, document.place(*where))
-    return Buttons(buttons.get("start"), buttons.get("stop"), table.stop_pulses != "hold")
+        buttons[name] = ButtonPin(pin, level, document.place(*where))
+    return ControlButtons(buttons.get("start"), buttons.get("stop"), table.stop_pulses != "hold")
 
 
 def _commands(
-    document: Document, table: JobTable, servos: Sequence[Servo], buttons: Buttons
+    document: Document, table: JobTable, servos: Sequence[Servo], buttons: ControlButtons
 ) -> Commander | None:
     """Return the inputs for commands of a walk. Raises InputError."""
     asked = table.walk.commands if table.walk else None
@@ -152,7 +152,9 @@ def _commands(
     if asked.button is not None:
         where = (*key, "button")
         _free_input(document, where, asked.button, taken)
-        return CommandButton(Button(asked.button, int(asked.button_level == "high"), document.place(*where)))
+        return CommandButton(
+            ButtonPin(asked.button, int(asked.button_level == "high"), document.place(*where))
+        )
     if asked.buttons is None:
         if "button_level" in document.data["walk"]["commands"]:
             raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
@@ -193,7 +195,7 @@ def _direction_buttons(
     for name, pin in pins.items():
         _free_input(document, (*key, name), pin, used)
         used[pin] = f"the button of {name}"
-        buttons[name] = Button(pin, level, document.place(*key, name))
+        buttons[name] = ButtonPin(pin, level, document.place(*key, name))
     return CommandButtons(buttons)
 
 

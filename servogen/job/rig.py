@@ -1,7 +1,7 @@
 """[[servo]], [leg] and [robot] of a job -> `Servo` values, the joints that they turn, and the end of the leg
 or arm.
 
-In: the validated tables. Out: one servo for each table, and `Rig`. Raises InputError for two servos on one
+In: the validated tables. Out: one servo for each table, and `JobRig`. Raises InputError for two servos on one
 pin, an open drain, limits beyond the travel, and joints that do not exist.
 """
 
@@ -158,7 +158,7 @@ SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class JobRig:
     """What the servos move; `tip` is None if it cannot be positioned: no robot, or joints without servos."""
 
     robot: Robot | None
@@ -166,7 +166,7 @@ class Rig:
     tip: Tip | None
 
 
-def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Rig:
+def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> JobRig:
     """Return what the servos of a job move. Raises InputError."""
     if table.leg is not None:
         if table.robot is not None:
@@ -175,13 +175,13 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
             )
         bindings_of(document, table.servo, {})
         tip = _leg(document, table.leg, servos)
-        return Rig(None, tip.bindings, tip)
+        return JobRig(None, tip.bindings, tip)
     if table.robot is None:
-        return Rig(None, bindings_of(document, table.servo, {}), None)
+        return JobRig(None, bindings_of(document, table.servo, {}), None)
     robot = _robot(document, table.robot.name)
     joints = {name: not joint.turning for limb in robot.limbs for name, joint in limb.joints.items()}
     bindings = bindings_of(document, table.servo, joints)
-    return Rig(robot, bindings, _tip(robot, bindings, servos))
+    return JobRig(robot, bindings, _tip(robot, bindings, servos))
 
 
 def _robot(document: Document, name: str) -> Robot:

@@ -1,6 +1,6 @@
 """[walk] of a job -> the servos' trajectory.
 
-In: the job and its validated table. Out: `Planned`, with warnings and notes.
+In: the job and its validated table. Out: `PlannedPoses`, with warnings and notes.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import CommandsTable, SegmentTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
-from servogen.motion import JointTrajectory, Part, Planned, bound
+from servogen.motion import JointTrajectory, Part, PlannedPoses, bound
 from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedDirection, commanded_direction
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
-from servogen.motion.limits import Limits
+from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque, loads_of
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
@@ -32,9 +32,9 @@ from servogen.units import Clock, Cycles
 def walk_of(
     job: Job,
     table: WalkTable,
-    limits: tuple[Limits, ...],
+    limits: tuple[JointLimits, ...],
     others: Sequence[Segment] = (),
-) -> Planned:
+) -> PlannedPoses:
     """Return the walk; `limits` has one entry per binding. Raises InputError.
 
     `others` are segments of other walks that share the stance of this one.
@@ -57,7 +57,7 @@ def walk_of(
     planned = walker.walk(segments, others, walker.frames)
     trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
     heavy = tuple(_overloads(walker.robot, planned, job.bindings, job.servos))
-    return Planned(
+    return PlannedPoses(
         trajectory,
         warnings=(*heavy, *_upright(document, planned)),
         notes=tuple(_notes(document, planned, job.servos)),
@@ -79,8 +79,8 @@ MAX_COMMANDED_CYCLES = 12
 
 
 def walk_on_command(
-    job: Job, table: WalkTable, commands: CommandsTable, limits: tuple[Limits, ...]
-) -> tuple[Planned, tuple[CommandedDirection, ...]]:
+    job: Job, table: WalkTable, commands: CommandsTable, limits: tuple[JointLimits, ...]
+) -> tuple[PlannedPoses, tuple[CommandedDirection, ...]]:
     """Return the stance of a walk on command, and its directions. Raises InputError."""
     document, key = job.document, ("walk", "commands")
     for name in ("route", "end"):
@@ -149,7 +149,7 @@ def walk_on_command(
         loop_start=0,
     )
     unique = tuple(dict.fromkeys(heavy))
-    return Planned(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(directions)
+    return PlannedPoses(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(directions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ class _Walker:
     table: WalkTable
     robot: WalkingRobot
     gait: Gait
-    limits: Limits
+    limits: JointLimits
     frames: int | None
     lost: float
     """The angle (radians) that the servos lose when a joint turns round, if it is compensated."""
@@ -197,7 +197,7 @@ class _Walker:
         return walk if even == walk.frames_per_cycle else self.walk([segment], others, even)
 
 
-def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:
+def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Walker:
     """Return the walking robot with its gait and posture. Raises InputError."""
     document, robot = job.document, job.robot
     if not isinstance(robot, WalkingRobot):
@@ -278,9 +278,9 @@ def _posture(table: WalkTable) -> Posture:
     )
 
 
-def _least(limits: tuple[Limits, ...]) -> Limits:
+def _least(limits: tuple[JointLimits, ...]) -> JointLimits:
     """Return the strictest limits of all servos of a walk, because all joints make the same moves in turn."""
-    return Limits(
+    return JointLimits(
         min((limit.speed for limit in limits), default=math.inf),
         min((limit.acceleration for limit in limits), default=math.inf),
     )

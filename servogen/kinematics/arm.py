@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from servogen.kinematics.mobility import of_arm
 from servogen.kinematics.orientation import orientation_names
-from servogen.kinematics.protocol import Answer, Kind
+from servogen.kinematics.protocol import Answer, RobotKind
 from servogen.robot.arm_file import ArmTable, arm_of
-from servogen.robot.model import Arm, Frame, Length
+from servogen.robot.model import Arm, FixedFrame, Length
 
 
 def arm_details(arm: Arm) -> Answer:
@@ -46,7 +46,7 @@ def arm_details(arm: Arm) -> Answer:
     }
 
 
-def _frame(frame: Frame) -> Answer:
+def _frame(frame: FixedFrame) -> Answer:
     return {"position_m": [frame.x, frame.y, frame.z], "rz_ry_rx_rad": [frame.rz, frame.ry, frame.rx]}
 
 
@@ -59,4 +59,4 @@ def length_text(length: Length) -> str:
     return "-" + text[2:] if text.startswith("- ") else text
 
 
-ARM = Kind(name=Arm.kind, table=ArmTable, read=arm_of, details=arm_details, mobility=of_arm)
+ARM = RobotKind(name=Arm.kind, table=ArmTable, read=arm_of, details=arm_details, mobility=of_arm)

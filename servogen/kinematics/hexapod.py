@@ -25,7 +25,7 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.arm import arm_details
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.mobility import Mobility, manoeuvrability, of_arm, standing
-from servogen.kinematics.protocol import Answer, BodyMotion, Kind, Posture
+from servogen.kinematics.protocol import Answer, BodyMotion, Posture, RobotKind
 from servogen.kinematics.transforms import Complexes, Floats, to_body, to_leg
 from servogen.robot.arm_file import (
     MAX_GRAMS,
@@ -436,7 +436,7 @@ def _mobility(robot: Hexapod) -> Mobility:
     )
 
 
-HEXAPOD = Kind(
+HEXAPOD = RobotKind(
     name=Hexapod.kind,
     table=HexapodTable,
     read=_read,

@@ -39,7 +39,7 @@ REACH_TOLERANCE_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Stance:
+class PlannedStance:
     """A planned stance, sample by sample: joint angles, and where the foot is.
 
     `correction_m` (n, 3) leads from there to where it should be: what the passive spring joint E' gives.
@@ -191,7 +191,7 @@ class Leg:
         y = np.full(samples, side * (rho - stride_m**2 / (16 * rho)))
         return np.stack([x, y, np.full(samples, height_m)], axis=-1)
 
-    def stance(self, path: ArrayLike, beta_sign: int = 1) -> Stance:
+    def stance(self, path: ArrayLike, beta_sign: int = 1) -> PlannedStance:
         """Return the angles that follow a foot path (n, 3) at its heights, and what remains for the spring.
 
         At constant height β is constant and the foot follows a circle about the axis of α: the foot is put at
@@ -206,7 +206,7 @@ class Leg:
         angles = self.at_height(path)[:, 0 if beta_sign == 1 else 1, :]
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])
-        return Stance(alpha, angles[:, 1], foot, path - foot)
+        return PlannedStance(alpha, angles[:, 1], foot, path - foot)
 
     def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
         """Return the static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""

@@ -35,7 +35,7 @@ from pydantic import Field
 
 from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.mobility import IN_PLANE, Mobility, manoeuvrability
-from servogen.kinematics.protocol import Answer, Directions, Kind, Routine, Stretch
+from servogen.kinematics.protocol import Answer, Directions, RobotKind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
 from servogen.robot.arm_file import MAX_GRAMS, Find, RobotTable, kilograms
 from servogen.robot.model import Dimensions, Limb
@@ -202,7 +202,7 @@ def directions() -> Mapping[int, tuple[int, int, int]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Travel:
+class WheelTravel:
     """The rotation of the driven wheels while the base moves along one of the six directions."""
 
     distance_m: float
@@ -220,11 +220,11 @@ def circumference(base: OmniBase) -> float:
     return 2 * pi * base.wheel_radius
 
 
-def travel(base: OmniBase, distance_m: float) -> Travel:
+def travel(base: OmniBase, distance_m: float) -> WheelTravel:
     """Return wheel path L sin 60°, motor turns and encoder counts for L along one of the six directions."""
     wheel = distance_m * sin(pi / 3)
     turns = base.gear * wheel / circumference(base)
-    return Travel(distance_m, wheel, turns, base.counts_per_turn * turns)
+    return WheelTravel(distance_m, wheel, turns, base.counts_per_turn * turns)
 
 
 def sensor_angles(base: OmniBase) -> tuple[float, ...]:
@@ -243,7 +243,7 @@ class Translation:
     displacement: tuple[float, float]
     direction_deg: int | None
     signs: tuple[int, int, int] | None
-    travel: Travel | None
+    travel: WheelTravel | None
 
     @property
     def length(self) -> float:
@@ -470,4 +470,4 @@ def _mobility(base: OmniBase) -> Mobility:
     )
 
 
-OMNI = Kind(name=OmniBase.kind, table=OmniTable, read=_read, details=_details, mobility=_mobility)
+OMNI = RobotKind(name=OmniBase.kind, table=OmniTable, read=_read, details=_details, mobility=_mobility)

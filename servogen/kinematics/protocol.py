@@ -1,4 +1,4 @@
-"""The protocol of the kinds of robots: their file and facts (`Kind`), and how they walk or drive.
+"""The protocol of the kinds of robots: their file and facts (`RobotKind`), and how they walk or drive.
 
 A kind is one module and one line in `registry`. Its robots are frozen values that satisfy `robot.model.Robot`
 and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports and steering use nothing else.
@@ -30,7 +30,7 @@ Directions = Literal["any", "six"]
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class RobotKind:
     """A kind of robot: the keys of its files, how they are read, and its facts for `servogen robots`.
 
     `read` returns the robot of a validated file; its last argument finds the robots that the file refers to.

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from servogen.kinematics.arm import ARM
 from servogen.kinematics.hexapod import HEXAPOD
 from servogen.kinematics.omni import OMNI
-from servogen.kinematics.protocol import Kind
+from servogen.kinematics.protocol import RobotKind
 
-KINDS: Mapping[str, Kind] = MappingProxyType(
+KINDS: Mapping[str, RobotKind] = MappingProxyType(
     {
         kind.name: kind
         for kind in (

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from servogen.kinematics.forward import joint_array
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.transforms import Floats
-from servogen.robot.model import Arm, Frame
+from servogen.robot.model import Arm, FixedFrame
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (3rd CGPM, 1901)."""
@@ -48,7 +48,7 @@ def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
     for index, joint in enumerate(arm.joints):
         if joint.mass > 0:
             last = next(number for number, row in enumerate(arm.rows) if row.joint == index)
-            link = replace(arm, rows=arm.rows[: last + 1], tool=Frame(*joint.centre))
+            link = replace(arm, rows=arm.rows[: last + 1], tool=FixedFrame(*joint.centre))
             torques += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
     if arm.payload > 0:
         torques += arm.payload * GRAVITY * jacobian(arm, q)[..., 2, :]

@@ -12,7 +12,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Any, Literal
 
 from servogen.errors import InputError, ToolError
-from servogen.robot.model import Arm, DHRow, Frame, Length
+from servogen.robot.model import Arm, DHRow, FixedFrame, Length
 
 if TYPE_CHECKING:
     import sympy
@@ -200,7 +200,7 @@ def _link(arm: Arm, row: DHRow, joints: tuple[Any, ...]) -> Any:
     return screw * across if arm.convention == "standard" else across * screw
 
 
-def _frame(frame: Frame) -> Any:
+def _frame(frame: FixedFrame) -> Any:
     sympy = _sympy()
 
     shift = _shift(*(_metres(value) for value in (frame.x, frame.y, frame.z)))

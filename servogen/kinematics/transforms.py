@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from servogen.errors import InputError, Location
-from servogen.robot.model import Frame, Mount
+from servogen.robot.model import FixedFrame, Mount
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -92,7 +92,7 @@ def translation(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
     return transform(None, np.stack(arrays, axis=-1))
 
 
-def frame_matrix(frame: Frame) -> Floats:
+def frame_matrix(frame: FixedFrame) -> Floats:
     """Return a robot's fixed frame as a transform; right angles are exact."""
     matrices = []
     for axis, angle in (("z", frame.rz), ("y", frame.ry), ("x", frame.rx)):
@@ -300,7 +300,9 @@ def _factor(name: str, inside: list[str], position: int) -> Floats:
 
 def _turn(axis: str, degrees: float) -> Floats:
     angle = radians(degrees)
-    return frame_matrix({"x": Frame(rx=angle), "y": Frame(ry=angle), "z": Frame(rz=angle)}[axis])
+    return frame_matrix(
+        {"x": FixedFrame(rx=angle), "y": FixedFrame(ry=angle), "z": FixedFrame(rz=angle)}[axis]
+    )
 
 
 def _number(text: str, position: int) -> float:

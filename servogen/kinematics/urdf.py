@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from servogen.errors import InputError, Location, ToolError, did_you_mean
 from servogen.kinematics.orientation import from_angles, to_angles
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse, transform
-from servogen.robot.model import Arm, DHRow, Frame, Joint, Length
+from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length
 
 SAME_M = 1e-9
 """Points nearer than this are equal; directions with a smaller cross product are parallel."""
@@ -74,11 +74,11 @@ def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], t
     )
 
 
-def frame_of(matrix: Floats) -> Frame:
+def frame_of(matrix: Floats) -> FixedFrame:
     """Return a transform as a fixed frame; values below a nanometre or nanoradian become 0."""
     rz, ry, rx = to_angles(matrix[:3, :3], "ZYX")
     values = (*matrix[:3, 3], rx, ry, rz)
-    return Frame(*(0.0 if abs(value) < 1e-12 else float(value) for value in values))
+    return FixedFrame(*(0.0 if abs(value) < 1e-12 else float(value) for value in values))
 
 
 def _unit(direction: Sequence[float]) -> Floats:
@@ -188,7 +188,7 @@ def _constant_parts(arm: Arm, row: DHRow) -> tuple[Floats, Floats]:
 
 
 def _about(axis: str, angle: float) -> Floats:
-    return frame_matrix(Frame(rz=angle) if axis == "z" else Frame(rx=angle))
+    return frame_matrix(FixedFrame(rz=angle) if axis == "z" else FixedFrame(rx=angle))
 
 
 def _urdf_joint(

@@ -1,7 +1,7 @@
 """Contours of a base on wheels -> the speeds of its wheels, frame by frame.
 
-In: a `DrivingRobot`, its `Stretch`es, a speed. Out: `Drive`; the columns of its `JointTrajectory` are wheel
-speeds in radians per second, which a continuous-rotation servo takes in place of an angle.
+In: a `DrivingRobot`, its `Stretch`es, a speed. Out: `PlannedDrive`; the columns of its `JointTrajectory` are
+wheel speeds in radians per second, which a continuous-rotation servo takes in place of an angle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from servogen.units import Clock, Cycles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+class PlannedDrive:
     """The stretches, the frames of each without the pause after it, and the wheel speeds of all frames."""
 
     stretches: tuple[Stretch, ...]
@@ -38,7 +38,7 @@ def drive(
     pause_s: Fraction = Fraction(0),
     ramp_s: Fraction = Fraction(0),
     repeat: bool = True,
-) -> Drive:
+) -> PlannedDrive:
     """Return the drive along the stretches in turn, at up to `speed` (m/s), each in whole frames.
 
     A stretch speeds up and slows down for `ramp_s` each; then the wheels stop for `pause_s`. Its speed is
@@ -65,7 +65,7 @@ def drive(
         blocks.append(np.zeros((1, len(wheels))))
     speeds = np.concatenate(blocks) + 0.0  # no negative zeros
     loop_start = 0 if repeat else len(speeds) - 1
-    return Drive(
+    return PlannedDrive(
         tuple(stretches),
         tuple(counts),
         JointTrajectory(joints=wheels, clock=clock, period=period, angles=speeds, loop_start=loop_start),

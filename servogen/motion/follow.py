@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from servogen.errors import InputError, Location
 from servogen.kinematics.inverse.unreachable import in_mm
-from servogen.motion.paths import Path
+from servogen.motion.paths import SpatialPath
 from servogen.motion.trajectory import Floats
 
 Inverse = Callable[[Floats, Floats], Floats]
@@ -119,7 +119,7 @@ class Followed:
 class Branch:
     """One branch along a path: joint angles (m, joints) at rising `shares` (m,) from 0 to 1."""
 
-    path: Path
+    path: SpatialPath
     inverse: Inverse
     shares: Floats
     angles: Floats
@@ -164,7 +164,7 @@ class Branch:
 
 
 def trace(
-    path: Path,
+    path: SpatialPath,
     inverse: Inverse,
     start: ArrayLike,
     shown: Shown,
@@ -183,7 +183,7 @@ class _Tracer:
     """The branch so far, and the remaining shares, the next one last."""
 
     def __init__(
-        self, path: Path, inverse: Inverse, shown: Shown, place: Location | None, hint: str | None
+        self, path: SpatialPath, inverse: Inverse, shown: Shown, place: Location | None, hint: str | None
     ) -> None:
         self.path, self.inverse, self.shown, self.place, self.hint = path, inverse, shown, place, hint
         self.shares = [0.0]
@@ -276,7 +276,7 @@ class _Tracer:
         return self.inverse(shares, np.tile(here, (len(shares), 1)))
 
 
-def chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
+def chord_errors(path: SpatialPath, angles: Floats, forward: Forward) -> Floats:
     """Return the maximum distance (n - 1,) from the path within each interval of samples (n, joints)."""
     if len(angles) < 2:
         return np.zeros(0)
@@ -301,6 +301,6 @@ def _sure(candidates: Floats, chosen: Floats, step: float) -> bool:
     return step <= SAME or not others.size or APART * step <= float(others.min())
 
 
-def _point(path: Path, share: float) -> tuple[float, float, float]:
+def _point(path: SpatialPath, share: float) -> tuple[float, float, float]:
     x, y, z = path.point(np.array([share]))[0].tolist()
     return x, y, z

@@ -22,7 +22,7 @@ STILL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class JointLimits:
     """A joint's maximum speed, acceleration and jerk in radians (or metres) and seconds; inf: not stated."""
 
     speed: float = math.inf
@@ -31,14 +31,14 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class TimedLaw:
     """A law and its duration in seconds."""
 
     law: Law
     duration: float
 
 
-def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Timing:
+def fastest(name: str, travel: Sequence[float], limits: Sequence[JointLimits]) -> TimedLaw:
     """Return the law `name` in the shortest time in which no joint exceeds its limits over its `travel`.
 
     For a path parameter from 0 to 1 the limits are those of each joint divided by its travel, and the
@@ -46,7 +46,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
     """
     used = [(abs(way), limit) for way, limit in zip(travel, limits, strict=True) if abs(way) > STILL]
     if not used:
-        return Timing(law(name), 0.0)
+        return TimedLaw(law(name), 0.0)
     speed = min(limit.speed / way for way, limit in used)
     acceleration = min(limit.acceleration / way for way, limit in used)
     jerk = min(limit.jerk / way for way, limit in used)
@@ -57,7 +57,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
             hint="state its time, or use a servo with a stated speed, or an acceleration limit",
         )
     shaped = _shaped(name, speed, acceleration, jerk)
-    return Timing(shaped, _shortest(shaped, speed, acceleration, jerk))
+    return TimedLaw(shaped, _shortest(shaped, speed, acceleration, jerk))
 
 
 def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> float:
@@ -117,7 +117,7 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
     return rise, ramp, 2 * ramp
 
 
-def stretch(angles: Floats, step_s: float, limits: Sequence[Limits]) -> float:
+def stretch(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> float:
     """Return the factor by which samples `step_s` apart must be slowed down to keep the limits, up to 1 if
     they do already.
 

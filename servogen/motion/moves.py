@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from servogen.errors import InputError
 from servogen.motion.follow import Followed
 from servogen.motion.laws import law
-from servogen.motion.limits import Limits, fastest, stretch
+from servogen.motion.limits import JointLimits, fastest, stretch
 from servogen.motion.trajectory import Floats
 
 
@@ -100,7 +100,7 @@ def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
     return Spline(times, points, np.linalg.solve(matrix, right))
 
 
-def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = False) -> Spline:
+def fastest_spline(points: ArrayLike, limits: Sequence[JointLimits], closed: bool = False) -> Spline:
     """Return the fastest spline through `points` within the limits, with intervals proportional to their
     travel.
 
@@ -133,7 +133,7 @@ def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
 
 
 def fastest_straight(
-    start: Floats, end: Floats, name: str, limits: Sequence[Limits], frame_s: float
+    start: Floats, end: Floats, name: str, limits: Sequence[JointLimits], frame_s: float
 ) -> Floats:
     """Return a move as `straight` does, in as few frames as the limits allow."""
     timing = fastest(name, (end - start).tolist(), limits)
@@ -151,7 +151,9 @@ MAX_PATH_FRAMES = 1 << 15
 """The maximum number of frames of a path without a time: 11 minutes at 50 frames per second."""
 
 
-def fastest_along(follow: FollowPath, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
+def fastest_along(
+    follow: FollowPath, name: str, limits: Sequence[JointLimits], frame_s: float
+) -> Followed | None:
     """Return a move as `along` does, in as few frames as the limits allow; None for more than
     `MAX_PATH_FRAMES`.
     """
@@ -171,7 +173,7 @@ def through(points: Floats, frames: Sequence[int], closed: bool) -> Floats:
     return spline(points, times, closed).at(np.arange(1, times[-1] + 1))
 
 
-def fastest_through(points: Floats, limits: Sequence[Limits], frame_s: float, closed: bool) -> Floats:
+def fastest_through(points: Floats, limits: Sequence[JointLimits], frame_s: float, closed: bool) -> Floats:
     """Return a move as `through` does, in as few frames as the limits allow."""
     curve = fastest_spline(points, limits, closed)
     frames = max(1, math.ceil(curve.duration / frame_s - EXACT))

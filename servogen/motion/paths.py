@@ -23,7 +23,7 @@ STRAIGHT_M = 1e-9
 """Three points within this distance of a line (metres) do not define a circle."""
 
 
-class Path(Protocol):
+class SpatialPath(Protocol):
     """A path through space."""
 
     @property
@@ -38,7 +38,7 @@ class Path(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class StraightLine:
     """A straight line from `start` to `end`."""
 
     start: tuple[float, float, float]

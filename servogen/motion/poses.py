@@ -20,7 +20,7 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion import moves
 from servogen.motion.follow import Followed
-from servogen.motion.limits import Limits
+from servogen.motion.limits import JointLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory, Part
 from servogen.units import Clock, Cycles
 
@@ -60,11 +60,11 @@ class Motion:
     poses: tuple[Pose, ...]
     repeat: bool = True
     release_at_end: bool = False
-    limits: tuple[Limits, ...] = ()
+    limits: tuple[JointLimits, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Planned:
+class PlannedPoses:
     """A trajectory, the warnings that the user should act on or accept, and notes about it."""
 
     trajectory: JointTrajectory
@@ -74,7 +74,7 @@ class Planned:
     """The parts of the motion, in the order of their frames."""
 
 
-def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
+def trajectory(motion: Motion, period: Cycles, clock: Clock) -> PlannedPoses:
     """Return the motion sampled at frames of `period` cycles. Raises InputError.
 
     The positions of the servos before the first pose are not known, so the first pose's move is made only
@@ -96,7 +96,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
     joints = JointTrajectory(
         joints=motion.joints, clock=clock, period=period, angles=angles, loop_start=before_loop
     )
-    return Planned(joints, tuple(sampler.warnings), tuple(sampler.notes), tuple(sampler.parts))
+    return PlannedPoses(joints, tuple(sampler.warnings), tuple(sampler.notes), tuple(sampler.parts))
 
 
 def _still(angles: Floats, frames: int) -> Floats:

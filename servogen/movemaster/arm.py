@@ -36,9 +36,9 @@ from servogen.kinematics.queries import joint_text
 from servogen.kinematics.transforms import rot
 from servogen.motion.follow import Branch, ChangesBranch, LeavesReach, chord_errors, trace
 from servogen.motion.laws import Law, law
-from servogen.motion.paths import Line
+from servogen.motion.paths import StraightLine
 from servogen.motion.trajectory import MAX_FRAMES, Floats
-from servogen.movemaster.memory import CLOSED, OPEN, Pose
+from servogen.movemaster.memory import CLOSED, OPEN, ToolPose
 from servogen.robot.model import Arm
 
 _ON_AXIS = 1e-9
@@ -65,7 +65,7 @@ class Manipulator:
     def with_tool_mm(self, length: float) -> Manipulator:
         return replace(self, arm=self.arm.with_tool(replace(self.arm.tool, z=length / 1000)))
 
-    def pose(self, q: Floats) -> Pose:
+    def pose(self, q: Floats) -> ToolPose:
         """Return the tool's pose at the joint positions `q`."""
         matrix = fk(self.arm, q)
         x, y, z = (float(value) for value in matrix[:3, 3])
@@ -78,11 +78,11 @@ class Manipulator:
             sine * o[0] - cosine * o[1],
         )
         if not self.arm.orientation:
-            return Pose(x=1000 * x, y=1000 * y, z=1000 * z, p=0.0, r=0.0)
+            return ToolPose(x=1000 * x, y=1000 * y, z=1000 * z, p=0.0, r=0.0)
         pitch = _degrees(math.atan2(lean, -a[2]) - math.pi / 2)
-        return Pose(x=1000 * x, y=1000 * y, z=1000 * z, p=pitch, r=_degrees(math.atan2(side_n, side_o)))
+        return ToolPose(x=1000 * x, y=1000 * y, z=1000 * z, p=pitch, r=_degrees(math.atan2(side_n, side_o)))
 
-    def solve(self, pose: Pose, near: Floats) -> Floats:
+    def solve(self, pose: ToolPose, near: Floats) -> Floats:
         """Return the joint positions for `pose` that are nearest to `near`. Raises `Unreachable` or
         InputError.
         """
@@ -104,13 +104,13 @@ class Manipulator:
         turns = self._rotations(poses) if self.arm.orientation else None
         return solutions_near(self.arm, poses[:, :3] / 1000, turns, near)
 
-    def approach(self, pose: Pose) -> Floats:
+    def approach(self, pose: ToolPose) -> Floats:
         """Return the unit vector along the tool."""
         if not self.arm.orientation:
             raise InputError("wrong-robot-kind", f"{self.arm.name} cannot orient its tool independently")
         return np.asarray(self._rotation(pose)[:, 2])
 
-    def _rotation(self, pose: Pose) -> Floats:
+    def _rotation(self, pose: ToolPose) -> Floats:
         return np.asarray(self._rotations(np.array([pose.values]))[0])
 
     def _rotations(self, poses: Floats) -> Floats:
@@ -239,14 +239,14 @@ class Mover:
         self.stand(1)
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> ToolPose:
         return self.manipulator.pose(self.q)
 
     @property
     def samples(self) -> Floats:
         return np.concatenate(self._blocks)
 
-    def go(self, pose: Pose, what: str) -> None:
+    def go(self, pose: ToolPose, what: str) -> None:
         """Move to `pose`, all joints together."""
         self.go_joints(self._solved(pose, self.q, what))
 
@@ -266,14 +266,14 @@ class Mover:
                 )
         self.go_joints(target)
 
-    def through(self, poses: list[tuple[Pose, str]]) -> None:
+    def through(self, poses: list[tuple[ToolPose, str]]) -> None:
         """Move through all poses without stopping."""
         points = [self.q]
         for pose, what in poses:
             points.append(self._solved(pose, points[-1], what))
         self._path(np.stack(points), even=False)
 
-    def line(self, pose: Pose, intermediate: int, what: str) -> None:
+    def line(self, pose: ToolPose, intermediate: int, what: str) -> None:
         """Move to `pose` through `intermediate` equidistant points on the straight line."""
         self._solved(pose, self.q, what)
         branch = self._branch(pose, what)
@@ -317,7 +317,7 @@ class Mover:
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
-    def _solved(self, pose: Pose, near: Floats, what: str) -> Floats:
+    def _solved(self, pose: ToolPose, near: Floats, what: str) -> Floats:
         try:
             return self.manipulator.solve(pose, near)
         except Unreachable as error:
@@ -337,7 +337,7 @@ class Mover:
         self._add(np.concatenate(columns, axis=1))
         return samples
 
-    def _branch(self, pose: Pose, what: str) -> Branch:
+    def _branch(self, pose: ToolPose, what: str) -> Branch:
         """Return the branch on which the arm moves straight to `pose`; pitch and roll take the shorter
         turn.
         """
@@ -354,7 +354,7 @@ class Mover:
         def shown(q: Floats) -> str:
             return ", ".join(joint_text(manipulator.arm, q.tolist()).split("  "))
 
-        line = Line(_metres(start), _metres(start + path))
+        line = StraightLine(_metres(start), _metres(start + path))
         try:
             return trace(line, inverse, self.q, shown)
         except ChangesBranch as error:
@@ -368,11 +368,11 @@ class Mover:
             raise InputError(
                 "leaves-reach",
                 f"the straight line to {what} leaves what the arm reaches at {in_mm(error.point)}: "
-                f"{self._reason(Pose(*(start + error.share * path).tolist()))}",
+                f"{self._reason(ToolPose(*(start + error.share * path).tolist()))}",
                 hint=f"MO goes to {what} through joint space",
             ) from error
 
-    def _reason(self, pose: Pose) -> str:
+    def _reason(self, pose: ToolPose) -> str:
         """Return why a pose has no solution."""
         try:
             self.manipulator.solve(pose, self.q)

@@ -18,22 +18,22 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError
 from servogen.movemaster.arm import Mover
 from servogen.movemaster.language import MAX_DEPTH, POSITIONS
-from servogen.movemaster.memory import CLOSED, OPEN, InputPort, Memory, Output, Pose, Position
-from servogen.movemaster.parser import Statement
+from servogen.movemaster.memory import CLOSED, OPEN, InputPort, Memory, Output, StoredPosition, ToolPose
+from servogen.movemaster.parser import ProgramLine
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class CommandStep:
     """A command that took time: `frames` frames from `frame` on, and the resulting state of tool and hand."""
 
-    statement: Statement
+    statement: ProgramLine
     frame: int
     frames: int
-    pose: Pose
+    pose: ToolPose
     hand: str
 
 
-Action = Callable[["Controller", Statement], None]
+Action = Callable[["Controller", ProgramLine], None]
 """What a command does to the controller."""
 
 
@@ -45,13 +45,13 @@ class Controller:
         self.inputs = inputs
         self.max_commands = max_commands
         self.memory = Memory()
-        self.program: dict[int, Statement] = {}
+        self.program: dict[int, ProgramLine] = {}
         self.stored_hand = OPEN
-        self.reference: Pose | None = None
+        self.reference: ToolPose | None = None
         self.current = 0
         self.output = 0
         self.outputs: list[Output] = []
-        self.steps: list[Step] = []
+        self.steps: list[CommandStep] = []
         self.warnings: list[Diagnostic] = []
         self.commands = 0
         self._flow: Flow | None = None
@@ -62,7 +62,7 @@ class Controller:
             raise InputError("no-program", "no program is running")
         return self._flow
 
-    def take(self, statement: Statement) -> None:
+    def take(self, statement: ProgramLine) -> None:
         """Execute a direct statement, or store a numbered one as a program line."""
         if statement.number is None:
             self._carry_out(statement)
@@ -100,7 +100,7 @@ class Controller:
         here = (self.stored_hand, reference, self.current, self.output)
         return (*self.memory.kept(), *self.mover.kept(), *here)
 
-    def _count(self, statement: Statement) -> None:
+    def _count(self, statement: ProgramLine) -> None:
         self.commands += 1
         if self.commands > self.max_commands:
             raise statement.error(
@@ -109,7 +109,7 @@ class Controller:
                 "end it with ED and let its job repeat it, or allow more commands",
             )
 
-    def _carry_out(self, statement: Statement) -> None:
+    def _carry_out(self, statement: ProgramLine) -> None:
         if statement.command is None:
             return
         before, warned = self.mover.frame, len(self.mover.warnings)
@@ -125,7 +125,7 @@ class Controller:
         if self.mover.frame > before and statement.command.mnemonic != "RN":
             frames = self.mover.frame - before
             self.steps.append(
-                Step(
+                CommandStep(
                     statement=statement,
                     frame=before,
                     frames=frames,
@@ -147,7 +147,7 @@ _OPENS: Mapping[str, int] = {"RC": 1, "NX": -1}
 class _Loop:
     """An open loop: its RC, the line after it, and the number of further repetitions."""
 
-    start: Statement
+    start: ProgramLine
     body: int
     left: int
 
@@ -165,7 +165,7 @@ class Flow:
     NX.
     """
 
-    def __init__(self, program: Mapping[int, Statement], first: int, last: int | None) -> None:
+    def __init__(self, program: Mapping[int, ProgramLine], first: int, last: int | None) -> None:
         self._lines = [program[number] for number in sorted(program)]
         self._index = {line.number: index for index, line in enumerate(self._lines)}
         for number in (first, last):
@@ -181,7 +181,7 @@ class Flow:
         self._check_loops()
         self._levels = [_Level()]
 
-    def take(self) -> Statement | None:
+    def take(self) -> ProgramLine | None:
         """Return the statement to run now; None if the program has ended."""
         if self._next == self._end or self._next >= len(self._lines):
             return None
@@ -213,7 +213,7 @@ class Flow:
             )
         self._next = self._levels.pop().back
 
-    def open_loop(self, statement: Statement, times: int) -> None:
+    def open_loop(self, statement: ProgramLine, times: int) -> None:
         loops = self._levels[-1].loops
         for index, loop in enumerate(loops):
             if loop.start is statement:  # reached by a jump back: the loop begins again
@@ -235,7 +235,7 @@ class Flow:
         else:
             loops.pop()
 
-    def _check(self, line: Statement, target: int) -> None:
+    def _check(self, line: ProgramLine, target: int) -> None:
         if target not in self._index:
             raise line.error(
                 "unknown-line", f"there is no program line {target} to go to", self._known(target)
@@ -306,15 +306,15 @@ class Flow:
         return f"near it are the lines {', '.join(map(str, near))}"
 
 
-def _mnemonic(line: Statement) -> str:
+def _mnemonic(line: ProgramLine) -> str:
     return line.command.mnemonic if line.command else ""
 
 
-def _pose(statement: Statement, first: int) -> Pose:
-    return Pose(*(statement.decimal(first + index) for index in range(5)))
+def _pose(statement: ProgramLine, first: int) -> ToolPose:
+    return ToolPose(*(statement.decimal(first + index) for index in range(5)))
 
 
-def _grip(controller: Controller, statement: Statement, index: int, stored: str) -> None:
+def _grip(controller: Controller, statement: ProgramLine, index: int, stored: str) -> None:
     """Set the hand before the arm moves: to the state in the statement, else to the stored one."""
     state = statement.arguments[index] if statement.has(index) else stored
     controller.mover.grip(CLOSED if state == CLOSED else OPEN)
@@ -327,54 +327,54 @@ def _go_to_position(controller: Controller, number: int) -> None:
     controller.current = number
 
 
-def _dp(controller: Controller, _: Statement) -> None:
+def _dp(controller: Controller, _: ProgramLine) -> None:
     _go_to_position(controller, controller.memory.neighbour(controller.current, -1))
 
 
-def _ip(controller: Controller, _: Statement) -> None:
+def _ip(controller: Controller, _: ProgramLine) -> None:
     _go_to_position(controller, controller.memory.neighbour(controller.current, 1))
 
 
-def _dw(controller: Controller, statement: Statement) -> None:
-    by = Pose(x=statement.decimal(0), y=statement.decimal(1), z=statement.decimal(2), p=0.0, r=0.0)
+def _dw(controller: Controller, statement: ProgramLine) -> None:
+    by = ToolPose(x=statement.decimal(0), y=statement.decimal(1), z=statement.decimal(2), p=0.0, r=0.0)
     controller.mover.go(controller.mover.pose.plus(by), "the point")
 
 
-def _he(controller: Controller, statement: Statement) -> None:
+def _he(controller: Controller, statement: ProgramLine) -> None:
     mover = controller.mover
-    controller.memory.positions[statement.whole(0)] = Position(mover.pose, mover.hand_state)
+    controller.memory.positions[statement.whole(0)] = StoredPosition(mover.pose, mover.hand_state)
 
 
-def _ho(controller: Controller, _: Statement) -> None:
+def _ho(controller: Controller, _: ProgramLine) -> None:
     controller.reference = controller.mover.pose
 
 
-def _og(controller: Controller, statement: Statement) -> None:
+def _og(controller: Controller, statement: ProgramLine) -> None:
     if controller.reference is None:
         _nt(controller, statement)
     else:
         controller.mover.go(controller.reference, "the reference position")
 
 
-def _nt(controller: Controller, _: Statement) -> None:
+def _nt(controller: Controller, _: ProgramLine) -> None:
     controller.mover.go_joints(np.array(controller.mover.manipulator.arm.home))
 
 
-def _ma(controller: Controller, statement: Statement) -> None:
+def _ma(controller: Controller, statement: ProgramLine) -> None:
     first, second = statement.whole(0), statement.whole(1)
     position, by = controller.memory.position(first), controller.memory.position(second)
     _grip(controller, statement, 2, position.hand)
     controller.mover.go(position.pose.plus(by.pose), f"position {first} displaced by {second}")
 
 
-def _mc(controller: Controller, statement: Statement) -> None:
+def _mc(controller: Controller, statement: ProgramLine) -> None:
     numbers = controller.memory.between(statement.whole(0), statement.whole(1))
     poses = [(controller.memory.positions[number].pose, f"position {number}") for number in numbers]
     controller.mover.through(poses)
     controller.current = numbers[-1]
 
 
-def _mj(controller: Controller, statement: Statement) -> None:
+def _mj(controller: Controller, statement: ProgramLine) -> None:
     joints = controller.mover.manipulator.arm.joints
     given = [statement.decimal(index) for index in range(5)]
     if any(given[len(joints) :]) or len(joints) > 5:
@@ -388,7 +388,7 @@ def _mj(controller: Controller, statement: Statement) -> None:
     controller.mover.turn_joints(np.array(by))
 
 
-def _mo(controller: Controller, statement: Statement) -> None:
+def _mo(controller: Controller, statement: ProgramLine) -> None:
     number = statement.whole(0)
     position = controller.memory.position(number)
     _grip(controller, statement, 1, position.hand)
@@ -396,11 +396,11 @@ def _mo(controller: Controller, statement: Statement) -> None:
     controller.current = number
 
 
-def _mp(controller: Controller, statement: Statement) -> None:
+def _mp(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.go(_pose(statement, 0), "the pose")
 
 
-def _ms(controller: Controller, statement: Statement) -> None:
+def _ms(controller: Controller, statement: ProgramLine) -> None:
     number = statement.whole(0)
     position = controller.memory.position(number)
     _grip(controller, statement, 2, position.hand)
@@ -408,20 +408,20 @@ def _ms(controller: Controller, statement: Statement) -> None:
     controller.current = number
 
 
-def _mt(controller: Controller, statement: Statement) -> None:
+def _mt(controller: Controller, statement: ProgramLine) -> None:
     number, distance = statement.whole(0), statement.decimal(1)
     position = controller.memory.position(number)
     x, y, z = (distance * controller.mover.manipulator.approach(position.pose)).tolist()
     _grip(controller, statement, 2, position.hand)
-    target = position.pose.plus(Pose(x=x, y=y, z=z, p=0.0, r=0.0))
+    target = position.pose.plus(ToolPose(x=x, y=y, z=z, p=0.0, r=0.0))
     controller.mover.go(target, f"the point {distance:g} mm from position {number}")
 
 
-def _pa(controller: Controller, statement: Statement) -> None:
+def _pa(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.pallets[statement.whole(0)] = (statement.whole(1), statement.whole(2))
 
 
-def _pc(controller: Controller, statement: Statement) -> None:
+def _pc(controller: Controller, statement: ProgramLine) -> None:
     first = statement.whole(0)
     last = statement.whole(1) if statement.has(1) else first
     if first == 0:
@@ -435,124 +435,126 @@ def _pc(controller: Controller, statement: Statement) -> None:
     controller.memory.clear(first, last)
 
 
-def _pd(controller: Controller, statement: Statement) -> None:
-    controller.memory.positions[statement.whole(0)] = Position(_pose(statement, 1), controller.stored_hand)
+def _pd(controller: Controller, statement: ProgramLine) -> None:
+    controller.memory.positions[statement.whole(0)] = StoredPosition(
+        _pose(statement, 1), controller.stored_hand
+    )
 
 
-def _pl(controller: Controller, statement: Statement) -> None:
+def _pl(controller: Controller, statement: ProgramLine) -> None:
     positions = controller.memory.positions
     positions[statement.whole(0)] = controller.memory.position(statement.whole(1))
 
 
-def _pt(controller: Controller, statement: Statement) -> None:
+def _pt(controller: Controller, statement: ProgramLine) -> None:
     pallet = statement.whole(0)
     controller.memory.positions[pallet] = controller.memory.grid_point(pallet)
 
 
-def _px(controller: Controller, statement: Statement) -> None:
+def _px(controller: Controller, statement: ProgramLine) -> None:
     one, two = statement.whole(0), statement.whole(1)
     first, second = controller.memory.position(one), controller.memory.position(two)
     controller.memory.positions[one], controller.memory.positions[two] = second, first
 
 
-def _sf(controller: Controller, statement: Statement) -> None:
+def _sf(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.shift(statement.whole(0), statement.whole(1))
 
 
-def _sp(controller: Controller, statement: Statement) -> None:
+def _sp(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.speed = statement.whole(0)
 
 
-def _ti(controller: Controller, statement: Statement) -> None:
+def _ti(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.wait_s(Fraction(statement.whole(0), 10))
 
 
-def _tl(controller: Controller, statement: Statement) -> None:
+def _tl(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.set_tool_mm(statement.decimal(0))
 
 
-def _cp(controller: Controller, statement: Statement) -> None:
+def _cp(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.comparison = controller.memory.counters.get(statement.whole(0), 0)
 
 
-def _dc(controller: Controller, statement: Statement) -> None:
+def _dc(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.count(statement.whole(0), -1)
 
 
-def _ic(controller: Controller, statement: Statement) -> None:
+def _ic(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.count(statement.whole(0), 1)
 
 
-def _sc(controller: Controller, statement: Statement) -> None:
+def _sc(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.counters[statement.whole(0)] = statement.whole(1) if statement.has(1) else 0
 
 
-def _ed(controller: Controller, _: Statement) -> None:
+def _ed(controller: Controller, _: ProgramLine) -> None:
     controller.flow.end()
 
 
-def _gt(controller: Controller, statement: Statement) -> None:
+def _gt(controller: Controller, statement: ProgramLine) -> None:
     controller.flow.go_to(statement.whole(0))
 
 
-def _gs(controller: Controller, statement: Statement) -> None:
+def _gs(controller: Controller, statement: ProgramLine) -> None:
     controller.flow.call(statement.whole(0))
 
 
-def _rt(controller: Controller, _: Statement) -> None:
+def _rt(controller: Controller, _: ProgramLine) -> None:
     controller.flow.give_back()
 
 
-def _rc(controller: Controller, statement: Statement) -> None:
+def _rc(controller: Controller, statement: ProgramLine) -> None:
     controller.flow.open_loop(statement, statement.whole(0))
 
 
-def _nx(controller: Controller, _: Statement) -> None:
+def _nx(controller: Controller, _: ProgramLine) -> None:
     controller.flow.close_loop()
 
 
 def _jump_if(holds: Callable[[int, int], bool]) -> Action:
     """Return an action that jumps if the comparison value and the argument have this relation."""
 
-    def action(controller: Controller, statement: Statement) -> None:
+    def action(controller: Controller, statement: ProgramLine) -> None:
         if holds(controller.memory.comparison, statement.whole(0)):
             controller.flow.go_to(statement.whole(1))
 
     return action
 
 
-def _tb(controller: Controller, statement: Statement) -> None:
+def _tb(controller: Controller, statement: ProgramLine) -> None:
     bit = statement.bit(0)
     if bool(controller.memory.comparison >> bit.number & 1) == bit.on:
         controller.flow.go_to(statement.whole(1))
 
 
-def _rn(controller: Controller, statement: Statement) -> None:
+def _rn(controller: Controller, statement: ProgramLine) -> None:
     controller.run_program(statement.whole(0), statement.whole(1) if statement.has(1) else None)
 
 
-def _nw(controller: Controller, _: Statement) -> None:
+def _nw(controller: Controller, _: ProgramLine) -> None:
     controller.program.clear()
     controller.memory.clear(*POSITIONS)
 
 
-def _rs(_controller: Controller, _: Statement) -> None:
+def _rs(_controller: Controller, _: ProgramLine) -> None:
     """Do nothing: an error ends the run, so that there is never one to clear."""
 
 
-def _gc(controller: Controller, _: Statement) -> None:
+def _gc(controller: Controller, _: ProgramLine) -> None:
     controller.mover.grip(CLOSED)
 
 
-def _go(controller: Controller, _: Statement) -> None:
+def _go(controller: Controller, _: ProgramLine) -> None:
     controller.mover.grip(OPEN)
 
 
-def _gf(controller: Controller, statement: Statement) -> None:
+def _gf(controller: Controller, statement: ProgramLine) -> None:
     controller.stored_hand = CLOSED if statement.whole(0) else OPEN
 
 
-def _gp(controller: Controller, statement: Statement) -> None:
+def _gp(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.grip_tenths = statement.whole(2)
     controller.warn(
         Diagnostic(
@@ -564,11 +566,11 @@ def _gp(controller: Controller, statement: Statement) -> None:
     )
 
 
-def _id(controller: Controller, _: Statement) -> None:
+def _id(controller: Controller, _: ProgramLine) -> None:
     controller.memory.comparison = controller.inputs.value(controller.mover.frame)
 
 
-def _in(controller: Controller, _: Statement) -> None:
+def _in(controller: Controller, _: ProgramLine) -> None:
     strobe = controller.inputs.strobe()
     if strobe is None:
         raise InputError(
@@ -580,17 +582,17 @@ def _in(controller: Controller, _: Statement) -> None:
     controller.mover.stand(max(0, frame - controller.mover.frame))
 
 
-def _ob(controller: Controller, statement: Statement) -> None:
+def _ob(controller: Controller, statement: ProgramLine) -> None:
     bit = statement.bit(0)
     mask = 1 << bit.number
     controller.write(controller.output | mask if bit.on else controller.output & ~mask, strobe=False)
 
 
-def _od(controller: Controller, statement: Statement) -> None:
+def _od(controller: Controller, statement: ProgramLine) -> None:
     controller.write(statement.whole(0), strobe=False)
 
 
-def _ot(controller: Controller, statement: Statement) -> None:
+def _ot(controller: Controller, statement: ProgramLine) -> None:
     controller.write(statement.whole(0), strobe=True)
 
 

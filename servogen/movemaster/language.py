@@ -27,7 +27,7 @@ MAX_MM = 9999.9
 """Coordinates and angles have four digits before the point (the manufacturer's display)."""
 
 
-class Kind(Enum):
+class ArgumentKind(Enum):
     """The notation of an argument."""
 
     WHOLE = "a whole number"
@@ -53,7 +53,7 @@ class Parameter:
     """
 
     name: str
-    kind: Kind
+    kind: ArgumentKind
     low: float = 0
     high: float = 0
     hexadecimal: bool = False
@@ -63,9 +63,9 @@ class Parameter:
     @property
     def allowed(self) -> str:
         """Return the range in the wording of an error message."""
-        if self.kind is Kind.HAND:
+        if self.kind is ArgumentKind.HAND:
             return "O (hand open) or C (hand closed)"
-        if self.kind is Kind.BIT:
+        if self.kind is ArgumentKind.BIT:
             return f"+{self.low:g} to +{self.high:g} (bit on) or -{self.low:g} to -{self.high:g} (bit off)"
         text = f"{self.low:g} to {self.high:g}"
         if not self.hexadecimal:
@@ -88,7 +88,7 @@ class Command:
         """Return the notation of the command: "MO a [, O/C]"."""
         text = ""
         for index, parameter in enumerate(self.parameters):
-            name = "O/C" if parameter.kind is Kind.HAND else parameter.name
+            name = "O/C" if parameter.kind is ArgumentKind.HAND else parameter.name
             comma = ", " if index else ""
             text += f" [{comma}{name}]" if parameter.optional else f"{comma or ' '}{name}"
         return self.mnemonic + text
@@ -100,18 +100,18 @@ class Command:
 
 
 def _whole(name: str, span: tuple[int, int], hexadecimal: bool = False) -> Parameter:
-    return Parameter(name, Kind.WHOLE, *span, hexadecimal=hexadecimal)
+    return Parameter(name, ArgumentKind.WHOLE, *span, hexadecimal=hexadecimal)
 
 
 def _optional(name: str, span: tuple[int, int]) -> Parameter:
-    return Parameter(name, Kind.WHOLE, *span, optional=True)
+    return Parameter(name, ArgumentKind.WHOLE, *span, optional=True)
 
 
 def _decimals(names: str) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, Kind.DECIMAL, -MAX_MM, MAX_MM, blank=0.0) for name in names.split())
+    return tuple(Parameter(name, ArgumentKind.DECIMAL, -MAX_MM, MAX_MM, blank=0.0) for name in names.split())
 
 
-_HAND = Parameter("hand", Kind.HAND, optional=True)
+_HAND = Parameter("hand", ArgumentKind.HAND, optional=True)
 _POSITION = _whole("a", POSITIONS)
 _TWO_POSITIONS = (_whole("a1", POSITIONS), _whole("a2", POSITIONS))
 _POSE = _decimals("x y z p r")
@@ -119,7 +119,7 @@ _LINE = _whole("a", LINES)
 _COUNTER = _whole("a", COUNTERS)
 _COMPARED = (_whole("a1", WORD, hexadecimal=True), _whole("a2", LINES))
 _PORT = _whole("a", (0, 255), hexadecimal=True)
-_BIT = Parameter("a", Kind.BIT, 0, 7)
+_BIT = Parameter("a", ArgumentKind.BIT, 0, 7)
 _BOTH, _PROGRAM, _DIRECT = Where.BOTH, Where.PROGRAM, Where.DIRECT
 
 _ROWS = (
@@ -144,7 +144,7 @@ _ROWS = (
     ),
     Command(
         "MT",
-        (_POSITION, Parameter("b", Kind.DECIMAL, -3276.7, 3276.7), _HAND),
+        (_POSITION, Parameter("b", ArgumentKind.DECIMAL, -3276.7, 3276.7), _HAND),
         _BOTH,
         "go to the point b mm from position a along the tool",
         12,
@@ -168,7 +168,7 @@ _ROWS = (
     Command("SF", _TWO_POSITIONS, _BOTH, "add the coordinates of position a2 to position a1"),
     Command("SP", (_whole("n", (0, 9)),), _BOTH, "speed: (n + 1) tenths of the joints' top speeds"),
     Command("TI", (_whole("n", (0, 32767)),), _BOTH, "wait n tenths of a second"),
-    Command("TL", (Parameter("n", Kind.DECIMAL, 0, 300),), _BOTH, "length of the tool in mm"),
+    Command("TL", (Parameter("n", ArgumentKind.DECIMAL, 0, 300),), _BOTH, "length of the tool in mm"),
     Command("CP", (_COUNTER,), _BOTH, "take counter a as the comparison value"),
     Command("DC", (_COUNTER,), _BOTH, "count counter a down by one"),
     Command("ED", (), _PROGRAM, "end of the program"),

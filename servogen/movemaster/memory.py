@@ -25,7 +25,7 @@ OPEN, CLOSED = "O", "C"
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class ToolPose:
     """Tool point in mm; pitch above the horizontal and roll in degrees, as written in programs."""
 
     x: float
@@ -38,12 +38,12 @@ class Pose:
     def values(self) -> tuple[float, float, float, float, float]:
         return self.x, self.y, self.z, self.p, self.r
 
-    def plus(self, other: Pose, times: float = 1.0) -> Pose:
+    def plus(self, other: ToolPose, times: float = 1.0) -> ToolPose:
         """Return this pose plus `times` the other's values."""
-        return Pose(*(a + times * b for a, b in zip(self.values, other.values, strict=True)))
+        return ToolPose(*(a + times * b for a, b in zip(self.values, other.values, strict=True)))
 
-    def times(self, factor: float) -> Pose:
-        return Pose(*(factor * value for value in self.values))
+    def times(self, factor: float) -> ToolPose:
+        return ToolPose(*(factor * value for value in self.values))
 
     def to_json(self) -> dict[str, object]:
         """Return the pose in metres and radians."""
@@ -56,10 +56,10 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class StoredPosition:
     """A stored pose and the state of the hand there."""
 
-    pose: Pose
+    pose: ToolPose
     hand: str = OPEN
 
 
@@ -67,12 +67,12 @@ class Memory:
     """The controller's memory. All numbers are already within the ranges of the language's table."""
 
     def __init__(self) -> None:
-        self.positions: dict[int, Position] = {}
+        self.positions: dict[int, StoredPosition] = {}
         self.counters: dict[int, int] = {}
         self.pallets: dict[int, tuple[int, int]] = {}
         self.comparison = 0
 
-    def position(self, number: int) -> Position:
+    def position(self, number: int) -> StoredPosition:
         if number not in self.positions:
             raise InputError(
                 "undefined-position",
@@ -122,7 +122,7 @@ class Memory:
             )
         self.counters[number] = value
 
-    def grid_point(self, pallet: int) -> Position:
+    def grid_point(self, pallet: int) -> StoredPosition:
         """Return the point of the pallet's grid selected by its two counters, with the hand state of its
         first corner.
         """
@@ -149,7 +149,7 @@ class Memory:
         pose = corners[0].pose.times(weights[0])
         for corner, weight in zip(corners[1:], weights[1:], strict=True):
             pose = pose.plus(corner.pose, weight)
-        return Position(pose, corners[0].hand)
+        return StoredPosition(pose, corners[0].hand)
 
     def kept(self) -> tuple[object, ...]:
         """Return everything that determines what a program will do, for comparison."""
@@ -165,7 +165,7 @@ PORT_BITS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Input:
+class PortInput:
     """From `at_s` seconds on, the port reads `value`; a strobe signals it to IN."""
 
     at_s: Fraction
@@ -184,7 +184,7 @@ class Output:
 _INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{1,3}))\s*$")
 
 
-def input_of(text: str, place: Location | None = None) -> Input:
+def input_of(text: str, place: Location | None = None) -> PortInput:
     """Return an input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
     match = _INPUT.match(text)
     value = -1 if match is None else int(match[2], 16) if match[2] else int(match[3])
@@ -195,13 +195,13 @@ def input_of(text: str, place: Location | None = None) -> Input:
             place,
             "seconds=value, such as 1.5=3 or 0=&1F; value 0 to 255 or &0 to &FF",
         )
-    return Input(Fraction(match[1]), value)
+    return PortInput(Fraction(match[1]), value)
 
 
 class InputPort:
     """The input port over a run: 0 until its first input."""
 
-    def __init__(self, inputs: tuple[Input, ...], period_s: Fraction) -> None:
+    def __init__(self, inputs: tuple[PortInput, ...], period_s: Fraction) -> None:
         ordered = sorted(inputs, key=lambda change: change.at_s)
         self._rows = tuple((-((-entry.at_s) // period_s), entry.value) for entry in ordered)
         self._taken = 0

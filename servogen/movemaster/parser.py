@@ -1,4 +1,4 @@
-"""Text of an .rvm file -> `Source`: statements with checked arguments, every error with line and column.
+"""Text of an .rvm file -> `ParsedProgram`: checked statements; every error names its line and column.
 
     [number] COMMAND argument, argument  ' comment
 
@@ -19,8 +19,8 @@ from servogen.movemaster.language import (
     LINES,
     MISPRINTS,
     NOT_HERE,
+    ArgumentKind,
     Command,
-    Kind,
     Parameter,
     Where,
     by_initial,
@@ -41,7 +41,7 @@ Value = int | float | str | Bit
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class ProgramLine:
     """One line: its number (None: direct), its command (None: a comment that can be a jump target), its
     arguments.
 
@@ -86,14 +86,14 @@ MAX_LINE = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ParsedProgram:
     """The statements of a file, in order."""
 
     file: str
-    statements: tuple[Statement, ...]
+    statements: tuple[ProgramLine, ...]
 
 
-def read(path: str | Path) -> Source:
+def read(path: str | Path) -> ParsedProgram:
     """Return the file at `path`. Raises InputError."""
     try:
         text = read_input(path).decode("utf-8-sig")
@@ -105,7 +105,7 @@ def read(path: str | Path) -> Source:
     return parse(text, str(path))
 
 
-def parse(text: str, file: str) -> Source:
+def parse(text: str, file: str) -> ParsedProgram:
     """Return the statements of `text`. Raises InputError for the first error."""
     long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
     if long is not None:
@@ -124,13 +124,13 @@ def parse(text: str, file: str) -> Source:
             Location(file),
             "a program: 10 NT, 20 ED, each on a line of its own",
         )
-    return Source(file, statements)
+    return ParsedProgram(file, statements)
 
 
 _HEAD = re.compile(r"\s*(?P<number>[+-]?\d+)?\s*(?P<word>[A-Za-z]+)?")
 
 
-def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
+def _statement(line: str, file: str, row: int) -> Iterator[ProgramLine]:
     code = line.split(COMMENT, 1)[0].rstrip()
     head = _HEAD.match(code)
     if head is None or (not code and COMMENT not in line) or (not code.strip() and not head["number"]):
@@ -143,7 +143,7 @@ def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
             wrong = rest.split(",")[0].split(" ")[0]
             at = Location(file, row, len(code) - len(rest) + 1, key)
             raise _no_command(wrong, head["number"], at)
-        yield Statement(
+        yield ProgramLine(
             number=number,
             command=None,
             arguments=(),
@@ -155,7 +155,7 @@ def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
     command = _command(head["word"].upper(), number, place)
     pieces = tuple(_pieces(code, head.end("word")))
     arguments = _arguments(command, pieces, place, row)
-    yield Statement(
+    yield ProgramLine(
         number=number,
         command=command,
         arguments=arguments,
@@ -268,13 +268,13 @@ def _value(command: Command, parameter: Parameter, text: str, place: Location) -
         if parameter.blank is not None:
             return parameter.blank
         raise InputError("program-argument", f"{who} is missing", place, f"allowed: {parameter.allowed}")
-    if parameter.kind is Kind.HAND:
+    if parameter.kind is ArgumentKind.HAND:
         if text.upper() not in ("O", "C"):
             raise InputError(
                 "program-argument", f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}"
             )
         return text.upper()
-    if parameter.kind is Kind.BIT:
+    if parameter.kind is ArgumentKind.BIT:
         number = int(text) if _WHOLE.match(text) else -100
         if not parameter.low <= abs(number) <= parameter.high:
             raise InputError(
@@ -311,7 +311,7 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
         raise InputError(
             "program-argument", f"{who}: '{text}' is not a number", place, f"allowed: {parameter.allowed}"
         )
-    if parameter.kind is Kind.WHOLE:
+    if parameter.kind is ArgumentKind.WHOLE:
         if not _WHOLE.match(text):
             raise InputError(
                 "program-argument", f"{who} is not whole: {text}", place, f"allowed: {parameter.allowed}"

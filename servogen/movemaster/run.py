@@ -1,5 +1,4 @@
-"""An arm program -> `Run`: its `JointTrajectory`, its writes to the output port, and the durations of its
-steps.
+"""An arm program -> `ProgramRun`: its `JointTrajectory`, its writes to the output port, its steps' durations.
 
 In: the parsed file, the arm with its speeds, the hand, the frame, inputs, budgets. Out: one row per frame.
 The first frame is at the home position; the last pose is held when the program has ended, or the program is
@@ -16,9 +15,9 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion.trajectory import JointTrajectory
 from servogen.movemaster.arm import Hand, Manipulator, Mover
-from servogen.movemaster.interpreter import Controller, Step
-from servogen.movemaster.memory import CLOSED, Input, InputPort, Output, Position
-from servogen.movemaster.parser import Source, Statement
+from servogen.movemaster.interpreter import CommandStep, Controller
+from servogen.movemaster.memory import CLOSED, InputPort, Output, PortInput, StoredPosition
+from servogen.movemaster.parser import ParsedProgram, ProgramLine
 from servogen.units import Clock, Cycles
 
 SAME = 1e-9
@@ -34,13 +33,13 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class ProgramRun:
     """The result of a program. `positions` and `counters` are the memory at its end."""
 
     trajectory: JointTrajectory
-    steps: tuple[Step, ...]
+    steps: tuple[CommandStep, ...]
     outputs: tuple[Output, ...]
-    positions: dict[int, Position]
+    positions: dict[int, StoredPosition]
     counters: dict[int, int]
     warnings: tuple[Diagnostic, ...]
 
@@ -79,16 +78,16 @@ class Run:
 
 
 def run(
-    source: Source,
+    source: ParsedProgram,
     arm: Manipulator,
     period: Cycles,
     clock: Clock,
     *,
     hand: Hand | None = None,
-    inputs: tuple[Input, ...] = (),
+    inputs: tuple[PortInput, ...] = (),
     repeat: bool = False,
     budget: Budget = Budget(),
-) -> Run:
+) -> ProgramRun:
     """Run the file: direct lines at once, the program at RN, or at the end of a file without RN.
 
     With `repeat`, the program is the loop and any motion before it the lead-in, including its first pass if
@@ -106,7 +105,7 @@ def run(
         mover.uncounted += 1
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
-    return Run(
+    return ProgramRun(
         trajectory=JointTrajectory(
             joints=joints,
             clock=clock,
@@ -136,13 +135,13 @@ class _Start:
 
     kept: tuple[object, ...]
     frame: int
-    statement: Statement | None
+    statement: ProgramLine | None
 
 
-def _once(controller: Controller, source: Source) -> _Start | None:
+def _once(controller: Controller, source: ParsedProgram) -> _Start | None:
     """Run all statements in order, then the program if no RN started it."""
     start: _Start | None = None
-    waiting: Statement | None = None
+    waiting: ProgramLine | None = None
     for statement in source.statements:
         runs = statement.command is not None and statement.command.mnemonic == "RN"
         if runs:
@@ -163,7 +162,7 @@ def _once(controller: Controller, source: Source) -> _Start | None:
 
 
 def _repeated(
-    controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]
+    controller: Controller, source: ParsedProgram, start: _Start | None, inputs: tuple[PortInput, ...]
 ) -> tuple[int, int, int]:
     """Run the program twice, and return the first frame that is needed, the first of the loop, and the end.
 
@@ -220,5 +219,5 @@ def _repeated(
     return start.frame if still else 0, start.frame, second
 
 
-def _is_run(statement: Statement) -> bool:
+def _is_run(statement: ProgramLine) -> bool:
     return statement.command is not None and statement.command.mnemonic == "RN"

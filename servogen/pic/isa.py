@@ -15,7 +15,7 @@ WORD_MASK = 0x3FFF
 
 
 @dataclass(frozen=True, slots=True)
-class Instruction:
+class Opcode:
     """One row. In `pattern`, f is a file register, d the destination, b a bit, k a literal, x is ignored."""
 
     mnemonic: str
@@ -112,49 +112,47 @@ def _layout(pattern: str) -> _Layout:
 
 
 INSTRUCTIONS = (
-    Instruction("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "Wf", "d", "W + f -> d"),
-    Instruction("ANDWF", "00 0101 dfff ffff", 1, "Z", "Wf", "d", "W & f -> d"),
-    Instruction("CLRF", "00 0001 1fff ffff", 1, "Z", "", "f", "0 -> f"),
-    Instruction(
-        "CLRW", "00 0001 0xxx xxxx", 1, "Z", "", "W", "0 -> W", ignored=0b0000011
-    ),  # MPASM writes 0x0103
-    Instruction("COMF", "00 1001 dfff ffff", 1, "Z", "f", "d", "~f -> d"),
-    Instruction("DECF", "00 0011 dfff ffff", 1, "Z", "f", "d", "f - 1 -> d"),
-    Instruction("DECFSZ", "00 1011 dfff ffff", 1, "", "f", "d", "f - 1 -> d, skip if 0", flow="skip"),
-    Instruction("INCF", "00 1010 dfff ffff", 1, "Z", "f", "d", "f + 1 -> d"),
-    Instruction("INCFSZ", "00 1111 dfff ffff", 1, "", "f", "d", "f + 1 -> d, skip if 0", flow="skip"),
-    Instruction("IORWF", "00 0100 dfff ffff", 1, "Z", "Wf", "d", "W | f -> d"),
-    Instruction("MOVF", "00 1000 dfff ffff", 1, "Z", "f", "d", "f -> d"),
-    Instruction("MOVWF", "00 0000 1fff ffff", 1, "", "W", "f", "W -> f"),
-    Instruction("NOP", "00 0000 0xx0 0000", 1, "", "", "", "nothing"),
-    Instruction("RLF", "00 1101 dfff ffff", 1, "C", "fC", "d", "f rotated left through C -> d"),
-    Instruction("RRF", "00 1100 dfff ffff", 1, "C", "fC", "d", "f rotated right through C -> d"),
-    Instruction("SUBWF", "00 0010 dfff ffff", 1, "CDZ", "Wf", "d", "f - W -> d"),
-    Instruction("SWAPF", "00 1110 dfff ffff", 1, "", "f", "d", "f with its nibbles swapped -> d"),
-    Instruction("XORWF", "00 0110 dfff ffff", 1, "Z", "Wf", "d", "W ^ f -> d"),
-    Instruction("BCF", "01 00bb bfff ffff", 1, "", "f", "f", "0 -> f<b>"),
-    Instruction("BSF", "01 01bb bfff ffff", 1, "", "f", "f", "1 -> f<b>"),
-    Instruction("BTFSC", "01 10bb bfff ffff", 1, "", "f", "", "skip if f<b> is 0", flow="skip"),
-    Instruction("BTFSS", "01 11bb bfff ffff", 1, "", "f", "", "skip if f<b> is 1", flow="skip"),
-    Instruction("ADDLW", "11 111x kkkk kkkk", 1, "CDZ", "W", "W", "k + W -> W"),
-    Instruction("ANDLW", "11 1001 kkkk kkkk", 1, "Z", "W", "W", "k & W -> W"),
-    Instruction("CALL", "10 0kkk kkkk kkkk", 2, "", "", "", "PC + 1 -> stack, k -> PC", flow="call"),
-    Instruction("CLRWDT", "00 0000 0110 0100", 1, "TP", "", "", "0 -> watchdog and its prescaler"),
-    Instruction("GOTO", "10 1kkk kkkk kkkk", 2, "", "", "", "k -> PC", flow="jump"),
-    Instruction("IORLW", "11 1000 kkkk kkkk", 1, "Z", "W", "W", "k | W -> W"),
-    Instruction("MOVLW", "11 00xx kkkk kkkk", 1, "", "", "W", "k -> W"),
-    Instruction("RETFIE", "00 0000 0000 1001", 2, "", "", "", "stack -> PC, 1 -> GIE", flow="return"),
-    Instruction("RETLW", "11 01xx kkkk kkkk", 2, "", "", "W", "k -> W, stack -> PC", flow="return"),
-    Instruction("RETURN", "00 0000 0000 1000", 2, "", "", "", "stack -> PC", flow="return"),
-    Instruction("SLEEP", "00 0000 0110 0011", 1, "TP", "", "", "0 -> watchdog, oscillator off"),
-    Instruction("SUBLW", "11 110x kkkk kkkk", 1, "CDZ", "W", "W", "k - W -> W"),
-    Instruction("XORLW", "11 1010 kkkk kkkk", 1, "Z", "W", "W", "k ^ W -> W"),
+    Opcode("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "Wf", "d", "W + f -> d"),
+    Opcode("ANDWF", "00 0101 dfff ffff", 1, "Z", "Wf", "d", "W & f -> d"),
+    Opcode("CLRF", "00 0001 1fff ffff", 1, "Z", "", "f", "0 -> f"),
+    Opcode("CLRW", "00 0001 0xxx xxxx", 1, "Z", "", "W", "0 -> W", ignored=0b0000011),  # MPASM writes 0x0103
+    Opcode("COMF", "00 1001 dfff ffff", 1, "Z", "f", "d", "~f -> d"),
+    Opcode("DECF", "00 0011 dfff ffff", 1, "Z", "f", "d", "f - 1 -> d"),
+    Opcode("DECFSZ", "00 1011 dfff ffff", 1, "", "f", "d", "f - 1 -> d, skip if 0", flow="skip"),
+    Opcode("INCF", "00 1010 dfff ffff", 1, "Z", "f", "d", "f + 1 -> d"),
+    Opcode("INCFSZ", "00 1111 dfff ffff", 1, "", "f", "d", "f + 1 -> d, skip if 0", flow="skip"),
+    Opcode("IORWF", "00 0100 dfff ffff", 1, "Z", "Wf", "d", "W | f -> d"),
+    Opcode("MOVF", "00 1000 dfff ffff", 1, "Z", "f", "d", "f -> d"),
+    Opcode("MOVWF", "00 0000 1fff ffff", 1, "", "W", "f", "W -> f"),
+    Opcode("NOP", "00 0000 0xx0 0000", 1, "", "", "", "nothing"),
+    Opcode("RLF", "00 1101 dfff ffff", 1, "C", "fC", "d", "f rotated left through C -> d"),
+    Opcode("RRF", "00 1100 dfff ffff", 1, "C", "fC", "d", "f rotated right through C -> d"),
+    Opcode("SUBWF", "00 0010 dfff ffff", 1, "CDZ", "Wf", "d", "f - W -> d"),
+    Opcode("SWAPF", "00 1110 dfff ffff", 1, "", "f", "d", "f with its nibbles swapped -> d"),
+    Opcode("XORWF", "00 0110 dfff ffff", 1, "Z", "Wf", "d", "W ^ f -> d"),
+    Opcode("BCF", "01 00bb bfff ffff", 1, "", "f", "f", "0 -> f<b>"),
+    Opcode("BSF", "01 01bb bfff ffff", 1, "", "f", "f", "1 -> f<b>"),
+    Opcode("BTFSC", "01 10bb bfff ffff", 1, "", "f", "", "skip if f<b> is 0", flow="skip"),
+    Opcode("BTFSS", "01 11bb bfff ffff", 1, "", "f", "", "skip if f<b> is 1", flow="skip"),
+    Opcode("ADDLW", "11 111x kkkk kkkk", 1, "CDZ", "W", "W", "k + W -> W"),
+    Opcode("ANDLW", "11 1001 kkkk kkkk", 1, "Z", "W", "W", "k & W -> W"),
+    Opcode("CALL", "10 0kkk kkkk kkkk", 2, "", "", "", "PC + 1 -> stack, k -> PC", flow="call"),
+    Opcode("CLRWDT", "00 0000 0110 0100", 1, "TP", "", "", "0 -> watchdog and its prescaler"),
+    Opcode("GOTO", "10 1kkk kkkk kkkk", 2, "", "", "", "k -> PC", flow="jump"),
+    Opcode("IORLW", "11 1000 kkkk kkkk", 1, "Z", "W", "W", "k | W -> W"),
+    Opcode("MOVLW", "11 00xx kkkk kkkk", 1, "", "", "W", "k -> W"),
+    Opcode("RETFIE", "00 0000 0000 1001", 2, "", "", "", "stack -> PC, 1 -> GIE", flow="return"),
+    Opcode("RETLW", "11 01xx kkkk kkkk", 2, "", "", "W", "k -> W, stack -> PC", flow="return"),
+    Opcode("RETURN", "00 0000 0000 1000", 2, "", "", "", "stack -> PC", flow="return"),
+    Opcode("SLEEP", "00 0000 0110 0011", 1, "TP", "", "", "0 -> watchdog, oscillator off"),
+    Opcode("SUBLW", "11 110x kkkk kkkk", 1, "CDZ", "W", "W", "k - W -> W"),
+    Opcode("XORLW", "11 1010 kkkk kkkk", 1, "Z", "W", "W", "k ^ W -> W"),
 )
 """The 35 instructions of the data sheet, in its order."""
 
 LEGACY = (
-    Instruction("OPTION", "00 0000 0110 0010", 1, "", "W", "", "W -> OPTION_REG"),
-    Instruction("TRIS", "00 0000 0110 0fff", 1, "", "W", "", "W -> TRIS of port f"),
+    Opcode("OPTION", "00 0000 0110 0010", 1, "", "W", "", "W -> OPTION_REG"),
+    Opcode("TRIS", "00 0000 0110 0fff", 1, "", "W", "", "W -> TRIS of port f"),
 )
 """Two of the PIC16C5x that the chip keeps. TRIS takes f = 5 (port A) or 6 (port B) only."""
 
@@ -165,7 +163,7 @@ TRIS_PORTS = (5, 6)
 class Decoded:
     """A decoded word: the row and the values of its fields (0 for fields that it does not have)."""
 
-    instruction: Instruction
+    instruction: Opcode
     f: int = 0
     d: int = 0
     b: int = 0
@@ -173,12 +171,12 @@ class Decoded:
 
 
 @cache
-def by_mnemonic() -> Mapping[str, Instruction]:
+def by_mnemonic() -> Mapping[str, Opcode]:
     """Return all 37 rows by mnemonic, in upper case."""
     return {row.mnemonic: row for row in (*INSTRUCTIONS, *LEGACY)}
 
 
-def mnemonics(holds: Callable[[Instruction], bool]) -> frozenset[str]:
+def mnemonics(holds: Callable[[Opcode], bool]) -> frozenset[str]:
     """Return the mnemonics of all rows for which `holds` is true."""
     return frozenset(name for name, row in by_mnemonic().items() if holds(row))
 
@@ -211,7 +209,7 @@ def decoder() -> tuple[Decoded | None, ...]:
     return tuple(words)
 
 
-def _words_of(row: Instruction) -> Iterator[int]:
+def _words_of(row: Opcode) -> Iterator[int]:
     """Yield every word that the row's pattern matches."""
     free, match = ~row.mask & WORD_MASK, row.match
     rest = free

@@ -31,7 +31,7 @@ class Undefined(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class DecodedWord:
     """A decoded instruction with derived facts that are needed often."""
 
     name: str
@@ -56,7 +56,7 @@ class Word:
 
 
 @cache
-def word_of(number: int) -> Word:
+def word_of(number: int) -> DecodedWord:
     """Return a decoded word. Raises Undefined."""
     decoded = decode(number)
     if decoded is None:
@@ -64,7 +64,7 @@ def word_of(number: int) -> Word:
     row = decoded.instruction
     has_f = "f" in row.operands
     writes_f = row.writes_file(decoded.d)
-    return Word(
+    return DecodedWord(
         name=row.mnemonic,
         f=decoded.f,
         d=decoded.d,
@@ -161,7 +161,7 @@ def place_of(f: int, known: Known) -> int | None:
     return f if f == FSR or RAM_FIRST <= f <= RAM_LAST else None
 
 
-def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | None:
+def skipped(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> bool | None:
     """Return whether the next instruction is skipped; None if that is not known. Updates `known`."""
     if word.tests_bit:
         if word.f == STATUS:
@@ -177,7 +177,7 @@ def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | 
     return None if result is None else result == 0
 
 
-def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
+def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> None:
     """Update what is known by executing an instruction; places that are `changing` are never known."""
     if word.f == STATUS and word.writes_f:
         _write_status(word, known)
@@ -202,7 +202,7 @@ def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
                 del known[other]  # it may be any of them
 
 
-def _write_status(word: Word, known: Known) -> None:
+def _write_status(word: DecodedWord, known: Known) -> None:
     if word.changes_bit:
         if word.b in _FLAGS:
             known[_FLAGS[word.b]] = int(word.name == "BSF")

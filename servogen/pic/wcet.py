@@ -35,10 +35,10 @@ from servogen.pic.known_values import (
     INDF,
     STATUS,
     ZERO,
+    DecodedWord,
     Known,
     Undefined,
     W,
-    Word,
     execute,
     skipped,
     word_of,
@@ -108,19 +108,19 @@ class _NoBound(Exception):
         self.why = Unbounded(kind, (at,))
 
 
-class _Decoded(dict[int, Word]):
+class _Decoded(dict[int, DecodedWord]):
     """The instructions by address, decoded when they are first needed. Raises Undefined."""
 
     def __init__(self, words: Mapping[int, int]) -> None:
         super().__init__()
         self._words = words
 
-    def __missing__(self, at: int) -> Word:
+    def __missing__(self, at: int) -> DecodedWord:
         word = self[at] = word_of(self._words.get(at, ERASED))
         return word
 
 
-class Program:
+class TimedProgram:
     """The words of a program, and the times of its functions.
 
     `bounds` gives, for addresses inside loops, how often one call can pass them. `pieces` are (start, end) of
@@ -153,7 +153,7 @@ class Program:
         self._heads: set[int] | None = None
         self._states_left = MAX_PROGRAM_STATES
 
-    def word(self, at: int) -> Word:
+    def word(self, at: int) -> DecodedWord:
         """Return the instruction at an address. Raises Undefined."""
         return self.decoded[at]
 
@@ -446,11 +446,11 @@ def _bit(place: int) -> int:
 
 
 def is_live(place: int, live: int) -> bool:
-    """Return whether a place is in one of the bit sets of `Program.live`."""
+    """Return whether a place is in one of the bit sets of `TimedProgram.live`."""
     return place >= _PASSES or bool(live >> _BITS.get(place, place) & 1)
 
 
-def _uses_and_kills(word: Word) -> tuple[int, int]:
+def _uses_and_kills(word: DecodedWord) -> tuple[int, int]:
     """Return what an instruction reads, and what it overwrites entirely, as bit sets."""
     uses = kills = 0
     if "W" in word.reads:
@@ -479,7 +479,7 @@ def _uses_and_kills(word: Word) -> tuple[int, int]:
 class _Walk:
     """The graph of states reached from one start."""
 
-    program: Program
+    program: TimedProgram
     ends: frozenset[int]
     without: frozenset[int]
     limit: int
@@ -759,7 +759,7 @@ class _Walk:
         execute(word, known, self.program.changing)
         return [(1, 1, (_beyond(at, 1), home, stack, known))]
 
-    def _jump(self, word: Word, point: _Point) -> list[_Step]:
+    def _jump(self, word: DecodedWord, point: _Point) -> list[_Step]:
         """Return the step of a jump inside the function, or to another function, which returns in its
         place.
         """
@@ -791,7 +791,7 @@ class _Walk:
         self.reasons[Unbounded(kind, (at,))] = None
         return [(2, None, None)]
 
-    def _call(self, word: Word, point: _Point) -> list[_Step]:
+    def _call(self, word: DecodedWord, point: _Point) -> list[_Step]:
         at, home, stack, known = point
         if (self.ends or self.without) and self.program.reached(word.k) & (self.ends | self.without):
             return [(2, 2, (word.k, word.k, (*stack, at + 1), known))]
@@ -803,7 +803,7 @@ class _Walk:
         maximum = None if times.longest is None else 2 + times.longest
         return [(2 + times.shortest, maximum, (at + 1, home, stack, kept))]
 
-    def _call_times(self, at: int, word: Word, known: Known) -> Times:
+    def _call_times(self, at: int, word: DecodedWord, known: Known) -> Times:
         """Return the times of the function that is entered at `at`."""
         times = self.program.call(word.k, known)
         if times.longest is None:
@@ -847,7 +847,7 @@ def _beyond(at: int, words: int) -> int:
     return (at + words) % PROGRAM_WORDS
 
 
-def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[int, int] | None:
+def _counted_loop(program: TimedProgram, at: int, word: DecodedWord, known: Known) -> tuple[int, int] | None:
     """Return the cycles of a loop that only counts, and the address after it; None for other code. Updates
     `known`.
 
@@ -874,6 +874,6 @@ def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[
     return 4 * (turns - 1) + 3, at + 3
 
 
-def _is_goto(program: Program, at: int, target: int) -> bool:
+def _is_goto(program: TimedProgram, at: int, target: int) -> bool:
     word = program.word(at)
     return word.name == "GOTO" and word.k == target

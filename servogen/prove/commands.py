@@ -28,7 +28,7 @@ button: the number of frames in which it was seen pressed, plus this times the l
 """
 
 
-class Reader(Protocol):
+class InputReader(Protocol):
     """What the program reads of the inputs in a frame."""
 
     @property
@@ -53,7 +53,7 @@ class Reader(Protocol):
         """Return what is heard and commanded at the end of a frame."""
 
 
-class Line:
+class SerialCodes:
     """A line with codes: what was read of it counts at once."""
 
     def __init__(self, rule: CodeLine, codes: tuple[str, ...]) -> None:
@@ -102,7 +102,7 @@ class Line:
         return OFF_REST + min(run, most - 1), 0 if run >= most else None
 
 
-class Buttons:
+class ButtonCommands:
     """A button for each direction; what was read in a frame counts at its end.
 
     Read: bit 2n + 1 once button n was read, bit 2n + 2 if it is pressed.
@@ -164,17 +164,17 @@ class OneButton:
         return heard, wanted
 
 
-def reader_of(rule: CommandRule) -> Reader:
+def reader_of(rule: CommandRule) -> InputReader:
     """Return what follows the inputs of a rule."""
     selectors = [direction.selector for direction in rule.directions]
     if isinstance(rule.read, CodeLine):
-        return Line(rule.read, tuple(selector for selector in selectors if isinstance(selector, str)))
+        return SerialCodes(rule.read, tuple(selector for selector in selectors if isinstance(selector, str)))
     if isinstance(rule.read, StepButton):
         return OneButton(rule.read, len(rule.directions))
-    return Buttons(rule.read, tuple(selector for selector in selectors if isinstance(selector, Input)))
+    return ButtonCommands(rule.read, tuple(selector for selector in selectors if isinstance(selector, Input)))
 
 
-class Commands:
+class WalkCommands:
     """The frames of a walk on command. Directions are numbered from 1 on; 0 is the stance."""
 
     def __init__(self, schedule: PulseSchedule, rule: CommandRule) -> None:

@@ -13,16 +13,16 @@ from dataclasses import dataclass, field, replace
 from servogen.edges import PINS, join
 from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
-from servogen.prove.explore import Finding, Node
-from servogen.prove.quantifiers import Quantifiers, Trial, trials
+from servogen.prove.explore import Node, SearchFinding
+from servogen.prove.quantifiers import ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Levels, Machine, Options, Stimuli
-from servogen.simulator.abstract import Choice
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
+from servogen.simulator.abstract import AssumedBits
 from servogen.simulator.layout import INTF, RBIF
 from servogen.simulator.options import START_VALUES
 from servogen.simulator.resets import FETCH
-from servogen.simulator.sources import Reset, Source
+from servogen.simulator.sources import Reset, SignalSource
 
 LONGEST_SLEEP = WATCHDOG_US[1] * 128
 """Cycles at 4 MHz until the slowest watchdog with the largest postscaler ends SLEEP."""
@@ -50,7 +50,7 @@ class Counterexample:
     message: str
     cycle: int
     """Since power-on."""
-    options: Options
+    options: SimulatorOptions
     levels: AllLevels
     clock_hz: int | None = None
     """The frequency of this chip's oscillator; None: the schedule's."""
@@ -73,7 +73,7 @@ class Counterexample:
 
     def arguments(self) -> list[str]:
         """Return the options for `servogen simulate`."""
-        plain = Options()
+        plain = SimulatorOptions()
         options = []
         for name in ("device", "watchdog_us", "eeprom_write_us", "floating", "start_seed", "tmr0_phase"):
             value = getattr(self.options, name)
@@ -100,12 +100,12 @@ class Case:
     image: Image
     schedule: PulseSchedule
     spec: Specification
-    board: Options
+    board: SimulatorOptions
     quantifiers: Quantifiers
     held: Mapping[int, int]
 
 
-def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexample | None:
+def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
     # The search knows only some bits of the chip. Those that it chose are set; what it left open is tried
     # with several values, and a plain run of the simulator decides whether an edge is wrong.
@@ -148,7 +148,7 @@ def slow_oscillator(case: Case) -> Counterexample | None:
     """Return a chip whose RC oscillator is a tenth slow, and the first fall that is late by it."""
     slow = case.schedule.clock.hz * 9 // 10
     levels = levels_of((), case.held)
-    edges = pin_changes(_machine(case, Trial(case.board), levels), 0, START_FRAMES * case.spec.period)
+    edges = pin_changes(_machine(case, ChipTrial(case.board), levels), 0, START_FRAMES * case.spec.period)
     rise = next((edge for edge in edges if edge[2]), None)
     fall = next((edge for edge in edges if rise and edge[1] == rise[1] and not edge[2]), None)
     if rise is None or fall is None:
@@ -161,8 +161,8 @@ def slow_oscillator(case: Case) -> Counterexample | None:
     return Counterexample(message=message, cycle=fall[0], options=case.board, levels=levels, clock_hz=slow)
 
 
-def _machine(case: Case, trial: Trial, levels: AllLevels) -> Machine:
-    sources: list[Source] = [Levels(PINS.index(pin), changes) for pin, changes in levels]
+def _machine(case: Case, trial: ChipTrial, levels: AllLevels) -> Machine:
+    sources: list[SignalSource] = [Levels(PINS.index(pin), changes) for pin, changes in levels]
     if trial.reset is not None:
         sources.append(Reset(trial.reset, trial.reset + 1))
     stimuli = Stimuli(sources) if sources else None
@@ -184,7 +184,7 @@ class _Path:
     """The cycle of the finding, from reset on."""
     _known: dict[str, int] = field(default_factory=dict)
 
-    def note_start(self, choice: Choice) -> None:
+    def note_start(self, choice: AssumedBits) -> None:
         """Note bits that were chosen; the first choice of a bit may be of its value at power-up."""
         name = _START_OF.get(choice.field, choice.field)
         if name not in START_VALUES:
@@ -194,7 +194,7 @@ class _Path:
         self.start[name] = self.start.get(name, 0) | choice.value & fresh
 
 
-def _path_to(nodes: Sequence[Node], finding: Finding) -> _Path:
+def _path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
     """Return what was chosen from reset on."""
     ancestry = [finding.node]
     while nodes[ancestry[-1]].parent >= 0:

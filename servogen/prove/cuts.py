@@ -14,7 +14,7 @@ import numpy as np
 from servogen.edges import HIGH, PINS
 from servogen.engines.board import machine_of
 from servogen.pic.image import Image
-from servogen.prove.forks import Choices, Program, before_instruction, ways_of
+from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Guess, follows_timer, live_places
 from servogen.prove.specification import START_FRAMES, Specification, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
@@ -101,7 +101,7 @@ def once_a_frame(image: Image, schedule: PulseSchedule, start: int) -> list[int]
 
 
 def choose_cuts(
-    program: Program,
+    program: PreparedProgram,
     transitions: Transitions,
     schedule: PulseSchedule,
     spec: Specification,
@@ -130,7 +130,7 @@ def choose_cuts(
     return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
 
 
-def _needs_w(program: Program, pc: int) -> bool:
+def _needs_w(program: PreparedProgram, pc: int) -> bool:
     """Return whether the instructions from `pc` on read W before they write it, as far as there is one way.
 
     Calls are followed: a table that is called reads its index in W.
@@ -174,7 +174,7 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
 
 
 def _walk(
-    program: Program,
+    program: PreparedProgram,
     transitions: Transitions,
     spec: Specification,
     cuts: set[int],

@@ -18,7 +18,7 @@ from servogen.prove.counterexample import Counterexample, levels_of, pin_changes
 from servogen.prove.specification import START_FRAMES, Edge
 from servogen.prove.trims import VALUES
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 
 PROBE = 20
 """Cycles, within every trim's range: by so much a probed byte makes pulses longer."""
@@ -30,7 +30,7 @@ class TrimSearch:
     """Runs a program with contents of the EEPROM."""
 
     def __init__(
-        self, image: Image, schedule: PulseSchedule, board: Options, held: Mapping[int, int]
+        self, image: Image, schedule: PulseSchedule, board: SimulatorOptions, held: Mapping[int, int]
     ) -> None:
         self._image = image
         self._schedule = schedule

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from servogen.prove.forks import ALONE, Choices, Program, before_instruction, ways_of
+from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator.abstract import EEIE, FIELD, ChipState, Choice, Reason, Use
+from servogen.simulator.abstract import EEIE, FIELD, AssumedBits, ChipState, Reason, Use
 from servogen.simulator.layout import NEVER, T0IF, USE_INTERRUPT
 
 _SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]
@@ -27,7 +27,7 @@ WORK_PER_STATE = 20
 """Points in all, for each state that may be stored."""
 
 
-class Answer(Enum):
+class SearchAnswer(Enum):
     """How a search ended."""
 
     CLOSED = "no new state comes"
@@ -61,7 +61,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class SearchFinding:
     """A violation, or what could not be decided, and the way there."""
 
     node: int
@@ -77,12 +77,12 @@ class Finding:
 
 
 @dataclass(slots=True)
-class Search:
+class SearchResult:
     """The result of a search."""
 
-    answer: Answer
+    answer: SearchAnswer
     nodes: list[Node]
-    finding: Finding | None = None
+    finding: SearchFinding | None = None
     open_nodes: int = 0
     cut: int = 0
     waits: tuple[tuple[int, int], ...] = ()
@@ -131,7 +131,7 @@ class Explorer:
 
     def __init__(
         self,
-        program: Program,
+        program: PreparedProgram,
         transitions: Transitions,
         spec: Specification,
         generaliser: Generaliser,
@@ -155,7 +155,7 @@ class Explorer:
         self._reads_eeprom = self._writes_eeprom = self._asynchronous = False
         self._waits: list[tuple[int, int]] = []
 
-    def search(self) -> Search:
+    def search(self) -> SearchResult:
         """Return all states, or the first finding."""
         for start in self._starts:
             self._store(start.ram, self._transitions.number(start.rest), self._spec.start(), -1, 0, ())
@@ -169,7 +169,7 @@ class Explorer:
             if ended is not None:
                 return ended
             if len(self._nodes) > self._max_states:
-                finding = Finding(
+                finding = SearchFinding(
                     node=number,
                     decisions=(),
                     cycle=0,
@@ -177,12 +177,12 @@ class Explorer:
                     certain=False,
                     pc=0,
                 )
-                return self._ended(Answer.UNDECIDED, finding)
-        return self._ended(Answer.CLOSED, None)
+                return self._ended(SearchAnswer.UNDECIDED, finding)
+        return self._ended(SearchAnswer.CLOSED, None)
 
-    def _ended(self, answer: Answer, finding: Finding | None, cut: int = 0) -> Search:
+    def _ended(self, answer: SearchAnswer, finding: SearchFinding | None, cut: int = 0) -> SearchResult:
         waits = tuple(self._waits)
-        return Search(
+        return SearchResult(
             answer=answer,
             nodes=self._nodes,
             finding=finding,
@@ -208,7 +208,7 @@ class Explorer:
             # the search. It is found as a circle of these pairs.
             self._waits.append((parent, self._known[key]))
 
-    def _expand(self, number: int) -> Search | None:
+    def _expand(self, number: int) -> SearchResult | None:
         node = self._nodes[number]
         points = [_Point(node.ram, node.rest, node.spec, 0)]
         seen = set()
@@ -226,7 +226,7 @@ class Explorer:
             # other value would be those of chips that do not exist.
             undecided = all(choice == ALONE for choice in point.chosen)
             if point.use is not None and undecided and self._blamed(number, point, point.use):
-                return self._ended(Answer.REFINE, None)
+                return self._ended(SearchAnswer.REFINE, None)
             ways = self._ways(point)
             if ways is None:
                 return self._stuck(number, point, "what decides is not known", point.use)
@@ -247,7 +247,9 @@ class Explorer:
         self._reads_eeprom = self._reads_eeprom or self._program.reads_eeprom(state)
         return before_instruction(self._program, state, self._spec.sampled, self._phases)
 
-    def _follow(self, number: int, point: _Point, choices: Choices, points: list[_Point]) -> Search | None:
+    def _follow(
+        self, number: int, point: _Point, choices: Choices, points: list[_Point]
+    ) -> SearchResult | None:
         """Run one way up to the next stop, and store or append the state there."""
         transitions = self._transitions
         outcome = transitions.run(point.ram, point.rest, choices)
@@ -266,7 +268,7 @@ class Explorer:
                     spec = self._spec.sample(spec, pin, int(choice.value != 0))
             spec = self._spec.advance(spec, outcome.edges, outcome.cycles)
         except Violation as violation:
-            finding = Finding(
+            finding = SearchFinding(
                 node=number,
                 decisions=_decisions(trail),
                 cycle=point.cycle + violation.cycle,
@@ -274,11 +276,11 @@ class Explorer:
                 certain=violation.certain,
                 pc=transitions.pc(point.rest),
             )
-            return self._ended(Answer.VIOLATED, finding)
+            return self._ended(SearchAnswer.VIOLATED, finding)
         cycle = point.cycle + outcome.cycles
         if outcome.reason is Reason.WARNING:
             pc = transitions.pc(transitions.number(outcome.rest))
-            finding = Finding(
+            finding = SearchFinding(
                 node=number,
                 decisions=_decisions(trail),
                 cycle=cycle,
@@ -286,7 +288,7 @@ class Explorer:
                 certain=True,
                 pc=pc,
             )
-            return self._ended(Answer.VIOLATED, finding)
+            return self._ended(SearchAnswer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
         # A state does not hold the EEPROM's cells: a read gives what the file says, not what was written.
@@ -298,7 +300,7 @@ class Explorer:
         if outcome.rest[_SLEEPING]:
             return self._asleep(number, _Point(ram, rest, self._spec.at_rest(spec), cycle, trail), points)
         if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
-            finding = Finding(
+            finding = SearchFinding(
                 node=number,
                 decisions=_decisions(trail),
                 cycle=cycle,
@@ -306,16 +308,16 @@ class Explorer:
                 certain=True,
                 pc=transitions.pc(rest),
             )
-            return self._ended(Answer.VIOLATED, finding)
+            return self._ended(SearchAnswer.VIOLATED, finding)
         if outcome.reason is Reason.LIMIT:  # a loop without a cut, which would be followed endlessly
-            return self._ended(Answer.CUT, None, transitions.pc(rest))
+            return self._ended(SearchAnswer.CUT, None, transitions.pc(rest))
         if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
             self._store(ram, rest, spec, number, cycle, _decisions(trail))
             return None
         points.append(_Point(ram, rest, spec, cycle, trail, (), outcome.use))
         return None
 
-    def _asleep(self, number: int, point: _Point, points: list[_Point]) -> Search | None:
+    def _asleep(self, number: int, point: _Point, points: list[_Point]) -> SearchResult | None:
         """Wake a sleeping chip in every way, where the time of waking does not matter."""
         self._asynchronous = True
         rest = ChipState(point.ram, self._transitions.rest(point.rest))
@@ -325,7 +327,7 @@ class Explorer:
             why = "no pulse comes: SLEEP, and nothing has to end it"
         if why:
             pc = self._transitions.pc(point.rest)
-            finding = Finding(
+            finding = SearchFinding(
                 node=number,
                 decisions=_decisions(point.trail),
                 cycle=point.cycle,
@@ -334,13 +336,13 @@ class Explorer:
                 pc=pc,
                 silent=True,
             )
-            return self._ended(Answer.VIOLATED, finding)
+            return self._ended(SearchAnswer.VIOLATED, finding)
         # An enable bit is three places above its flag; a flag that is known needs no choice.
         intcon = rest["INTCON"]
         flags = [1 << bit for bit in range(3) if (intcon >> 3 & rest["INTCON_UNKNOWN"]) >> bit & 1]
-        wakes = [Choice("INTCON", flag, flag) for flag in flags]
-        wakes += [Choice("WATCHDOG", 0, 0)] if watchdog else []
-        wakes += [Choice("EE_DONE", 0, 0)] if intcon & EEIE and rest["EE_DONE_AT"] != NEVER else []
+        wakes = [AssumedBits("INTCON", flag, flag) for flag in flags]
+        wakes += [AssumedBits("WATCHDOG", 0, 0)] if watchdog else []
+        wakes += [AssumedBits("EE_DONE", 0, 0)] if intcon & EEIE and rest["EE_DONE_AT"] != NEVER else []
         for wake in wakes:
             ended = self._follow(number, point, (wake,), points)
             if ended is not None:
@@ -353,8 +355,8 @@ class Explorer:
             return False
         return self._generaliser.blamed(self._nodes[number], _decisions(point.trail), point.cycle, use)
 
-    def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> Search:
-        finding = Finding(
+    def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> SearchResult:
+        finding = SearchFinding(
             node=number,
             decisions=_decisions(point.trail),
             cycle=point.cycle,
@@ -363,4 +365,4 @@ class Explorer:
             pc=self._transitions.pc(point.rest),
             use=use,
         )
-        return self._ended(Answer.UNDECIDED, finding)
+        return self._ended(SearchAnswer.UNDECIDED, finding)

@@ -13,7 +13,15 @@ from functools import cached_property
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
 from servogen.simulator import layout
-from servogen.simulator.abstract import CELL_MASK_SHIFT, CELL_PHASED, FIELD, WRITTEN, ChipState, Choice, Use
+from servogen.simulator.abstract import (
+    CELL_MASK_SHIFT,
+    CELL_PHASED,
+    FIELD,
+    WRITTEN,
+    AssumedBits,
+    ChipState,
+    Use,
+)
 
 INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0B
 RAM_FIRST, RAM_LAST = 0x0C, 0x4F
@@ -22,9 +30,9 @@ B_SHIFT = 5
 MAX_CHOICES = 10
 """Bits that may decide one instruction; more are not told apart."""
 
-Choices = tuple[Choice, ...]
+Choices = tuple[AssumedBits, ...]
 
-ALONE = Choice("INTCON", 0, 0)
+ALONE = AssumedBits("INTCON", 0, 0)
 """Chooses nothing: the next instruction is executed alone."""
 RD, WR, BANK_1 = 0, 1, 0x80
 """The bits of EECON1 that start a read and a write; the bit of FSR that selects bank 1."""
@@ -44,7 +52,7 @@ _MASKS = {
 
 
 @dataclass(frozen=True)
-class Program:
+class PreparedProgram:
     """What the prover must know of a program's words before it runs them."""
 
     image: Image
@@ -141,7 +149,7 @@ def _in_eecon1(decoded: Decoded, state: ChipState) -> bool:
 
 
 def before_instruction(
-    program: Program, state: ChipState, sampled: frozenset[int], phases: int
+    program: PreparedProgram, state: ChipState, sampled: frozenset[int], phases: int
 ) -> list[Choices]:
     """Return the ways to execute the next instruction, if it reads pins, writes OPTION_REG, sleeps, or
     accesses EECON1; else one, empty.
@@ -157,9 +165,9 @@ def before_instruction(
         return [(ALONE,)]
     if _in_eecon1(decoded, state):
         writing = state["EE_DONE_AT"] != layout.NEVER and program.any_write_time
-        return [(ALONE,), (Choice("EE_DONE", 0, 0),)] if writing else [(ALONE,)]
+        return [(ALONE,), (AssumedBits("EE_DONE", 0, 0),)] if writing else [(ALONE,)]
     if row.mnemonic == "OPTION" or (decoded.f == TMR0 and bank_1 and _writes(decoded)):
-        return [(Choice("TMR0_PHASE", 0, phase),) for phase in range(phases)]
+        return [(AssumedBits("TMR0_PHASE", 0, phase),) for phase in range(phases)]
     if bank_1 or decoded.f not in (PORTA, PORTB) or "f" not in row.reads or _writes(decoded):
         return [()]
     shift = 0 if decoded.f == PORTA else B_SHIFT
@@ -171,7 +179,9 @@ def before_instruction(
     ways: list[Choices] = [()]
     for pin in pins:
         if unknown_pins >> pin & 1:
-            ways = [(*chosen, Choice("PINS", 1 << pin, level << pin)) for chosen in ways for level in (0, 1)]
+            ways = [
+                (*chosen, AssumedBits("PINS", 1 << pin, level << pin)) for chosen in ways for level in (0, 1)
+            ]
     return ways
 
 
@@ -180,7 +190,7 @@ def _writes(decoded: Decoded) -> bool:
     return "f" in row.operands and (row.writes == "f" or (row.writes == "d" and bool(decoded.d)))
 
 
-def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> list[Choices] | None:
+def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choices) -> list[Choices] | None:
     """Return the ways beyond `chosen` in which the unknown bit that decides may be; None if they are not
     known.
     """
@@ -190,15 +200,15 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
         return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
-        ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
-        ways += [Choice("EE_DONE", 0, late) for late in (0, 1) if use.subject & WRITTEN]
-        return [(*chosen, way) for way in (Choice("INTCON", use.subject & 7, 0), *ways)]
+        ways = [AssumedBits(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
+        ways += [AssumedBits("EE_DONE", 0, late) for late in (0, 1) if use.subject & WRITTEN]
+        return [(*chosen, way) for way in (AssumedBits("INTCON", use.subject & 7, 0), *ways)]
     decoded = program.at(state["PC"])
     if decoded is None:
         return None
     if use.kind == layout.USE_WAKE:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
-        return [(*chosen, Choice("INTCON", use.subject, value)) for value in (0, *flags)]
+        return [(*chosen, AssumedBits("INTCON", use.subject, value)) for value in (0, *flags)]
     for field in _operands(decoded, state, use):
         mask = _unknown_mask(state, field) & ~sum(choice.bits for choice in chosen if choice.field == field)
         if use.kind == layout.USE_SKIP and "b" in decoded.instruction.operands:
@@ -209,7 +219,7 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
             return _counted(decoded, state, field, chosen)
         # One bit at a time: often the first one decides alone, and otherwise the run stops here again.
         bit = mask & -mask
-        return [(*chosen, Choice(field, bit, value)) for value in (0, bit)]
+        return [(*chosen, AssumedBits(field, bit, value)) for value in (0, bit)]
     return None
 
 
@@ -263,6 +273,6 @@ def _counted(decoded: Decoded, state: ChipState, field: str, chosen: Choices) ->
     mask = 0xFF if cell >= CELL_PHASED else cell >> CELL_MASK_SHIFT
     other = last ^ (mask & -mask)
     return [
-        (*chosen, Choice(field, 0xFF, last)),
-        (*chosen, Choice(field, 0xFF, other, steer=True)),
+        (*chosen, AssumedBits(field, 0xFF, last)),
+        (*chosen, AssumedBits(field, 0xFF, other, steer=True)),
     ]

@@ -18,15 +18,15 @@ from servogen.pic.isa import encode
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts, rising_addresses
 from servogen.prove.eeprom import TrimSearch
-from servogen.prove.explore import Answer, Explorer, Finding, Node, Search
-from servogen.prove.forks import Program
+from servogen.prove.explore import Explorer, Node, SearchAnswer, SearchFinding, SearchResult
+from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
-from servogen.prove.trims import TrimProof, Undecided, Wrong
+from servogen.prove.trims import TrimProof, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator.abstract import AbstractChip, ChipState
 from servogen.units import Cycles
 
@@ -66,7 +66,7 @@ def prove_for_all(
     image: Image,
     schedule: PulseSchedule,
     quantifiers: Quantifiers = EVERYTHING,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     tell: Tell = lambda done, found: None,
     max_states: int = MAX_STATES,
 ) -> Proof:
@@ -82,7 +82,7 @@ class _Prover:
         image: Image,
         schedule: PulseSchedule,
         quantifiers: Quantifiers,
-        options: Options,
+        options: SimulatorOptions,
         tell: Tell,
         max_states: int,
     ) -> None:
@@ -104,7 +104,7 @@ class _Prover:
             image, schedule.clock, self._board, self._held, quantifiers.watchdog, longest
         )
         self._longest = longest
-        self._program = Program(image, quantifiers.eeprom_write)
+        self._program = PreparedProgram(image, quantifiers.eeprom_write)
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
         self._cuts: set[int] = set()
@@ -132,13 +132,13 @@ class _Prover:
                 self._tell,
                 self._starts(written),
             ).search()
-            if search.answer is Answer.CUT and added < MAX_ADDED_CUTS:
+            if search.answer is SearchAnswer.CUT and added < MAX_ADDED_CUTS:
                 added += 1
                 generaliser.add_cut(search.cut)
-            elif search.answer is Answer.REFINE and refined < MAX_REFINEMENTS:
+            elif search.answer is SearchAnswer.REFINE and refined < MAX_REFINEMENTS:
                 refined += 1
             elif (
-                search.answer is Answer.CLOSED
+                search.answer is SearchAnswer.CLOSED
                 and self._quantifiers.start
                 and self._transitions.written - written
             ):
@@ -170,9 +170,9 @@ class _Prover:
             return replace(plain, proven=False, reason="any EEPROM: something other than TMR0 interrupts")
         try:
             trimmed = search.prove(starts)
-        except Undecided as undecided:
+        except UndecidedTrims as undecided:
             reason = f"any EEPROM: {undecided}"
-        except Wrong as wrong:
+        except WrongEdge as wrong:
             suspect, reason = wrong.content, f"any EEPROM: {wrong.message} (frame {wrong.frame})"
         else:
             assumptions = tuple(
@@ -215,26 +215,26 @@ class _Prover:
                 return self._result(None, shown, "")
         return self._result(None, None, "; ".join(warning.message for warning in warnings))
 
-    def _answer(self, search: Search) -> Proof:
-        if search.answer is Answer.CLOSED:
+    def _answer(self, search: SearchResult) -> Proof:
+        if search.answer is SearchAnswer.CLOSED:
             idle = _waits_endlessly(search)
             if idle is None:
                 return self._result(search, None, "")
             pc = self._transitions.pc(search.nodes[idle].rest)
-            finding = Finding(
+            finding = SearchFinding(
                 node=idle, decisions=(), cycle=0, message="no pulse comes", certain=True, pc=pc, silent=True
             )
-            search = Search(Answer.VIOLATED, search.nodes, finding)
-        finding = search.finding or Finding(
+            search = SearchResult(SearchAnswer.VIOLATED, search.nodes, finding)
+        finding = search.finding or SearchFinding(
             node=0, decisions=(), cycle=0, message="the cut points do not suffice", certain=False, pc=0
         )
-        if search.answer is Answer.VIOLATED and finding.certain:
+        if search.answer is SearchAnswer.VIOLATED and finding.certain:
             shown = concrete(self._case, search.nodes, finding)
             if shown is not None:
                 return self._result(search, shown, "")
         return self._result(search, None, _why(finding, search))
 
-    def _result(self, search: Search | None, shown: Counterexample | None, reason: str) -> Proof:
+    def _result(self, search: SearchResult | None, shown: Counterexample | None, reason: str) -> Proof:
         nodes = search.nodes if search else []
         return Proof(
             proven=shown is None and not reason,
@@ -303,12 +303,12 @@ def _why_held(schedule: PulseSchedule) -> str:
     )
 
 
-def _why(finding: Finding, search: Search) -> str:
+def _why(finding: SearchFinding, search: SearchResult) -> str:
     place = f"address 0x{finding.pc:03X}, {len(search.nodes)} states seen, {search.open_nodes} open"
     return f"{finding.message} ({place})"
 
 
-def _waits_endlessly(search: Search) -> int | None:
+def _waits_endlessly(search: SearchResult) -> int | None:
     """Return a node from which the program can come back to it without a pulse."""
     graph: dict[int, list[int]] = {}
     for before, after in search.waits:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from servogen.pic.device import WATCHDOG_US, device
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 
 SEEDS = 64
 """Random start values that are tried."""
@@ -54,23 +54,23 @@ EVERYTHING = Quantifiers()
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ChipTrial:
     """A chip, and when it is reset after power-on, if it is."""
 
-    options: Options
+    options: SimulatorOptions
     reset: int | None = None
 
 
 def trials(
-    board: Options, quantifiers: Quantifiers, decided: Mapping[str, int], period: int
-) -> Iterator[Trial]:
+    board: SimulatorOptions, quantifiers: Quantifiers, decided: Mapping[str, int], period: int
+) -> Iterator[ChipTrial]:
     """Yield chips that differ in what is quantified over, the likeliest first.
 
     `decided` has the start values that the search has chosen on its way.
     """
 
-    def chip(start: Start = (), base: Options = board) -> Trial:
-        return Trial(replace(base, start=(*start, *quantifiers.start)))
+    def chip(start: Start = (), base: SimulatorOptions = board) -> ChipTrial:
+        return ChipTrial(replace(base, start=(*start, *quantifiers.start)))
 
     yield chip()
     chosen = tuple(decided.items())
@@ -88,7 +88,7 @@ def trials(
             yield chip(base=replace(board, eeprom_write_us=max(1, longest * part // WRITE_TIMES)))
     if quantifiers.resets:
         moments = [period * n // 5 + 7 * n for n in range(1, RESETS + 1)]
-        yield from (Trial(chip(chosen).options, moment) for moment in moments)
+        yield from (ChipTrial(chip(chosen).options, moment) for moment in moments)
     for seed, floating in product(range(SEEDS), (0, 1)):
         yield chip(chosen, replace(board, start_seed=seed, floating=floating))
     for name, byte in product(("ram", "tmr0", "w"), range(0x100)):

@@ -16,7 +16,7 @@ from functools import cache
 from typing import NamedTuple
 
 from servogen.edges import PINS
-from servogen.prove.commands import Commands
+from servogen.prove.commands import WalkCommands
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import ButtonRule, CommandRule, Run
 
@@ -78,7 +78,7 @@ class Specification:
     ) -> None:
         self.period = int(schedule.period)
         self.rule = rule
-        self._commands = None if commands is None else Commands(schedule, commands)
+        self._commands = None if commands is None else WalkCommands(schedule, commands)
         self._frames: list[tuple[Edge, ...]] = []
         directions = () if commands is None else commands.directions
         parts = (
@@ -218,7 +218,7 @@ class Specification:
         return frame + 1 if frame + 1 < len(self._frames) else self._loop
 
     @staticmethod
-    def _commanded(state: SpecState, commands: Commands, cycle: int) -> SpecState:
+    def _commanded(state: SpecState, commands: WalkCommands, cycle: int) -> SpecState:
         unread = commands.reader.unread(state.line_read)
         if unread is not None:
             raise Violation(f"{PINS[unread]} is not read in a frame", cycle, certain=False)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Set
 from operator import itemgetter
 
 from servogen.prove.forks import Choices
-from servogen.simulator.abstract import FIELD, AbstractChip, ChipState, Outcome
+from servogen.simulator.abstract import FIELD, AbstractChip, ChipState, RunOutcome
 
 Ram = tuple[int, ...]
 Rest = tuple[int, ...]
@@ -24,13 +24,13 @@ class _Memory:
     def __init__(self) -> None:
         self.read: frozenset[int] = frozenset()
         self._key: Callable[[Ram], object] = _nothing
-        self._outcomes: dict[object, Outcome] = {}
-        self._examples: list[tuple[Ram, Outcome]] = []
+        self._outcomes: dict[object, RunOutcome] = {}
+        self._examples: list[tuple[Ram, RunOutcome]] = []
 
-    def get(self, ram: Ram) -> Outcome | None:
+    def get(self, ram: Ram) -> RunOutcome | None:
         return self._outcomes.get(self._key(ram))
 
-    def put(self, ram: Ram, outcome: Outcome) -> None:
+    def put(self, ram: Ram, outcome: RunOutcome) -> None:
         self._examples.append((ram, outcome))
         if not self.read.issuperset(outcome.read):
             self.read = self.read.union(outcome.read)
@@ -79,7 +79,7 @@ class Transitions:
     def pc(self, number: int) -> int:
         return self._rests[number][_PC] & 0x3FF
 
-    def run(self, ram: Ram, rest: int, choices: Choices) -> Outcome:
+    def run(self, ram: Ram, rest: int, choices: Choices) -> RunOutcome:
         """Return what the chips of a state do up to the next stop."""
         memory = self._memories.get((rest, choices))
         if memory is None:
@@ -94,7 +94,7 @@ class Transitions:
         return outcome
 
 
-def applied(ram: Ram, outcome: Outcome) -> Ram:
+def applied(ram: Ram, outcome: RunOutcome) -> Ram:
     """Return the RAM after a run."""
     if not outcome.written:
         return ram

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.device import EEPROM_BYTES
-from servogen.prove.forks import Choices, Program, before_instruction
+from servogen.prove.forks import Choices, PreparedProgram, before_instruction
 from servogen.prove.generalise import Generaliser
 from servogen.prove.specification import START_FRAMES
 from servogen.prove.transitions import Ram, Rest, Transitions, applied
@@ -63,12 +63,12 @@ FLAGS = layout.T0IF | layout.INTF | layout.RBIF
 TRIMS = np.array([trim_cycles(byte) for byte in range(VALUES)], dtype=np.int64)
 
 
-class Undecided(Exception):
+class UndecidedTrims(Exception):
     """The proof does not reach so far; the text says why."""
 
 
 @dataclass
-class Wrong(Exception):
+class WrongEdge(Exception):
     """An edge that is not where the schedule and the trims want it, and the bytes with which it is there."""
 
     message: str
@@ -87,7 +87,7 @@ class Trimmed:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ByteTable:
     """A byte for each value of one byte of the EEPROM, or for each pair of values of two."""
 
     cells: tuple[int, ...]
@@ -104,7 +104,7 @@ class _State:
 
     ram: Ram
     rest: Rest
-    tables: dict[Place, Table]
+    tables: dict[Place, ByteTable]
     times: tuple[int, ...]
     """How much later than `rest` says they come, in order; the first is 0."""
     frame: int
@@ -217,7 +217,7 @@ class TrimProof:
 
     def __init__(
         self,
-        program: Program,
+        program: PreparedProgram,
         schedule: PulseSchedule,
         transitions: Transitions,
         generaliser: Generaliser,
@@ -271,10 +271,10 @@ class TrimProof:
             state = waiting.pop()
             self._steps += 1
             if self._steps > MAX_STEPS:
-                raise Undecided(f"more than {MAX_STEPS} steps")
+                raise UndecidedTrims(f"more than {MAX_STEPS} steps")
             waiting += [settled for following in self._step(state) for settled in self._settled(following)]
         if len(set(self._byte_of.values())) < len(self._byte_of):
-            raise Undecided("two channels have their trims in one byte of the EEPROM")
+            raise UndecidedTrims("two channels have their trims in one byte of the EEPROM")
         return Trimmed(dict(self._byte_of), self._runs, len(self._played))
 
     # from stop to stop
@@ -302,13 +302,13 @@ class TrimProof:
             written = {place for place, _ in outcome.written}
             if outcome.reason is not Reason.STOP:
                 why = "; ".join(outcome.warnings) or "an unknown bit decides"
-                raise Undecided(self._place(why, state))
+                raise UndecidedTrims(self._place(why, state))
             if outcome.rest[FIELD["INTCON"]] & layout.GIE:
-                raise Undecided(self._place("an interrupt is enabled", state))
+                raise UndecidedTrims(self._place("an interrupt is enabled", state))
             if any(place in state.tables for place in outcome.read):
-                raise Undecided(self._place("what depends on the EEPROM is read beside TMR0", state))
+                raise UndecidedTrims(self._place("what depends on the EEPROM is read beside TMR0", state))
             if any(level or state.frame >= 0 for _, _, level in outcome.edges):
-                raise Undecided(self._place("a pin changes where TMR0 is read", state))
+                raise UndecidedTrims(self._place("a pin changes where TMR0 is read", state))
             tables = {place: table for place, table in state.tables.items() if place not in written}
             ram, after = applied(state.ram, outcome), outcome.rest
             moved = self._moved(state, state.time + late, outcome.cycles, 0, frozenset())
@@ -320,14 +320,14 @@ class TrimProof:
         """Return the state after the instruction that reads a byte of the EEPROM: it may be any."""
         address = state.rest[FIELD["EEADR"]]
         if state.rest[FIELD["EEADR_UNKNOWN"]] or address >= EEPROM_BYTES:
-            raise Undecided(self._place("the address in the EEPROM is not known", state))
+            raise UndecidedTrims(self._place("the address in the EEPROM is not known", state))
         stops = self._stops | self._timer
         outcome = self._chip.run(ChipState(state.ram, _without_timer(state.rest)), stops, self._limit)
         if outcome.reason is not Reason.STOP or outcome.edges or outcome.written:
-            raise Undecided(self._place("more than a byte of the EEPROM is read", state))
+            raise UndecidedTrims(self._place("more than a byte of the EEPROM is read", state))
         rest = list(self._at(state, outcome.rest, outcome.cycles))
         rest[FIELD["EEDATA"]], rest[FIELD["EEDATA_UNKNOWN"]] = 0, 0xFF
-        tables = {**state.tables, EEDATA: Table((address,), np.arange(VALUES))}
+        tables = {**state.tables, EEDATA: ByteTable((address,), np.arange(VALUES))}
         moved = self._moved(state, state.time, outcome.cycles, 0, frozenset())
         return replace(state, rest=tuple(rest), tables=tables, **moved)
 
@@ -337,7 +337,7 @@ class TrimProof:
         Tables that decide, or are copied, are taken apart.
         """
         if len(state.times) > 1 and self._chip.watchdog:
-            raise Undecided("the watchdog is on")
+            raise UndecidedTrims("the watchdog is on")
         taken: frozenset[Place] = frozenset()
         general = replace(state, rest=_loosened(state.rest))
         while True:
@@ -353,7 +353,7 @@ class TrimProof:
             joint = next((t.source for t in map(state.tables.get, more) if t is not None and t.source), None)
             more = frozenset(place for place in more if state.tables[place].source is joint)
             if more == taken:
-                raise Undecided(self._place("an unknown bit decides", state))
+                raise UndecidedTrims(self._place("an unknown bit decides", state))
             taken = more
 
     def _refined(self, state: _State, arrived: _State, ways: _Ways) -> _State:
@@ -381,7 +381,7 @@ class TrimProof:
                     if (values == values[0]).all():
                         ram[place] = int(values[0])
                     else:
-                        tables[place] = Table(cells, values)
+                        tables[place] = ByteTable(cells, values)
         return replace(arrived, ram=tuple(ram), tables=tables)
 
     def _ways(self, state: _State, taken: frozenset[Place]) -> tuple[_Ways, Ints, tuple[int, ...]]:
@@ -392,14 +392,14 @@ class TrimProof:
         apart = {place: state.tables[place] for place in sorted(taken, key=str)}
         cells = tuple(sorted({cell for table in apart.values() for cell in table.cells}))
         if len(cells) > MAX_TOGETHER:
-            raise Undecided(self._place(f"{len(cells)} bytes of the EEPROM decide together", state))
+            raise UndecidedTrims(self._place(f"{len(cells)} bytes of the EEPROM decide together", state))
         joint = next((table for table in apart.values() if table.source is not None), None)
         source = None if joint is None else joint.source
         if cells and source is None:  # what differs in other frames, too: the same ways serve them all
             usual = self._usual.setdefault((state.rest[FIELD["PC"]], cells), set())
             for place in sorted(usual - {*apart, EEDATA}, key=str):
                 if state.ram[int(place)] < VALUES:
-                    apart[place] = Table(cells[:1], np.full(VALUES, state.ram[int(place)]))
+                    apart[place] = ByteTable(cells[:1], np.full(VALUES, state.ram[int(place)]))
             usual |= {*apart}
         apart = dict(sorted(apart.items(), key=lambda item: str(item[0])))
         memory = self._memories.setdefault((rest, cells, (*apart,), id(source)), _Memory())
@@ -419,7 +419,7 @@ class TrimProof:
             ways = self._run_missing(memory, ways, ChipState(state.ram, rest), classes, cells, apart)
         return ways, ways.row_of[classes].astype(np.int64), cells
 
-    def _classes(self, memory: _Memory, cells: tuple[int, ...], taken: dict[Place, Table]) -> Ints:
+    def _classes(self, memory: _Memory, cells: tuple[int, ...], taken: dict[Place, ByteTable]) -> Ints:
         """Return a number for each value or pair of values, the same where the tables say the same."""
         classes = np.zeros((VALUES,) * len(cells), dtype=np.int64)
         for axis, cell in enumerate(cells):
@@ -428,7 +428,7 @@ class TrimProof:
             rows = np.stack(columns, axis=1).astype(np.uint8)
             numbers = [known.setdefault(row.tobytes(), len(known)) for row in rows]
             if len(known) > CLASSES[len(cells)]:
-                raise Undecided(f"byte {cell} of the EEPROM makes too many different values")
+                raise UndecidedTrims(f"byte {cell} of the EEPROM makes too many different values")
             classes = classes * CLASSES[len(cells)] + _along(np.array(numbers), axis, len(cells))
         return classes
 
@@ -439,7 +439,7 @@ class TrimProof:
         start: ChipState,
         classes: Ints,
         cells: tuple[int, ...],
-        taken: dict[Place, Table],
+        taken: dict[Place, ByteTable],
     ) -> _Ways:
         """Run what has not been run of `classes`; return the ways, which others no longer share if they read
         more.
@@ -475,7 +475,7 @@ class TrimProof:
         first, last = int(cycles.min()), int(cycles.max())
         moved = self._judged(state, ways, rows, cells, first, last)
         ram, tables = list(state.ram), dict(state.tables)
-        new_tables: dict[Place, Table] = {}
+        new_tables: dict[Place, ByteTable] = {}
         for place, column in ways.ram.items():
             values = column[rows]
             kept = values < 0
@@ -493,7 +493,7 @@ class TrimProof:
         if any(table.source is ways for table in new_tables.values()):
             new_tables = {}
             for place in ways.differing():
-                new_tables[place] = Table(cells, ways.ram[place][rows], ways, rows)
+                new_tables[place] = ByteTable(cells, ways.ram[place][rows], ways, rows)
                 tables.pop(place, None)
                 ram[place] = ALL_UNKNOWN
         tables |= new_tables
@@ -513,7 +513,7 @@ class TrimProof:
         if later is None:
             outcome = self._idle.run(ChipState(state.ram, state.rest), frozenset(), cycles)
             if outcome.reason is not Reason.LIMIT or outcome.cycles != cycles or outcome.edges:
-                raise Undecided(self._place("something happens by itself", state))
+                raise UndecidedTrims(self._place("something happens by itself", state))
             rest = list(outcome.rest)
             rest[FIELD["PC"]] = state.rest[FIELD["PC"]]
             later = self._aged[key] = tuple(rest)
@@ -549,7 +549,7 @@ class TrimProof:
         elif state.frame < 0:
             return {}
         if pins and len(state.times) > 1:
-            raise Undecided(self._place("a pin changes at a time that depends on the EEPROM", state))
+            raise UndecidedTrims(self._place("a pin changes at a time that depends on the EEPROM", state))
         matched = set()
         due = {(pin, rise): (ahead, channel, width) for ahead, channel, pin, rise, width in self._due(start)}
         for pin in sorted(pins):
@@ -560,7 +560,7 @@ class TrimProof:
             if rise is None or fall is None or pulse is None or (rise != at).any():
                 other = int(np.argmax(rise != at)) if rise is not None else 0
                 message = f"a pulse on {PINS[pin]} is not the schedule's"
-                raise Wrong(message, self._content(cells, other), start.frame)
+                raise WrongEdge(message, self._content(cells, other), start.frame)
             ahead, channel, width = pulse
             self._compare(channel, fall - at - width, cells, start.frame + ahead)
             matched.add((ahead, channel))
@@ -578,7 +578,7 @@ class TrimProof:
         if fewest:
             pin = PINS[self._channels[channel]]
             message = f"the fall of {pin} is not where the EEPROM wants it"
-            raise Wrong(message, self._content(cells, int(np.argmax(wrong))), frame)
+            raise WrongEdge(message, self._content(cells, int(np.argmax(wrong))), frame)
         self._byte_of[channel] = cell
 
     @staticmethod
@@ -610,7 +610,7 @@ class TrimProof:
         frame, end = state.frame, time + first
         for ahead, channel, pin, rise, _ in self._due(state):
             if rise < end + spread and (ahead, channel) not in matched:
-                raise Wrong(f"the rise of {PINS[pin]} is missing", {}, frame)
+                raise WrongEdge(f"the rise of {PINS[pin]} is missing", {}, frame)
         done = state.done | {channel for ahead, channel in matched if not ahead}
         ahead_done = frozenset(channel for ahead, channel in matched if ahead)
         while end >= self._period:
@@ -633,7 +633,7 @@ class TrimProof:
             state = _rephased(state)
             silent = state.silent + 1 if state.frame < 0 else 0
             if silent > START_FRAMES:
-                raise Undecided(self._place("no pulse comes", state))
+                raise UndecidedTrims(self._place("no pulse comes", state))
             state.silent = silent
             key = (state.ram, state.rest, state.times, state.frame, state.time, state.done, silent, contents)
             if key in self._visited:
@@ -692,19 +692,19 @@ def _along(values: Ints, axis: int, axes: int) -> Ints:
     return np.broadcast_to(values.reshape(shape), (VALUES,) * axes)
 
 
-def _spread(table: Table, cells: tuple[int, ...]) -> Ints:
+def _spread(table: ByteTable, cells: tuple[int, ...]) -> Ints:
     """Return what a table says for each combination of the values of `cells`."""
     if table.cells == cells:
         return table.values
     return _along(table.values, cells.index(table.cells[0]), len(cells))
 
 
-def _table(values: Ints, cells: tuple[int, ...], ways: _Ways, rows: Ints) -> Table:
+def _table(values: Ints, cells: tuple[int, ...], ways: _Ways, rows: Ints) -> ByteTable:
     """Return the table of a byte, of one byte of the EEPROM if it is enough."""
     if len(cells) == 1:
-        return Table(cells, values)
+        return ByteTable(cells, values)
     if (values == values[:, :1]).all():
-        return Table(cells[:1], values[:, 0])
+        return ByteTable(cells[:1], values[:, 0])
     if (values == values[:1]).all():
-        return Table(cells[1:], values[0])
-    return Table(cells, values, ways, rows)
+        return ByteTable(cells[1:], values[0])
+    return ByteTable(cells, values, ways, rows)

@@ -32,7 +32,7 @@ class Tick:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Polyline:
     path: str
     colour: str
     label: str
@@ -46,7 +46,7 @@ class Chart:
     height: str
     frame: tuple[str, str, str, str]
     """x, y, width, height of the area that is drawn in."""
-    lines: tuple[Line, ...]
+    lines: tuple[Polyline, ...]
     x_ticks: tuple[Tick, ...]
     y_ticks: tuple[Tick, ...]
     x_label: str
@@ -152,7 +152,7 @@ def time_chart(
     x = Axis(float(times[0]), float(times[-1]), LEFT, width - RIGHT)
     y = Axis(*_around(columns), height - BOTTOM, TOP)
     lines = tuple(
-        Line(steps_path(x.at(times), y.at(columns[:, index])), PALETTE[index % len(PALETTE)], name)
+        Polyline(steps_path(x.at(times), y.at(columns[:, index])), PALETTE[index % len(PALETTE)], name)
         for index, name in enumerate(names)
     )
     return Chart(
@@ -183,8 +183,8 @@ def path_chart(
     lines = []
     for index, (name, planned, achieved) in enumerate(tracks):
         colour = PALETTE[index % len(PALETTE)]
-        lines.append(Line(points_path(x.at(planned[:, 0]), y.at(planned[:, 1])), colour, name))
-        lines.append(Line(dots_path(x.at(achieved[:, 0]), y.at(achieved[:, 1])), colour, "", "dots"))
+        lines.append(Polyline(points_path(x.at(planned[:, 0]), y.at(planned[:, 1])), colour, name))
+        lines.append(Polyline(dots_path(x.at(achieved[:, 0]), y.at(achieved[:, 1])), colour, "", "dots"))
     return Chart(
         width=px(width + LEFT + RIGHT),
         height=px(height + TOP + BOTTOM),

@@ -1,6 +1,6 @@
 """A moving picture of a robot: GIF through Pillow, MP4 through ffmpeg.
 
-In: a walk, or a planned job. Out: a `Scene`, the parts of the robot frame by frame, and a file that plays
+In: a walk, or a planned job. Out: a `FilmScene`, the parts of the robot frame by frame, and a file that plays
 it at the speed of the robot.
 """
 
@@ -40,7 +40,7 @@ MAX_PICTURES = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class FilmPart:
     """A line through points (corners, 3) in each picture, metres; dotted where `marks`."""
 
     frames: Sequence[Floats]
@@ -50,11 +50,11 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class FilmScene:
     """Parts with equally many pictures of `picture_s` seconds; `view`: elevation and azimuth in degrees."""
 
     title: str
-    parts: tuple[Part, ...]
+    parts: tuple[FilmPart, ...]
     picture_s: float
     view: tuple[float, float] = (28.0, -60.0)
 
@@ -63,7 +63,7 @@ class Scene:
         return len(self.parts[0].frames)
 
 
-def walk_scene(robot: WalkingRobot, planned: Walk) -> Scene:
+def walk_scene(robot: WalkingRobot, planned: Walk) -> FilmScene:
     """Return the loop of a walk: the body, its legs, and the support polygon on the ground."""
     step = _step(len(planned.ground) - planned.trajectory.loop_start)
     shown = slice(planned.trajectory.loop_start, None, step)
@@ -72,14 +72,14 @@ def walk_scene(robot: WalkingRobot, planned: Walk) -> Scene:
     parts = _body(robot.limbs, len(down))
     if len(robot.limbs) > 2:
         parts.append(
-            Part([_polygon(feet[on]) for feet, on in zip(stand, down, strict=True)], "tab:green", 1.5)
+            FilmPart([_polygon(feet[on]) for feet, on in zip(stand, down, strict=True)], "tab:green", 1.5)
         )
-    parts += [Part(list(leg), f"C{index % 10}") for index, leg in enumerate(legs)]
+    parts += [FilmPart(list(leg), f"C{index % 10}") for index, leg in enumerate(legs)]
     frame_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
-    return Scene(f"{robot.name}, x forward", tuple(parts), step * frame_s)
+    return FilmScene(f"{robot.name}, x forward", tuple(parts), step * frame_s)
 
 
-def job_scene(job: PlannedJob) -> Scene:
+def job_scene(job: PlannedJob) -> FilmScene:
     """Return the loop of a job's robot, or all of a motion that ends. Raises InputError without a robot."""
     trajectory = job.trajectory
     start = trajectory.loop_start if len(trajectory.angles) - trajectory.loop_start > 1 else 0
@@ -90,9 +90,9 @@ def job_scene(job: PlannedJob) -> Scene:
         outline = base_outline(job.base, at[::step])
         parts = [
             _trace(at * [1, 1, 0], step),
-            *(Part(list(line), "tab:blue", marks=False) for line in outline),
+            *(FilmPart(list(line), "tab:blue", marks=False) for line in outline),
         ]
-        return Scene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))
+        return FilmScene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))
     ends = ends_of(job)
     if not ends:
         raise InputError(
@@ -103,8 +103,11 @@ def job_scene(job: PlannedJob) -> Scene:
         )
     parts = _body(job.limbs, len(angles[::step]))
     for index, end in enumerate(ends):
-        parts += [_trace(end.points(angles), step), Part(list(_links(end, angles[::step])), f"C{index % 10}")]
-    return Scene(job.name, tuple(parts), step * frame_s)
+        parts += [
+            _trace(end.points(angles), step),
+            FilmPart(list(_links(end, angles[::step])), f"C{index % 10}"),
+        ]
+    return FilmScene(job.name, tuple(parts), step * frame_s)
 
 
 def _step(frames: int) -> int:
@@ -127,18 +130,18 @@ def _links(end: End, angles: Floats) -> Floats:
     return to_place(end.place, stick(end.arm, end.joints(angles)))
 
 
-def _trace(points: Floats, step: int) -> Part:
+def _trace(points: Floats, step: int) -> FilmPart:
     """Return the whole path as a part that every picture shows."""
-    return Part([points] * len(points[::step]), "0.6", 1.0, marks=False)
+    return FilmPart([points] * len(points[::step]), "0.6", 1.0, marks=False)
 
 
-def _body(limbs: Sequence[Limb], count: int) -> list[Part]:
+def _body(limbs: Sequence[Limb], count: int) -> list[FilmPart]:
     """Return the polygon through the mounts of the limbs; nothing for an arm, which has no body."""
     origins = np.array([[limb.mount.x, limb.mount.y, limb.mount.z] for limb in limbs if limb.mount])
     if not len(origins):
         return []
     around = np.argsort(np.arctan2(origins[:, 1], origins[:, 0]), kind="stable")
-    return [Part([origins[[*around, around[0]]]] * count, "0.35", 3.0, marks=False)]
+    return [FilmPart([origins[[*around, around[0]]]] * count, "0.35", 3.0, marks=False)]
 
 
 def _polygon(feet: Floats) -> Floats:
@@ -147,7 +150,7 @@ def _polygon(feet: Floats) -> Floats:
     return np.column_stack((closed, np.full(len(closed), feet[:, 2].mean() if len(feet) else 0.0)))
 
 
-def film(scene: Scene, path: Path) -> None:
+def film(scene: FilmScene, path: Path) -> None:
     """Write the film. Raises InputError for an unknown ending, ToolError without matplotlib or ffmpeg."""
     check_suffix(path, SUFFIXES, "film")
     figure = new_figure(6.4, 5.2, scene.title)
@@ -179,7 +182,7 @@ def film(scene: Scene, path: Path) -> None:
         write_bytes(path, file.read_bytes())
 
 
-def _set_up(axes: Any, scene: Scene) -> list[Any]:
+def _set_up(axes: Any, scene: FilmScene) -> list[Any]:
     """Return empty lines in a box that holds all frames, with the same scale in all directions."""
     different = {id(corners): corners for part in scene.parts for corners in part.frames}
     points = 1000 * np.vstack(list(different.values()))

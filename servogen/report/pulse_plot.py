@@ -45,7 +45,7 @@ MARGIN = 0.04
 
 
 @dataclass(frozen=True, slots=True)
-class Pulses:
+class PlottedPulses:
     """One channel's whole pulses: `rise` and `width` in microseconds, `rise` from the first edge on."""
 
     label: str
@@ -62,7 +62,7 @@ class Pulses:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PlottedFrame:
     """From when to when it lasts, microseconds; the next may begin later, after a pause."""
 
     start: float
@@ -103,7 +103,7 @@ def pulse_figure(trace: EdgeTrace, span: int, title: str, schedule: PulseSchedul
     return figure
 
 
-def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[Pulses]:
+def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[PlottedPulses]:
     """Return the pulses of each channel of a schedule, or without one of each pin with a whole pulse."""
     us = float(trace.clock.cycle_us)
     edges = join(trace.driven())
@@ -113,7 +113,7 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
         if schedule is None
         else {channel.pin: channel.name for channel in schedule.channels}
     )
-    observed: list[Pulses] = []
+    observed: list[PlottedPulses] = []
     for pin, name in named.items():
         mine = edges.pin == PINS.index(pin)
         cycle, level = edges.cycle[mine], edges.level[mine]
@@ -124,11 +124,11 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
             continue
         label = pin if name == pin else f"{name} ({pin})"
         times, widths = (rise[:whole] - zero) * us, (fall[:whole] - rise[:whole]) * us
-        observed.append(Pulses(label, PALETTE[len(observed) % len(PALETTE)], times, widths))
+        observed.append(PlottedPulses(label, PALETTE[len(observed) % len(PALETTE)], times, widths))
     return observed
 
 
-def _period(channels: Sequence[Pulses]) -> float:
+def _period(channels: Sequence[PlottedPulses]) -> float:
     """Return the median time from pulse to pulse."""
     gaps = np.concatenate([np.diff(channel.rise) for channel in channels])
     return (
@@ -138,7 +138,7 @@ def _period(channels: Sequence[Pulses]) -> float:
     )
 
 
-def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
+def _starts(channels: Sequence[PlottedPulses], period: float, free: bool) -> Floats:
     """Return when frames with pulses begin; `free`: at a pulse half a period or more after the last one."""
     rises = np.sort(np.concatenate([channel.rise for channel in channels]))
     if not free:
@@ -150,16 +150,16 @@ def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
     return np.asarray(starts)
 
 
-def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -> list[Frame]:
+def distinct_frames(channels: Sequence[PlottedPulses], starts: Floats, period: float) -> list[PlottedFrame]:
     """Return the first frame of each set of widths; of many, a few spread from the first to the last."""
     starts = starts[:MAX_FRAMES_READ]
     ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
-    seen: dict[tuple[float, ...], Frame] = {}
+    seen: dict[tuple[float, ...], PlottedFrame] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         widths = tuple(
             round(pulse[1], 3) if (pulse := channel.within(start, end)) else 0.0 for channel in channels
         )
-        seen.setdefault(widths, Frame(start, end))
+        seen.setdefault(widths, PlottedFrame(start, end))
     frames = list(seen.values())
     if len(frames) <= MAX_FRAMES_SHOWN:
         return frames
@@ -167,7 +167,7 @@ def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -
     return [frames[round(last * number / (MAX_FRAMES_SHOWN - 1))] for number in range(MAX_FRAMES_SHOWN)]
 
 
-def _lanes(channels: Sequence[Pulses], frames: Sequence[Frame]) -> list[int]:
+def _lanes(channels: Sequence[PlottedPulses], frames: Sequence[PlottedFrame]) -> list[int]:
     """Return each channel's row, 0 at the top: channels whose pulses overlap get rows of their own."""
     lanes: list[int] = []
     for index, channel in enumerate(channels):
@@ -187,13 +187,13 @@ def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None)
     return one is not None and other is not None and one[0] < sum(other) and other[0] < sum(one)
 
 
-def _length(channels: Sequence[Pulses], frame: Frame) -> float:
+def _length(channels: Sequence[PlottedPulses], frame: PlottedFrame) -> float:
     """Return the time from the frame's beginning to its last falling edge."""
     pulses = [channel.within(frame.start, frame.end) for channel in channels]
     return max(sum(pulse) - frame.start for pulse in pulses if pulse)
 
 
-def _draw_widths(axes: Axes, channels: Sequence[Pulses], period: float) -> None:
+def _draw_widths(axes: Axes, channels: Sequence[PlottedPulses], period: float) -> None:
     for channel in channels:
         # A gap of more than a period and a half has no pulses: the line stops there.
         breaks = np.flatnonzero(np.diff(channel.rise) > 1.5 * period) + 1
@@ -208,7 +208,7 @@ def _draw_widths(axes: Axes, channels: Sequence[Pulses], period: float) -> None:
 
 
 def _draw_frame(
-    axes: Axes, channels: Sequence[Pulses], lanes: Sequence[int], frame: Frame, length: float
+    axes: Axes, channels: Sequence[PlottedPulses], lanes: Sequence[int], frame: PlottedFrame, length: float
 ) -> None:
     first, last = -MARGIN * length, (1 + MARGIN) * length
     for lane in set(lanes):

@@ -1,7 +1,7 @@
 """The pulses of a page: what was planned, simulated and captured, channel by channel, in µs of the chip.
 
 In: a schedule and traces. Out: `Signal`s, each with its pulses as numbers for the page's viewer; and
-`Scope`s, the distinct frames as an oscilloscope shows them.
+`ScopeView`s, the distinct frames as an oscilloscope shows them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ScopeLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Scope:
+class ScopeView:
     """A frame: from when on it is there first, and its pulses, one line a channel."""
 
     title: str
@@ -190,7 +190,7 @@ def _signal(
     )
 
 
-def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[Scope, ...]:
+def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[ScopeView, ...]:
     """Return the distinct frames of all `poses` (frames of the motion) and a few others, spread over it."""
     us = float(schedule.clock.cycle_us)
     seen: dict[tuple[int, ...], int] = {}
@@ -223,7 +223,7 @@ def pose_frames(job: PlannedJob) -> tuple[int, ...]:
     return tuple(starts)
 
 
-def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
+def _scope(schedule: PulseSchedule, start: int, us: float) -> ScopeView:
     frame = start
     for run in (*schedule.lead_in, *schedule.loop):
         if frame < run.frames:
@@ -260,7 +260,7 @@ def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
         )
     begin = start * float(schedule.clock.us(schedule.period))
     height = LANE * len(free)
-    return Scope(
+    return ScopeView(
         title=f"from {begin / 1e6:g} s",
         start_us=begin - before * us,
         end_us=begin + last * us,

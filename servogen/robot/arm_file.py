@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from servogen.errors import InputError, did_you_mean
-from servogen.robot.model import Arm, DHRow, Frame, Joint, Length, Robot
+from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length, Robot
 from servogen.toml.file import Document, Table
 
 MAX_GRAMS = 1e7
@@ -216,11 +216,13 @@ def _arm(document: Document, table: ArmTable) -> Arm:
     )
 
 
-def _frame(table: FrameTable | None) -> Frame:
+def _frame(table: FrameTable | None) -> FixedFrame:
     if table is None:
-        return Frame()
+        return FixedFrame()
     x, y, z = (value / 1000 for value in (table.x_mm, table.y_mm, table.z_mm))
-    return Frame(x=x, y=y, z=z, rx=radians(table.rx_deg), ry=radians(table.ry_deg), rz=radians(table.rz_deg))
+    return FixedFrame(
+        x=x, y=y, z=z, rx=radians(table.rx_deg), ry=radians(table.ry_deg), rz=radians(table.rz_deg)
+    )
 
 
 def check_unique(document: Document, array: str, names: list[str]) -> None:

@@ -75,7 +75,7 @@ class DHRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class FixedFrame:
     """A fixed frame: Trans(x, y, z) Rot(z, rz) Rot(y, ry) Rot(x, rx), metres and radians."""
 
     x: float = 0.0
@@ -87,7 +87,7 @@ class Frame:
 
     @property
     def identity(self) -> bool:
-        return self == Frame()
+        return self == FixedFrame()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +126,8 @@ class Arm:
     lengths: tuple[tuple[str, float], ...] = ()
     closed_form: str | None = None
     orientation: tuple[str, ...] = ()
-    base: Frame = Frame()
-    tool: Frame = Frame()
+    base: FixedFrame = FixedFrame()
+    tool: FixedFrame = FixedFrame()
     dimensions: Dimensions = "user"
     source: str = ""
     payload: float = 0.0
@@ -163,7 +163,7 @@ class Arm:
                 )
         return replace(self, lengths=tuple((self.length | lengths).items()), dimensions="user")
 
-    def with_tool(self, tool: Frame) -> Arm:
+    def with_tool(self, tool: FixedFrame) -> Arm:
         return replace(self, tool=tool)
 
 

@@ -1,4 +1,4 @@
-"""A cycle-accurate PIC16F84 and PIC16F84A: `Image` (and stimulus) in, `EdgeTrace` and `State` out.
+"""A cycle-accurate PIC16F84 and PIC16F84A: `Image` (and stimulus) in, `EdgeTrace` and `MachineState` out.
 
 The names are loaded on first use, because the instruction loop needs numba, which is slow to import.
 """
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from servogen.simulator.machine import Machine, Observation, Snapshot, Stimulus
     from servogen.simulator.observe import Profile, Spent, TraceRow, profile, trace
-    from servogen.simulator.options import Options
+    from servogen.simulator.options import SimulatorOptions
     from servogen.simulator.recurrence import NoRepeat, Repeat, find_repeat
     from servogen.simulator.run import Simulation, simulate
-    from servogen.simulator.servo_model import Position, ServoLoad
-    from servogen.simulator.sources import Button, Change, Levels, Periodic, Reset, Serial
-    from servogen.simulator.state import State
+    from servogen.simulator.servo_model import ServoLoad, ServoPosition
+    from servogen.simulator.sources import BouncingButton, LevelChange, Levels, Periodic, Reset, Serial
+    from servogen.simulator.state import MachineState
     from servogen.simulator.stimulus import Recorded, Stimuli, Wired, record
     from servogen.simulator.stimulus_file import load_stimuli, parse_stimuli
     from servogen.simulator.warnings import CHIP_DEPENDENT
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 _HOMES = {
     "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
     "machine": ("Machine", "Observation", "Snapshot", "Stimulus"),
-    "options": ("Options",),
+    "options": ("SimulatorOptions",),
     "observe": ("Profile", "Spent", "TraceRow", "profile", "trace"),
     "run": ("Simulation", "simulate"),
-    "servo_model": ("Position", "ServoLoad"),
-    "sources": ("Button", "Change", "Levels", "Periodic", "Reset", "Serial"),
-    "state": ("State",),
+    "servo_model": ("ServoPosition", "ServoLoad"),
+    "sources": ("BouncingButton", "LevelChange", "Levels", "Periodic", "Reset", "Serial"),
+    "state": ("MachineState",),
     "stimulus": ("Recorded", "Stimuli", "Wired", "record"),
     "stimulus_file": ("load_stimuli", "parse_stimuli"),
     "warnings": ("CHIP_DEPENDENT",),
@@ -38,25 +38,25 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CHIP_DEPENDENT",
-    "Button",
-    "Change",
+    "BouncingButton",
+    "LevelChange",
     "Levels",
     "Machine",
+    "MachineState",
     "NoRepeat",
     "Observation",
-    "Options",
     "Periodic",
-    "Position",
     "Profile",
     "Recorded",
     "Repeat",
     "Reset",
     "Serial",
     "ServoLoad",
+    "ServoPosition",
     "Simulation",
+    "SimulatorOptions",
     "Snapshot",
     "Spent",
-    "State",
     "Stimuli",
     "Stimulus",
     "TraceRow",

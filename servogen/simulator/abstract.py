@@ -24,7 +24,7 @@ from servogen.simulator import layout as at
 from servogen.simulator import unknown
 from servogen.simulator.aot_cache import loop
 from servogen.simulator.block_cache import fast_code, marked_code
-from servogen.simulator.options import Options
+from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import BITS_OF, POSTSCALER, power_up
 from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
@@ -131,7 +131,7 @@ class ChipState:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class AssumedBits:
     """Bits that are assumed for the next instruction: those of `bits` in `field` are `value`.
 
     INTCON_LATE sets flags in the second cycle of a two-cycle instruction.
@@ -158,7 +158,7 @@ class Use:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class RunOutcome:
     """What all chips of a state do in one run."""
 
     reason: Reason
@@ -223,7 +223,7 @@ class AbstractChip:
         self,
         image: Image,
         clock: Clock,
-        options: Options,
+        options: SimulatorOptions,
         held: Mapping[int, int] | None = None,
         any_watchdog: bool = True,
         write_us: int | None = None,
@@ -254,7 +254,7 @@ class AbstractChip:
         self._marked: dict[Set[int], Code] = {}
         self._run = loop(observed=False, tracked=True)
 
-    def _start(self, options: Options, held: Mapping[int, int], any_watchdog: bool) -> Packed:
+    def _start(self, options: SimulatorOptions, held: Mapping[int, int], any_watchdog: bool) -> Packed:
         s = power_up(self.image, self.clock, options, tracked=True)
         s[at.ANY_INPUT] = 1
         s[at.EXT_MASK] = sum(1 << pin for pin in held)
@@ -309,7 +309,9 @@ class AbstractChip:
         )
         return ChipState(tuple(ram), cells.rest)
 
-    def run(self, state: ChipState, stops: Set[int], limit: int, choices: tuple[Choice, ...] = ()) -> Outcome:
+    def run(
+        self, state: ChipState, stops: Set[int], limit: int, choices: tuple[AssumedBits, ...] = ()
+    ) -> RunOutcome:
         """Run until the next instruction is at one of `stops`, ignoring the first instruction.
 
         With `choices` at least one instruction is executed, and the choices apply to it only. If an unknown
@@ -320,7 +322,7 @@ class AbstractChip:
         if used is not None:
             cycle = int(self._s[at.USE_CYCLE])
             if cycle <= BASE:
-                return Outcome(Reason.USE, 0, (), (), (), state.rest, used)
+                return RunOutcome(Reason.USE, 0, (), (), (), state.rest, used)
             self._go(state, stops, cycle, choices)
             if self._used() is not None or self._s[at.CYCLE] != cycle:
                 return self._outcome(Reason.WARNING, None, ("an interrupt inside an instruction",))
@@ -448,7 +450,7 @@ class AbstractChip:
             lanes_of[rest] = np.concatenate([lanes_of[rest], group]) if rest in lanes_of else group
         return lanes_of
 
-    def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[Choice, ...]) -> None:
+    def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[AssumedBits, ...]) -> None:
         s = self._load(state)
         if choices:
             held = [self._hold(choice) for choice in choices]
@@ -538,7 +540,7 @@ class AbstractChip:
         """Return whether an EEPROM write is under way that may end in any cycle."""
         return self.any_write_time and bool(self._s[at.EE_DONE_AT] != at.NEVER)
 
-    def _hold(self, choice: Choice) -> int:
+    def _hold(self, choice: AssumedBits) -> int:
         """Make a choice's bits known and return what `_release` needs."""
         s = self._s
         if choice.field == "TMR0_PHASE":
@@ -589,7 +591,7 @@ class AbstractChip:
         s[at.CYCLE] = s[at.AWAKE_AT] = awake
         s[at.T0_AT] = max(int(s[at.T0_AT]), awake)
 
-    def _release(self, choice: Choice, before: int) -> None:
+    def _release(self, choice: AssumedBits, before: int) -> None:
         """Undo assumptions that applied to one moment only."""
         s = self._s
         if choice.field == "TMR0_PHASE":
@@ -624,7 +626,7 @@ class AbstractChip:
             s[at.T0_UNKNOWN] = 0xFF
         s[at.INTCON_UNKNOWN] |= doubtful & ~known
 
-    def _warnings(self, choices: tuple[Choice, ...]) -> tuple[str, ...]:
+    def _warnings(self, choices: tuple[AssumedBits, ...]) -> tuple[str, ...]:
         s = self._s
         warnings: list[str] = []
         if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
@@ -639,7 +641,7 @@ class AbstractChip:
             warnings.append("OPTION_REG is written through INDF")
         return tuple(warnings)
 
-    def _outcome(self, reason: Reason, use: Use | None, warnings: tuple[str, ...]) -> Outcome:
+    def _outcome(self, reason: Reason, use: Use | None, warnings: tuple[str, ...]) -> RunOutcome:
         s = self._s
         cycles = int(s[at.CYCLE]) - BASE
         edges = self._changes()
@@ -648,7 +650,7 @@ class AbstractChip:
         written = np.flatnonzero(ram & at.NOT_WRITTEN == 0)
         state = self._canonical()
         pairs = tuple((int(place), state.ram[place]) for place in written)
-        return Outcome(reason, cycles, edges, tuple(read.tolist()), pairs, state.rest, use, warnings)
+        return RunOutcome(reason, cycles, edges, tuple(read.tolist()), pairs, state.rest, use, warnings)
 
     def _changes(self) -> tuple[tuple[int, int, int], ...]:
         count = int(self._s[at.EDGE_COUNT])
@@ -710,6 +712,6 @@ class AbstractChip:
         s[at.SP] = depth % 8
 
 
-def _held(before: int, choice: Choice) -> int:
+def _held(before: int, choice: AssumedBits) -> int:
     """Return the byte `before` with the bits of a choice."""
     return before & 0xFF & ~choice.bits | choice.value & choice.bits

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from servogen.errors import InputError
 from servogen.graph import components
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.isa import INSTRUCTIONS, Instruction
+from servogen.pic.isa import INSTRUCTIONS, Opcode
 from servogen.simulator.layout import DEEPEST_RECORDING, REGION, REGION_BYTES
 from servogen.simulator.program import (
     BREAK,
@@ -146,7 +146,7 @@ def _span(word: int, address: int) -> range:
     return range(end - (period - 2), end + 1)
 
 
-def _row(word: int) -> Instruction | None:
+def _row(word: int) -> Opcode | None:
     """Return the instruction of a word; None for OPTION, TRIS, marks and words that are not instructions."""
     return _ROWS.get(word & OP_MASK)
 

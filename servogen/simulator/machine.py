@@ -1,7 +1,7 @@
 """`Machine`: a running PIC16F84.
 
-In: an `Image`, a `Clock`, `Options`, optionally a stimulus. Out: edges as they occur, and the `State` at any
-time.
+In: an `Image`, a `Clock`, `SimulatorOptions`, optionally a stimulus. Out: edges as they occur, and the
+`MachineState` at any time.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from servogen.simulator import layout as at
 from servogen.simulator.aot_cache import Loop, loop
 from servogen.simulator.block_cache import fast_code, marked_code
 from servogen.simulator.fingerprint import fingerprint, unknown_bits
-from servogen.simulator.options import Options
+from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
-from servogen.simulator.sources import Change
-from servogen.simulator.state import State, read_unwritten, state_of
+from servogen.simulator.sources import LevelChange
+from servogen.simulator.state import MachineState, read_unwritten, state_of
 from servogen.simulator.warnings import CHIP_DEPENDENT, warnings_of
 from servogen.units import Clock, Cycles
 
@@ -96,7 +96,7 @@ class Machine:
         self,
         image: Image,
         clock: Clock,
-        options: Options = Options(),  # noqa: B008 - frozen
+        options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
         stimulus: Stimulus | None = None,
         *,
         tracked: bool = False,
@@ -223,7 +223,7 @@ class Machine:
         warnings = warnings_of(self._s, self.image, self.clock)
         return tuple(warning for warning in warnings if warning.code in CHIP_DEPENDENT)
 
-    def state(self) -> State:
+    def state(self) -> MachineState:
         return state_of(self._s, warnings_of(self._s, self.image, self.clock))
 
     def contents(self) -> Image:
@@ -297,7 +297,7 @@ class Machine:
         self._changes = copy(snapshot.changes)
         self._edges[: len(snapshot.edges)] = snapshot.edges
 
-    def apply(self, changes: Sequence[Change]) -> None:
+    def apply(self, changes: Sequence[LevelChange]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.
 
         Raises ValueError for a change before the current cycle, and for an unknown pin or level.

@@ -41,7 +41,7 @@ def start_value(text: str) -> tuple[str, int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class SimulatorOptions:
     """Times in microseconds. The defaults are the data sheet's typical values."""
 
     device: str = DEVICES[0].name

@@ -13,7 +13,7 @@ from hashlib import blake2b
 from servogen.edges import HIGH, PINS
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
-from servogen.simulator.options import Options
+from servogen.simulator.options import SimulatorOptions
 from servogen.units import Clock, Cycles
 
 
@@ -44,7 +44,7 @@ def find_repeat(
     pin: int,
     limit: int,
     period: int | None = None,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     stimulus: Stimulus | None = None,
 ) -> Repeat | NoRepeat:
     """Return the first repetition of the machine's complete state at a frame start, within `limit` cycles

@@ -33,7 +33,7 @@ from servogen.simulator.layout import (
     SOURCE_W,
     T0IF,
 )
-from servogen.simulator.options import Options
+from servogen.simulator.options import SimulatorOptions
 from servogen.units import Clock
 
 UNPROGRAMMED_CONFIG = 0x3FFF
@@ -62,7 +62,7 @@ BITS_OF = {
 """Slot, bits and shift of each start value beside the RAM."""
 
 
-def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> State:
+def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: bool) -> State:
     """Return the state vector after a power-on reset; with `tracked`, unknown values are to be tracked."""
     config = UNPROGRAMMED_CONFIG if image.config is None else image.config
     start_up = 0 if config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"] else OST_PERIODS // PERIODS_PER_CYCLE
@@ -95,7 +95,7 @@ def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> Sta
     return s
 
 
-def _undefined(s: State, options: Options) -> None:
+def _undefined(s: State, options: SimulatorOptions) -> None:
     """Give a value to each location that table 6-4 marks "x", and note that it is unknown."""
     draw = None if options.start_seed is None else Random(options.start_seed)
 
@@ -130,7 +130,7 @@ def _give(s: State, name: str, value: int) -> None:
         s[slot] = int(s[slot]) & ~mask | value << shift
 
 
-def _note_unknown(s: State, options: Options) -> None:
+def _note_unknown(s: State, options: SimulatorOptions) -> None:
     """Note what is unknown: everything that table 6-4 marks "x", and what depends on pins that nothing
     drives.
     """

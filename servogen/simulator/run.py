@@ -9,8 +9,8 @@ from servogen.errors import Diagnostic
 from servogen.notebooks import table_html
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
-from servogen.simulator.options import Options
-from servogen.simulator.state import State
+from servogen.simulator.options import SimulatorOptions
+from servogen.simulator.state import MachineState
 from servogen.units import Clock, Cycles
 
 
@@ -19,7 +19,7 @@ class Simulation:
     """The result of a run: the edges (in memory), the machine's state at the end, the warnings."""
 
     edges: EdgeTrace
-    state: State
+    state: MachineState
     warnings: tuple[Diagnostic, ...]
 
     def __repr__(self) -> str:
@@ -40,7 +40,7 @@ def simulate(
     image: Image,
     clock: Clock,
     cycles: int,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     stimulus: Stimulus | None = None,
 ) -> Simulation:
     """Run `image` from power-up for `cycles` instruction cycles."""

@@ -20,7 +20,7 @@ from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 
 
-class Position(NamedTuple):
+class ServoPosition(NamedTuple):
     """The commanded angle and the shaft's angle at the end of a pulse, in radians."""
 
     cycle: Cycles
@@ -51,7 +51,7 @@ class ServoLoad:
         if self.speed <= 0:
             raise InputError("out-of-range", f"a servo's speed is {self.speed} rad/s; it must be more than 0")
 
-    def positions(self, chunks: Iterable[EdgeChunk], clock: Clock, pin: int) -> Iterator[Position]:
+    def positions(self, chunks: Iterable[EdgeChunk], clock: Clock, pin: int) -> Iterator[ServoPosition]:
         """Yield the shaft's position at the end of every pulse on `pin` (its index in `PINS`).
 
         The command of a pulse is valid from its end to the end of the next one.
@@ -71,4 +71,4 @@ class ServoLoad:
                     width = cycle - rise
                     commanded = float(np.interp(float(clock.us(width)), self.widths_us, self.angles))
                     since, rise = cycle, None
-                    yield Position(Cycles(cycle), Cycles(width), commanded, angle)
+                    yield ServoPosition(Cycles(cycle), Cycles(width), commanded, angle)

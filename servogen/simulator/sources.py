@@ -25,7 +25,7 @@ RELEASED = UNDRIVEN
 STIMULUS_PINS = (*PINS, "MCLR")
 
 
-class Change(NamedTuple):
+class LevelChange(NamedTuple):
     """From `cycle` on, the outside world drives `pin` (its number in `STIMULUS_PINS`) to `level`."""
 
     cycle: int
@@ -38,10 +38,10 @@ class Change(NamedTuple):
         return self.cycle << PACK_CYCLE | self.pin << PACK_PIN | self.level
 
 
-class Source(Protocol):
+class SignalSource(Protocol):
     """A signal source outside the chip."""
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         """Yield its changes in order of cycles, possibly without end."""
 
 
@@ -60,9 +60,9 @@ class Levels:
     at: Sequence[tuple[int, int]]
     """(cycle, level), in order."""
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         for cycle, level in self.at:
-            yield Change(cycle, self.pin, level)
+            yield LevelChange(cycle, self.pin, level)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +79,17 @@ class Periodic:
     start: Fraction = Fraction(0)
     times: int | None = None
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         if self.start > 0:
-            yield Change(0, self.pin, LOW)
+            yield LevelChange(0, self.pin, LOW)
         for n in islice(count(), self.times):
             rise = self.start + n * self.period
-            yield Change(whole(rise), self.pin, HIGH)
-            yield Change(whole(rise + self.high), self.pin, LOW)
+            yield LevelChange(whole(rise), self.pin, HIGH)
+            yield LevelChange(whole(rise + self.high), self.pin, LOW)
 
 
 @dataclass(frozen=True, slots=True)
-class Button:
+class BouncingButton:
     """A button to ground with a pull-up resistor: low while pressed; its contact bounces at both ends.
 
     After each of the two moments the level flips `bounces` times and back, at random moments (the same for
@@ -104,19 +104,19 @@ class Button:
     seed: int = 1
     active: int = LOW
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         dice = random.Random(self.seed)
         if self.pressed > 0:
-            yield Change(0, self.pin, 1 - self.active)
+            yield LevelChange(0, self.pin, 1 - self.active)
         for moment, end, level in (
             (self.pressed, self.released, self.active),
             (self.released, None, 1 - self.active),
         ):
-            yield Change(moment, self.pin, level)
+            yield LevelChange(moment, self.pin, level)
             room = self.bounce if end is None else min(self.bounce, end - moment - 1)
             flips = min(2 * self.bounces, max(0, room) // 2 * 2)
             for n, offset in enumerate(sorted(dice.sample(range(1, room + 1), flips))):
-                yield Change(moment + offset, self.pin, level ^ (n + 1) % 2)
+                yield LevelChange(moment + offset, self.pin, level ^ (n + 1) % 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +135,11 @@ class Serial:
     gap: int = 0
     """Idle cycles between two bytes in addition to the stop bits."""
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         bit = clock.cycles_per_second / (self.baud * (1 + self.baud_error))
         idle = LOW if self.inverted else HIGH
         level = idle
-        yield Change(0, self.pin, idle)
+        yield LevelChange(0, self.pin, idle)
         begin = Fraction(self.start)
         for byte in self.data:
             bits = [0, *(byte >> n & 1 for n in range(8)), *[1] * self.stop_bits]
@@ -147,7 +147,7 @@ class Serial:
                 wanted = idle if value else 1 - idle
                 if wanted != level:
                     level = wanted
-                    yield Change(whole(begin + n * bit), self.pin, level)
+                    yield LevelChange(whole(begin + n * bit), self.pin, level)
             begin += len(bits) * bit + self.gap
 
 
@@ -158,9 +158,9 @@ class Reset:
     pressed: int
     released: int
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
-        yield Change(self.pressed, MCLR_PIN, LOW)
-        yield Change(self.released, MCLR_PIN, HIGH)
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
+        yield LevelChange(self.pressed, MCLR_PIN, LOW)
+        yield LevelChange(self.released, MCLR_PIN, HIGH)
 
 
 def whole(cycles: Fraction) -> int:

@@ -17,7 +17,7 @@ from servogen.units import Cycles
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class MachineState:
     """The machine's registers and memories, and counts of what has happened since power-up."""
 
     cycles: Cycles
@@ -77,12 +77,12 @@ class State:
         }
 
 
-def state_of(s: npt.NDArray[np.int64], warnings: tuple[Diagnostic, ...]) -> State:
+def state_of(s: npt.NDArray[np.int64], warnings: tuple[Diagnostic, ...]) -> MachineState:
     """Return the state in a vector."""
     ram = s[RAM_FIRST : RAM_LAST + 1]
     top = int(s[at.SP])
     levels = [int(s[at.STACK + (top - 1 - i) % STACK_LEVELS]) for i in range(STACK_LEVELS)]
-    return State(
+    return MachineState(
         cycles=Cycles(int(s[at.CYCLE])),
         pc=int(s[at.PC]),
         w=int(s[at.W]),

@@ -17,7 +17,16 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.simulator.layout import MCLR_PIN, NEVER, PACK_CYCLE, PACK_PIN
-from servogen.simulator.sources import STIMULUS_PINS, Button, Change, Levels, Periodic, Reset, Serial, Source
+from servogen.simulator.sources import (
+    STIMULUS_PINS,
+    BouncingButton,
+    LevelChange,
+    Levels,
+    Periodic,
+    Reset,
+    Serial,
+    SignalSource,
+)
 from servogen.traces import NO_INPUTS, Inputs
 from servogen.units import Clock
 
@@ -29,9 +38,9 @@ PIECE = 4096
 class Stimuli:
     """All changes applied to the pins from outside. Changes in one cycle are in the order of the sources."""
 
-    sources: Sequence[Source]
+    sources: Sequence[SignalSource]
 
-    def all_changes(self, clock: Clock) -> Iterator[Change]:
+    def all_changes(self, clock: Clock) -> Iterator[LevelChange]:
         """Yield every change, one by one, in order of cycles."""
         return merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
 
@@ -73,10 +82,10 @@ def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
     return Inputs(tuple(sorted(pins)), _Chunks(stimuli, clock))
 
 
-def _pins_of(source: Source) -> Sequence[int]:
+def _pins_of(source: SignalSource) -> Sequence[int]:
     """Return the pins that a source may drive; all pins if it does not state them."""
     match source:
-        case Levels() | Periodic() | Button() | Serial():
+        case Levels() | Periodic() | BouncingButton() | Serial():
             return (source.pin,)
         case Reset():
             return (MCLR_PIN,)
@@ -84,7 +93,7 @@ def _pins_of(source: Source) -> Sequence[int]:
             return range(MCLR_PIN + 1)
 
 
-def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:
+def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[LevelChange, ...]:
     """Return every change before cycle `end`, for replay by `Recorded`."""
     return tuple(takewhile(lambda change: change.cycle < end, stimuli.all_changes(clock)))
 
@@ -93,9 +102,9 @@ def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:
 class Recorded:
     """Recorded changes, replayed."""
 
-    recording: Sequence[Change]
+    recording: Sequence[LevelChange]
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         yield from self.recording
 
 
@@ -108,14 +117,14 @@ class Wired:
     trace: EdgeTrace
     wires: dict[int, int]
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         for chunk in self.trace.chunks:
             for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
                 if pin in self.wires:
-                    yield Change(cycle, self.wires[pin], level)
+                    yield LevelChange(cycle, self.wires[pin], level)
 
 
-def _check(piece: list[Change], before: int) -> int:
+def _check(piece: list[LevelChange], before: int) -> int:
     for change in piece:
         if change.cycle < before or not 0 <= change.pin <= MCLR_PIN or not 0 <= change.level <= 2:
             name = STIMULUS_PINS[change.pin] if 0 <= change.pin <= MCLR_PIN else str(change.pin)

@@ -18,7 +18,16 @@ from pydantic import Field
 
 from servogen.edges import HIGH, LOW
 from servogen.errors import InputError
-from servogen.simulator.sources import RELEASED, Button, Levels, Periodic, Reset, Serial, Source, pin_number
+from servogen.simulator.sources import (
+    RELEASED,
+    BouncingButton,
+    Levels,
+    Periodic,
+    Reset,
+    Serial,
+    SignalSource,
+    pin_number,
+)
 from servogen.simulator.stimulus import Stimuli
 from servogen.toml.file import Document, Table, exact, parse, read, shown, validate
 from servogen.units import Clock
@@ -97,7 +106,7 @@ def parse_stimuli(text: str, file: str, clock: Clock) -> Stimuli:
 
 def _stimuli(document: Document, clock: Clock) -> Stimuli:
     file = validate(document, _File)
-    sources: list[Source] = []
+    sources: list[SignalSource] = []
     for n, level in enumerate(file.level):
         sources.append(_levels(document, n, level, clock))
     for n, periodic in enumerate(file.periodic):
@@ -120,7 +129,7 @@ def _stimuli(document: Document, clock: Clock) -> Stimuli:
         pin = _pin(document, ("button", n, "pin"), button.pin)
         bounce = _cycles(button.bounce_us, clock)
         sources.append(
-            Button(
+            BouncingButton(
                 pin=pin,
                 pressed=pressed,
                 released=released,

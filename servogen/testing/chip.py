@@ -32,7 +32,7 @@ from servogen.debug.breakpoints import (
     run_to,
 )
 from servogen.debug.pins import explain_pin
-from servogen.debug.symbols import SourceLine, current_line, line_at, variable
+from servogen.debug.symbols import ListedLine, current_line, line_at, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeChunk, EdgeTrace, join
 from servogen.errors import InputError, did_you_mean
@@ -40,12 +40,12 @@ from servogen.pic.device import registers
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
-from servogen.simulator import Button, Change, Levels, Options, Serial, Stimuli
+from servogen.simulator import BouncingButton, LevelChange, Levels, Serial, SimulatorOptions, Stimuli
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.sources import whole
 from servogen.simulator.stimulus import file_inputs
 from servogen.testing.signals import Signals, pin_index
-from servogen.testing.targets import Seen
+from servogen.testing.targets import SeenPins
 from servogen.testing.waves import at_the_pins, wave_lines
 from servogen.units import Clock, Cycles
 from servogen.verify.measurement import time_words
@@ -74,7 +74,7 @@ class Board:
     image: Image
     clock: Clock
     listing: Listing | None = None
-    options: Options = Options()  # noqa: RUF009 - frozen
+    options: SimulatorOptions = SimulatorOptions()  # noqa: RUF009 - frozen
     stimuli: Stimuli | None = None
     inputs: Mapping[str, int] = field(default_factory=dict)
     """Levels that pins are held at from power-up on, until the test drives them otherwise."""
@@ -331,7 +331,7 @@ class Chip(Signals):
         return self._machine.machine.state().resets
 
     @property
-    def line(self) -> SourceLine | None:
+    def line(self) -> ListedLine | None:
         """Return the source line that runs; None where the program has no listing."""
         return current_line(self._machine)
 
@@ -344,7 +344,7 @@ class Chip(Signals):
         """Pull MCLR low for `hold_ms`: the program starts again, RAM and EEPROM are kept."""
         self._check_time("hold_ms", hold_ms, Fraction(1, 1000))
         end = self.cycle + max(1, self._cycles_in(hold_ms, 1000))
-        self._machine.apply([Change(self.cycle, MCLR_PIN, LOW), Change(end, MCLR_PIN, HIGH)])
+        self._machine.apply([LevelChange(self.cycle, MCLR_PIN, LOW), LevelChange(end, MCLR_PIN, HIGH)])
         self._advance(end + 1)
 
     def power_cycle(self) -> None:
@@ -358,9 +358,9 @@ class Chip(Signals):
         return self.board.name
 
     @property
-    def seen(self) -> list[Seen]:
+    def seen(self) -> list[SeenPins]:
         """Return the edges since power-up, as they are recorded."""
-        return [Seen(self.pieces()[0], "the simulated chip")]
+        return [SeenPins(self.pieces()[0], "the simulated chip")]
 
     def pieces(self) -> Sequence[EdgeTrace]:
         return (EdgeTrace(self.clock, (self._driven(),), Cycles(self.cycle)),)
@@ -487,7 +487,7 @@ class Chip(Signals):
                 self._schedule(cycle, partial(self._hold, pin, level))
             self._deliver()
             return
-        self._machine.apply([Change(cycle, pin, level) for cycle, level in changes])
+        self._machine.apply([LevelChange(cycle, pin, level) for cycle, level in changes])
         self._hold(pin, changes[-1][1])
         self._outside.pop(pin, None)
         if pin in self._wiring.held:
@@ -535,7 +535,7 @@ class Chip(Signals):
         for pin in sorted({*wanted, *self._outside}):
             level = wanted.get(pin, UNDRIVEN)
             if self._outside.get(pin, UNDRIVEN) != level:
-                changes.append(Change(self.cycle, pin, level))
+                changes.append(LevelChange(self.cycle, pin, level))
         self._outside = {pin: level for pin, level in wanted.items() if level != UNDRIVEN}
         if changes:
             self._machine.apply(changes)
@@ -570,7 +570,7 @@ class Chip(Signals):
             self._seen = [join(self._seen)]
         return join(self._seen)
 
-    def _inputs(self) -> list[Change]:
+    def _inputs(self) -> list[LevelChange]:
         stimulus = takewhile(lambda change: change.cycle < self.cycle, self._initial.all_changes(self.clock))
         applied = (change for change in self._machine.inputs if change.cycle < self.cycle)
         return [*islice(stimulus, MAX_STIMULUS), *applied]
@@ -655,7 +655,7 @@ def contact_changes(
         raise InputError("out-of-range", f"bounces = {bounces} is not between 0 and 1000")
     bounce = int(clock.round_us(Fraction(str(bounce_ms)) * 1000).cycles)
     end = begin + bounce + 2
-    contact = Button(0, begin, end, bounces, bounce, seed, active=level)
+    contact = BouncingButton(0, begin, end, bounces, bounce, seed, active=level)
     changes = takewhile(lambda change: change.cycle < end, contact.changes(clock))
     return [(change.cycle, change.level) for change in changes if change.cycle >= begin]
 

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.programs import Program
     from servogen.pulse import PulseSchedule
-    from servogen.simulator import Options, Stimuli
+    from servogen.simulator import SimulatorOptions, Stimuli
     from servogen.testing.chip import Chip
     from servogen.testing.seen_chip import SeenChip
-    from servogen.testing.targets import Bench, Capture, Seen, Target
-    from servogen.twin import Verdict
+    from servogen.testing.targets import Bench, PinCapture, SeenPins, Target
+    from servogen.twin import TwinVerdict
     from servogen.units import Clock
     from servogen.verify import Tolerances
 
@@ -57,13 +57,13 @@ ON_THE_CHIP = "what was on the chip"
 MARK_KEYS = ("image", "schedule", "seconds", "stimulus")
 
 BENCH: pytest.StashKey[Bench] = pytest.StashKey()
-SEEN: pytest.StashKey[list[Capture]] = pytest.StashKey()
+SEEN: pytest.StashKey[list[PinCapture]] = pytest.StashKey()
 CHIPS: pytest.StashKey[list[Chip | SeenChip]] = pytest.StashKey()
 PROGRAMS: pytest.StashKey[dict[tuple[Path, str | None], Program]] = pytest.StashKey()
 
 
 def assert_pulses(
-    capture: Capture,
+    capture: PinCapture,
     schedule: PulseSchedule,
     tolerances: Tolerances | None = None,
     *,
@@ -264,10 +264,10 @@ def _bench(request: pytest.FixtureRequest) -> Bench:
 
 
 @pytest.fixture
-def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) -> Capture:
+def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) -> PinCapture:
     """Return what the pins do while the program runs, after it was loaded and the chip reset."""
     from servogen.testing.seen_chip import played_once
-    from servogen.testing.targets import Bench, Capture, CaptureRequest, Replay
+    from servogen.testing.targets import Bench, CaptureRequest, PinCapture, Replay
 
     node = request.node
     named = _named(node, "schedule")
@@ -289,7 +289,7 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
     else:
         seen = servogen_target.capture(wanted)
     node.user_properties.append(("servogen_source", seen.source))
-    capture = Capture(seen, clock, node.user_properties)
+    capture = PinCapture(seen, clock, node.user_properties)
     node.stash.setdefault(SEEN, []).append(capture)
     folder = request.config.getoption("servogen_record")
     if folder:
@@ -308,7 +308,7 @@ def servogen_machine(
     On the bench and on recordings a test skips where it does what cannot be done there.
     """
     from servogen.programs import clock_of
-    from servogen.simulator import Options
+    from servogen.simulator import SimulatorOptions
     from servogen.testing.chip import Board, Chip
     from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip
     from servogen.testing.targets import Bench, Replay
@@ -323,7 +323,7 @@ def servogen_machine(
         device: str | None = None,
         inputs: Mapping[str, int] | None = None,
         stimulus: str | Path | None = None,
-        options: Options | None = None,
+        options: SimulatorOptions | None = None,
     ) -> Chip:
         path = _required(node, "image") if program is None else _beside(node, Path(program))
         made = _program(node, path, device)
@@ -345,7 +345,7 @@ def servogen_machine(
             if servogen_target.programmer is not None:
                 servogen_target.load(made.image)
         else:
-            around = options or Options()
+            around = options or SimulatorOptions()
             board = replace(around, device=device) if device else around
             chip = Chip(Board(path.name, made.image, clock, made.listing, board, stimuli, inputs or {}))
         chips.append(chip)
@@ -358,7 +358,7 @@ def servogen_machine(
 
 
 @pytest.fixture
-def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., Verdict]:
+def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., TwinVerdict]:
     """Return a function that runs a job's program in its robot: `servogen_twin("my.toml")` is the verdict.
 
     Its other arguments are those of `servogen.twin.Settings`, and `program`, a HEX, C or assembly file. The
@@ -367,11 +367,11 @@ def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., Verdict]:
     pytest.importorskip("mujoco", reason="the twin needs MuJoCo: pip install 'servogen[twin]'")
     from servogen.build.twinning import twin_of
     from servogen.job import load, plan_job
-    from servogen.twin import Settings
+    from servogen.twin import TwinSettings
 
-    def run(job: str | Path, program: str | Path | None = None, **settings: Any) -> Verdict:
+    def run(job: str | Path, program: str | Path | None = None, **settings: Any) -> TwinVerdict:
         file = None if program is None else _beside(request.node, Path(program))
-        verdict = twin_of(plan_job(load(_beside(request.node, Path(job)))), Settings(**settings), file)
+        verdict = twin_of(plan_job(load(_beside(request.node, Path(job)))), TwinSettings(**settings), file)
         request.node.user_properties.append(("servogen_twin", verdict.word))
         request.node.user_properties.extend(("servogen_twin_reason", text) for text in verdict.reasons())
         return verdict
@@ -475,7 +475,7 @@ def _waves(chip: Chip | SeenChip) -> str:
         return str(error)
 
 
-def _seen_of_chips(node: pytest.Item) -> list[tuple[str, Seen]]:
+def _seen_of_chips(node: pytest.Item) -> list[tuple[str, SeenPins]]:
     """Return what was seen of each of the test's chips, with the names of its recordings."""
     from servogen.testing.targets import further
 
@@ -516,7 +516,7 @@ def _chip_name(node: pytest.Item, number: int) -> str:
     return f"{_name(node)}-chip{number + 1}" if number else _name(node)
 
 
-def _write(name: str, seen: Seen, folder: Path) -> Path:
+def _write(name: str, seen: SeenPins, folder: Path) -> Path:
     from servogen.testing.targets import record
 
     folder.mkdir(parents=True, exist_ok=True)

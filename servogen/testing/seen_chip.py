@@ -23,7 +23,7 @@ from typing import NoReturn, Protocol
 
 import pytest
 
-from servogen.bench.inputs.adapter import Close, Drive, Input, Send
+from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
 from servogen.bench.inputs.wiring import MCLR, VDD, Contact, InputWiring
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, join
 from servogen.errors import InputError
@@ -44,10 +44,10 @@ from servogen.testing.targets import (
     BOARD_LATE_MS,
     HOST_LATE_MS,
     Bench,
+    BenchRun,
+    BenchStart,
     CaptureRequest,
-    Seen,
-    Segment,
-    Start,
+    SeenPins,
     uses_eeprom,
 )
 from servogen.testing.waves import at_the_pins, wave_lines
@@ -79,7 +79,7 @@ class Player(Protocol):
     def late_ms(self) -> int:
         """Return by how much an input may be late."""
 
-    def play(self, segment: Segment) -> Sequence[Seen]:
+    def play(self, segment: BenchRun) -> Sequence[SeenPins]:
         """Return what was seen during a run; nothing where a recording shows it already."""
 
     def eeprom(self) -> bytes: ...
@@ -107,18 +107,18 @@ class SeenChip(Signals):
     ) -> None:
         self.name = name
         self.clock = clock
-        self.seen: list[Seen] = []
+        self.seen: list[SeenPins] = []
         self._player = player
         self._image = image
         self._levels: dict[str, int | None] = {}
         self._contacts: dict[Contact, bool] = {}
-        self._inputs: list[Input] = []
+        self._inputs: list[BoardInput] = []
         """Those of the run that is being collected, and later ones."""
         self._length_ms = Fraction(0)
         """Of the run that is being collected."""
         self._past_ms = Fraction(0)
         """The length of the runs since the last start."""
-        self._start = Start.CONTINUE
+        self._start = BenchStart.CONTINUE
         self._first = 0
         """The piece with which the last start began."""
         self._look: _Look | None = None
@@ -129,13 +129,13 @@ class SeenChip(Signals):
         if stimuli is not None:
             for input_ in stimulus_inputs(stimuli, clock):
                 self._check_possible(input_.what)
-                if isinstance(input_.what, Drive) and input_.at_ms == 0:
+                if isinstance(input_.what, DrivePin) and input_.at_ms == 0:
                     self._levels[input_.what.name] = input_.what.level
                 else:
                     self._inputs.append(input_)
         wiring = player.wiring
         if wiring is not None and MCLR in wiring.pins:
-            self._start = Start.RESET
+            self._start = BenchStart.RESET
 
     # Time
 
@@ -202,7 +202,7 @@ class SeenChip(Signals):
 
     def drive(self, pin: str, level: int | None) -> None:
         self._needs_board("drive", pin)
-        self._do(Drive(pin.upper(), None if level is None else checked_level(pin, level)))
+        self._do(DrivePin(pin.upper(), None if level is None else checked_level(pin, level)))
 
     def press(
         self,
@@ -284,8 +284,8 @@ class SeenChip(Signals):
             self._skip("reset", "MCLR is not wired to an input board")
         check_time("hold_ms", hold_ms, Fraction(1, 1000))
         hold = max(SMALLEST_STEP_MS, ceil(hold_ms))
-        self._do(Drive(MCLR, LOW))
-        self._do(Drive(MCLR, HIGH), hold)
+        self._do(DrivePin(MCLR, LOW))
+        self._do(DrivePin(MCLR, HIGH), hold)
         self._length_ms += hold
 
     def power_cycle(self) -> None:
@@ -293,7 +293,7 @@ class SeenChip(Signals):
         if wiring is None or VDD not in wiring.pins:
             self._skip("power_cycle", "the supply is not wired to an input board: --servogen-input=VDD=17")
         self._flush()
-        self._start, self._first, self._look = Start.POWER_UP, len(self.seen), None
+        self._start, self._first, self._look = BenchStart.POWER_UP, len(self.seen), None
         self._past_ms = Fraction(0)
 
     # Looking
@@ -367,24 +367,24 @@ class SeenChip(Signals):
         length = self._length_ms
         end = ceil(length)
         now = tuple(input_ for input_ in self._inputs if input_.at_ms <= end)
-        segment = Segment(
+        segment = BenchRun(
             self.clock,
             float(max(length, Fraction(SMALLEST_STEP_MS)) / 1000),
             dict(self._levels),
             dict(self._contacts),
             now,
             self._start,
-            self._start is not Start.CONTINUE and (self._image is None or not uses_eeprom(self._image)),
+            self._start is not BenchStart.CONTINUE and (self._image is None or not uses_eeprom(self._image)),
         )
         self._inputs = [
-            Input(input_.at_ms - end, input_.what) for input_ in self._inputs if input_.at_ms > end
+            BoardInput(input_.at_ms - end, input_.what) for input_ in self._inputs if input_.at_ms > end
         ]
-        self._length_ms, self._start = Fraction(0), Start.CONTINUE
+        self._length_ms, self._start = Fraction(0), BenchStart.CONTINUE
         more = self._player.play(segment)
         self.seen += more
         for input_ in now:
             match input_.what:
-                case Drive(name, level):
+                case DrivePin(name, level):
                     self._levels[name] = level
                 case Close(contact, closed):
                     self._contacts[contact] = closed
@@ -433,8 +433,8 @@ class SeenChip(Signals):
         end = time_words(int(last.end), last.clock)
         return AssertionError(f"{what}: not within {within_ms:g} ms; the capture ends at {end}")
 
-    def _do(self, what: Drive | Close | Send, after_ms: int | Fraction = 0) -> None:
-        self._inputs.append(Input(round(self._length_ms + after_ms), what))
+    def _do(self, what: DrivePin | Close | Send, after_ms: int | Fraction = 0) -> None:
+        self._inputs.append(BoardInput(round(self._length_ms + after_ms), what))
 
     def _bouncing(
         self, level: int, bounce_ms: float, bounces: int, seed: int
@@ -452,7 +452,7 @@ class SeenChip(Signals):
         after_ms: Fraction = Fraction(0),
     ) -> None:
         for ms, now in self._bouncing(level, bounce_ms, bounces, seed):
-            self._do(Drive(pin.upper(), now), after_ms + ms)
+            self._do(DrivePin(pin.upper(), now), after_ms + ms)
 
     def _needs_board(self, what: str, pin: str) -> None:
         pin_index(pin)
@@ -471,12 +471,12 @@ class SeenChip(Signals):
             self._skip("switch", f"the input board has no contact {names}: --servogen-input={names}=22")
         return contact
 
-    def _check_possible(self, what: Drive | Close | Send) -> None:
+    def _check_possible(self, what: DrivePin | Close | Send) -> None:
         """Skip the test where what a stimulus does cannot be played."""
         match what:
-            case Drive(name) if name in PINS:
+            case DrivePin(name) if name in PINS:
                 self._needs_board("stimulus", name)
-            case Drive():
+            case DrivePin():
                 if self._player.wiring is None:
                     self._skip("stimulus", "nothing drives the chip's inputs here")
             case Send(pin):
@@ -488,7 +488,7 @@ class SeenChip(Signals):
         pytest.skip(f"needs the simulated chip: chip.{what}; {why}")
 
 
-def stimulus_inputs(stimuli: Stimuli, clock: Clock) -> list[Input]:
+def stimulus_inputs(stimuli: Stimuli, clock: Clock) -> list[BoardInput]:
     """Return what a stimulus does, at whole milliseconds; skips the test where that is too coarse."""
     inputs = []
     for source in stimuli.sources:
@@ -499,14 +499,14 @@ def stimulus_inputs(stimuli: Stimuli, clock: Clock) -> list[Input]:
             frame = (1 + DATA_BITS + source.stop_bits) * clock.cycles_per_second / rate + source.gap
             for place, byte in enumerate(source.data):
                 ms = round(clock.us(round(source.start + place * frame)) / 1000)
-                inputs.append(Input(ms, Send(PINS[source.pin], bytes((byte,)), rate)))
+                inputs.append(BoardInput(ms, Send(PINS[source.pin], bytes((byte,)), rate)))
             continue
         if isinstance(source, Periodic):
             pytest.skip("needs the simulated chip: an input board does not make a periodic signal")
         for change in source.changes(clock):
             name = MCLR if change.pin == MCLR_PIN else PINS[change.pin]
             level = None if change.level == UNDRIVEN else change.level
-            inputs.append(Input(round(clock.us(change.cycle) / 1000), Drive(name, level)))
+            inputs.append(BoardInput(round(clock.us(change.cycle) / 1000), DrivePin(name, level)))
     return inputs
 
 
@@ -529,7 +529,7 @@ class BenchPlayer:
         adapter = self.bench.adapter()
         return 0 if adapter is None else BOARD_LATE_MS if adapter.board.scheduler else HOST_LATE_MS
 
-    def play(self, segment: Segment) -> Sequence[Seen]:
+    def play(self, segment: BenchRun) -> Sequence[SeenPins]:
         return [self.bench.play(segment)]
 
     def eeprom(self) -> bytes:
@@ -540,7 +540,7 @@ class BenchPlayer:
         return self.bench.eeprom()
 
 
-def played_once(bench: Bench, request: CaptureRequest, image: Image | None) -> Seen:
+def played_once(bench: Bench, request: CaptureRequest, image: Image | None) -> SeenPins:
     """Return what the pins do from reset on while a stimulus is played, for as long as is asked for."""
     chip = SeenChip("", request.clock, BenchPlayer(bench), image, stimuli=request.stimuli)
     chip.run_s(float(request.clock.seconds(request.cycles)))
@@ -560,14 +560,14 @@ EVERYTHING = InputWiring(
 class ReplayPlayer:
     """Shows recordings, one for each run; a recording of the simulated chip shows all of its runs."""
 
-    recordings: list[Seen]
+    recordings: list[SeenPins]
     wiring: InputWiring | None = EVERYTHING
     serial_pin: str | None = None
     late_ms: int = HOST_LATE_MS
     _shown: int = field(default=0)
 
-    def play(self, segment: Segment) -> Sequence[Seen]:
-        if segment.start is Start.POWER_UP and self.recordings[0].capture is None:
+    def play(self, segment: BenchRun) -> Sequence[SeenPins]:
+        if segment.start is BenchStart.POWER_UP and self.recordings[0].capture is None:
             pytest.skip(
                 "needs a bench: of the simulated chip only what followed the last power-up is recorded"
             )

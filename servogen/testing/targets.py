@@ -1,4 +1,4 @@
-"""What a test runs on: the simulator, a recording, the bench. Each gives a `Seen`: what the pins did.
+"""What a test runs on: the simulator, a recording, the bench. Each gives a `SeenPins`: what the pins did.
 
 In: a program and, if it should follow one, a schedule. Out: edges, and by `check` whether they are the
 schedule's, exactly where the chip was simulated and within tolerances where an analyser looked.
@@ -18,9 +18,9 @@ from typing import Protocol
 
 from servogen.bench.analysers.memory import TYPICAL_EDGES, TYPICAL_PERIOD_S
 from servogen.bench.inputs.adapter import (
+    BoardInput,
     Close,
-    Drive,
-    Input,
+    DrivePin,
     InputAdapter,
     Send,
     SerialAdapter,
@@ -29,7 +29,7 @@ from servogen.bench.inputs.adapter import (
 from servogen.bench.inputs.wiring import MARK_CHANNEL, MCLR, VDD, Contact, InputWiring
 from servogen.bench.ports import open_port
 from servogen.bench.programmers.flash import flash, objections, read_eeprom
-from servogen.bench.programmers.table import Order, find
+from servogen.bench.programmers.table import ProgrammingRequest, find
 from servogen.build.capture import CaptureSettings, capture
 from servogen.build.proof import (
     START_FRAMES,
@@ -50,13 +50,12 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
-from servogen.simulator import CHIP_DEPENDENT, Machine, Options, Stimuli
+from servogen.simulator import CHIP_DEPENDENT, Machine, SimulatorOptions, Stimuli
 from servogen.testing.signals import Signals
 from servogen.traces import SUFFIXES as EDGE_SUFFIXES
 from servogen.traces import read_edges, write_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
-from servogen.traces.captures import Capture as CaptureFile
-from servogen.traces.captures import is_capture, read_capture
+from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
@@ -82,13 +81,13 @@ EECON2 = registers()["EECON2"].address
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenPins:
     """What the pins did, in memory."""
 
     trace: EdgeTrace
     source: str
     """Where it was seen, in words."""
-    capture: CaptureFile | None = None
+    capture: Capture | None = None
     """All that an analyser's file says: its clock is its own, its edges are on its samples."""
     span: Cycles | None = None
     """How much of it is to be judged; None: all of it."""
@@ -99,10 +98,10 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Capture(Signals):
+class PinCapture(Signals):
     """What the pins did in one test."""
 
-    seen: Seen = field(repr=False)
+    seen: SeenPins = field(repr=False)
     clock: Clock
     properties: list[tuple[str, object]] = field(repr=False)
     """The test's own, which JUnit reports show."""
@@ -120,7 +119,7 @@ class Capture(Signals):
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class ScheduleCheck:
     """Whether what was seen is the schedule; in words, and as properties of a test report.
 
     `agrees` without `proven`: nothing that was seen is wrong, but not every different frame was seen.
@@ -158,7 +157,7 @@ class CaptureRequest:
         return checked_cycles(self.schedule)
 
 
-class Start(Enum):
+class BenchStart(Enum):
     """How a run of a chip on the bench begins."""
 
     CONTINUE = "continue"
@@ -167,7 +166,7 @@ class Start(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class BenchRun:
     """One run of a chip on the bench, during which inputs change: moment 0 is its beginning."""
 
     clock: Clock
@@ -176,8 +175,8 @@ class Segment:
     """What drives the chip's pins from the beginning on; None: nothing."""
     contacts: Mapping[Contact, bool] = field(default_factory=dict)
     """Which contacts are closed at the beginning."""
-    inputs: tuple[Input, ...] = ()
-    start: Start = Start.CONTINUE
+    inputs: tuple[BoardInput, ...] = ()
+    start: BenchStart = BenchStart.CONTINUE
     repeatable: bool = False
     """Whether the run may begin again where the analyser's memory was too small for it."""
 
@@ -191,7 +190,7 @@ class Target(Protocol):
     def load(self, image: Image) -> None:
         """Load the program and reset the chip."""
 
-    def capture(self, request: CaptureRequest) -> Seen:
+    def capture(self, request: CaptureRequest) -> SeenPins:
         """Return what the pins do."""
 
 
@@ -206,19 +205,19 @@ class Simulator:
     def load(self, image: Image) -> None:
         self._image = image
 
-    def capture(self, request: CaptureRequest) -> Seen:
+    def capture(self, request: CaptureRequest) -> SeenPins:
         if self._image is None:
             raise InputError(
                 "no-program", "there is no program on the simulated chip", hint="load an image first"
             )
         span = limit = request.cycles
-        options, stimuli, schedule = Options(), request.stimuli, request.schedule
+        options, stimuli, schedule = SimulatorOptions(), request.stimuli, request.schedule
         if schedule is not None:
             limit = Cycles(span + START_FRAMES * schedule.period)
             options, stimuli = board_of(schedule), stimuli or inputs_of(schedule)
         machine = Machine(self._image, request.clock, options, stimuli, tracked=True)
         trace = EdgeTrace(request.clock, machine.stream(limit), limit).stored()
-        return Seen(trace, "the simulated chip", span=span, warnings=chip_warnings(machine))
+        return SeenPins(trace, "the simulated chip", span=span, warnings=chip_warnings(machine))
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,11 +231,11 @@ class Replay:
     def load(self, image: Image) -> None:
         return
 
-    def capture(self, request: CaptureRequest) -> Seen:
+    def capture(self, request: CaptureRequest) -> SeenPins:
         """Return the recording, all of it whatever `seconds` say. Raises InputError where there is none."""
         return self.recording(self.test, request.clock)
 
-    def recordings(self, clock: Clock) -> list[Seen]:
+    def recordings(self, clock: Clock) -> list[SeenPins]:
         """Return what each run of the test's chip showed. Raises InputError where there is no recording."""
         recordings = [self.recording(self.test, clock)]
         while self._path(further(self.test, len(recordings))) is not None:
@@ -248,7 +247,7 @@ class Replay:
         paths = [self.folder / f"{name}{suffix}" for suffix in suffixes]
         return next((path for path in paths if path.is_file()), None)
 
-    def recording(self, name: str, clock: Clock) -> Seen:
+    def recording(self, name: str, clock: Clock) -> SeenPins:
         """Return the recording of that name. Raises InputError where there is none."""
         path = self._path(name)
         if path is None:
@@ -261,7 +260,7 @@ class Replay:
             )
         source = f"the recording {path}"
         if not is_capture(path):
-            return Seen(read_edges(path, clock).stored(), source, file=path)
+            return SeenPins(read_edges(path, clock).stored(), source, file=path)
         return captured(path, source)
 
 
@@ -333,12 +332,12 @@ class Bench:
             self._adapter.release()
         return read_eeprom(find(self.programmer), self._order(self.folder / "eeprom.hex"), self.on_chip)
 
-    def _order(self, path: Path) -> Order:
+    def _order(self, path: Path) -> ProgrammingRequest:
         chip = self.device or self.built_for
         if chip is None:
             text = "nothing says which chip it is for"
             raise InputError("missing-option", text, hint="--servogen-device=PIC16F84")
-        return Order(path, device(chip), self.programmer_port)
+        return ProgrammingRequest(path, device(chip), self.programmer_port)
 
     def adapter(self) -> InputAdapter | None:
         """Return what drives the inputs, opened at the first call. Raises ToolError."""
@@ -353,7 +352,7 @@ class Bench:
         self._adapter = None
         self._open.close()
 
-    def play(self, segment: Segment) -> Seen:
+    def play(self, segment: BenchRun) -> SeenPins:
         """Return what the pins do while their inputs change. Raises InputError, ToolError."""
         adapter = self.adapter()
         if adapter is None:
@@ -376,7 +375,7 @@ class Bench:
                 return seen
         raise _memory_full(held, segment.seconds)
 
-    def capture(self, request: CaptureRequest) -> Seen:
+    def capture(self, request: CaptureRequest) -> SeenPins:
         """Return what the analyser captures, by default for the schedule's whole loop. Raises ToolError.
 
         Without a schedule nothing says which pin moves, and the capture begins at once; nor how often the
@@ -394,12 +393,12 @@ class Bench:
             asked = max(asked, float(TYPICAL_PERIOD_S)) * MARGIN * wanted / held
         raise _memory_full(held, wanted)
 
-    def _captured(self, request: CaptureRequest, seconds: float | None) -> Seen:
+    def _captured(self, request: CaptureRequest, seconds: float | None) -> SeenPins:
         return self._capture_with(CaptureSettings(triggered=request.schedule is not None), request, seconds)
 
     def _capture_with(
         self, settings: CaptureSettings, request: CaptureRequest, seconds: float | None
-    ) -> Seen:
+    ) -> SeenPins:
         self.captures += 1
         output = self.folder / f"capture-{self.captures}.vcd"
         path = capture(output, self.port, request.schedule, seconds, settings).path
@@ -426,37 +425,37 @@ def opened(ports: InputPorts) -> Iterator[InputAdapter]:
         yield stack.enter_context(input_adapter(ports.board, ports.wiring, serial))
 
 
-def begin(adapter: InputAdapter, segment: Segment) -> None:
+def begin(adapter: InputAdapter, segment: BenchRun) -> None:
     """Bring the chip's inputs to what they are at the beginning of a run, and load the run."""
-    levels = [Drive(name, level) for name, level in segment.levels.items()]
+    levels = [DrivePin(name, level) for name, level in segment.levels.items()]
     contacts = [Close(contact, closed) for contact, closed in segment.contacts.items()]
     lines = {
         input_.what.pin: input_.what for input_ in reversed(segment.inputs) if isinstance(input_.what, Send)
     }
     levels = [drive for drive in levels if drive.name not in lines]
-    first: list[Input] = []
+    first: list[BoardInput] = []
     adapter.stop()
-    if segment.start is Start.POWER_UP:  # nothing may feed the chip through its pins
+    if segment.start is BenchStart.POWER_UP:  # nothing may feed the chip through its pins
         adapter.release()
-        adapter.apply([Drive(VDD, 0)])
+        adapter.apply([DrivePin(VDD, 0)])
         time.sleep(POWER_OFF_S)
-        first = [Input(0, Drive(VDD, 1)), *(Input(0, drive) for drive in levels)]
+        first = [BoardInput(0, DrivePin(VDD, 1)), *(BoardInput(0, drive) for drive in levels)]
     else:
-        if segment.start is Start.RESET:
-            adapter.apply([Drive(MCLR, 0)])
-            first = [Input(0, Drive(MCLR, 1))]
+        if segment.start is BenchStart.RESET:
+            adapter.apply([DrivePin(MCLR, 0)])
+            first = [BoardInput(0, DrivePin(MCLR, 1))]
         adapter.apply([*levels, *contacts])
         for pin, send in lines.items():
             adapter.listen(pin, send.baud)
     adapter.load([*first, *segment.inputs], ceil(1000 * segment.seconds))
 
 
-def check_inputs(trace: EdgeTrace, segment: Segment, late_ms: int) -> None:
+def check_inputs(trace: EdgeTrace, segment: BenchRun, late_ms: int) -> None:
     """Raise ToolError where a capture does not show a level that the input board was to drive in time."""
     edges = join(trace.chunks)
     now = dict(segment.levels)
     inputs = sorted(segment.inputs, key=lambda input_: input_.at_ms)
-    drives = ((input_.at_ms, input_.what) for input_ in inputs if isinstance(input_.what, Drive))
+    drives = ((input_.at_ms, input_.what) for input_ in inputs if isinstance(input_.what, DrivePin))
     # of several changes in one millisecond only the last is sure to be seen
     changes = {(ms, drive.name): drive.level for ms, drive in drives if drive.name in PINS}
     for (at_ms, name), level in changes.items():
@@ -486,18 +485,18 @@ def uses_eeprom(image: Image) -> bool:
     )
 
 
-def captured(path: Path, source: str) -> Seen:
+def captured(path: Path, source: str) -> SeenPins:
     """Return an analyser's capture in a file."""
     capture = read_capture(path)
     trace = capture.trace.stored()
-    return Seen(trace, source, replace(capture, trace=trace), file=path)
+    return SeenPins(trace, source, replace(capture, trace=trace), file=path)
 
 
-def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> Checked:
+def check(seen: SeenPins, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> ScheduleCheck:
     """Return whether the pins did what the schedule says."""
     if seen.capture is not None:
         comparison = prove_capture(schedule, seen.capture, tolerances)
-        return Checked(
+        return ScheduleCheck(
             comparison.proven,
             comparison.agrees,
             tuple(capture_lines(comparison)),
@@ -511,7 +510,9 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
     end = end_of(verdict)
     counted = (warning for warning in seen.warnings if end is None or cycle_of(warning) < end)
     verdict = verdict.with_warnings(tuple(counted), CHIP_DEPENDENT)
-    return Checked(verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
+    return ScheduleCheck(
+        verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict))
+    )
 
 
 def further(name: str, number: int) -> str:
@@ -519,7 +520,7 @@ def further(name: str, number: int) -> str:
     return f"{name}-{number + 1}" if number else name
 
 
-def record(seen: Seen, path: Path) -> Path:
+def record(seen: SeenPins, path: Path) -> Path:
     """Write what was seen to `path`, or beside it with the suffix of the file that already holds it.
 
     `Replay` and `servogen verify` read it.

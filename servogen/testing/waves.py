@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from servogen.edges import UNDRIVEN, EdgeChunk, edge_chunk
-from servogen.simulator import Change
+from servogen.simulator import LevelChange
 from servogen.simulator.sources import STIMULUS_PINS
 from servogen.units import Clock
 from servogen.verify.measurement import time_words
@@ -27,7 +27,7 @@ WORDS = dict(zip(SIGNS, ("low throughout", "high throughout", "not driven"), str
 SEVERAL = "▒"
 
 
-def at_the_pins(driven: EdgeChunk, outside: Iterable[Change]) -> EdgeChunk:
+def at_the_pins(driven: EdgeChunk, outside: Iterable[LevelChange]) -> EdgeChunk:
     """Return the levels at the pins: what the chip drives or, at its inputs, what drives those."""
     rows = [
         *((cycle, 1, pin, level) for cycle, pin, level in _rows(driven)),

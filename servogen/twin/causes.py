@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from servogen.job import PlannedJob
 from servogen.twin.bodies import BODY_HEIGHT_M
-from servogen.twin.planned import Planned
+from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import SAMPLE_S, Record
 from servogen.units import counted
 
@@ -34,7 +34,7 @@ OFF_S = 0.05
 """How long a servo that should have pulses may be without, beyond its own time of patience."""
 
 
-class Kind(IntEnum):
+class EventKind(IntEnum):
     """What an event is about; of two at one moment the lower kind is the cause."""
 
     BROKEN = 0
@@ -51,7 +51,7 @@ class Event:
     """What happened at a time in seconds since power-up; `kind` orders events of one moment."""
 
     seconds: float
-    kind: Kind
+    kind: EventKind
     text: str
 
     def to_json(self) -> dict[str, object]:
@@ -59,7 +59,7 @@ class Event:
         return {"seconds": self.seconds, "kind": self.kind.name.lower(), "text": self.text}
 
 
-def events_of(record: Record, job: PlannedJob, planned: Planned) -> tuple[Event, ...]:
+def events_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> tuple[Event, ...]:
     """Return the events of a run, the first first."""
     events = [
         *_broken(record),
@@ -81,7 +81,7 @@ def brown_out(record: Record) -> float | None:
 def _broken(record: Record) -> Iterator[Event]:
     for servo, wiring in zip(record.rig.servos, record.rig.wirings, strict=True):
         if wiring.broken:
-            yield Event(0.0, Kind.BROKEN, f"{servo.name} turns nothing: its gear is broken")
+            yield Event(0.0, EventKind.BROKEN, f"{servo.name} turns nothing: its gear is broken")
 
 
 def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
@@ -95,7 +95,7 @@ def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
             first = float(idle[0])
             when = "at all" if first < 2 * OFF_S else f"from {first:.2f} s"
             seconds = 0.0 if first < 2 * OFF_S else first
-            yield Event(seconds, Kind.NO_PULSES, f"{servo.name} receives no pulses {when}")
+            yield Event(seconds, EventKind.NO_PULSES, f"{servo.name} receives no pulses {when}")
 
 
 def _supply(record: Record) -> Iterator[Event]:
@@ -109,7 +109,7 @@ def _supply(record: Record) -> Iterator[Event]:
             when, seconds = float(record.time[at[0]]), float(record.time[middle])
             yield Event(
                 when,
-                Kind.SUPPLY,
+                EventKind.SUPPLY,
                 f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: with "
                 f"{counted(int(stalled.max()), 'stalled servo')} its voltage is "
                 f"{record.voltage[middle]:.2f} V at {seconds:.2f} s, "
@@ -119,7 +119,7 @@ def _supply(record: Record) -> Iterator[Event]:
     if when_low is not None:
         yield Event(
             when_low,
-            Kind.SUPPLY,
+            EventKind.SUPPLY,
             f"the chip's voltage is below {supply.chip_minimum_v:g} V at {when_low:.2f} s: "
             "what follows is not guaranteed",
         )
@@ -156,7 +156,7 @@ def _saturated(record: Record) -> Iterator[Event]:
         error = math.degrees(float(np.abs(record.target - record.angle)[start + least - 1, index]))
         yield Event(
             when,
-            Kind.SATURATED,
+            EventKind.SATURATED,
             f"{servo.name} saturates at {torque:.2f} N·m from {when:.2f} s, {error:.1f}° from its target",
         )
 
@@ -170,7 +170,7 @@ def _first_run(flags: npt.NDArray[np.bool_], least: int) -> int | None:
     return None
 
 
-def _body(record: Record, planned: Planned) -> Iterator[Event]:
+def _body(record: Record, planned: PlannedRoute) -> Iterator[Event]:
     """Yield that the body sinks below its planned height, tilts or lies on the ground."""
     if planned.height is None:
         return
@@ -180,13 +180,13 @@ def _body(record: Record, planned: Planned) -> Iterator[Event]:
         when = float(record.time[low[0]])
         yield Event(
             when,
-            Kind.SUNK,
+            EventKind.SUNK,
             f"the body sinks from {when:.2f} s: to {1000 * height.min():.0f} mm "
             f"instead of {1000 * planned.height:.0f} mm",
         )
     fallen = fallen_at(record)
     if fallen is not None:
-        yield Event(fallen, Kind.FALL, f"the robot falls at {fallen:.2f} s")
+        yield Event(fallen, EventKind.FALL, f"the robot falls at {fallen:.2f} s")
 
 
 def fallen_at(record: Record) -> float | None:

@@ -1,4 +1,4 @@
-"""A servo as electronics, motor and gear: `ServoModel` -> `Drive`, the constants of its equations.
+"""A servo as electronics, motor and gear: `ServoModel` -> `ServoDrive`, the constants of its equations.
 
 In: a servo's model at its supply voltage U. Out: constants at the servo's shaft, and what was assumed.
 
@@ -42,7 +42,7 @@ MAX_STIFFNESS = 300.0**2
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class ServoDrive:
     """The constants of one servo, at its shaft, in SI units; `assumptions` are sentences."""
 
     supply_v: float
@@ -79,7 +79,7 @@ class Drive:
         return self.supply_v / self.resistance + self.idle_a
 
 
-def drive_of(servo: Servo) -> Drive:
+def drive_of(servo: Servo) -> ServoDrive:
     """Return the constants of a servo. Raises InputError for a model without speed or torque."""
     model, said = servo.model, _Said(servo.model)
     supply = said.value("supply_v", model.supply_v, SUPPLY_V, "V")
@@ -134,7 +134,7 @@ def drive_of(servo: Servo) -> Drive:
             "state a greater start_ms or full_drive_us",
         )
     critical = 2 * math.sqrt(stiffness * start * damping)
-    return Drive(
+    return ServoDrive(
         supply_v=supply,
         resistance=resistance,
         torque_constant=torque_constant,
@@ -212,7 +212,7 @@ class Bank:
     idle_a: float
 
 
-def bank(drives: tuple[Drive, ...]) -> Bank:
+def bank(drives: tuple[ServoDrive, ...]) -> Bank:
     """Return the constants of servos as arrays."""
     return Bank(
         np.array([drive.resistance for drive in drives]),

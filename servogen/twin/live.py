@@ -24,11 +24,11 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk
 from servogen.errors import InputError
 from servogen.job import PlannedJob
-from servogen.report.film import Part
+from servogen.report.film import FilmPart
 from servogen.twin.bodies import FOOT_RADIUS_M
 from servogen.twin.pictures import lines_through
-from servogen.twin.pulses import Pulse, Receiver
-from servogen.twin.run import Settings, standing
+from servogen.twin.pulses import PulseReceiver, ReceivedPulse
+from servogen.twin.run import TwinSettings, standing
 from servogen.twin.world import WorldSnapshot, mujoco
 from servogen.units import Clock
 
@@ -50,7 +50,7 @@ class _Kept:
 
     world: WorldSnapshot
     wires: tuple[int | None, ...]
-    waiting: tuple[Pulse, ...]
+    waiting: tuple[ReceivedPulse, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class Moment:
 
     seconds: float
     pose: Floats
-    lines: tuple[Part, ...]
+    lines: tuple[FilmPart, ...]
     feet: Floats
     force: Floats
 
@@ -75,14 +75,14 @@ class LiveTwin:
         job: PlannedJob,
         clock: Clock,
         edges: Callable[[int, int], EdgeChunk],
-        settings: Settings = Settings(),  # noqa: B008 - frozen
+        settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
     ) -> None:
         """Begin at power-up. Raises InputError, and ToolError where MuJoCo is missing."""
         self.rig, self._bodies, self._world = standing(job, settings)
         self.settings = settings
         self._edges = edges
-        self._receiver = Receiver([servo.pin for servo in self.rig.servos], clock, settings.step_s)
-        self._waiting: list[Pulse] = []
+        self._receiver = PulseReceiver([servo.pin for servo in self.rig.servos], clock, settings.step_s)
+        self._waiting: list[ReceivedPulse] = []
         model = self._world.model
         self._shown = mujoco().MjData(model)
         self.legs = [limb.name for limb in self.rig.robot.limbs if limb.mount is not None]

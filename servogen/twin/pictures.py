@@ -1,6 +1,6 @@
 """A twin's result for people: tables, a picture, a film and a CSV.
 
-In: a `Verdict`. Out: rows of text, files; matplotlib only where something is drawn.
+In: a `TwinVerdict`. Out: rows of text, files; matplotlib only where something is drawn.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.report.drawing import PALETTE, Chart, path_chart, time_chart
-from servogen.report.film import Part, Scene
+from servogen.report.film import FilmPart, FilmScene
 from servogen.report.html import TwinFacts
 from servogen.report.pictures import new_figure, plane, save
 from servogen.report.sticks import base_outline
 from servogen.robot.model import Robot
 from servogen.twin.run import SAMPLE_S, Record
-from servogen.twin.verdict import Verdict
+from servogen.twin.verdict import TwinVerdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ PAGE_ROWS, PAGE_DOTS = 1000, 200
 """The same of a page."""
 
 
-def comparison_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str]]:
+def comparison_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str]]:
     """Yield what is compared: its name, as asked, with rigid legs or ideal wheels, as simulated."""
     asked, rigid, done = verdict.planned.way, verdict.planned.rigid, verdict.done
     record = verdict.record
@@ -75,7 +75,7 @@ def comparison_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str]]:
     yield "voltage, least", f"{supply.volts:g} V", "", f"{record.voltage.min():.2f} V"
 
 
-def servo_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
+def servo_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str, str]]:
     """Yield for each servo its peak and rms torque, its stall torque, and how far it lags at most."""
     record = verdict.record
     part = slice(record.first, None)
@@ -92,14 +92,14 @@ def servo_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
         )
 
 
-def check_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
+def check_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str, str]]:
     """Yield each expectation: its name, what was measured and is allowed, the unit, whether it fails."""
     for check in verdict.checks:
         word = "" if check.passed else "FAILS"
         yield check.name, f"{check.measured:z.4g}", f"{check.allowed:g}", check.unit, word
 
 
-def page_facts(verdict: Verdict) -> TwinFacts:
+def page_facts(verdict: TwinVerdict) -> TwinFacts:
     """Return what the report's page shows of a run."""
     record = verdict.record
     badge = "good" if verdict.passed else "open" if verdict.not_guaranteed_from is not None else "bad"
@@ -132,7 +132,7 @@ def page_facts(verdict: Verdict) -> TwinFacts:
     )
 
 
-def _page_path(verdict: Verdict) -> Iterator[tuple[str, Chart]]:
+def _page_path(verdict: TwinVerdict) -> Iterator[tuple[str, Chart]]:
     """Yield the path from above of the body or the tool: planned as a line, simulated as dots."""
     record, planned = verdict.record, verdict.planned
     rows = slice(record.first, None, max(1, math.ceil(len(record.time) / PAGE_DOTS)))
@@ -147,7 +147,7 @@ def _chart(name: str, planned: Floats, made: Floats) -> Chart:
     return path_chart([(name, 1000 * planned, 1000 * made)], "x, mm", "y, mm")
 
 
-def csv_text(verdict: Verdict) -> str:
+def csv_text(verdict: TwinVerdict) -> str:
     """Return one row per sample: time, pose, supply, and of each servo its angle, target and torque."""
     record = verdict.record
     columns: list[tuple[str, Floats]] = [
@@ -177,7 +177,7 @@ def csv_text(verdict: Verdict) -> str:
     return "\n".join(lines) + "\n"
 
 
-def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
+def twin_plot(verdict: TwinVerdict, name: str, path: Path) -> None:
     """Draw the path from above, heading and height, torques, current, voltage and the heights of the feet."""
     record, legs = verdict.record, _legs(verdict.record)
     figure = new_figure(12.5, 9.0, f"{name}: {verdict.word}, {record.settings.ground.text()}")
@@ -241,7 +241,7 @@ def _smooth(values: Floats) -> Floats:
     return np.asarray(np.convolve(values, np.ones(width) / width, mode="same"))
 
 
-def _path(axes: Axes, verdict: Verdict) -> None:
+def _path(axes: Axes, verdict: TwinVerdict) -> None:
     record, rigid = verdict.record, verdict.planned.rigid
     if record.floating:
         first = record.pose[record.first]
@@ -269,16 +269,16 @@ def _seen_from(pose: Floats, points: Floats) -> Floats:
     return np.column_stack([local.real, local.imag])
 
 
-def twin_scene(verdict: Verdict, name: str) -> Scene:
+def twin_scene(verdict: TwinVerdict, name: str) -> FilmScene:
     """Return the film of a run in the world's frame."""
     record = verdict.record
     step = max(1, math.ceil(len(record.time) / MAX_PICTURES))
     parts = body_parts(record, slice(None, None, step))
     picture_s = step * float(record.time[1] - record.time[0])
-    return Scene(f"{name}: {verdict.word}", tuple(parts), picture_s)
+    return FilmScene(f"{name}: {verdict.word}", tuple(parts), picture_s)
 
 
-def body_parts(record: Record, rows: slice) -> list[Part]:
+def body_parts(record: Record, rows: slice) -> list[FilmPart]:
     """Return lines through the bodies at some samples, in the world's frame."""
     places = {name: place[rows] for name, place in record.places.items()}
     return lines_through(
@@ -288,7 +288,7 @@ def body_parts(record: Record, rows: slice) -> list[Part]:
 
 def lines_through(
     robot: Robot, places: Mapping[str, Floats], feet: Floats, tool: Floats, pose: Floats
-) -> list[Part]:
+) -> list[FilmPart]:
     """Return lines through bodies in one or more pictures: `pose` has x, y and yaw."""
     parts = []
     legs = [limb.name for limb in robot.limbs if limb.mount is not None]
@@ -296,17 +296,17 @@ def lines_through(
         middle = np.mean([places[f"{leg}_coxa"][0] for leg in legs], axis=0)
         around = sorted(legs, key=lambda leg: math.atan2(*(places[f"{leg}_coxa"][0] - middle)[1::-1]))
         corners = [places[f"{leg}_coxa"] for leg in (*around, around[0])]
-        parts.append(Part(list(np.stack(corners, axis=1)), "0.35", 3.0, marks=False))
+        parts.append(FilmPart(list(np.stack(corners, axis=1)), "0.35", 3.0, marks=False))
     for index, leg in enumerate(legs):
         joints = [places[f"{leg}_{part}"] for part in ("coxa", "thigh", "foot")]
         line = np.stack([*joints, feet[:, index]], axis=1)
-        parts.append(Part(list(line), f"C{index % 10}"))
+        parts.append(FilmPart(list(line), f"C{index % 10}"))
     if isinstance(robot, DrivingRobot):
-        parts += [Part(list(outline), "tab:blue", marks=False) for outline in base_outline(robot, pose)]
+        parts += [FilmPart(list(outline), "tab:blue", marks=False) for outline in base_outline(robot, pose)]
     elif not legs:
         chain = list(places.values())
         line = np.stack([np.zeros_like(chain[0]), *chain, tool], axis=1)
-        parts.append(Part(list(line), "C0"))
+        parts.append(FilmPart(list(line), "C0"))
     return parts
 
 

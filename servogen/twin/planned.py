@@ -1,6 +1,7 @@
 """What a job asks of its robot, to be held against what the physics does.
 
-In: a planned job. Out: `Planned`: where the body, base or tool should be, and where rigid legs would take it.
+In: a planned job. Out: `PlannedRoute`: where the body, base or tool should be, and where rigid legs would
+take it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Planned:
+class PlannedRoute:
     """`way`: x, y, yaw at the end, as the job asks; `rigid`: in each frame, with rigid legs or ideal wheels.
 
     `rigid` has x, y, yaw. `tool` (frames, 3): an arm's tool. `height`: the least height of a walking body.
@@ -38,7 +39,7 @@ class Planned:
     height: float | None = None
 
 
-def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> Planned:
+def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute:
     """Return what a job asks; its trajectory begins with `lead_in_frames` of the engine."""
     made = job.trajectory
     loop = made.angles[made.loop_start :]
@@ -47,19 +48,19 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> Planned:
     if job.base is not None:
         poses = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)
         x, y, yaw = poses[-1].tolist()
-        return Planned(frame_s, (x, y, yaw), poses)
+        return PlannedRoute(frame_s, (x, y, yaw), poses)
     ends = ends_of(job)
     if not ends or np.isnan(angles).any():
-        return Planned(frame_s)
+        return PlannedRoute(frame_s)
     if ends[0].kind == "tool":
-        return Planned(frame_s, tool=ends[0].points(angles))
+        return PlannedRoute(frame_s, tool=ends[0].points(angles))
     feet = np.stack([end.points(angles) for end in ends], axis=1)
     if len(ends) < MIN_LEGS:
-        return Planned(frame_s)
+        return PlannedRoute(frame_s)
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
     rigid = rigid_body_path(feet, centre[:2]).pose
     height = float((-feet[..., 2].min(axis=1)).min())
-    return Planned(frame_s, _asked(job, loops), rigid, height=height)
+    return PlannedRoute(frame_s, _asked(job, loops), rigid, height=height)
 
 
 def _asked(job: PlannedJob, loops: int) -> tuple[float, float, float] | None:

@@ -16,7 +16,7 @@ from servogen.edges import HIGH, PINS, EdgeChunk
 from servogen.units import Clock
 
 
-class Pulse(NamedTuple):
+class ReceivedPulse(NamedTuple):
     """A pulse of servo number `servo`, which takes effect at `step`."""
 
     step: int
@@ -30,7 +30,7 @@ class _Wire:
     rise: int | None = None
 
 
-class Receiver:
+class PulseReceiver:
     """The pins of the servos, listening."""
 
     def __init__(self, pins: Sequence[str], clock: Clock, step_s: Fraction) -> None:
@@ -55,7 +55,7 @@ class Receiver:
         for wire, rise in zip(self._wires.values(), kept, strict=True):
             wire.rise = rise
 
-    def pulses(self, chunk: EdgeChunk) -> list[Pulse]:
+    def pulses(self, chunk: EdgeChunk) -> list[ReceivedPulse]:
         """Return the pulses that end in a chunk of edges, in order."""
         pulses = []
         per = self._cycles_per_step
@@ -68,6 +68,6 @@ class Receiver:
                     wire.rise = cycle
             elif wire.rise is not None:
                 step = -(-cycle * per.denominator // per.numerator)
-                pulses.append(Pulse(step, wire.servo, (cycle - wire.rise) * self._us))
+                pulses.append(ReceivedPulse(step, wire.servo, (cycle - wire.rise) * self._us))
                 wire.rise = None
         return pulses

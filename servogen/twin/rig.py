@@ -1,7 +1,7 @@
 """A job's servos on the joints of its robot: `Job` -> actuators for the bodies, wirings for the physics.
 
-In: a job, deviations of one specimen. Out: `Rig`. Every servo that turns a joint or a wheel has an actuator;
-others, such as a hand's, are not modelled.
+In: a job, deviations of one specimen. Out: `TwinRig`. Every servo that turns a joint or a wheel has an
+actuator; others, such as a hand's, are not modelled.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from servogen.job import Job
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
-from servogen.twin.drive import Drive, drive_of
+from servogen.twin.drive import ServoDrive, drive_of
 from servogen.twin.mjcf import Actuator
 from servogen.twin.supply import Supply
-from servogen.twin.world import Wiring
+from servogen.twin.world import ServoWiring
 
 HIGH_SPEED_HZ = 4_000_000
 """Above it the crystal's mode is HS, whose least voltage is higher (DS35007 section 9.1, D001 and D001A)."""
@@ -27,21 +27,21 @@ MIN_V, MIN_HS_V = 4.0, 4.5
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class TwinRig:
     """Actuators and wirings, one for each of `servos`, in the same order; `columns` are their job columns."""
 
     robot: Robot
     servos: tuple[Servo, ...]
     columns: tuple[int, ...]
     bindings: tuple[Binding, ...]
-    drives: tuple[Drive, ...]
+    drives: tuple[ServoDrive, ...]
     actuators: tuple[Actuator, ...]
-    wirings: tuple[Wiring, ...]
+    wirings: tuple[ServoWiring, ...]
     supply: Supply
     assumptions: tuple[str, ...]
 
 
-def rig_of(job: Job, broken: Sequence[str] = ()) -> Rig:
+def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     """Return a job's servos on its robot. Raises InputError where there is none, or no such servo."""
     if job.robot is None:
         raise InputError(
@@ -65,7 +65,7 @@ def rig_of(job: Job, broken: Sequence[str] = ()) -> Rig:
         for servo, binding, drive in zip(servos, bindings, drives, strict=True)
     )
     wirings = tuple(
-        Wiring(drive, servo.angle, binding.zero, servo.name in broken)
+        ServoWiring(drive, servo.angle, binding.zero, servo.name in broken)
         for servo, binding, drive in zip(servos, bindings, drives, strict=True)
     )
     supply, said = _supply(job, drives)
@@ -73,12 +73,12 @@ def rig_of(job: Job, broken: Sequence[str] = ()) -> Rig:
     unmodelled = [name for name in names if name not in {binding.servo for binding in bindings}]
     if unmodelled:
         said.append(f"{', '.join(unmodelled)} turns no joint and is not modelled")
-    return Rig(
+    return TwinRig(
         job.robot, servos, columns, bindings, drives, actuators, wirings, supply, (*assumptions, *said)
     )
 
 
-def unplugged(rig: Rig, names: Sequence[str]) -> frozenset[int]:
+def unplugged(rig: TwinRig, names: Sequence[str]) -> frozenset[int]:
     """Return the numbers of servos whose signal wire is off. Raises InputError for an unknown name."""
     known = [servo.name for servo in rig.servos]
     for name in names:
@@ -87,7 +87,7 @@ def unplugged(rig: Rig, names: Sequence[str]) -> frozenset[int]:
     return frozenset(known.index(name) for name in names)
 
 
-def _actuator(servo: Servo, binding: Binding, drive: Drive) -> Actuator:
+def _actuator(servo: Servo, binding: Binding, drive: ServoDrive) -> Actuator:
     lower, upper = -math.inf, math.inf
     if not servo.model.continuous:
         lower, upper = sorted(float(binding.position(angle)) for angle in servo.model.travel)
@@ -103,7 +103,7 @@ def _actuator(servo: Servo, binding: Binding, drive: Drive) -> Actuator:
     )
 
 
-def _supply(job: Job, drives: Sequence[Drive]) -> tuple[Supply, list[str]]:
+def _supply(job: Job, drives: Sequence[ServoDrive]) -> tuple[Supply, list[str]]:
     """Return the job's supply; without one, an ideal source of the servos' own voltage."""
     least = MIN_V if job.clock.hz <= HIGH_SPEED_HZ else MIN_HS_V
     if job.supply is None:

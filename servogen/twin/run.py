@@ -25,13 +25,13 @@ from servogen.job.schema import SensorTable
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.report.tracks import ends_of
-from servogen.simulator import Change, Levels, Machine, Stimuli
+from servogen.simulator import LevelChange, Levels, Machine, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, bodies
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import Variation
-from servogen.twin.pulses import Pulse, Receiver
-from servogen.twin.rig import Rig, rig_of, unplugged
+from servogen.twin.pulses import PulseReceiver, ReceivedPulse
+from servogen.twin.rig import TwinRig, rig_of, unplugged
 from servogen.twin.sensors import Feed, Sensor
 from servogen.twin.world import Energies, World
 
@@ -49,7 +49,7 @@ SILENT_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class TwinSettings:
     """How a twin runs. `seconds` None: until the motion was done `loops` times."""
 
     ground: Ground = field(default_factory=Ground)
@@ -94,7 +94,7 @@ class Record:
     `tool` is that of an arm. `motion` is the span in seconds in which the job's motion was played.
     """
 
-    rig: Rig
+    rig: TwinRig
     bodies: Bodies
     time: Floats
     pose: Floats
@@ -116,9 +116,9 @@ class Record:
     floating: bool
     """Whether the body is free; a robot of one or two legs and an arm are held."""
     energies: Energies | None = None
-    changes: tuple[Change, ...] = ()
+    changes: tuple[LevelChange, ...] = ()
     """Of the sensors' pins."""
-    settings: Settings = field(default_factory=Settings)
+    settings: TwinSettings = field(default_factory=TwinSettings)
 
     def digest(self) -> bytes:
         """Return all numbers as bytes: equal for equal runs."""
@@ -136,7 +136,7 @@ def simulate(
     schedule: PulseSchedule,
     image: Image,
     lead_in_frames: int,
-    settings: Settings = Settings(),
+    settings: TwinSettings = TwinSettings(),
     stimuli: Stimuli | None = None,
 ) -> Record:
     """Run a program in its robot from power-up on.
@@ -151,7 +151,7 @@ def simulate(
     return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made).done()
 
 
-def standing(job: PlannedJob, settings: Settings) -> tuple[Rig, Bodies, World]:
+def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, World]:
     """Return a job's robot in its world at power-up, where its first pulses will hold it.
 
     Raises InputError, and ToolError where MuJoCo is missing.
@@ -170,7 +170,7 @@ def _held_at(job: PlannedJob) -> float:
     return -lowest
 
 
-def _stand(world: World, job: PlannedJob, rig: Rig, ground: Ground) -> None:
+def _stand(world: World, job: PlannedJob, rig: TwinRig, ground: Ground) -> None:
     """Put the robot where its first pulses will hold it, with its lowest foot on the ground."""
     angles = job.trajectory.angles
     start = {}
@@ -205,16 +205,16 @@ class _Run:
         schedule: PulseSchedule,
         image: Image,
         lead_in_frames: int,
-        settings: Settings,
+        settings: TwinSettings,
         stimuli: Stimuli | None,
-        rig: Rig,
+        rig: TwinRig,
         world: World,
         made: Bodies,
     ) -> None:
         self.job, self.schedule, self.settings = job, schedule, settings
         self.rig, self.world, self.bodies = rig, world, made
         self.lead_in_frames = lead_in_frames
-        self.receiver = Receiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
+        self.receiver = PulseReceiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
         self.off = unplugged(rig, settings.unplugged)
         self.sensors = [_sensor(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
@@ -234,7 +234,7 @@ class _Run:
 
     def done(self) -> Record:
         """Run to the end and return the record."""
-        waiting: list[Pulse] = []
+        waiting: list[ReceivedPulse] = []
         before = self.world.energy() if self.world.energies else 0.0
         end = self._end(None)
         step = 0
@@ -263,12 +263,12 @@ class _Run:
             self.world.energies.gained = self.world.energy() - before
         return self._record()
 
-    def _edges(self, cycle: int) -> Iterator[Pulse]:
+    def _edges(self, cycle: int) -> Iterator[ReceivedPulse]:
         """Run the chip to a cycle and yield the pulses that ended."""
         if cycle > self.machine.cycles:
             yield from self.receiver.pulses(self.machine.run(cycle - self.machine.cycles))
 
-    def _receive(self, pulse: Pulse, step: int) -> None:
+    def _receive(self, pulse: ReceivedPulse, step: int) -> None:
         if pulse.servo in self.off:
             return
         if self.first_pulse is None:
@@ -371,7 +371,7 @@ class _Run:
 _AT_REST = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def _sensor(row: SensorTable, world: World, rig: Rig) -> Sensor:
+def _sensor(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
     """Return a sensor of the job in this world."""
     pin, active = PINS.index(row.pin), int(row.level == "high")
     if row.kind == "foot":

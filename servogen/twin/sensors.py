@@ -14,7 +14,7 @@ from heapq import merge
 import numpy as np
 import numpy.typing as npt
 
-from servogen.simulator import Change, Stimuli
+from servogen.simulator import LevelChange, Stimuli
 from servogen.simulator.layout import NEVER, PACK_CYCLE, PACK_PIN
 from servogen.units import Clock
 
@@ -40,17 +40,17 @@ class Feed:
             *(source.changes(clock) for source in sources), key=lambda change: change.cycle
         )
         self._ahead = next(self._scripted, None)
-        self._pushed: deque[Change] = deque()
+        self._pushed: deque[LevelChange] = deque()
         self._known = 0
         self._levels: dict[int, int] = {}
-        self.seen: list[Change] = []
+        self.seen: list[LevelChange] = []
         """All changes of sensors so far."""
 
     def push(self, cycle: int, pin: int, level: int) -> None:
         """Drive a pin from a cycle on; a level that it already has is dropped."""
         if self._levels.get(pin) != level:
             self._levels[pin] = level
-            change = Change(cycle, pin, level)
+            change = LevelChange(cycle, pin, level)
             self._pushed.append(change)
             self.seen.append(change)
 

@@ -1,6 +1,6 @@
 """Planned against simulated: what a run measured, what [expect] asks, and the first cause where it fails.
 
-In: a `Record`, the plan, the job's expectations. Out: `Verdict`.
+In: a `Record`, the plan, the job's expectations. Out: `TwinVerdict`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
-from servogen.twin.planned import Planned
+from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import Record
 
 Floats = npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ Word = Literal["as expected", "NOT as expected", "not guaranteed"]
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class ExpectationCheck:
     """One expectation: what was measured, in the unit of its name, what is allowed, since when it fails."""
 
     name: str
@@ -62,15 +62,15 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Verdict:
+class TwinVerdict:
     """The comparison of a run with its plan; lengths in metres, angles in radians.
 
     `asked`, `rigid`, `done`: x, y, yaw at the end, as the job asks, with rigid legs, as simulated.
     """
 
     record: Record
-    planned: Planned
-    checks: tuple[Check, ...]
+    planned: PlannedRoute
+    checks: tuple[ExpectationCheck, ...]
     events: tuple[Event, ...]
     not_guaranteed_from: float | None
     done: tuple[float, float, float]
@@ -138,7 +138,7 @@ class Verdict:
         }
 
 
-def verdict_of(record: Record, job: PlannedJob, planned: Planned) -> Verdict:
+def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVerdict:
     """Return the comparison of a run with the plan of its job."""
     first = record.pose[record.first]
     turned = np.exp(-1j * first[3]) * complex(*(record.pose[-1] - first)[:2])
@@ -146,7 +146,7 @@ def verdict_of(record: Record, job: PlannedJob, planned: Planned) -> Verdict:
     drag, leg, drag_time = _drag(record)
     tool, rest, rest_time = _tool(record, planned)
     checks = _checks(record, job.expect, planned, done, (drag, leg, drag_time), (rest, rest_time))
-    return Verdict(
+    return TwinVerdict(
         record,
         planned,
         tuple(checks),
@@ -164,24 +164,26 @@ def verdict_of(record: Record, job: PlannedJob, planned: Planned) -> Verdict:
 def _checks(
     record: Record,
     expect: ExpectTable,
-    planned: Planned,
+    planned: PlannedRoute,
     done: tuple[float, float, float],
     drag: tuple[float, str, float],
     rest: tuple[float | None, float | None],
-) -> list[Check]:
-    checks: list[Check] = []
+) -> list[ExpectationCheck]:
+    checks: list[ExpectationCheck] = []
 
     def check(name: str, measured: float, allowed: float | None, unit: str, at: float | None = None) -> None:
         if allowed is not None:
             passed = bool(measured <= allowed)
-            checks.append(Check(name, measured, allowed, unit, passed, None if passed else at))
+            checks.append(ExpectationCheck(name, measured, allowed, unit, passed, None if passed else at))
 
     if not record.pulsed.any():
         count = len(record.rig.servos)
-        checks.append(Check("servos without pulses", count, 0.0, "servos", False, 0.0))
+        checks.append(ExpectationCheck("servos without pulses", count, 0.0, "servos", False, 0.0))
     fallen = fallen_at(record)
     if expect.no_fall and record.floating:
-        checks.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))
+        checks.append(
+            ExpectationCheck("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen)
+        )
     if planned.way is not None:
         x, y, yaw = planned.way
         check("robot", 1000 * math.hypot(done[0] - x, done[1] - y), expect.robot_within_mm, "mm off")
@@ -223,7 +225,7 @@ def _drag(record: Record) -> tuple[float, str, float]:
     return worst, leg, when
 
 
-def _tool(record: Record, planned: Planned) -> tuple[float | None, float | None, float | None]:
+def _tool(record: Record, planned: PlannedRoute) -> tuple[float | None, float | None, float | None]:
     """Return the tool's greatest distance from its plan, that at rest, and when the latter is."""
     if planned.tool is None or not record.tool.shape[1]:
         return None, None, None

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from servogen.errors import ToolError
 from servogen.twin.bodies import Bodies
-from servogen.twin.drive import Drive, bank
-from servogen.twin.pulses import Pulse
+from servogen.twin.drive import ServoDrive, bank
+from servogen.twin.pulses import ReceivedPulse
 from servogen.twin.supply import Supply
 
 Floats = npt.NDArray[np.float64]
@@ -38,14 +38,14 @@ def mujoco() -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Wiring:
+class ServoWiring:
     """A servo between its pulses and its actuator.
 
     `angles` gives the shaft's angle that a width commands (`width_us` -> radians; of a continuous servo a
     speed), `zero` the shaft's angle at the joint's position 0.
     """
 
-    drive: Drive
+    drive: ServoDrive
     angle_of: Any
     zero: float
     broken: bool = False
@@ -53,7 +53,7 @@ class Wiring:
 
 
 @dataclass(slots=True)
-class State:
+class WorldState:
     """What changes from step to step, one element per servo."""
 
     target: Floats
@@ -95,7 +95,7 @@ class World:
     def __init__(
         self,
         bodies: Bodies,
-        wirings: Sequence[Wiring],
+        wirings: Sequence[ServoWiring],
         supply: Supply,
         step_s: float,
         *,
@@ -113,7 +113,7 @@ class World:
         self._wirings = tuple(wirings)
         self._bank = bank(tuple(wiring.drive for wiring in wirings))
         count = len(self._wirings)
-        self.state = State(
+        self.state = WorldState(
             np.zeros(count),
             np.full(count, NEVER, np.int64),
             np.array([round(wiring.drive.lost_s / step_s) for wiring in wirings], np.int64),
@@ -165,7 +165,7 @@ class World:
             self.data.qpos[2] = height
         self._forward(self.model, self.data)
 
-    def pulse(self, pulse: Pulse) -> None:
+    def pulse(self, pulse: ReceivedPulse) -> None:
         """Let a servo receive a pulse in this step."""
         hot, wiring = self.state, self._wirings[pulse.servo]
         hot.target[pulse.servo] = wiring.angle_of(pulse.width_us) - wiring.zero

@@ -11,12 +11,12 @@ from servogen.edges import HIGH, EdgeTrace, Expected
 from servogen.errors import InputError
 from servogen.units import Cycles
 from servogen.verify.coverage import Coverage, compared_frames, coverage
-from servogen.verify.diagnose import Diagnosis, Seen, Stretch, diagnose
-from servogen.verify.start import Start, channel_pins, find_start
+from servogen.verify.diagnose import Diagnosis, PinHistory, TraceStretch, diagnose
+from servogen.verify.start import TraceStart, channel_pins, find_start
 from servogen.verify.verdict import (
     ChannelVerdict,
+    ComparedSpan,
     Difference,
-    Span,
     StrayPin,
     Verdict,
     channel_reasons,
@@ -68,7 +68,7 @@ def verify(
     schedule = Windows(expected_edges(chunk) for chunk in expected.chunks)
     motion = schedule.ahead(whole_motion(expected, 1))
     trace = Windows(start.edges)
-    seen = Seen.at_start()
+    seen = PinHistory.at_start()
     stretch = _compare(schedule, trace, reach, start.cycle, seen)
     fault = None if stretch is None else diagnose(stretch, expected, glitch)
     span = _span(expected, asked, reach if stretch is None else stretch.end)
@@ -77,7 +77,9 @@ def verify(
     return _verdict(expected, start, span, seen, fault, short, covered)
 
 
-def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Seen) -> Stretch | None:
+def _compare(
+    schedule: Windows, trace: Windows, reach: int, start: int, seen: PinHistory
+) -> TraceStretch | None:
     """Return None if all edges before `reach` are equal, else the stretch of the first difference; `seen`
     tracks the equal windows.
     """
@@ -91,7 +93,7 @@ def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Se
                 limit = min(limit + WINDOW, reach)
                 ours.append(schedule.until(limit))
                 theirs.append(trace.until(limit))
-            return Stretch(concatenate(ours), concatenate(theirs), now, limit, start, seen)
+            return TraceStretch(concatenate(ours), concatenate(theirs), now, limit, start, seen)
         seen.add(scheduled)
         now = limit
     return None
@@ -103,9 +105,9 @@ def _size(parts: list[Edges]) -> int:
 
 def _verdict(
     expected: Expected,
-    start: Start,
-    span: Span,
-    seen: Seen,
+    start: TraceStart,
+    span: ComparedSpan,
+    seen: PinHistory,
     fault: Diagnosis | None,
     short: list[str],
     covered: Coverage,
@@ -140,7 +142,7 @@ def _verdict(
     )
 
 
-def _exact(expected: Expected, seen: Seen) -> tuple[ChannelVerdict, ...]:
+def _exact(expected: Expected, seen: PinHistory) -> tuple[ChannelVerdict, ...]:
     rises = [int(seen.rises[channel.pin]) for channel in expected.channels]
     return tuple(
         ChannelVerdict(channel.name, channel.pin, count, count)
@@ -148,7 +150,7 @@ def _exact(expected: Expected, seen: Seen) -> tuple[ChannelVerdict, ...]:
     )
 
 
-def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles) -> Verdict:
+def _silent(expected: Expected, observed: EdgeTrace, start: TraceStart, asked: Cycles) -> Verdict:
     """Return the verdict on a trace in which no scheduled pin rises, which is right only for a schedule
     without pulses.
     """
@@ -175,11 +177,11 @@ def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles
     )
 
 
-def _span(expected: Expected, asked: Cycles, compared: int) -> Span:
+def _span(expected: Expected, asked: Cycles, compared: int) -> ComparedSpan:
     frames = compared // expected.period
     lead_in = min(frames, expected.lead_in)
     repeats = (frames - lead_in) // expected.loop if expected.loop else 0
-    return Span(asked, Cycles(compared), frames, lead_in, repeats)
+    return ComparedSpan(asked, Cycles(compared), frames, lead_in, repeats)
 
 
 def _first(stray: tuple[StrayPin, ...]) -> Difference | None:

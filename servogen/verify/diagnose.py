@@ -22,7 +22,7 @@ ALL_PINS = np.arange(len(PINS), dtype=np.uint8)
 
 
 @dataclass(slots=True)
-class Seen:
+class PinHistory:
     """The state after the windows that were as scheduled, by pin: rises, the last rise, and the level."""
 
     rises: Ints
@@ -34,7 +34,7 @@ class Seen:
     frame: int = 0
 
     @classmethod
-    def at_start(cls) -> Seen:
+    def at_start(cls) -> PinHistory:
         rises, last_rise, last_frame = np.zeros((3, len(PINS)), dtype=np.int64)
         return cls(rises, last_rise, last_frame, np.zeros(len(PINS), dtype=np.uint8), set())
 
@@ -53,7 +53,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class TraceStretch:
     """Edges from `begin` to `end` in times of the schedule, whose time zero is cycle `start` of the trace."""
 
     scheduled: Edges
@@ -61,7 +61,7 @@ class Stretch:
     begin: int
     end: int
     start: int
-    seen: Seen
+    seen: PinHistory
 
     def cycle(self, time: int) -> Cycles:
         return Cycles(self.start + int(time))
@@ -75,7 +75,7 @@ class Diagnosis:
     stray: tuple[StrayPin, ...]
 
 
-def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Diagnosis:
+def diagnose(stretch: TraceStretch, expected: Expected, glitch: int) -> Diagnosis:
     """Return everything that is wrong in `stretch`; pulses of fewer than `glitch` cycles are glitches."""
     pins = np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
     other = ~np.isin(stretch.observed.pin, pins)
@@ -95,7 +95,7 @@ def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Diagnosis:
     )
 
 
-def first_difference(stretch: Stretch, expected: Expected) -> Difference:
+def first_difference(stretch: TraceStretch, expected: Expected) -> Difference:
     """Return the first edge present on one side only, with its counterpart: the next edge of the same pin on
     the other side.
     """
@@ -132,12 +132,12 @@ def _next_of(side: Edges, pin: int, index: int) -> int | None:
     return index + int(rows[0]) if len(rows) else None
 
 
-def _frame_at(stretch: Stretch, index: int) -> int:
+def _frame_at(stretch: TraceStretch, index: int) -> int:
     """Return the frame of the last scheduled edge before row `index`."""
     return int(stretch.scheduled.frame[index - 1]) if index else stretch.seen.frame
 
 
-def _channel(stretch: Stretch, channel: ExpectedChannel, period: int, glitch: int) -> ChannelVerdict:
+def _channel(stretch: TraceStretch, channel: ExpectedChannel, period: int, glitch: int) -> ChannelVerdict:
     """Return the verdict on a channel, whose pulses are paired by their rises and compared."""
     seen, pin = stretch.seen, channel.pin
     opened = int(seen.last_rise[pin]) if seen.level[pin] else None
@@ -162,7 +162,9 @@ def _channel(stretch: Stretch, channel: ExpectedChannel, period: int, glitch: in
     )
 
 
-def _worst_period(stretch: Stretch, ours: Pulses, theirs: Pulses, rows: Ints, pin: int, known: bool) -> Worst:
+def _worst_period(
+    stretch: TraceStretch, ours: Pulses, theirs: Pulses, rows: Ints, pin: int, known: bool
+) -> Worst:
     """Return the worst error from rise to next rise; the pulse before the stretch, if `known`, is as
     scheduled.
     """
@@ -177,14 +179,14 @@ def _worst_period(stretch: Stretch, ours: Pulses, theirs: Pulses, rows: Ints, pi
     return _worst(stretch, error, frame[1:][follows], their_rise[1:][follows])
 
 
-def _worst_edge(stretch: Stretch, ours: Pulses, theirs: Pulses) -> Worst:
+def _worst_edge(stretch: TraceStretch, ours: Pulses, theirs: Pulses) -> Worst:
     error = np.concatenate((theirs.rise - ours.rise, theirs.fall - ours.fall))
     return _worst(
         stretch, error, np.concatenate((ours.frame, ours.frame)), np.concatenate((theirs.rise, theirs.fall))
     )
 
 
-def _worst(stretch: Stretch, error: Ints, frame: Ints, time: Ints) -> Worst:
+def _worst(stretch: TraceStretch, error: Ints, frame: Ints, time: Ints) -> Worst:
     wrong = int(np.count_nonzero(error))
     if not wrong:
         return Worst()

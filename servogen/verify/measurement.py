@@ -24,7 +24,7 @@ from servogen.verify.windows import Edges, Ints, Windows, observed_edges
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PulseRun:
     """Consecutive pulses of one width, without a pause between them; the periods are those within the run."""
 
     first: Cycles
@@ -86,7 +86,7 @@ class PinMeasurement:
     kinds: tuple[FrameKind, ...]
     """The kinds of frame, one for each width that two or more frames have."""
     pauses: tuple[Pause, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[PulseRun, ...]
     open_rise: Cycles | None
 
     @property
@@ -223,7 +223,7 @@ def _more(number: int) -> str:
     return f" and {number - MAX_LISTED} more" if number > MAX_LISTED else ""
 
 
-def _run_words(run: Run, clock: Clock) -> str:
+def _run_words(run: PulseRun, clock: Clock) -> str:
     words = f"from cycle {run.first}: {counted(run.pulses, 'pulse')} of {both(run.width, clock)}"
     if run.shortest_period is None or run.longest_period is None:
         return words
@@ -391,7 +391,7 @@ def _pauses(train: Train, paused: Flags) -> Iterator[Pause]:
         yield Pause(Cycles(first + width), Cycles(period - width), int(train.count[row]))
 
 
-def _runs(train: Train, paused: Flags) -> Iterator[Run]:
+def _runs(train: Train, paused: Flags) -> Iterator[PulseRun]:
     """Yield adjacent rows of one width without a pause between them; single pulses with equal pauses form a
     run too.
     """
@@ -402,12 +402,12 @@ def _runs(train: Train, paused: Flags) -> Iterator[Run]:
         yield _run(train, begin, end - 1)
 
 
-def _run(train: Train, begin: int, last: int) -> Run:
+def _run(train: Train, begin: int, last: int) -> PulseRun:
     periods = train.period[begin : last + 1]
     # The period after a run's last pulse leads out of the run.
     inside = periods[:-1] if train.count[last] == 1 else periods
     inside = inside[inside != LAST]
-    return Run(
+    return PulseRun(
         first=Cycles(int(train.first[begin])),
         pulses=int(train.count[begin : last + 1].sum()),
         width=Cycles(int(train.width[begin])),

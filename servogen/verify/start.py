@@ -18,7 +18,7 @@ from servogen.verify.windows import Edges, Ints, observed_edges
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class TraceStart:
     """`cycle` is None if no scheduled pin rises, and `edges` is then empty. Its cycles count from `cycle`."""
 
     cycle: int | None
@@ -54,7 +54,7 @@ def channel_pins(expected: Expected) -> npt.NDArray[np.uint8]:
     return np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
 
 
-def find_start(observed: EdgeTrace, pins: npt.NDArray[np.uint8]) -> Start:
+def find_start(observed: EdgeTrace, pins: npt.NDArray[np.uint8]) -> TraceStart:
     """Return the start, having read `observed` up to the first rising edge of one of `pins`."""
     driven = observed.driven()
     stray = StrayCount()
@@ -64,9 +64,9 @@ def find_start(observed: EdgeTrace, pins: npt.NDArray[np.uint8]) -> Start:
             start = int(chunk.cycle[rising[0]])
             before = int(np.searchsorted(chunk.cycle, start))
             stray.add(chunk.cycle[:before], chunk.pin[:before])
-            return Start(start, _from(start, part(chunk, slice(before, None)), driven), stray.pins())
+            return TraceStart(start, _from(start, part(chunk, slice(before, None)), driven), stray.pins())
         stray.add(chunk.cycle, chunk.pin)
-    return Start(None, iter(()), stray.pins())
+    return TraceStart(None, iter(()), stray.pins())
 
 
 def _from(start: int, rest: EdgeChunk, driven: Iterator[EdgeChunk]) -> Iterator[Edges]:

@@ -22,7 +22,7 @@ AGREES = "agrees as far as it was seen"
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ComparedSpan:
     """What was compared, from the first scheduled edge on, and what was requested."""
 
     asked: Cycles
@@ -194,7 +194,7 @@ class Verdict(Judgement):
 
     clock: Clock
     start: Cycles | None
-    span: Span
+    span: ComparedSpan
     channels: tuple[ChannelVerdict, ...]
     difference: Difference | None = None
     overlap: Overlap | None = None
@@ -408,7 +408,7 @@ def _span_words(verdict: Verdict) -> str:
     return f"compared {counted(span.compared, 'cycle')} ({seconds:g} s), {_frame_words(span)}, on all 13 pins"
 
 
-def _frame_words(span: Span) -> str:
+def _frame_words(span: ComparedSpan) -> str:
     inside = [f"lead-in of {span.lead_in_frames}"] if span.lead_in_frames else []
     inside += [f"{counted(span.loop_repeats, 'repeat')} of the loop"] if span.loop_repeats else []
     frames = counted(span.frames, "frame")

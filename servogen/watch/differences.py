@@ -24,7 +24,7 @@ Edge = tuple[int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ScheduledEdges:
     """The schedule's edges as they lie in a trace: frame 0 begins at `origin`, and a cycle of the schedule is
     `steps` of the trace's time steps.
 
@@ -88,7 +88,7 @@ class Wanted:
 
 def first_rise(schedule: PulseSchedule) -> int | None:
     """Return the cycle of the schedule's first edge, from the beginning of frame 0; None: it has no pulse."""
-    unplaced = Wanted(schedule, 0)
+    unplaced = ScheduledEdges(schedule, 0)
     for frame in range(schedule.lead_in_frames + schedule.loop_frames):
         rises = [pulse.rise for pulse in unplaced.run_of(frame).pulses if pulse]
         if rises:
@@ -96,18 +96,18 @@ def first_rise(schedule: PulseSchedule) -> int | None:
     return None
 
 
-def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> Wanted | None:
+def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> ScheduledEdges | None:
     """Return the schedule as it begins with the trace's first pulse; None where there is none."""
     pins = {PINS.index(channel.pin) for channel in schedule.channels}
     first = first_rise(schedule)
     for chunk in trace.driven():
         rising = np.flatnonzero(np.isin(chunk.pin, list(pins)) & (chunk.level == HIGH))
         if len(rising) and first is not None:
-            return Wanted(schedule, int(chunk.cycle[rising[0]]) - first)
+            return ScheduledEdges(schedule, int(chunk.cycle[rising[0]]) - first)
     return None
 
 
-def differing(wanted: Wanted, made: EdgeChunk, begin: int, end: int) -> list[Edge]:
+def differing(wanted: ScheduledEdges, made: EdgeChunk, begin: int, end: int) -> list[Edge]:
     """Return the edges of a window that only one of the two has; `made` counts an undriven pin as low.
 
     `made` has to reach `wanted.margin` beyond the window.
@@ -137,7 +137,7 @@ def _alone(edges: list[Edge], others: list[Edge], tolerance: float) -> set[Edge]
     return alone
 
 
-def first_difference(wanted: Wanted, trace: EdgeTrace, end: int) -> Cycles | None:
+def first_difference(wanted: ScheduledEdges, trace: EdgeTrace, end: int) -> Cycles | None:
     """Return the cycle of the first edge that only one of them has, before `end`; None: there is none."""
     driven = Driven()
     begin = 0

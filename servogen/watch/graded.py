@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from servogen.build.films import class_page, film_name, film_page
-from servogen.build.grading import BOARD, Graded, Task
+from servogen.build.grading import BOARD, Graded, GradingTask
 from servogen.edges import PINS
 from servogen.grade import page, shown_name
 from servogen.programs import within_limits
@@ -24,7 +24,7 @@ HTML, TEXT = "text/html", "text/plain"
 """A page in Markdown is shown as the text that it is."""
 
 
-def class_pages(task: Task, names: Sequence[str], graded: Sequence[Graded]) -> dict[str, Page]:
+def class_pages(task: GradingTask, names: Sequence[str], graded: Sequence[Graded]) -> dict[str, Page]:
     """Return the page of the class and those of the programs, by their names below the token."""
     lab = task.lab
     links = [f"{_folder(number)}/" if _ran(result) else "" for number, result in enumerate(graded)]
@@ -37,7 +37,7 @@ def class_pages(task: Task, names: Sequence[str], graded: Sequence[Graded]) -> d
     return pages
 
 
-def class_rooms(task: Task, graded: Sequence[Graded]) -> dict[str, Room]:
+def class_rooms(task: GradingTask, graded: Sequence[Graded]) -> dict[str, Room]:
     """Return a room for each program that could be run, by its folder below the token."""
     return {
         _folder(number): Room(partial(_subject, task, result))
@@ -54,15 +54,15 @@ def _ran(result: Graded) -> bool:
     return result.grade.passed or result.grade.film is not None
 
 
-def _plain(task: Task, result: Graded, film: str, nonce: str) -> str:
+def _plain(task: GradingTask, result: Graded, film: str, nonce: str) -> str:
     return page(task.lab, result.submission.name, result.grade, film)
 
 
-def _film(task: Task, result: Graded, link: str, nonce: str) -> str:
+def _film(task: GradingTask, result: Graded, link: str, nonce: str) -> str:
     return film_page(task.lab, result.submission, result.grade, link, nonce)
 
 
-def _subject(task: Task, result: Graded, progress: Callable[[str], None]) -> Subject:
+def _subject(task: GradingTask, result: Graded, progress: Callable[[str], None]) -> Subject:
     """Return a program on the lab's board, at the moment of its film. Raises InputError."""
     lab, submission, film = task.lab, result.submission, result.grade.film
     progress("compiling")

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import threading
 
-from servogen.drive.serial_link import Wire
+from servogen.drive.serial_link import ByteSink
 from servogen.errors import ServogenError
 
 
 class LiveLine:
     """Sends in a thread of its own until it is closed, or until the line fails."""
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: ByteSink) -> None:
         self._wire = wire
         self._waiting: dict[int, bytes] = {}
         self._changed = threading.Condition()

@@ -33,7 +33,7 @@ from servogen.errors import ServogenError
 from servogen.simulator import aot_cache
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import Message, Session
+from servogen.watch.session import Message, WatchSession
 from servogen.watch.subject import Subject
 
 LOOPBACK = "127.0.0.1"
@@ -77,7 +77,7 @@ class Page:
 class Window:
     """A session and the socket that shows it, if any does just now."""
 
-    session: Session | None = None
+    session: WatchSession | None = None
     socket: ServerConnection | None = None
 
 
@@ -146,8 +146,8 @@ class Room:
             self._send(window, window.session.model())
             self._send(window, window.session.shown())
 
-    def _continued(self, window: Window, subject: Subject) -> Session:
-        return window.session.continued(subject) if window.session else Session(subject, self._live)
+    def _continued(self, window: Window, subject: Subject) -> WatchSession:
+        return window.session.continued(subject) if window.session else WatchSession(subject, self._live)
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -195,7 +195,7 @@ class Room:
         """Return the window of that name as it was; a new one where none is, or where it is open already."""
         window = self._windows.get(name)
         if window is None or window.socket is not None:
-            session = Session(self._subject, self._live) if self._subject else None
+            session = WatchSession(self._subject, self._live) if self._subject else None
             if window is not None and window.session is not None and session is not None:
                 session = window.session.continued(window.session.subject)
             window = Window(session)
@@ -356,7 +356,7 @@ def _loaded(load: Load, progress: Callable[[str], None]) -> Subject:
     return subject
 
 
-def _guarded(session: Session, work: Callable[[Session], Iterator[Message]]) -> Iterator[Message]:
+def _guarded(session: WatchSession, work: Callable[[WatchSession], Iterator[Message]]) -> Iterator[Message]:
     """Yield a session's messages; if the session fails, report that to the window and pause."""
     try:
         yield from work(session)

@@ -1,4 +1,4 @@
-"""`Session`: one window's moment in what is watched, and what it does there.
+"""`WatchSession`: one window's moment in what is watched, and what it does there.
 
 In: a `Subject`, the window's messages, the time that passes. Out: messages for the window: what the chip, its
 pins and servos are at the moment, and the edges of the part of the waves that is shown. Nothing here knows of
@@ -36,11 +36,11 @@ from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
 from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Run
 from servogen.report.robot_model import robot_model, schedule_model
-from servogen.simulator import Change, Serial
+from servogen.simulator import LevelChange, Serial
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import pin_number
-from servogen.watch.differences import Edge, Wanted, differing
+from servogen.watch.differences import Edge, ScheduledEdges, differing
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
 from servogen.watch.recording import Recording
@@ -77,7 +77,7 @@ LAST = 8
 """Executed instructions that are shown."""
 
 
-class Session:
+class WatchSession:
     """A window's own machine: its moment, speed and breakpoints."""
 
     def __init__(self, subject: Subject, live: LiveLine | None = None) -> None:
@@ -103,7 +103,7 @@ class Session:
         self._stopped = ""
         self._line_free = 0
         self._period = _period(subject)
-        self._pulses = Pulses()
+        self._pulses = LatestPulses()
         self._servo_pins = _servo_pins(subject)
         if subject.begin:
             self._place.seek(subject.begin)
@@ -240,7 +240,7 @@ class Session:
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
-            self._pulses = Pulses()
+            self._pulses = LatestPulses()
             self._pulses.add(self._place.edges(begin, self.now))
             if begin == 0 or all(self._pulses.held[pin] for pin in self._servo_pins):
                 break
@@ -421,7 +421,7 @@ class Session:
         pins = {pin_number(pressed.pin) for pressed in job.firmware.commands.inputs}
         return min((change.cycle for change in self.chip.inputs if change.pin in pins), default=inf)
 
-    def _wanted(self) -> tuple[Wanted, ...]:
+    def _wanted(self) -> tuple[ScheduledEdges, ...]:
         """Return what the edges are held against, up to the first command."""
         end = self._commanded_at()
         return tuple(
@@ -458,7 +458,7 @@ class Session:
         pin, level = pin_number(str(message["pin"])), int(message["level"])
         if level not in (0, 1, UNDRIVEN):
             raise InputError("not-allowed", f"level {level} is neither 0, 1 nor 2 (let go)")
-        self._apply([Change(self.now + 1, pin, level)])
+        self._apply([LevelChange(self.now + 1, pin, level)])
         self.outside[pin] = level
         yield self.shown()
 
@@ -511,7 +511,7 @@ class Session:
         self._line_free = begin + int(bits) + 1
         self._apply(changes)
 
-    def _apply(self, changes: Sequence[Change]) -> None:
+    def _apply(self, changes: Sequence[LevelChange]) -> None:
         """Do something to the pins from now on: the future that was known is another one."""
         self._program().apply(changes)
         if self.bodies is not None:
@@ -538,9 +538,9 @@ class Session:
         pin = pin_number(str(message["pin"]))
         yield {"is": "explanation", "pin": pin, "lines": explain_pin(self._program(), pin)}
 
-    def continued(self, subject: Subject) -> Session:
+    def continued(self, subject: Subject) -> WatchSession:
         """Return a session of another version of the subject at the same moment."""
-        fresh = Session(subject, self.live)
+        fresh = WatchSession(subject, self.live)
         fresh.speed, fresh.running = self.speed, self.running
         fresh._place.seek(self.now)
         fresh._look_back()
@@ -550,7 +550,7 @@ class Session:
         return fresh
 
 
-class Pulses:
+class LatestPulses:
     """The level of each pin, and the width of its latest pulse."""
 
     def __init__(self) -> None:
@@ -580,19 +580,19 @@ class Pulses:
 
 STEPS = ("instruction", "line", "edge", "frame")
 
-ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]] = MappingProxyType(
+ACTIONS: Mapping[str, Callable[[WatchSession, Mapping[str, Any]], Iterator[Message]]] = MappingProxyType(
     {
-        "run": Session._do_run,
-        "step": Session._do_step,
-        "seek": Session._do_seek,
-        "breakpoint": Session._do_breakpoint,
-        "waves": Session._do_waves,
-        "pin": Session._do_pin,
-        "serial": Session._do_serial,
-        "servo": Session._do_servo,
-        "walk": Session._do_walk,
-        "bodies": Session._do_bodies,
-        "explain": Session._do_explain,
+        "run": WatchSession._do_run,
+        "step": WatchSession._do_step,
+        "seek": WatchSession._do_seek,
+        "breakpoint": WatchSession._do_breakpoint,
+        "waves": WatchSession._do_waves,
+        "pin": WatchSession._do_pin,
+        "serial": WatchSession._do_serial,
+        "servo": WatchSession._do_servo,
+        "walk": WatchSession._do_walk,
+        "bodies": WatchSession._do_bodies,
+        "explain": WatchSession._do_explain,
     }
 )
 """What a window may ask a session for."""

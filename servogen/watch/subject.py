@@ -32,14 +32,14 @@ from servogen.programs import (
     read_program,
 )
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Options, Stimuli, load_stimuli
+from servogen.simulator import SimulatorOptions, Stimuli, load_stimuli
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.traces.formats import read_edges
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
-from servogen.watch.differences import Wanted, differing, first_difference, first_rise, wanted_of
+from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
 
 START_FRAMES = 50
 """How long a program may take from reset to its first pulse."""
@@ -53,7 +53,7 @@ MAX_SEARCH_S = 600
 class Setting:
     """What the command line says besides the file."""
 
-    options: Options = Options()  # noqa: RUF009 - frozen
+    options: SimulatorOptions = SimulatorOptions()  # noqa: RUF009 - frozen
     clock_hz: int | None = None
     stimulus: Path | None = None
     schedule: PulseSchedule | None = None
@@ -73,7 +73,7 @@ class Subject:
 
     path: Path
     clock: Clock
-    options: Options = Options()  # noqa: RUF009 - frozen
+    options: SimulatorOptions = SimulatorOptions()  # noqa: RUF009 - frozen
     image: Image | None = None
     listing: Listing | None = None
     stimuli: Stimuli | None = None
@@ -81,7 +81,7 @@ class Subject:
     schedule: PulseSchedule | None = None
     job: PlannedJob | None = None
     """The job that is watched or compared with."""
-    wanted: tuple[Wanted, ...] = ()
+    wanted: tuple[ScheduledEdges, ...] = ()
     """Where the schedule lies in it: once, or once in each of several captures in one file."""
     first_difference: Cycles | None = None
     verdict: str = ""
@@ -210,7 +210,7 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
         if line is not None and first is not None:
             inside = ceil(sample + tolerance)  # an edge nearer to the ends may lie beyond them
             origin = begin + line.a - line.b * first
-            wanted.append(Wanted(schedule, origin, line.b, tolerance, begin + inside, end - inside))
+            wanted.append(ScheduledEdges(schedule, origin, line.b, tolerance, begin + inside, end - inside))
     return replace(
         subject,
         wanted=tuple(wanted),
@@ -219,7 +219,9 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
     )
 
 
-def _first_wrong(verdict: CaptureVerdict, wanted: Sequence[Wanted], trace: EdgeTrace) -> Cycles | None:
+def _first_wrong(
+    verdict: CaptureVerdict, wanted: Sequence[ScheduledEdges], trace: EdgeTrace
+) -> Cycles | None:
     """Return the time step of the verdict's first mismatch, or of the first edge that only one side has."""
     if verdict.first_mismatch is not None:
         return trace.clock.round_seconds(verdict.first_mismatch.time_us / 1e6)

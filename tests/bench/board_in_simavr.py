@@ -16,20 +16,20 @@ import threading
 import time
 from pathlib import Path
 
-from servogen.bench.inputs.adapter import Close, Drive, Input, Send, input_adapter
+from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, input_adapter
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.testing.targets import BOARD_LATE_MS
 
 SOURCE = Path(__file__).with_suffix(".c")
 WAIT_S = 60
 CONTACT = frozenset(("RB0", "RB4"))
-CHANGES: list[tuple[int, Drive | Close | Send, str]] = [
-    (0, Drive("MCLR", 1), "PJ1 1"),
-    (20, Drive("RB0", 0), "PE4 0"),
-    (23, Drive("RB0", 1), "PE4 1"),
-    (24, Drive("RB0", 0), "PE4 0"),
+CHANGES: list[tuple[int, DrivePin | Close | Send, str]] = [
+    (0, DrivePin("MCLR", 1), "PJ1 1"),
+    (20, DrivePin("RB0", 0), "PE4 0"),
+    (23, DrivePin("RB0", 1), "PE4 1"),
+    (24, DrivePin("RB0", 0), "PE4 0"),
     (40, Close(CONTACT, True), "PA0 1"),
-    (84, Drive("RB0", 1), "PE4 1"),
+    (84, DrivePin("RB0", 1), "PE4 1"),
 ]
 """What is done, and how the ATmega2560's port shows it: pins 14, 2 and 22 of a Mega are PJ1, PE4 and PA0."""
 SENT = (50, Send("RA1", b"p", 2400), "TX1 112")
@@ -61,8 +61,8 @@ def played(board: subprocess.Popen[str]) -> tuple[bool, list[str], list[tuple[fl
             adapter.wiring = input_wiring(["RB0-RB4=22", "RA1=TX1"])
             adapter.listen("RA1", 2400)
             changes = sorted([*changes, SENT], key=lambda change: change[0])
-        adapter.apply([Drive("MCLR", 0), Drive("RB0", 1)])
-        adapter.load([Input(ms, what) for ms, what, _ in changes], LENGTH_MS)
+        adapter.apply([DrivePin("MCLR", 0), DrivePin("RB0", 1)])
+        adapter.load([BoardInput(ms, what) for ms, what, _ in changes], LENGTH_MS)
         time.sleep(1)
         before = len(lines)
         adapter.start()

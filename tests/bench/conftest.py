@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.bench.virtual.terminals import Device, Terminals, terminals
+from servogen.bench.virtual.terminals import TerminalDevice, Terminals, terminals
 from servogen.cli import main
 from servogen.pic.image import Image, from_hex
 from servogen.pulse import from_json
@@ -42,7 +42,7 @@ class Ran:
 
 
 Run = Callable[..., Ran]
-Serve = Callable[[Mapping[str, Device]], Terminals]
+Serve = Callable[[Mapping[str, TerminalDevice]], Terminals]
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def shorter_in(folder: Path, frame: int) -> str:
 
 
 @contextmanager
-def _served(devices: Mapping[str, Device]) -> Iterator[Terminals]:
+def _served(devices: Mapping[str, TerminalDevice]) -> Iterator[Terminals]:
     with terminals(devices) as opened, served(opened):
         yield opened
 

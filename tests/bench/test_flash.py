@@ -12,7 +12,7 @@ import pytest
 from intelhex import IntelHex
 
 from servogen.bench.programmers.flash import command_of
-from servogen.bench.programmers.table import PROGRAMMERS, InstalledProgrammer, Order, find
+from servogen.bench.programmers.table import PROGRAMMERS, InstalledProgrammer, ProgrammingRequest, find
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.errors import ToolError
@@ -439,7 +439,7 @@ def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: P
 )
 def test_the_command_of_each_programmer(name: str, words: str) -> None:
     programmer = next(each for each in PROGRAMMERS if each.name == name)
-    order = Order(Path("x.hex"), device("16F84A"), "/dev/ttyUSB0")
+    order = ProgrammingRequest(Path("x.hex"), device("16F84A"), "/dev/ttyUSB0")
     assert command_of(InstalledProgrammer(programmer, ("tool",)), order) == ("tool", *words.split())
 
 

@@ -13,14 +13,14 @@ import pytest
 from servogen.bench.inputs import adapter as adapter_module
 from servogen.bench.inputs import firmata
 from servogen.bench.inputs.adapter import (
-    Drive,
-    Input,
+    BoardInput,
+    DrivePin,
     InputAdapter,
     Send,
     SerialAdapter,
     input_adapter,
 )
-from servogen.bench.inputs.firmata import Command, Kind, Message, Mode, Reader
+from servogen.bench.inputs.firmata import FirmataCommand, Message, MessageKind, MessageReader, Mode
 from servogen.bench.inputs.wiring import MARK_CHANNEL, input_wiring
 from servogen.bench.ports import open_port
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
@@ -98,19 +98,19 @@ def test_messages_are_those_of_the_protocol() -> None:
 
 def test_no_message_is_longer_than_a_board_keeps() -> None:
     for messages in (firmata.load_task(1, bytes(300)), firmata.serial_write(1, bytes(100))):
-        found = list(Reader().read(messages))
+        found = list(MessageReader().read(messages))
         assert len(found) > 2
         assert max(len(message.data) for message in found) <= firmata.MAX_SYSEX_DATA
 
 
 def test_a_reader_finds_messages_in_pieces_and_between_rubbish() -> None:
-    reader, found = Reader(), []
-    stream = b"\x12" + firmata.sysex(Command.TEXT, b"ab") + bytes((0xF9, 2, 5)) + bytes((0x91, 0x7F))
+    reader, found = MessageReader(), []
+    stream = b"\x12" + firmata.sysex(FirmataCommand.TEXT, b"ab") + bytes((0xF9, 2, 5)) + bytes((0x91, 0x7F))
     for byte in stream + b"\x01":
         found += reader.read(bytes((byte,)))
     assert [(message.kind, message.data) for message in found] == [
-        (Kind.SYSEX, bytes((Command.TEXT,)) + b"ab"),
-        (Kind.VERSION, b"\x02\x05"),
+        (MessageKind.SYSEX, bytes((FirmataCommand.TEXT,)) + b"ab"),
+        (MessageKind.VERSION, b"\x02\x05"),
         (0x91, b"\x7f\x01"),
     ]
 
@@ -152,7 +152,7 @@ def test_opening_the_port_resets_the_board_which_says_what_it_is(serve: Serve) -
         port.write(firmata.pin_mode(2, Mode.OUTPUT) + firmata.pin_value(2, 1))
         until(lambda: rig.chip.word >> RB0 & 1)
     with open_port(path, 57_600) as port:
-        port.write(bytes((Kind.VERSION,)))  # at once: the announcement still comes before the answer
+        port.write(bytes((MessageKind.VERSION,)))  # at once: the announcement still comes before the answer
         assert port.read_whole(len(ANNOUNCEMENT) + 4, 30) == ANNOUNCEMENT + b"\xf7\xf9\x02\x08"
         assert not rig.chip.word >> RB0 & 1
 
@@ -177,7 +177,7 @@ def test_inputs_are_reported_when_they_change_until_they_are_not_asked_for() -> 
         rig.board.outgoing.clear()
         return found
 
-    assert reported(bytes((Kind.REPORT_DIGITAL, 1))) == "90 00 00", "the levels now"
+    assert reported(bytes((MessageKind.REPORT_DIGITAL, 1))) == "90 00 00", "the levels now"
     assert reported() == ""
     rig.chip.drive(RB0, 1)
     assert reported() == "90 04 00"
@@ -187,7 +187,7 @@ def test_inputs_are_reported_when_they_change_until_they_are_not_asked_for() -> 
     assert rig.chip.word >> rb1 & 1
     assert reported(firmata.pin_mode(2, Mode.OUTPUT)) == "90 00 01", "and pin 2 now as well"
     assert reported(firmata.pin_mode(2, Mode.PULL_UP)) == "90 04 01"
-    assert reported(bytes((Kind.REPORT_DIGITAL, 0))) == ""
+    assert reported(bytes((MessageKind.REPORT_DIGITAL, 0))) == ""
     rig.chip.drive(rb5, 0)
     assert reported() == ""
 
@@ -198,11 +198,11 @@ def test_the_board_answers_what_other_clients_send() -> None:
 
     def answers(text: str) -> list[Message]:
         rig.board.received(bytes.fromhex(text))
-        found = list(Reader().read(bytes(rig.board.outgoing)))
+        found = list(MessageReader().read(bytes(rig.board.outgoing)))
         rig.board.outgoing.clear()
         return found
 
-    assert answers("F9") == [Message(Kind.VERSION, b"\x02\x08")]
+    assert answers("F9") == [Message(MessageKind.VERSION, b"\x02\x08")]
     (firmware,) = answers("F0 79 F7")
     assert firmware.data == ANNOUNCEMENT[4:]
     (capabilities,) = answers("F0 6B F7")
@@ -217,7 +217,7 @@ def test_the_client_stores_a_run_on_the_board_and_starts_it(serve: Serve) -> Non
     rig = Rig(program(IDLE))
     with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
         assert adapter.board.scheduler and adapter.board.serial_ports == (1, 2, 3)
-        adapter.load([Input(20, Drive("RB0", 1)), Input(35, Drive("RB1", 1))], 50)
+        adapter.load([BoardInput(20, DrivePin("RB0", 1)), BoardInput(35, DrivePin("RB1", 1))], 50)
         assert not rig.chip.word
         adapter.start()
         until(lambda: rig.chip.word >> RB0 & 3 == 3)
@@ -242,9 +242,13 @@ def test_what_is_played_is_at_the_asked_milliseconds() -> None:
     board = adapter_module.BoardFacts("board", 70, (1, 2, 3), scheduler=True)
     adapter = InputAdapter(port, rig.wiring, board)  # type: ignore[arg-type]
     adapter.release()
-    adapter.apply([Drive("RB0", 1)])
+    adapter.apply([DrivePin("RB0", 1)])
     adapter.listen("RA1", 2400)
-    inputs = [Input(35, Drive("RB0", 1)), Input(20, Drive("RB0", 0)), Input(40, Send("RA1", b"U", 2400))]
+    inputs = [
+        BoardInput(35, DrivePin("RB0", 1)),
+        BoardInput(20, DrivePin("RB0", 0)),
+        BoardInput(40, Send("RA1", b"U", 2400)),
+    ]
     adapter.load(inputs, 60)
     adapter.start()
     begin = rig.chip.now
@@ -336,7 +340,7 @@ def test_too_long_a_run_is_refused_with_what_to_do(serve: Serve, pins: int, fit:
     rig = Rig(program(IDLE))
     with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
         adapter.board = replace(adapter.board, pins=pins)
-        many = [Input(ms, Drive("RB0", ms % 2)) for ms in range(1000)]
+        many = [BoardInput(ms, DrivePin("RB0", ms % 2)) for ms in range(1000)]
         with pytest.raises(InputError) as raised:
             adapter.load(many, 1000)
     assert f"of which {fit} fit into the input board" in str(raised.value)
@@ -353,8 +357,8 @@ def test_without_a_scheduler_this_process_plays_the_run_in_order(serve: Serve) -
     with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:
         assert not adapter.board.scheduler
         adapter.now, adapter.sleep = lambda: now, sleep
-        adapter.apply([Drive("RB0", 1)])
-        adapter.load([Input(30, Drive("RB0", 1)), Input(20, Drive("RB0", 0))], 40)
+        adapter.apply([DrivePin("RB0", 1)])
+        adapter.load([BoardInput(30, DrivePin("RB0", 1)), BoardInput(20, DrivePin("RB0", 0))], 40)
         adapter.start()
         assert now == pytest.approx(0.040)
         until(lambda: rig.chip.word >> RB0 & 1)
@@ -377,7 +381,9 @@ def test_a_serial_adapter_sends_at_its_moment_and_the_chip_answers(serve: Serve)
         serial = SerialAdapter(line, "RA1")
         with input_adapter(paths["inputs"], wiring, serial) as adapter:
             adapter.listen("RA1", 2400)
-            adapter.load([Input(0, Send("RA1", b"servo", 2400)), Input(5, Send("RA1", b"!", 2400))], 10)
+            adapter.load(
+                [BoardInput(0, Send("RA1", b"servo", 2400)), BoardInput(5, Send("RA1", b"!", 2400))], 10
+            )
             adapter.start()
             assert line.line.baudrate == 2400
             assert line.read_whole(6, 30) == b"servo!"

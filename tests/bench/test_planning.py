@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from servogen.bench.analysers.memory import Wanted, plan, words_of_frame
+from servogen.bench.analysers.memory import CaptureNeeds, plan, words_of_frame
 from servogen.errors import InputError
 
 FRAME = Fraction(1, 50)
@@ -49,5 +49,5 @@ def test_a_rate_that_does_not_divide_100_mhz_is_refused() -> None:
     assert error.value.hint == "try 2941176"
 
 
-def one_servo(frames: int) -> Wanted:
-    return Wanted(FRAME, Fraction(2), frames, Fraction(2), 2)
+def one_servo(frames: int) -> CaptureNeeds:
+    return CaptureNeeds(FRAME, Fraction(2), frames, Fraction(2), 2)

@@ -15,7 +15,7 @@ from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.pic.device import device
-from servogen.simulator import Options as Board
+from servogen.simulator import SimulatorOptions
 from servogen.simulator.layout import PACK_CYCLE, PACK_PIN
 from servogen.units import Clock
 from tests.bench.conftest import ROOT, served
@@ -118,7 +118,7 @@ def chatting(baud: int = 9600, **options: object) -> Iterator[serial.Serial]:
         **options,  # type: ignore[arg-type]
     )
     with (
-        rig(image, CLOCK, Board(), board) as terminals,
+        rig(image, CLOCK, SimulatorOptions(), board) as terminals,
         served(terminals),
         serial.Serial(terminals.paths["serial"], timeout=60) as port,
     ):

@@ -9,10 +9,10 @@ from statistics import mean
 import numpy as np
 import pytest
 
-from servogen.bench.analysers.memory import Plan, Wanted, plan
+from servogen.bench.analysers.memory import CaptureNeeds, CapturePlan, plan
 from servogen.bench.analysers.recording import stitch
 from servogen.bench.analysers.sump import Runs
-from servogen.bench.analysers.sump_client import Seen
+from servogen.bench.analysers.sump_client import ReceivedSamples
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.build.reporting import capture_facts
@@ -154,13 +154,13 @@ def test_a_pulse_that_is_two_microseconds_too_long_is_caught_in_whatever_piece_i
 
 def test_a_look_that_fails_leaves_those_before_it() -> None:
     schedule = from_json((LAB8 / "schedule.json").read_text(), "schedule.json")
-    one = Wanted(Fraction(1, 50), Fraction(2), 5, Fraction(2), 2)
+    one = CaptureNeeds(Fraction(1, 50), Fraction(2), 5, Fraction(2), 2)
     silence = Runs(np.zeros(1, dtype=np.uint32), np.zeros(1, dtype=np.int64), 200_000)
 
-    def look(planned: Plan, number: int) -> Seen:
+    def look(planned: CapturePlan, number: int) -> ReceivedSamples:
         if number == 2:
             raise ToolError("no-answer", "nothing rose on channel 0")
-        return Seen(silence)
+        return ReceivedSamples(silence)
 
     found = stitch(look, plan(SMALL, 1_000_000, True, one), 50, False, expected(schedule), {0: 5})
     assert (len(found.records), found.missing) == (1, "nothing rose on channel 0")

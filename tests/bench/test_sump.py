@@ -73,7 +73,7 @@ def test_the_commands_are_those_of_the_protocol() -> None:
 
     The virtual analyser of the other tests knows them from the same table.
     """
-    commands = [(each.name, int(each)) for each in sump.Command]
+    commands = [(each.name, int(each)) for each in sump.SumpCommand]
     short = [("RESET", 0x00), ("RUN", 0x01), ("ID", 0x02), ("METADATA", 0x04), ("FINISH", 0x05)]
     long = [("DIVIDER", 0x80), ("COUNTS", 0x81), ("FLAGS", 0x82)]
     trigger = [("TRIGGER_MASK", 0xC0), ("TRIGGER_VALUE", 0xC1), ("TRIGGER_CONFIG", 0xC2)]

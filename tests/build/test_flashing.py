@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.flashing import Check, check, schedule_beside
+from servogen.build.flashing import FlashCheck, check, schedule_beside
 from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.programs import read_program, read_schedule
@@ -27,7 +27,7 @@ def schedule() -> PulseSchedule:
     return read_schedule(SCHEDULE)
 
 
-def codes(found: Check) -> list[str]:
+def codes(found: FlashCheck) -> list[str]:
     return [each.code for each in found.against]
 
 

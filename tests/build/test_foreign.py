@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from servogen.build import Planned, checked_cycles, planned, prove, running
+from servogen.build import PlayedJob, checked_cycles, planned, prove, running
 from servogen.build.retarget import tune_to
 from servogen.cli.main import app
 from servogen.compiler import Options, Source, compile_sources
@@ -163,7 +163,7 @@ def sweeping(servos: int) -> str:
 
 
 @cache
-def player(folder: Path, servos: int) -> Planned:
+def player(folder: Path, servos: int) -> PlayedJob:
     file = folder / f"player{servos}.toml"
     file.write_text(sweeping(servos))
     return planned(plan_job(load(file)))

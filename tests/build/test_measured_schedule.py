@@ -15,7 +15,7 @@ from servogen.pic.image import to_hex
 from servogen.programs import read_program, read_schedule
 from servogen.prove import prove_for_all
 from servogen.pulse import from_json
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 from tests.prove.attack import servogen
 from tests.prove.replay import is_wrong
@@ -38,7 +38,7 @@ def test_it_is_the_schedule_from_which_the_firmware_was_generated() -> None:
     """Two sweeps of a motion that repeats every 3 s."""
     folder = FIRMWARE / "lab9-program"
     plan = read_schedule(folder / "schedule.json")
-    trace = unscheduled_edges(folder / "main.hex", None, None, Options())
+    trace = unscheduled_edges(folder / "main.hex", None, None, SimulatorOptions())
     found = measured_schedule(trace, "main.hex", {})
     assert (found.clock, found.period) == (plan.clock, plan.period)
     assert [channel.pin for channel in found.channels] == [channel.pin for channel in plan.channels]
@@ -108,4 +108,6 @@ def test_what_has_no_schedule_is_refused_with_the_reason(
 def test_a_lab_program_whose_frames_differ_has_no_schedule() -> None:
     """The printed servo.c: a step of its motion takes longer than a frame (docs/labs)."""
     with pytest.raises(InputError, match="the frames are not of one length"):
-        measured_schedule(unscheduled_edges(ROOT / "tests/labs/servo.c", 8.0, None, Options()), "servo.c", {})
+        measured_schedule(
+            unscheduled_edges(ROOT / "tests/labs/servo.c", 8.0, None, SimulatorOptions()), "servo.c", {}
+        )

@@ -19,7 +19,7 @@ from servogen.notebooks import table_html
 from servogen.pic.image import Image
 from servogen.programs import Program
 from servogen.pulse import from_json
-from servogen.simulator import Options, Simulation
+from servogen.simulator import Simulation, SimulatorOptions
 from servogen.simulator import machine as machine_module
 from servogen.simulator import run as run_module
 from servogen.simulator.machine import Machine
@@ -214,7 +214,9 @@ def test_the_program_of_a_job_runs_on_the_chip_of_the_job(
     devices = []
 
     class Noted(Machine):
-        def __init__(self, image: Image, clock: Clock, options: Options, *more: Any, **named: Any) -> None:
+        def __init__(
+            self, image: Image, clock: Clock, options: SimulatorOptions, *more: Any, **named: Any
+        ) -> None:
             devices.append(options.device)
             super().__init__(image, clock, options, *more, **named)
 

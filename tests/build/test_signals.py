@@ -17,7 +17,7 @@ from servogen.build.signals import (
 )
 from servogen.errors import InputError
 from servogen.programs import Program, clock_of, read_program, read_schedule
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 
 ROOT = Path(__file__).parents[2]
@@ -62,7 +62,7 @@ def test_a_program_that_was_built_for_a_chip_runs_on_it_unless_another_is_named(
 
     def edges(own_device: bool) -> Cycles:
         read = lambda path, device: Program(image, device="PIC99")  # noqa: E731
-        return unscheduled_edges(HEX, 0.01, None, Options(), read, own_device=own_device).end
+        return unscheduled_edges(HEX, 0.01, None, SimulatorOptions(), read, own_device=own_device).end
 
     assert edges(own_device=False) == 10_000
     with pytest.raises(InputError, match="PIC99"):
@@ -70,13 +70,13 @@ def test_a_program_that_was_built_for_a_chip_runs_on_it_unless_another_is_named(
 
 
 def test_a_program_runs_as_long_as_asked_and_a_recording_ends_where_it_does(tmp_path: Path) -> None:
-    assert unscheduled_edges(HEX, 0.5, None, Options()).end == 500_000
-    assert unscheduled_edges(HEX, None, 8_000_000, Options()).end == 2_000_000 * MEASURED_SECONDS
+    assert unscheduled_edges(HEX, 0.5, None, SimulatorOptions()).end == 500_000
+    assert unscheduled_edges(HEX, None, 8_000_000, SimulatorOptions()).end == 2_000_000 * MEASURED_SECONDS
     recording = tmp_path / "edges.csv"
     recording.write_text(RECORDING)
     assert [
         int(cycle)
-        for chunk in unscheduled_edges(recording, None, None, Options()).chunks
+        for chunk in unscheduled_edges(recording, None, None, SimulatorOptions()).chunks
         for cycle in chunk.cycle
     ]
 
@@ -86,7 +86,7 @@ def test_edges_against_a_schedule_have_its_clock(tmp_path: Path) -> None:
     recording = tmp_path / "edges.csv"
     recording.write_text(RECORDING)
     for file in (recording, HEX):
-        assert scheduled_edges(file, schedule, Cycles(20_000), Options()).clock == Clock(8_000_000)
+        assert scheduled_edges(file, schedule, Cycles(20_000), SimulatorOptions()).clock == Clock(8_000_000)
 
 
 def test_a_clock_that_is_asked_for_comes_before_the_programs_own() -> None:

@@ -16,7 +16,7 @@ from servogen.engines.board import machine_of
 from servogen.pic.image import Image
 from servogen.programs import read_schedule
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from servogen.units import Cycles
 from tests.simulator.helpers import image
 
@@ -27,7 +27,7 @@ PHASES = range(4)
 
 def edges(schedule: PulseSchedule, program: Image, span: Cycles, phase: int) -> EdgeTrace:
     limit = Cycles(span + START_FRAMES * schedule.period)
-    machine = machine_of(schedule, program, Options(tmr0_phase=phase))
+    machine = machine_of(schedule, program, SimulatorOptions(tmr0_phase=phase))
     return EdgeTrace(schedule.clock, machine.stream(limit), limit)
 
 

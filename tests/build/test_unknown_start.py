@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import Planned, checked_cycles, planned
+from servogen.build import PlayedJob, checked_cycles, planned
 from servogen.build.build import proven
 from servogen.engines.firmware import Firmware
 from servogen.job import load, plan_job
@@ -53,7 +53,7 @@ def claims(text: str) -> list[str]:
 def unknown_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let every job's firmware begin with the skip."""
 
-    def behind_skips(job: object) -> Planned:
+    def behind_skips(job: object) -> PlayedJob:
         found = planned(job)  # type: ignore[arg-type]
         return replace(found, make=lambda dialect: behind_a_skip(found.make(dialect)))
 

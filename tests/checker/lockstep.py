@@ -15,7 +15,7 @@ from servogen.checker import chip
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.simulator import Machine, Options, State, Stimuli
+from servogen.simulator import Machine, MachineState, SimulatorOptions, Stimuli
 from servogen.simulator import layout as at
 from servogen.simulator.sources import Levels
 from servogen.units import Clock
@@ -97,16 +97,18 @@ def power_up() -> chip.Ints:
     return s
 
 
-def memory(image: Image) -> chip.Memory:
+def memory(image: Image) -> chip.ChipMemory:
     eeprom = np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)])
     memo = np.full((chip.MEMO, 2), -1)
     code = chip.program_code(image, frozenset())
-    return chip.Memory(code, eeprom, chip.result_table(), chip.slot_table(), memo)
+    return chip.ChipMemory(code, eeprom, chip.result_table(), chip.slot_table(), memo)
 
 
-def board(limit: int) -> chip.Board:
+def board(limit: int) -> chip.ChipSurroundings:
     """A board on which nothing is held, that ends a run in the cycle `limit`."""
-    return chip.Board(limit, period=chip.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0)
+    return chip.ChipSurroundings(
+        limit, period=chip.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
+    )
 
 
 def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
@@ -127,7 +129,7 @@ def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chi
 def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
     """Run both to the first thing that the checker refuses; raises AssertionError where they differ."""
     rng = random.Random(seed)
-    options = Options(start_seed=seed, floating=rng.random() < 0.5, ra4_pull_up=False)
+    options = SimulatorOptions(start_seed=seed, floating=rng.random() < 0.5, ra4_pull_up=False)
     stimulus = rng.randrange(1 << 30)
     machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
     edge_at, edge_out = outputs(image, machine, cycles)
@@ -156,7 +158,7 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
     return Compared(instructions, asked, chip.TOO_LONG, phase >= 0)
 
 
-def give(s: chip.Ints, state: State, image: Image) -> None:
+def give(s: chip.Ints, state: MachineState, image: Image) -> None:
     """Answer the checker's question with the simulator's value."""
     slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BIT])
     if slot != chip.GIVEN:
@@ -170,7 +172,7 @@ def give(s: chip.Ints, state: State, image: Image) -> None:
     s[chip.GIVEN] = s[chip.GIVEN] & ~(bits << 8) | value & bits
 
 
-def concrete(state: State, slot: int) -> int:
+def concrete(state: MachineState, slot: int) -> int:
     if chip.RAM <= slot < chip.RAM_END:
         return state.ram[slot - chip.RAM]
     if slot == chip.W:
@@ -178,7 +180,7 @@ def concrete(state: State, slot: int) -> int:
     return state.status if slot == chip.STATUS else state.registers[REGISTERS[slot]]
 
 
-def contained(s: chip.Ints, state: State, phase: int, seed: int) -> None:
+def contained(s: chip.Ints, state: MachineState, phase: int, seed: int) -> None:
     """The simulator's state is one of the checker's."""
     for slot in (*range(chip.RAM, chip.RAM_END), chip.W, chip.STATUS, *REGISTERS):
         cell, value = int(s[slot]), concrete(state, slot)

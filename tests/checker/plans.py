@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker.plan import Plan, Position, StartStop
+from servogen.checker.plan import Plan, PlanPosition, StartStop
 
 Ints = npt.NDArray[np.int64]
 
@@ -16,11 +16,11 @@ def start_stop(plan: Plan) -> StartStop:
     return plan.inputs
 
 
-def due(plan: Plan, position: Position) -> tuple[Ints, Ints]:
+def due(plan: Plan, position: PlanPosition) -> tuple[Ints, Ints]:
     """The edges of the frame at `position`: cycles, and the levels of all pins from each on."""
     return plan.edges[plan.run_of(position)]
 
 
-def after(plan: Plan, position: Position, levels: int) -> Position:
+def after(plan: Plan, position: PlanPosition, levels: int) -> PlanPosition:
     """The position of the next frame, if the inputs were read as `levels` in this one."""
     return plan.following(position.frame, plan.inputs.hear(position.memory, levels))

@@ -14,7 +14,7 @@ import pytest
 
 from servogen.checker import Checked, Refused, check_certificate, read_certificate
 from servogen.checker.certificate import fingerprint
-from servogen.checker.plan import OVER, Position, read_plan
+from servogen.checker.plan import OVER, PlanPosition, read_plan
 from servogen.errors import InputError
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import encode
@@ -282,7 +282,7 @@ def test_the_state_machine_of_the_buttons() -> None:
             found.append((position.frame, position.memory[1]))
         return found
 
-    assert plan.first == Position(2, (0, 1, 0, 0))
+    assert plan.first == PlanPosition(2, (0, 1, 0, 0))
     assert frames([released] * 5) == [(2, 1)] * 5  # until start is pressed, the first frame repeats
     assert frames([start, start, released, start, start, start]) == [(2, 1)] * 5 + [(3, 1)]
     assert frames([start] * 6) == [(2, 1), (2, 1), (3, 1), (4, 1), (4, 1), (4, 1)]

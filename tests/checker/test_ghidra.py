@@ -13,7 +13,7 @@ from numba import njit
 
 from servogen.checker import chip
 from servogen.pic.image import Image
-from servogen.pic.isa import INSTRUCTIONS, Instruction, encode
+from servogen.pic.isa import INSTRUCTIONS, Opcode, encode
 
 pytest.importorskip("pypcode", reason="pypcode (extra `dev`) is not installed")
 from tests.checker.lockstep import board, memory, power_up
@@ -52,7 +52,7 @@ def ours(word: int, inputs: Vector) -> Vector:
     return out
 
 
-def words(row: Instruction) -> list[int]:
+def words(row: Opcode) -> list[int]:
     """Every literal and bit, both destinations, one register of RAM."""
     fields = [{}]
     for name, values in (("f", [RAM]), ("d", [0, 1]), ("b", range(8)), ("k", range(1 << row.width("k")))):
@@ -61,7 +61,7 @@ def words(row: Instruction) -> list[int]:
     return [encode(row.mnemonic, **each) for each in fields]
 
 
-def operands(row: Instruction) -> Vector:
+def operands(row: Opcode) -> Vector:
     """Every W, RAM byte and carry on which the instruction depends, each with Z and DC set and clear."""
     every = np.arange(256, dtype=np.int64)
     few = np.array([0, 0x5A, 0xFF], dtype=np.int64)
@@ -77,9 +77,7 @@ def ghidra() -> list[Semantics]:
 
 
 @pytest.mark.parametrize("row", INSTRUCTIONS, ids=lambda row: row.mnemonic)
-def test_every_operand_gives_the_result_and_flags_of_ghidra(
-    row: Instruction, ghidra: list[Semantics]
-) -> None:
+def test_every_operand_gives_the_result_and_flags_of_ghidra(row: Opcode, ghidra: list[Semantics]) -> None:
     inputs = operands(row)
     for word in words(row):
         found = None if row.mnemonic == "SLEEP" else ours(word, inputs)  # the checker refuses SLEEP
@@ -101,7 +99,7 @@ def test_every_operand_gives_the_result_and_flags_of_ghidra(
                 agree(row, word, found, theirs, semantics)
 
 
-def agree(row: Instruction, word: int, found: Vector, theirs: dict[Place, Vector], names: Semantics) -> None:
+def agree(row: Opcode, word: int, found: Vector, theirs: dict[Place, Vector], names: Semantics) -> None:
     flags = theirs[STATUS]
     hidden = 0
     if row.mnemonic in DIFFERENCES:

@@ -84,7 +84,7 @@ def test_additions_know_every_bit_that_no_carry_reaches() -> None:
 def test_ra4_is_known_where_the_program_pulls_it_low_or_the_board_holds_it() -> None:
     """An open drain: of an output at 1 the wire says what it is, of every other pin the latch."""
 
-    def read(latch: int, around: chip.Board) -> int:
+    def read(latch: int, around: chip.ChipSurroundings) -> int:
         state = np.zeros(chip.SLOTS, np.int64)
         state[chip.PORTA] = latch
         return chip.read.py_func(state, around, chip.PORTA, 0)

@@ -14,7 +14,7 @@ import pytest
 import typer
 from rich.text import Text
 
-from servogen.cli.main import COMMANDS, GROUPS, Commands, app
+from servogen.cli.main import COMMANDS, GROUPS, LazyCommands, app
 from tests.cli.conftest import Run
 
 
@@ -69,7 +69,7 @@ def test_only_the_module_of_the_command_is_loaded() -> None:
 
 def test_a_command_that_is_close_to_the_unknown_one_is_named() -> None:
     group = typer.main.get_command(app)
-    assert isinstance(group, Commands)
+    assert isinstance(group, LazyCommands)
     with pytest.raises(Exception, match="Did you mean 'calibrate'"):
         group.main(["calibrat"], prog_name="servogen", standalone_mode=False)
 

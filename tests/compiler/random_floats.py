@@ -23,8 +23,7 @@ from pathlib import Path
 
 from servogen.compiler import CompileError, Options, Source, compile_sources
 from servogen.pic.device import RAM_FIRST
-from servogen.simulator import Machine
-from servogen.simulator import Options as MachineOptions
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Clock
 from tests.compiler.float_reference import canonical
 
@@ -284,7 +283,7 @@ def target(program: FloatProgram, expected: Sequence[int]) -> Outcome:
         errors = [each for each in error.diagnostics if each.severity == "error"]
         big = all(each.code in ("program-too-large", "c-call-depth") for each in errors)
         return Outcome("too big" if big else "refused", str(error))
-    machine = Machine(found.image, Clock(4_000_000), MachineOptions(start=(("ram", 0xA7),)))
+    machine = Machine(found.image, Clock(4_000_000), SimulatorOptions(start=(("ram", 0xA7),)))
     where = {name: address - RAM_FIRST for address, name, _ in found.listing.variables}
     for _ in range(MAX_CYCLES // 50_000):
         machine.run(50_000)

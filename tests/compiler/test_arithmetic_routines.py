@@ -10,8 +10,7 @@ import pytest
 
 from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.pic.device import RAM_FIRST
-from servogen.simulator import Machine
-from servogen.simulator import Options as Chip
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Clock
 
 A, B, RESULT, REST = 0x40, 0x44, 0x48, 0x4C
@@ -32,7 +31,7 @@ def compiled(kind: str, other: str, statements: str) -> Compilation:
 def run(made: Compilation, a: int, b: int, size: int) -> tuple[int, int]:
     start = [(f"0x{A + at:02X}", a >> 8 * at & 0xFF) for at in range(4)]
     start += [(f"0x{B + at:02X}", b >> 8 * at & 0xFF) for at in range(4)]
-    machine = Machine(made.image, Clock(4_000_000), options=Chip(start=tuple(start)))
+    machine = Machine(made.image, Clock(4_000_000), options=SimulatorOptions(start=tuple(start)))
     machine.run(8_000)
     ram = machine.state().ram
     one, two = (

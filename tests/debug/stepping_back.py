@@ -17,7 +17,7 @@ from pathlib import Path
 
 from servogen.debug.time_machine import TimeMachine
 from servogen.pic.image import Image, read_hex
-from servogen.simulator import Change, Machine, Options, Recorded, Serial, Stimuli, trace
+from servogen.simulator import LevelChange, Machine, Recorded, Serial, SimulatorOptions, Stimuli, trace
 from servogen.simulator.sources import pin_number
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, wild_image
@@ -39,23 +39,23 @@ class Surroundings:
             if self.serial
             else (wild_image if seed % 5 == 1 else tame_image)(seed)
         )
-        self.options = Options(watchdog_us=(18_000, 397, 2400)[seed % 3], eeprom_write_us=50)
+        self.options = SimulatorOptions(watchdog_us=(18_000, 397, 2400)[seed % 3], eeprom_write_us=50)
         changes = [] if self.serial else random_stimuli(seed, self.cycles - 50)
-        self.known = Recorded([Change(*change) for change in changes])
+        self.known = Recorded([LevelChange(*change) for change in changes])
 
     def time_machine(self) -> TimeMachine:
         return TimeMachine(self.image, CLOCK, self.options, Stimuli([self.known]))
 
-    def fresh(self, live: tuple[Change, ...]) -> Machine:
+    def fresh(self, live: tuple[LevelChange, ...]) -> Machine:
         return Machine(self.image, CLOCK, self.options, Stimuli([self.known, Recorded(live)]))
 
-    def live(self, rng: random.Random, now: int) -> list[Change]:
+    def live(self, rng: random.Random, now: int) -> list[LevelChange]:
         """Return what somebody does just now: sends some bytes, or moves a pin."""
         if self.serial:
             data = bytes([0xFF, rng.randrange(3), rng.randrange(255)])
             sent = Serial(pin_number("RA4"), data, Fraction(2400), start=now + 1)
             return [change for change in sent.changes(CLOCK) if change.cycle > now]
-        return [Change(now + rng.randrange(1, 40), rng.randrange(14), rng.choice((1, 1, 0, 2)))]
+        return [LevelChange(now + rng.randrange(1, 40), rng.randrange(14), rng.choice((1, 1, 0, 2)))]
 
 
 def check(seed: int, steps: int) -> None:

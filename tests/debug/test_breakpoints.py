@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.compiler import Options as CompilerOptions
-from servogen.compiler import Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
 from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, parse_breakpoint, run_to
 from servogen.debug.symbols import Variable
 from servogen.debug.time_machine import TimeMachine
@@ -33,7 +32,7 @@ void main(void)
     }
 }
 """
-DONE = compile_sources([Source(C, "count.c")], CompilerOptions(dialect="c2c", device=device("PIC16F84")))
+DONE = compile_sources([Source(C, "count.c")], Options(dialect="c2c", device=device("PIC16F84")))
 
 
 def machine() -> TimeMachine:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import Options as CompilerOptions
-from servogen.compiler import Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
 from servogen.debug import time_machine
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS
 from servogen.pic.device import device
-from servogen.simulator import Change, Machine, Periodic, Recorded, Stimuli, trace
+from servogen.simulator import LevelChange, Machine, Periodic, Recorded, Stimuli, trace
 from servogen.units import Clock
 from tests.debug.stepping_back import check
 from tests.simulator.helpers import CLOCK, image
@@ -114,7 +113,7 @@ void main(void)
 
 
 def compiled() -> TimeMachine:
-    done = compile_sources([Source(C, "lines.c")], CompilerOptions(dialect="c2c", device=device("PIC16F84")))
+    done = compile_sources([Source(C, "lines.c")], Options(dialect="c2c", device=device("PIC16F84")))
     return TimeMachine(done.image, Clock(4_000_000), listing=done.listing)
 
 
@@ -156,7 +155,7 @@ def test_an_input_is_applied_again_and_another_past_makes_another_future() -> No
     text = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\nl movf PORTA, w\n movwf PORTB\n goto l\n"
     machine = TimeMachine(image(text), CLOCK)
     machine.seek(50_000)
-    machine.apply([Change(50_001, 0, 1), Change(70_000, 0, 0)])
+    machine.apply([LevelChange(50_001, 0, 1), LevelChange(70_000, 0, 0)])
     machine.seek(100_000)
     later = seen(machine.machine)
     assert [row[0] // 1000 for row in rows(machine.edges(3, 100_000))] == [50, 70]
@@ -164,12 +163,12 @@ def test_an_input_is_applied_again_and_another_past_makes_another_future() -> No
     machine.seek(100_000)
     assert seen(machine.machine) == later
     machine.seek(60_000)
-    machine.apply([Change(60_001, 0, 0)])
+    machine.apply([LevelChange(60_001, 0, 0)])
     assert machine.reach == machine.now
     machine.seek(100_000)
     assert [row[0] // 1000 for row in rows(machine.edges(3, 100_000))] == [50, 60]
     machine.seek(20_000)
-    machine.apply([Change(20_001, 1, 1)])
+    machine.apply([LevelChange(20_001, 1, 1)])
     machine.seek(100_000)
     assert [row[0] // 1000 for row in rows(machine.edges(3, 100_000))] == [20]
 
@@ -177,7 +176,7 @@ def test_an_input_is_applied_again_and_another_past_makes_another_future() -> No
 def test_an_input_in_the_past_or_of_no_pin_is_refused() -> None:
     machine = TimeMachine(image(BLINK), CLOCK)
     machine.seek(101)
-    for change in (Change(100, 0, 1), Change(200, 14, 1), Change(200, 0, 3)):
+    for change in (LevelChange(100, 0, 1), LevelChange(200, 14, 1), LevelChange(200, 0, 3)):
         with pytest.raises(ValueError, match="cannot be applied in cycle 101"):
             machine.apply([change])
     assert machine.inputs == ()
@@ -188,7 +187,7 @@ def test_an_input_at_the_current_moment_acts_as_if_it_had_been_known_before() ->
     for cycle in range(50, 55):
         machine = TimeMachine(image(text), CLOCK)
         machine.seek(cycle)
-        change = Change(machine.now, 0, 1)
+        change = LevelChange(machine.now, 0, 1)
         machine.apply([change])
         machine.seek(100)
         known = Machine(image(text), CLOCK, stimulus=Stimuli([Recorded([change])]))
@@ -207,7 +206,7 @@ def test_changes_that_are_applied_follow_those_of_an_endless_stimulus() -> None:
     )
     chip = Machine(image(text), CLOCK, stimulus=source)
     chip.run(1000)
-    chip.apply([Change(250_000, 1, 1)])
+    chip.apply([LevelChange(250_000, 1, 1)])
     made = chip.run(300_000)
     assert made.cycle[(made.pin == PINS.index("RB1")) & (made.level == 1)].tolist()[0] - 250_000 in range(8)
     plain = Machine(image(text), CLOCK, stimulus=source)

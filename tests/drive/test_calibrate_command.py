@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from servogen.cli.drive_commands import _asking
-from servogen.drive.controller import Channel, ServoController, controller_of
+from servogen.drive.controller import ControllerChannel, ServoController, controller_of
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
 from servogen.errors import InputError
@@ -287,7 +287,7 @@ def seen_angle(sweep: Sweep) -> float:
 def test_points_are_spread_evenly_over_the_range_and_inside_it() -> None:
     job = plan_job(loads(LAB8.read_text().replace("trim_us = 0", "min_deg = 20\nmax_deg = 160"), "job.toml"))
     servo = job.servos[0]
-    channel = Channel(servo, 0, tuple(np.linspace(500, 2500, 255).tolist()))
+    channel = ControllerChannel(servo, 0, tuple(np.linspace(500, 2500, 255).tolist()))
     widths = [channel.widths_us[each] for each in positions(channel, None, None, 9)]
     assert servo.widths_us[0] <= widths[0] <= servo.widths_us[0] + channel.step_us
     assert servo.widths_us[1] - channel.step_us <= widths[-1] <= servo.widths_us[1]

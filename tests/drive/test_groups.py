@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from servogen.drive.controller import controller_of
-from servogen.drive.motions import Limited, Motion, Still
+from servogen.drive.motions import AngleFunction, Limited, Still
 from servogen.drive.serial_link import SerialLink
-from servogen.drive.session import Session
+from servogen.drive.session import DriveSession
 from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import Floats
@@ -34,11 +34,11 @@ def stream(count: int, silence_s: float = 1.0) -> PlannedJob:
 
 
 def driven(
-    job: PlannedJob, motion: Motion, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
-) -> Session:
+    job: PlannedJob, motion: AngleFunction, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
+) -> DriveSession:
     baud, controller = controller_of(job, None, None, 0)
     with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
-        session = Session(controller, line, robot.time(), lambda entry: None, stop, arrive_s=arrive_s)
+        session = DriveSession(controller, line, robot.time(), lambda entry: None, stop, arrive_s=arrive_s)
         session.run(motion)
     return session
 
@@ -70,7 +70,7 @@ def test_a_controller_that_is_no_stream_engine_is_sent_no_group() -> None:
     robot = Robot(9600)
     baud, controller = controller_of(job, 9600, "500,2500", 0)
     with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
-        Session(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
+        DriveSession(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
     assert {number for number, _ in commands(robot)} == {0, 1}
 
 
@@ -113,7 +113,7 @@ def test_a_stop_in_the_middle_of_a_group_is_not_kept_waiting() -> None:
 
 
 @pytest.mark.parametrize("motion", [Still(np.array([1.0])), Sine(1)])
-def test_a_chip_with_a_fail_safe_hears_something_four_times_in_its_patience(motion: Motion) -> None:
+def test_a_chip_with_a_fail_safe_hears_something_four_times_in_its_patience(motion: AngleFunction) -> None:
     robot = Robot(2400)
     driven(stream(1, silence_s=0.4), Limited(motion, 3.0), robot)
     moments = [moment for moment, _, _ in robot.arrived]

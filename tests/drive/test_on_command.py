@@ -19,7 +19,7 @@ import pytest
 
 from servogen.bench.virtual.rig import RigOptions
 from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
-from servogen.drive.on_command import CommandedDrive, State, Twin
+from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
 from servogen.errors import InputError
@@ -33,9 +33,9 @@ FIRMWARE = ROOT / "firmware" / "hexapod-command"
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
-def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[State]:
+def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[CommandedFrame]:
     """Return the states at which direction or part change, and the last one."""
-    states: list[State] = []
+    states: list[CommandedFrame] = []
     drive = CommandedDrive(
         Twin(plan_job(load(JOB))), script(text), VirtualTime().time(), states.append, single_keys=single_keys
     )

@@ -18,9 +18,9 @@ from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.commands import QUIT, CommandSource, NoCommands, script
 from servogen.drive.controller import controller_of
-from servogen.drive.motions import Limited, Motion, Played, Still
+from servogen.drive.motions import AngleFunction, Limited, Played, Still
 from servogen.drive.serial_link import SerialLink, Time
-from servogen.drive.session import Session
+from servogen.drive.session import DriveSession
 from servogen.drive.steering import Rates, steering_of
 from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
@@ -29,7 +29,7 @@ from servogen.engines.stream.protocol import travel
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
 from servogen.pic.image import Image
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from tests.drive.conftest import Run
 
 EFFECT_S = 0.010
@@ -75,7 +75,7 @@ class OnChip:
         assert self.job.stream is not None
         pin = PINS.index(self.job.stream.receive_pin)
         self.stimulus = LineStimulus(pin, self.job.stream.baud)
-        self.chip = VirtualChip(self.image, self.job.clock, Options(), Fraction(0), self.stimulus)
+        self.chip = VirtualChip(self.image, self.job.clock, SimulatorOptions(), Fraction(0), self.stimulus)
         self.chip.watched = True
         self.chip.run(int(0.5 * self.chip.cycles_per_second))
 
@@ -110,7 +110,7 @@ class OnChip:
 
 def driven(
     robot: OnChip,
-    motion: Motion,
+    motion: AngleFunction,
     stop: Floats | None = None,
     arrive_s: float = 1.0,
     source: CommandSource | None = None,
@@ -121,9 +121,9 @@ def driven(
     time = robot.time()
     began = time.now()
     with SerialLink(robot.open, baud, time, 0.0) as line:
-        Session(controller, line, time, log.append, stop, source or NoCommands(), on_command, arrive_s).run(
-            motion
-        )
+        DriveSession(
+            controller, line, time, log.append, stop, source or NoCommands(), on_command, arrive_s
+        ).run(motion)
     time.sleep(0.1)
     return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from servogen.drive.commands import script
-from servogen.drive.controller import REFRESH_S, Channel, ServoController, controller_of
-from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
+from servogen.drive.controller import REFRESH_S, ControllerChannel, ServoController, controller_of
+from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
 from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
-from servogen.drive.session import Session, Summary
+from servogen.drive.session import DriveSession, Summary
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
@@ -45,13 +45,13 @@ class Sine:
 
 
 def driven(
-    job: PlannedJob, motion: Motion, robot: Robot, **more: object
+    job: PlannedJob, motion: AngleFunction, robot: Robot, **more: object
 ) -> tuple[Summary, list[dict[str, object]]]:
     log: list[dict[str, object]] = []
     baud, controller = controller_of(job, robot.baud, RANGE, 0)
     patience: float = more.pop("patience", 10.0)  # type: ignore[assignment]
     with SerialLink(robot.open, baud, robot.time(), patience) as line:
-        session = Session(controller, line, robot.time(), log.append, **more)  # type: ignore[arg-type]
+        session = DriveSession(controller, line, robot.time(), log.append, **more)  # type: ignore[arg-type]
         session.run(motion)
     assert robot.open_now == 0
     return session.summary, log
@@ -144,7 +144,7 @@ def test_a_port_that_stays_away_is_an_error_and_what_could_not_be_done_is_said()
     log: list[dict[str, object]] = []
     baud, controller = controller_of(job, 9600, RANGE, 0)
     line = SerialLink(robot.open, baud, robot.time(), 5.0)
-    session = Session(controller, line, robot.time(), log.append, pose_of(job, "s0=90"))
+    session = DriveSession(controller, line, robot.time(), log.append, pose_of(job, "s0=90"))
     with pytest.raises(ToolError, match="did not come back within 5 s: there is no such port"):
         session.run(Sine(1))
     assert not session.summary.stopped
@@ -165,7 +165,9 @@ def test_whatever_ends_a_drive_the_robot_is_stopped(error: type[BaseException]) 
     robot.after_wait = interrupt
     baud, controller = controller_of(job, 2400, RANGE, 0)
     with SerialLink(robot.open, baud, robot.time(), 5.0) as line:
-        session = Session(controller, line, robot.time(), lambda entry: None, pose_of(job, "s0=90,s1=45"))
+        session = DriveSession(
+            controller, line, robot.time(), lambda entry: None, pose_of(job, "s0=90,s1=45")
+        )
         with pytest.raises(error):
             session.run(Sine(2))
     assert session.summary.stopped
@@ -223,7 +225,7 @@ def test_positions_never_pass_a_servos_limits() -> None:
         )
     )
     servo = job.servos[0]
-    channel = Channel(servo, 0, WIDTHS)
+    channel = ControllerChannel(servo, 0, WIDTHS)
     least, most = servo.widths_us
     for degrees in np.linspace(1.3, 178.1, 997).tolist():
         width = channel.widths_us[channel.position(math.radians(degrees))]
@@ -250,7 +252,7 @@ def test_a_controller_that_cannot_be_is_refused(options: Mapping[str, object], s
 
 def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> None:
     job = servos(1)
-    channel = Channel(job.servos[0], 0, tuple(np.linspace(1200, 1800, 255).tolist()))
+    channel = ControllerChannel(job.servos[0], 0, tuple(np.linspace(1200, 1800, 255).tolist()))
     assert channel.widths_us[channel.position(math.pi / 2)] == pytest.approx(1500, abs=2)
     with pytest.raises(
         InputError, match="would need pulses of 1000 µs: the controller produces 1200 to 1800"
@@ -283,7 +285,7 @@ def test_a_pose_is_called_by_number_name_or_angles() -> None:
 
 
 def test_commands_are_sync_number_position() -> None:
-    controller = ServoController(tuple(Channel(servo, 5, WIDTHS) for servo in servos(1).servos))
+    controller = ServoController(tuple(ControllerChannel(servo, 5, WIDTHS) for servo in servos(1).servos))
     assert controller.command(0, 127) == b"\xff\x05\x7f"
 
 
@@ -292,9 +294,9 @@ def test_a_way_to_the_first_pose_longer_than_a_group_counts_is_refused_and_not_s
     controller = ServoController((), frame_s=0.01)
     time = VirtualTime().time()
     with SerialLink(lambda: nullcontext(NullWire()), 2400, time, 0.0) as line:
-        Session(controller, line, time, lambda entry: None, arrive_s=2.54)
+        DriveSession(controller, line, time, lambda entry: None, arrive_s=2.54)
         with pytest.raises(
             InputError, match=r"--arrive-s: 2\.55 s to the first pose are 255 frames"
         ) as found:
-            Session(controller, line, time, lambda entry: None, arrive_s=2.55)
+            DriveSession(controller, line, time, lambda entry: None, arrive_s=2.55)
     assert found.value.hint == "the stream engine counts up to 254 frames, 2.54 s"

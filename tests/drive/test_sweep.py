@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.drive.controller import Channel
+from servogen.drive.controller import ControllerChannel
 from servogen.drive.sweep import positions, refusals, servo_index
 from servogen.errors import InputError
 from servogen.job import load
@@ -17,28 +17,28 @@ from tests.bench.conftest import ROOT
 
 
 @pytest.fixture
-def channel() -> Channel:
+def channel() -> ControllerChannel:
     """201 positions, of which 50 and 150 are the limits, the others at even distances."""
     servo = load(ROOT / "jobs" / "lab8-exercise.toml").servos[0]
     servo = replace(servo, trim_us=0.0, reverse=False)
     low, high = servo.widths_us
     assert low < high
     step = (high - low) / 100
-    return Channel(servo, 0, tuple(low - 50 * step + each * step for each in range(201)))
+    return ControllerChannel(servo, 0, tuple(low - 50 * step + each * step for each in range(201)))
 
 
-def test_the_whole_range_ends_at_the_servos_limits(channel: Channel) -> None:
+def test_the_whole_range_ends_at_the_servos_limits(channel: ControllerChannel) -> None:
     """Positions 50 and 150 are exactly the limits."""
     assert positions(channel, None, None, 5) == (50, 75, 100, 125, 150)
 
 
-def test_a_range_of_widths_includes_both_ends(channel: Channel) -> None:
+def test_a_range_of_widths_includes_both_ends(channel: ControllerChannel) -> None:
     low, high = channel.widths_us[60], channel.widths_us[70]
     assert positions(channel, low, high, 11) == tuple(range(60, 71))
     assert positions(channel, low, high, 3) == (60, 65, 70)
 
 
-def test_a_range_between_positions_takes_those_inside(channel: Channel) -> None:
+def test_a_range_between_positions_takes_those_inside(channel: ControllerChannel) -> None:
     step = channel.widths_us[1] - channel.widths_us[0]
     low, high = channel.widths_us[60] + 0.25 * step, channel.widths_us[70] - 0.25 * step
     assert positions(channel, low, high, 9) == tuple(range(61, 70))
@@ -46,41 +46,41 @@ def test_a_range_between_positions_takes_those_inside(channel: Channel) -> None:
 
 @pytest.mark.parametrize(("below", "above"), [(0.01, 0.0), (0.0, 0.01)])
 def test_a_hundredth_of_a_microsecond_beyond_a_limit_is_refused(
-    channel: Channel, below: float, above: float
+    channel: ControllerChannel, below: float, above: float
 ) -> None:
     low, high = channel.servo.widths_us
     with pytest.raises(InputError, match="accepts 1000 to"):
         positions(channel, low - below, high + above, 5)
 
 
-def test_rounding_beyond_a_limit_is_not_refused(channel: Channel) -> None:
+def test_rounding_beyond_a_limit_is_not_refused(channel: ControllerChannel) -> None:
     low, high = channel.servo.widths_us
     most = positions(channel, low - 0.5 * channel.slack_us, high + 0.5 * channel.slack_us, 101)
     assert most == tuple(range(50, 151))
 
 
-def test_as_many_points_as_there_are_positions_and_no_more(channel: Channel) -> None:
+def test_as_many_points_as_there_are_positions_and_no_more(channel: ControllerChannel) -> None:
     low, high = channel.widths_us[60], channel.widths_us[64]
     assert positions(channel, low, high, 5) == (60, 61, 62, 63, 64)
     with pytest.raises(InputError, match="produces 5 widths there"):
         positions(channel, low, high, 6)
 
 
-def test_three_points_are_the_fewest(channel: Channel) -> None:
+def test_three_points_are_the_fewest(channel: ControllerChannel) -> None:
     assert len(positions(channel, None, None, 3)) == 3
     with pytest.raises(InputError, match="3 points or more"):
         positions(channel, None, None, 2)
     assert math.isclose(channel.widths_us[50], channel.servo.widths_us[0])
 
 
-def test_a_width_exactly_the_slack_beyond_an_end_still_counts(channel: Channel) -> None:
+def test_a_width_exactly_the_slack_beyond_an_end_still_counts(channel: ControllerChannel) -> None:
     widths, slack = channel.widths_us, channel.slack_us
     low, high = widths[60], widths[70]
     near = replace(channel, widths_us=(*widths[:59], low - slack, *widths[60:71], high + slack, *widths[72:]))
     assert positions(near, low, high, 13) == tuple(range(59, 72))
 
 
-def test_a_range_exactly_the_slack_beyond_the_limits_is_allowed(channel: Channel) -> None:
+def test_a_range_exactly_the_slack_beyond_the_limits_is_allowed(channel: ControllerChannel) -> None:
     low, high = channel.servo.widths_us
     assert len(positions(channel, low - channel.slack_us, high + channel.slack_us, 3)) == 3
 

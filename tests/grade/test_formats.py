@@ -23,7 +23,7 @@ import pytest
 import yaml
 
 from servogen.grade import Check, load_lab, refused
-from servogen.grade.formats import Entry, csv_text, gradescope_json, junit_xml
+from servogen.grade.formats import GradedProgram, csv_text, gradescope_json, junit_xml
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parents[2]
@@ -324,13 +324,13 @@ def test_a_submission_without_one_program_gets_no_points_and_the_reason(
     assert reported({"A_RESULTS": encoded}, "a") == (0, 10, "fail")
 
 
-EVIL = Entry(
+EVIL = GradedProgram(
     "=cmd|'/c calc'!A1/\x1b[31m\udcff<&\".c", refused("lab8-exercise", "@SUM(1)\n]]>\x00\ufffe</failure>")
 )
 
 
 def test_the_headline_of_a_reason_never_ends_with_its_colon() -> None:
-    entry = Entry(
+    entry = GradedProgram(
         "a.c", refused("lab8-exercise", "it cannot be run:\na.c:2:27: error: syntax error\n  the line")
     )
     (suite,) = junitparser.JUnitXml.fromstring(junit_xml(LAB8, [entry]).encode())
@@ -349,6 +349,8 @@ def test_names_and_reasons_of_strangers_stay_text() -> None:
 
 
 def test_a_defect_of_servogen_is_an_error_not_a_failure_of_the_student() -> None:
-    text = junit_xml(LAB8, [Entry("a.c", refused("lab8-exercise", "servogen failed on it"), "it failed")])
+    text = junit_xml(
+        LAB8, [GradedProgram("a.c", refused("lab8-exercise", "servogen failed on it"), "it failed")]
+    )
     (suite,) = junitparser.JUnitXml.fromstring(text.encode())
     assert (suite.errors, suite.failures, suite.skipped) == (1, 0, 7)

@@ -10,10 +10,10 @@ import pytest
 
 from servogen import isolation
 from servogen.build import grading
-from servogen.build.grading import Graded, Task, grade_in_fresh_process, grade_submissions
+from servogen.build.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 from servogen.errors import InputError, ToolError
 from servogen.grade import Submission, load_lab
-from servogen.isolation import Limits
+from servogen.isolation import WorkLimits
 from servogen.programs import Program, read_submission
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
@@ -86,8 +86,8 @@ def read(submission: Submission) -> Program:
     return read_submission(submission)
 
 
-def task(read: grading.Read = read) -> Task:
-    return Task(load_lab("lab8-exercise"), read, Limits(seconds=1, memory_mb=200, elapsed_s=60))
+def task(read: grading.Read = read) -> GradingTask:
+    return GradingTask(load_lab("lab8-exercise"), read, WorkLimits(seconds=1, memory_mb=200, elapsed_s=60))
 
 
 def submissions(folder: Path, names: Sequence[str]) -> list[Submission]:
@@ -127,7 +127,7 @@ def test_a_message_is_cut_to_a_page(tmp_path: Path) -> None:
 
 
 def test_running_a_program_has_a_limit_of_its_own(tmp_path: Path) -> None:
-    short = Task(load_lab("lab8-exercise"), read, Limits(), Limits(seconds=0.001))
+    short = GradingTask(load_lab("lab8-exercise"), read, WorkLimits(), WorkLimits(seconds=0.001))
     (graded,) = grade_submissions(submissions(tmp_path, ["right.c"]), short)
     assert graded.grade.reasons == ("running it for 100 s of the chip's time took more than 0.001 s",)
     assert not graded.defect
@@ -188,7 +188,7 @@ def test_a_fresh_process_that_is_killed_costs_no_other_its_grade(tmp_path: Path)
 
 def test_a_fresh_process_that_hangs_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(grading, "STARTING_S", 0.0)
-    hasty = Task(load_lab("lab8-exercise"), read, Limits(seconds=0.05), Limits(seconds=0.05))
+    hasty = GradingTask(load_lab("lab8-exercise"), read, WorkLimits(seconds=0.05), WorkLimits(seconds=0.05))
     (graded,) = grade_in_fresh_process(submissions(tmp_path, ["spin.c"]), hasty)
     assert graded.grade.reasons == ("compiling and running it took more than 0.1 s",)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.grading import Task, grade_submissions
+from servogen.build.grading import GradingTask, grade_submissions
 from servogen.grade import Grade, Submission, load_lab
 from servogen.grade.checks import order, order_faults
 from servogen.grade.watch import Commanded, Visit
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 def graded(lab: str, file: Path) -> Grade:
     submission = Submission(file.name, file, file.parent)
-    (done,) = grade_submissions([submission], Task(load_lab(lab), read_submission))
+    (done,) = grade_submissions([submission], GradingTask(load_lab(lab), read_submission))
     assert not done.defect
     return done.grade
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.grading import Task, grade_submissions
+from servogen.build.grading import GradingTask, grade_submissions
 from servogen.cli.grade_commands import IMAGES, SOURCES
 from servogen.errors import InputError
 from servogen.grade import Submissions, find_submissions, load_lab, submissions
-from servogen.isolation import Limits
+from servogen.isolation import WorkLimits
 from servogen.programs import read_submission
 
 PROGRAMS = Path(__file__).parent / "programs"
@@ -31,7 +31,7 @@ def names(found: Submissions) -> list[str]:
 
 def reasons(*given: Path, level: int = 1) -> dict[str, str]:
     """Name of each program -> why it did not pass; empty where it did."""
-    task = Task(load_lab("lab8-exercise"), read_submission, Limits(seconds=5, elapsed_s=100))
+    task = GradingTask(load_lab("lab8-exercise"), read_submission, WorkLimits(seconds=5, elapsed_s=100))
     graded = grade_submissions(find(*given, level=level).submissions, task)
     assert not any(each.defect for each in graded)
     return {each.submission.name: "\n".join(each.grade.reasons) for each in graded}

@@ -11,7 +11,7 @@ from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import BLOCK, fk, fk_position, link_frames, row_axes
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import frame_matrix, is_rotation, rotation
-from servogen.robot.model import Frame
+from servogen.robot.model import FixedFrame
 
 
 def test_every_arm_is_the_product_of_its_rows(any_arm, configurations, product_of_rows) -> None:
@@ -24,7 +24,7 @@ def test_every_arm_is_the_product_of_its_rows(any_arm, configurations, product_o
 
 
 def test_base_and_tool_stand_before_and_behind_the_rows(any_arm, configurations, product_of_rows) -> None:
-    base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
+    base, tool = FixedFrame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), FixedFrame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
     moved = replace(any_arm, base=base, tool=tool)
     q = configurations(any_arm, 20)
     np.testing.assert_allclose(fk(moved, q), product_of_rows(moved, q), atol=1e-14)

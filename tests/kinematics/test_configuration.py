@@ -10,7 +10,7 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.inverse.configuration import configuration_of, has_roll, ik_of_configuration
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.robot.model import Frame
+from servogen.robot.model import FixedFrame
 
 WITH_ROLL = ("cylindrical", "spherical-wrist", "scara", "wrist-arm", "rv-m1", "irb6400c")
 
@@ -73,8 +73,8 @@ def test_an_arm_whose_last_joint_does_not_roll_the_tool_has_no_vector(name: str)
 
 
 def test_a_tool_beside_the_axis_is_not_rolled() -> None:
-    assert not has_roll(replace(arm("scara"), tool=Frame(x=0.02)))
-    assert has_roll(replace(arm("scara"), tool=Frame(z=0.02)))
+    assert not has_roll(replace(arm("scara"), tool=FixedFrame(x=0.02)))
+    assert has_roll(replace(arm("scara"), tool=FixedFrame(z=0.02)))
 
 
 def test_a_roll_beyond_the_limits_a_vector_without_approach_and_a_far_point_are_refused() -> None:

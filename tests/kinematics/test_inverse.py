@@ -12,12 +12,12 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, Target, spherical
+from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, TargetComponents, spherical
 from servogen.kinematics.inverse.solve import ik, ik_all, nearest_point, solve
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
-from servogen.robot.model import Arm, Frame
+from servogen.robot.model import Arm, FixedFrame
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots.md"
 
@@ -85,7 +85,7 @@ def test_no_singular_pose_is_lost(any_arm, configurations, product_of_rows) -> N
 
 
 def test_no_singular_pose_is_lost_with_a_base_and_a_tool(any_arm, product_of_rows) -> None:
-    base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
+    base, tool = FixedFrame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), FixedFrame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
     moved = replace(any_arm, base=base, tool=tool)
     pose = product_of_rows(moved, singular(moved, 300))
     solutions = solve(moved, pose[:, :3, 3], pose[:, :3, :3]).q
@@ -200,7 +200,7 @@ def test_with_other_home_values_too(closed_arm, configurations) -> None:
 
 
 def test_a_base_and_a_tool_are_taken_off_first(closed_arm, configurations) -> None:
-    base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
+    base, tool = FixedFrame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), FixedFrame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
     check_all(replace(closed_arm, base=base, tool=tool), configurations(closed_arm, 500), oriented=True)
 
 
@@ -421,7 +421,7 @@ def test_an_arm_without_a_closed_form_is_solved_numerically(configurations) -> N
 
 
 def test_a_tool_beside_the_axis_needs_the_numerical_method_when_no_orientation_is_given() -> None:
-    robot = arm("anthropomorphic").with_tool(Frame(x=0.02, y=0.03))
+    robot = arm("anthropomorphic").with_tool(FixedFrame(x=0.02, y=0.03))
     target = fk_position(robot, [0.3, 0.4, 0.5])
     for q in ik_all(robot, target):
         assert fk_position(robot, q) == pytest.approx(target, abs=1e-7)
@@ -458,7 +458,7 @@ def test_targets_that_are_no_points_are_refused() -> None:
 def test_all_four_branches_of_the_spherical_arm_lead_to_the_point() -> None:
     """p = q3 (c1 s2, s1 s2, c2), also where q3 is negative, which the joint limits of most arms exclude."""
     points = np.array([[0.3, 0.4, 0.5], [-0.2, 0.1, 0.6], [0.1, -0.7, -0.2]]).T
-    branches = spherical(arm("spherical"), Target((points[0], points[1], points[2])))
+    branches = spherical(arm("spherical"), TargetComponents((points[0], points[1], points[2])))
     assert len(branches) == 4
     for one, two, three in branches:
         reached = three * np.array([np.cos(one) * np.sin(two), np.sin(one) * np.sin(two), np.cos(two)])

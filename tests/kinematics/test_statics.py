@@ -8,7 +8,7 @@ import pytest
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.statics import GRAVITY, foot_forces, gravity_torques, has_masses
-from servogen.robot.model import Arm, Frame
+from servogen.robot.model import Arm, FixedFrame
 
 
 def with_masses(name: str) -> Arm:
@@ -57,7 +57,7 @@ def test_the_torques_are_the_slope_of_the_potential_energy(name: str) -> None:
         total = robot.payload * fk_position(robot, q)[2]
         for index, joint in enumerate(robot.joints):
             last = [row.joint for row in robot.rows].index(index)
-            link = replace(robot, rows=robot.rows[: last + 1], tool=Frame(*joint.centre))
+            link = replace(robot, rows=robot.rows[: last + 1], tool=FixedFrame(*joint.centre))
             total += joint.mass * fk_position(link, q)[2]
         return float(GRAVITY * total)
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from servogen.edges import HIGH, LOW
-from servogen.simulator.sources import Button, Change, Levels, Reset, Serial
+from servogen.simulator.sources import BouncingButton, LevelChange, Levels, Reset, Serial
 from servogen.units import Clock
 from tests.lab_bench import (
     MS,
@@ -53,7 +53,7 @@ def test_the_digit_counts_from_0_to_9_and_again() -> None:
 def test_each_press_toggles_the_light_once_however_it_bounces() -> None:
     presses = [(100, 300), (500, 620), (900, 1400), (1600, 1800), (2000, 2200)]
     buttons = [
-        Button(pressed("RA0"), down * MS, up * MS, bounces=7, bounce=8 * MS, seed=n)
+        BouncingButton(pressed("RA0"), down * MS, up * MS, bounces=7, bounce=8 * MS, seed=n)
         for n, (down, up) in enumerate(presses)
     ]
     light = lab("button.c", int(2.5 * SECOND), Together(buttons)).edges("RB0")
@@ -157,10 +157,10 @@ def test_the_stepper_makes_half_steps_there_and_back() -> None:
 class Together:
     """Several presses of one button: each rests at the released level from the one before."""
 
-    def __init__(self, buttons: list[Button]) -> None:
+    def __init__(self, buttons: list[BouncingButton]) -> None:
         self.buttons = buttons
 
     def changes(self, clock: Clock):  # type: ignore[no-untyped-def]
-        yield Change(0, self.buttons[0].pin, 1)
+        yield LevelChange(0, self.buttons[0].pin, 1)
         for each in self.buttons:
             yield from (change for change in each.changes(clock) if change.cycle)

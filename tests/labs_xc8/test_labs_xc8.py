@@ -4,7 +4,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from servogen.edges import HIGH, LOW
-from servogen.simulator.sources import Button, Levels, Reset
+from servogen.simulator.sources import BouncingButton, Levels, Reset
 from tests.lab_bench import MS, PORT_A, PORT_B, SECOND, SEGMENTS, Display, Pins, pressed, run, serial_bytes
 
 HERE = Path(__file__).parent
@@ -40,7 +40,7 @@ def test_two_digits_count_to_59() -> None:
 
 
 def test_a_bouncing_button_counts_once_a_press() -> None:
-    button = Button(pressed("RB0"), 100 * MS, 300 * MS, bounces=9, bounce=10 * MS)
+    button = BouncingButton(pressed("RB0"), 100 * MS, 300 * MS, bounces=9, bounce=10 * MS)
     light = lab("button.c", 500 * MS, button).edges("RB7")
     assert [level for _, level in light] == [LOW, HIGH]
     assert 100 * MS < light[1][0] < 130 * MS

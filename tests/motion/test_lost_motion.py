@@ -22,7 +22,7 @@ from servogen.motion.gait.phases import gait
 from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
-from servogen.motion.limits import Limits
+from servogen.motion.limits import JointLimits
 from servogen.robot.servo_models import servo_model
 from servogen.units import Clock, Cycles
 from tests.motion.robots import hexapod_with_limits
@@ -54,7 +54,7 @@ def walked(
         Cycles(20_000),
         Clock(4_000_000),
         frames_per_cycle=frames,
-        limits=Limits(),
+        limits=JointLimits(),
         lost=lost,
     )
 

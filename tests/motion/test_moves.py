@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.motion import Motion, Planned, Pose, bound, trajectory
+from servogen.motion import Motion, PlannedPoses, Pose, bound, trajectory
 from servogen.motion.follow import Followed, trace
 from servogen.motion.laws import NAMES, law
-from servogen.motion.limits import Limits, stretch
-from servogen.motion.paths import Line
+from servogen.motion.limits import JointLimits, stretch
+from servogen.motion.paths import StraightLine
 from servogen.robot.binding import Binding
 from servogen.units import Clock, Cycles
 
 CLOCK, PERIOD, FRAME_S = Clock(4_000_000), Cycles(20_000), 0.02
-LIMITS = (Limits(2.0, 30.0), Limits(3.0, 20.0))
+LIMITS = (JointLimits(2.0, 30.0), JointLimits(3.0, 20.0))
 HOLD = Fraction(1, 50)
 
 
-def planned(*poses: Pose, repeat: bool = True) -> Planned:
+def planned(*poses: Pose, repeat: bool = True) -> PlannedPoses:
     return trajectory(Motion(("a", "b"), poses, repeat, limits=LIMITS), PERIOD, CLOCK)
 
 
-def around(made: Planned) -> np.ndarray:
+def around(made: PlannedPoses) -> np.ndarray:
     angles = made.trajectory.angles
     return np.concatenate((angles, angles[:4]))
 
@@ -45,7 +45,7 @@ def test_a_move_without_a_time_is_as_fast_as_the_limits_allow(name: str) -> None
         Pose((0.0, 0.0), hold_s=HOLD), Pose((1.0, 2.0), move_s=None, hold_s=HOLD, law=name), repeat=False
     )
     angles = made.trajectory.angles
-    limits = LIMITS if name != "linear" else [Limits(each.speed) for each in LIMITS]
+    limits = LIMITS if name != "linear" else [JointLimits(each.speed) for each in LIMITS]
     assert stretch(angles, FRAME_S, limits) <= 1 + 1e-9
     # Two frames fewer would break a limit: the continuous law is rounded up to whole frames.
     quicker = np.concatenate(([0.0], law(name).share(np.arange(1, len(angles) - 4) / (len(angles) - 5))))
@@ -116,7 +116,7 @@ def test_passed_poses_all_have_a_time_or_none_has() -> None:
 
 def test_a_path_says_its_chord_error_and_keeps_the_limits() -> None:
     # The joints are the polar coordinates of the point.
-    line = Line((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    line = StraightLine((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
     def forward(angles: np.ndarray) -> np.ndarray:
         r, turn = angles.T
@@ -149,7 +149,7 @@ def test_a_move_that_nothing_limits_is_refused_at_its_pose() -> None:
     motion = Motion(
         ("a",),
         (Pose((0.0,), hold_s=HOLD), Pose((1.0,), move_s=None)),
-        limits=(Limits(),),
+        limits=(JointLimits(),),
     )
     with pytest.raises(InputError, match="the speed of this move is not known"):
         trajectory(motion, PERIOD, CLOCK)

@@ -20,7 +20,7 @@ from servogen.kinematics.omni import (
     translation,
 )
 from servogen.kinematics.protocol import Routine
-from servogen.motion.drive import Drive, drive, positions
+from servogen.motion.drive import PlannedDrive, drive, positions
 from servogen.units import Clock, Cycles
 
 BASE = OmniBase("robotino", "", 0.040, 0.135, 16.0, 2048)
@@ -33,12 +33,12 @@ SIX = {0: (1, -1, 0), 60: (0, -1, 1), 120: (-1, 0, 1), 180: (-1, 1, 0), 240: (0,
 WHEELS = ("one", "two", "three")
 
 
-def driven(parts: tuple[Translation, ...], speed: float = 0.1, **options: object) -> Drive:
+def driven(parts: tuple[Translation, ...], speed: float = 0.1, **options: object) -> PlannedDrive:
     stretches = [as_stretch(BASE, part) for part in parts]
     return drive(stretches, speed, PERIOD, CLOCK, wheels=WHEELS, **options)  # type: ignore[arg-type]
 
 
-def end(made: Drive) -> np.ndarray:
+def end(made: PlannedDrive) -> np.ndarray:
     return positions(BASE, made.trajectory.angles, 0.02)[-1]
 
 
@@ -217,7 +217,7 @@ BEGINS = {"small-circle": ODD, "large-circle": ODD} | {
 RADIUS = {"small-circle": 1, "medium-circle": 2, "large-circle": 4}
 
 
-def named(name: str, **values: float) -> Drive:
+def named(name: str, **values: float) -> PlannedDrive:
     return drive(BASE.routine(Routine(name, **values)), 0.1, PERIOD, CLOCK, wheels=WHEELS)
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.motion.follow import ChangesBranch, Inverse, LeavesReach, trace
-from servogen.motion.limits import Limits
+from servogen.motion.limits import JointLimits
 from servogen.motion.moves import fastest_spline, spline
-from servogen.motion.paths import Line, Path, arc
+from servogen.motion.paths import SpatialPath, StraightLine, arc
 
 SHARES = np.linspace(0, 1, 101)
 coordinate = st.floats(-1, 1)
@@ -19,15 +19,15 @@ point = st.tuples(coordinate, coordinate, coordinate)
 
 
 def test_a_line_is_straight_and_as_long_as_its_ends_are_apart() -> None:
-    line = Line((0.0, 0.0, 0.0), (3.0, 4.0, 0.0))
+    line = StraightLine((0.0, 0.0, 0.0), (3.0, 4.0, 0.0))
     assert line.length == 5
     assert line.point([0.0, 0.5, 1.0]).tolist() == [[0, 0, 0], [1.5, 2, 0], [3, 4, 0]]
 
 
 def test_the_distance_from_a_line_is_to_its_nearest_point() -> None:
-    line = Line((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    line = StraightLine((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     assert line.distance(np.array([[1.0, 3, 0], [-3, 4, 0], [5, 0, 4]])).tolist() == [3, 5, 5]
-    dot = Line((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    dot = StraightLine((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert dot.distance(np.array([[1.0, 2, 0]])).tolist() == [2]
 
 
@@ -90,7 +90,7 @@ def solved(points: np.ndarray) -> np.ndarray:
     return np.stack([first, np.stack([bend, -bend], axis=1)], axis=2)
 
 
-def inverse_of(path: Path, most_bend: float = np.pi, counted: list[int] | None = None) -> Inverse:
+def inverse_of(path: SpatialPath, most_bend: float = np.pi, counted: list[int] | None = None) -> Inverse:
     """The arm's inverse along a path; its elbow bends to the left by `most_bend` at most."""
 
     def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -107,7 +107,7 @@ def degrees_of(angles: np.ndarray) -> str:
     return " ".join(f"{angle:.2f}" for angle in np.degrees(angles))
 
 
-LINE = Line((0.9, 0.0, 0.0), (0.3, 0.5, 0.0))
+LINE = StraightLine((0.9, 0.0, 0.0), (0.3, 0.5, 0.0))
 
 
 @pytest.mark.parametrize("elbow", [0, 1])
@@ -123,7 +123,7 @@ def test_a_traced_path_stays_on_its_branch(elbow: int) -> None:
 def test_two_frames_end_on_the_same_branch_as_a_thousand() -> None:
     # Past the base at 10 mm the first joint turns by half a turn: seen from the start, the end of the other
     # branch is nearer, so choosing the nearest from frame to frame would change to it.
-    passing = Line((0.8, -0.01, 0.0), (-0.8, -0.01, 0.0))
+    passing = StraightLine((0.8, -0.01, 0.0), (-0.8, -0.01, 0.0))
     start = solved(passing.point([0.0]))[0, 0]
     end = solved(passing.point([1.0]))[0]
     assert np.argmin(np.abs(end - start).max(axis=1)) == 1
@@ -144,14 +144,14 @@ def test_near_the_stretched_arm_the_branch_is_kept(straight_deg: float) -> None:
 
 
 def test_a_path_that_touches_the_end_of_the_reach_is_followed() -> None:
-    touching = Line((1.0, -0.0, 0.0), (0.2, 0.0, 0.0))
+    touching = StraightLine((1.0, -0.0, 0.0), (0.2, 0.0, 0.0))
     branch = trace(touching, inverse_of(touching), (0.0, 0.0), degrees_of)
     assert forward(branch.at(SHARES)) == pytest.approx(touching.point(SHARES), abs=1e-7)
 
 
 def test_a_path_that_would_change_the_branch_is_refused_with_its_place_and_both_branches() -> None:
     # The left elbow bends by 100° at most: |p|² = 0.5 + 0.5 cos 100°, where the line along y = 0 stops.
-    along = Line((0.9, 0.0, 0.0), (0.1, 0.0, 0.0))
+    along = StraightLine((0.9, 0.0, 0.0), (0.1, 0.0, 0.0))
     start = solved(along.point([0.0]))[0, 0]
     x = math.sqrt(0.5 + 0.5 * math.cos(math.radians(100)))
     counted: list[int] = []
@@ -195,7 +195,7 @@ def test_the_stated_chord_error_is_the_worst_there_is() -> None:
 
 
 def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
-    beyond = Line((0.5, 0.0, 0.0), (1.5, 0.0, 0.0))
+    beyond = StraightLine((0.5, 0.0, 0.0), (1.5, 0.0, 0.0))
     start = solved(beyond.point([0.0]))[0, 0]
     with pytest.raises(LeavesReach, match=r"leaves the reachable space at \(1000\.000, 0\.000, 0\.000\) mm"):
         trace(beyond, inverse_of(beyond), start, degrees_of)
@@ -209,7 +209,7 @@ def test_joints_that_go_to_and_fro_without_end_are_given_up_after_so_many_sample
         return np.stack([shares, 5 * np.sin(1e5 * shares)], axis=1)[:, None]
 
     with pytest.raises(InputError, match="too steeply there for 16384 samples"):
-        trace(Line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), inverse, (0.0, 0.0), degrees_of)
+        trace(StraightLine((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), inverse, (0.0, 0.0), degrees_of)
     assert sum(counted) <= 16384 + 64
 
 
@@ -250,7 +250,7 @@ def test_the_peaks_of_a_spline_are_its_greatest_values() -> None:
 @pytest.mark.parametrize("acceleration", [0.5, 5.0, math.inf])
 def test_the_fastest_spline_keeps_its_limits_and_touches_one(closed: bool, acceleration: float) -> None:
     points = np.vstack([VIA, VIA[:1]]) if closed else VIA
-    limits = [Limits(2.0, acceleration), Limits(1.0, 2 * acceleration)]
+    limits = [JointLimits(2.0, acceleration), JointLimits(1.0, 2 * acceleration)]
     speed, peak = fastest_spline(points, limits, closed).peaks()
     used = [*(speed / [2.0, 1.0]), *(peak / [acceleration, 2 * acceleration])]
     assert max(used) == pytest.approx(1)
@@ -259,12 +259,12 @@ def test_the_fastest_spline_keeps_its_limits_and_touches_one(closed: bool, accel
 @pytest.mark.parametrize(
     ("points", "limits", "says"),
     [
-        ([[0.0], [1.0]], Limits(), "need a speed limit"),
-        ([[0.0], [0.0], [1.0]], Limits(1.0), "the same"),
+        ([[0.0], [1.0]], JointLimits(), "need a speed limit"),
+        ([[0.0], [0.0], [1.0]], JointLimits(1.0), "the same"),
     ],
 )
 def test_splines_that_have_no_fastest_are_refused(
-    points: list[list[float]], limits: Limits, says: str
+    points: list[list[float]], limits: JointLimits, says: str
 ) -> None:
     with pytest.raises(InputError, match=says):
         fastest_spline(points, [limits])

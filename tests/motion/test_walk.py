@@ -14,13 +14,13 @@ from servogen.kinematics.transforms import to_body, to_leg
 from servogen.motion.gait.phases import NAMES, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
-from servogen.motion.limits import Limits, stretch
+from servogen.motion.limits import JointLimits, stretch
 from servogen.robot.model import Mount
 from servogen.units import Clock, Cycles
 from tests.motion.robots import hexapod
 
 CLOCK, PERIOD, FRAME_S = Clock(4_000_000), Cycles(20_000), 0.02
-SERVO = Limits(speed=math.radians(750), acceleration=300.0)
+SERVO = JointLimits(speed=math.radians(750), acceleration=300.0)
 FOREVER = Segment(forward=0.04)
 SEGMENTS = {
     "forward": Segment(forward=0.04, cycles=2),

@@ -10,12 +10,12 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Budget, Hand, Manipulator, Run, manipulator, parse, run
+from servogen.movemaster import Budget, Hand, Manipulator, ProgramRun, manipulator, parse, run
 from servogen.robot.model import Arm
 from servogen.units import Clock, Cycles
 
 
-def _ran(text: str, **options: Any) -> Run:
+def _ran(text: str, **options: Any) -> ProgramRun:
     speeds = tuple(math.radians(speed) for speed in (120, 72, 109, 100, 163))
     robot = options.pop("robot", None) or manipulator(arm("rv-m1"), speeds)
     hand = Hand("hand", math.radians(30), math.radians(90), math.radians(300))
@@ -38,7 +38,7 @@ def full_turns(found: Arm, degrees: float = 180) -> Manipulator:
 
 
 @pytest.fixture
-def ran() -> Callable[..., Run]:
+def ran() -> Callable[..., ProgramRun]:
     """The run of a program, stopped soon if it does not end."""
     return _ran
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Budget, Run, manipulator, parse, run
-from servogen.movemaster.language import COMMANDS, Command, Kind, Parameter, Where
+from servogen.movemaster import Budget, ProgramRun, manipulator, parse, run
+from servogen.movemaster.language import COMMANDS, ArgumentKind, Command, Parameter, Where
 from servogen.units import Clock, Cycles
 
 SETUP = (
@@ -20,11 +20,11 @@ ROBOT = manipulator(arm("rv-m1"))
 
 
 def _argument(parameter: Parameter) -> st.SearchStrategy[str]:
-    if parameter.kind is Kind.HAND:
+    if parameter.kind is ArgumentKind.HAND:
         return st.sampled_from(["O", "C"])
-    if parameter.kind is Kind.BIT:
+    if parameter.kind is ArgumentKind.BIT:
         return st.sampled_from(["+0", "-0", "+3", "-7"])
-    if parameter.kind is Kind.DECIMAL:
+    if parameter.kind is ArgumentKind.DECIMAL:
         return st.integers(-40 if parameter.low < 0 else 0, 40).map(str)
     if parameter.high == 2048:
         return st.integers(1, 8).map(lambda line: str(10 * line))
@@ -40,7 +40,7 @@ _IN_PROGRAM = [command for command in COMMANDS.values() if command.where is not 
 _PROGRAM = st.lists(st.sampled_from(_IN_PROGRAM).flatmap(_line), min_size=8, max_size=8)
 
 
-def _run(lines: list[str], repeat: bool) -> Run:
+def _run(lines: list[str], repeat: bool) -> ProgramRun:
     text = SETUP + "".join(f"{10 * index} {line}\n" for index, line in enumerate(lines, 1))
     budget = Budget(200, Fraction(60))
     return run(parse(text, "a.rvm"), ROBOT, Cycles(20_000), Clock(4_000_000), repeat=repeat, budget=budget)

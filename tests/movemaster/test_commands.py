@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Run
+from servogen.movemaster import ProgramRun
 from servogen.movemaster import arm as movemaster_arm
 from tests.movemaster.conftest import full_turns
 
-Ran = Callable[..., Run]
+Ran = Callable[..., ProgramRun]
 Refused = Callable[..., str]
 
 CASES = Path(__file__).with_name("programs")
@@ -36,11 +36,11 @@ def pose(q: np.ndarray, tool_mm: float = 0.0) -> tuple[float, ...]:
     return out * cos(q1), out * sin(q1), up, degrees(lean) - 90, degrees(q5)
 
 
-def end(run: Run) -> np.ndarray:
+def end(run: ProgramRun) -> np.ndarray:
     return run.trajectory.angles[-1]
 
 
-def hand_deg(run: Run) -> float:
+def hand_deg(run: ProgramRun) -> float:
     return round(degrees(run.trajectory.angles[-1, -1]), 6)
 
 
@@ -114,7 +114,7 @@ def test_ms_follows_the_straight_line(ran: Ran) -> None:
 P_FAR = "PD 1, 250, 300, 350, -60, 20\nPD 2, -250, 300, 350, -60, 20\n"
 
 
-def off_the_line_mm(run: Run, number: int) -> float:
+def off_the_line_mm(run: ProgramRun, number: int) -> float:
     """How far the tool is at most from the line between P_FAR's positions in step `number`."""
     step = run.steps[number]
     tools = [pose(row)[1:3] for row in run.trajectory.angles[step.frame : step.frame + step.frames]]

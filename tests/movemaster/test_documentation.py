@@ -6,7 +6,7 @@ from math import degrees
 from pathlib import Path
 
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Run, parse
+from servogen.movemaster import ProgramRun, parse
 from servogen.movemaster.language import COMMANDS, Where
 
 TEXT = (Path(__file__).parents[2] / "docs" / "movemaster.md").read_text("utf-8")
@@ -20,7 +20,7 @@ def test_the_documented_commands_are_the_language_s() -> None:
     ]
 
 
-def test_the_documented_program_runs(ran: Callable[..., Run]) -> None:
+def test_the_documented_program_runs(ran: Callable[..., ProgramRun]) -> None:
     program = TEXT.split("```")[1]
     assert [each.number for each in parse(program, "doc.rvm").statements][:4] == [None, None, None, 10]
     assert not ran(program.strip()).warnings

@@ -6,13 +6,13 @@ from fractions import Fraction
 import pytest
 
 from servogen.errors import InputError
-from servogen.movemaster import Budget, Input, Run, input_of
+from servogen.movemaster import Budget, PortInput, ProgramRun, input_of
 
-Ran = Callable[..., Run]
+Ran = Callable[..., ProgramRun]
 Refused = Callable[..., str]
 
 
-def counters(run: Run) -> dict[int, int]:
+def counters(run: ProgramRun) -> dict[int, int]:
     return {number: value for number, value in run.counters.items() if value}
 
 
@@ -280,7 +280,7 @@ def test_a_pallet_needs_its_four_corners(refused: Refused) -> None:
 
 # Ports ---------------------------------------------------------------------------------------------------
 
-INPUTS = (Input(Fraction(1), 3), Input(Fraction(2), 9))
+INPUTS = (PortInput(Fraction(1), 3), PortInput(Fraction(2), 9))
 
 
 def read_as(ran: Ran, text: str) -> list[int]:
@@ -324,7 +324,7 @@ def test_outputs_are_recorded_with_their_frames(ran: Ran) -> None:
     ("text", "at", "value"), [("1.5=3", "3/2", 3), ("0=&1F", "0", 31), (" .5 = 255 ", "1/2", 255)]
 )
 def test_an_input_is_written_as_seconds_and_value(text: str, at: str, value: int) -> None:
-    assert input_of(text) == Input(Fraction(at), value)
+    assert input_of(text) == PortInput(Fraction(at), value)
 
 
 @pytest.mark.parametrize("text", ["", "3", "1=256", "1=&100", "-1=3", "1=x"])

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.movemaster.language import COMMANDS, NOT_HERE
-from servogen.movemaster.parser import Bit, Statement, Value, parse, read
+from servogen.movemaster.parser import Bit, ProgramLine, Value, parse, read
 
 
-def only(text: str) -> Statement:
+def only(text: str) -> ProgramLine:
     (statement,) = parse(text, "a.rvm").statements
     return statement
 

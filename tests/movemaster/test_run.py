@@ -10,10 +10,10 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Input, Run, input_of, manipulator
+from servogen.movemaster import PortInput, ProgramRun, input_of, manipulator
 from tests.movemaster.conftest import full_turns
 
-Ran = Callable[..., Run]
+Ran = Callable[..., ProgramRun]
 Refused = Callable[..., str]
 
 PICK = (
@@ -195,7 +195,7 @@ def test_pitch_and_roll_are_those_of_the_specification(q: tuple[float, ...]) -> 
 
 
 def test_an_input_between_two_frames_counts_from_the_next_one(ran: Ran) -> None:
-    (step,) = ran("10 IN", inputs=(Input(input_of("0.301=1").at_s, 1),)).steps
+    (step,) = ran("10 IN", inputs=(PortInput(input_of("0.301=1").at_s, 1),)).steps
     assert step.frame + step.frames == 16
 
 

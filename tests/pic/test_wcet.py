@@ -6,7 +6,7 @@ import pytest
 
 from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.listing import ListedFunction
-from servogen.pic.wcet import Program, Times
+from servogen.pic.wcet import TimedProgram, Times
 from servogen.simulator import Machine
 from servogen.units import Clock
 
@@ -25,7 +25,7 @@ def most(text: str, start: str = "start", end: str = "done", without: str | None
     ends = [*starts[1:], max(made.image.program) + 1]
     names = {at: name for name, at in labels.items()}
     functions = [ListedFunction(names[a], a, b) for a, b in zip(starts, ends, strict=True)]
-    return Program(made.image.program, functions).longest(
+    return TimedProgram(made.image.program, functions).longest(
         labels[start],
         {labels[end]},
         {labels[without]} if without else (),
@@ -100,7 +100,7 @@ def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_
     labels, words = dict(made.labels), made.image.program
     main = ListedFunction("main", labels["main"], labels["f_wait"])
     wait = ListedFunction("f_wait", labels["f_wait"], max(words) + 1)
-    program = Program(words, [main, wait])
+    program = TimedProgram(words, [main, wait])
     assert program.times(wait.start).longest is None
     assert program.times_with_arguments(wait.start) == program.times(wait.start), "no call is known yet"
     assert program.longest(main.start, {labels["done"]}) is not None

@@ -37,9 +37,9 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
 from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Levels, Machine, Options, Stimuli, load_stimuli
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli, load_stimuli
 from servogen.simulator.options import start_value
-from servogen.simulator.sources import Source
+from servogen.simulator.sources import SignalSource
 from servogen.traces import read_edges
 from servogen.units import Clock
 from tests.checker.plans import after, due, start_stop
@@ -147,8 +147,8 @@ def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     return [(cycle - found[0][0], out) for cycle, out in found]
 
 
-def sources(case: Target, around: Environment) -> list[Source]:
-    made: list[Source] = []
+def sources(case: Target, around: Environment) -> list[SignalSource]:
+    made: list[SignalSource] = []
     for pin in range(13):
         if case.plan.buttons >> pin & 1:
             levels = [around.buttons[0] >> pin & 1, *(each >> pin & 1 for each in around.buttons[1:])]
@@ -162,7 +162,7 @@ def sources(case: Target, around: Environment) -> list[Source]:
 
 def observed(case: Target, image: Image, around: Environment, frames: int) -> list[tuple[int, int]]:
     """What the simulator does, in the same form."""
-    options: Options = replace(
+    options: SimulatorOptions = replace(
         board_of(case.schedule), start_seed=around.start_seed, tmr0_phase=around.tmr0_phase
     )
     machine = Machine(image, case.schedule.clock, options, Stimuli(sources(case, around)))
@@ -306,7 +306,7 @@ def repeated(case: Target, image: Image, words: list[str], clock: Clock) -> Mach
     stimuli = (
         load_stimuli(Path(words[words.index("--stimulus") + 1]), clock) if "--stimulus" in words else None
     )
-    return Machine(image, clock, Options(**values, start=tuple(starts)), stimuli)  # type: ignore[arg-type]
+    return Machine(image, clock, SimulatorOptions(**values, start=tuple(starts)), stimuli)  # type: ignore[arg-type]
 
 
 OPTIONS = {"device", "watchdog_us", "floating", "start_seed", "tmr0_phase", "ra4_pull_up"}

@@ -22,14 +22,14 @@ import numpy.typing as npt
 
 from servogen.checker import Certificate, chip, read_certificate
 from servogen.checker.certificate import FRAME_NUMBER, PLACE
-from servogen.checker.plan import OVER, Plan, Position, read_plan
+from servogen.checker.plan import OVER, Plan, PlanPosition, read_plan
 from servogen.edges import PINS, EdgeChunk, join
 from servogen.engines.board import board_of
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator import layout as at
 from servogen.units import Clock
 from tests.checker.plans import after, due, start_stop
@@ -134,7 +134,7 @@ def reads_of(aim: Target) -> list[Reads | None]:
 def walk(aim: Target, seed: int, frames: int) -> Iterator[str]:
     """Run from one power-up, and yield what the certificate does not allow."""
     period = aim.plan.period
-    board = board_of(aim.schedule, Options(start_seed=seed, tmr0_phase=seed % 4))
+    board = board_of(aim.schedule, SimulatorOptions(start_seed=seed, tmr0_phase=seed % 4))
     machine = Machine(aim.image, aim.schedule.clock, board, Noise(seed, period, frames))
     readers = reads_of(aim)
     machine.breakpoints = {*aim.claim.cuts, *(each.address for each in readers if each)}
@@ -177,12 +177,14 @@ def sampled(visits: Ints, reader: Reads | None, begun: int, period: int, count: 
     return when, level
 
 
-def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], count: int) -> list[Position]:
+def followed(
+    plan: Plan, readers: list[Reads | None], samples: list[Sample], count: int
+) -> list[PlanPosition]:
     """The position in each frame, as the state machine of the buttons says."""
     levels = np.zeros(count, dtype=np.int64)
     for reader, (_, level) in zip(readers, samples, strict=True):
         levels |= level << reader.pin if reader else 0
-    known: dict[tuple[Position, int], Position] = {}
+    known: dict[tuple[PlanPosition, int], PlanPosition] = {}
     position, found = plan.first, []
     for level in levels.tolist():
         found.append(position)
@@ -194,7 +196,7 @@ def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], cou
 
 
 def wrong_edges(
-    plan: Plan, edges: tuple[Ints, Ints], begun: int, positions: list[Position], seed: int
+    plan: Plan, edges: tuple[Ints, Ints], begun: int, positions: list[PlanPosition], seed: int
 ) -> Iterator[str]:
     edges_of = {position: due(plan, position) for position in set(positions)}
     lengths = np.array([len(edges_of[position][0]) for position in positions])
@@ -214,7 +216,7 @@ def uncovered(
     aim: Target,
     visits: Ints,
     begun: int,
-    positions: list[Position],
+    positions: list[PlanPosition],
     samples: list[Sample],
     seed: int,
 ) -> Iterator[str]:

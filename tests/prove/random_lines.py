@@ -27,11 +27,11 @@ from servogen.engines.stream.layout import ROUND
 from servogen.engines.stream.protocol import NO_TRIM
 from servogen.pic.device import EEPROM_BYTES
 from servogen.prove.stream.bits import Bits, byte
-from servogen.prove.stream.chip import Chip
+from servogen.prove.stream.chip import StreamChip
 from servogen.prove.stream.execution import EEPROM
 from servogen.prove.stream.lemmas import between_steps, bytes_of, receiver_counts
 from servogen.prove.stream.names import Names
-from servogen.simulator import Machine, Options, Stimuli
+from servogen.simulator import Machine, SimulatorOptions, Stimuli
 from servogen.simulator import layout as at
 from servogen.verify import verdict_lines
 from tests.engines.stream import chip_model
@@ -62,7 +62,7 @@ class Run:
     """A chip at power-up and its line."""
 
     made: Firmware
-    options: Options
+    options: SimulatorOptions
     line: Line
 
     @property
@@ -76,7 +76,7 @@ def random_run(aim: Target, seed: int, frames: int) -> Run:
     eeprom = {n: dice.choice((NO_TRIM, 0, 127, 128, dice.randrange(256))) for n in range(EEPROM_BYTES)}
     image = replace(made.image, eeprom=eeprom)
     schedule = made.streamed.plan.schedule
-    options = board_of(schedule, Options(start_seed=seed, tmr0_phase=seed % 4))
+    options = board_of(schedule, SimulatorOptions(start_seed=seed, tmr0_phase=seed % 4))
     made = replace(made, image=image, first_rise=first_rise(made.streamed, image, options))
     line = line_of(made, seed)
     while line.now < frames * schedule.period:
@@ -100,7 +100,7 @@ def states(aim: Target, run: Run) -> Iterator[tuple[int, str]]:
     """Yield the slots in which the variables are not those of the specification: (cycle, what differs)."""
     names, streamed = aim.names, run.made.streamed
     slot, slots = streamed.layout.rounds * ROUND, streamed.layout.slots
-    chip = Chip.after_reset(streamed, [byte(trim) for trim in run.trims])
+    chip = StreamChip.after_reset(streamed, [byte(trim) for trim in run.trims])
     chip.begin_frame()
     chip.prepare(0)
     coming = iter(run.line.heard)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.build import Program
+from servogen.build.build import BuiltProgram
 from servogen.edges import PINS, join
 from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.image import Image, read_hex, to_hex
@@ -26,7 +26,7 @@ ANY = Quantifiers(any_eeprom=True)
 
 
 @cache
-def built(servos: int) -> tuple[PulseSchedule, Program]:
+def built(servos: int) -> tuple[PulseSchedule, BuiltProgram]:
     motion = sweep(servos, 0.04, limits=(80, 81))
     done = built_text(job_text(servos, motion, limits=(80, 81), firmware="soft_start_s = 0.04\n"))
     return done.plan.schedule, done.programs[0]

@@ -23,7 +23,7 @@ from servogen.prove.specification import Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.pulse.schedule import Input
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 from servogen.verify import verify
 from tests.prove.replay import is_wrong
@@ -102,7 +102,7 @@ def test_one_changed_word_is_never_proven_unless_it_does_nothing() -> None:
 def follows(image: Image, schedule: PulseSchedule) -> bool:
     """Return whether a plain run of the whole motion makes the schedule's edges."""
     span = Cycles((schedule.lead_in_frames + 2 * schedule.loop_frames) * schedule.period)
-    machine = Machine(image, schedule.clock, board_of(schedule, Options()), tracked=True)
+    machine = Machine(image, schedule.clock, board_of(schedule, SimulatorOptions()), tracked=True)
     limit = Cycles(span + 50 * schedule.period)
     verdict = verify(expected(schedule), EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
     return verdict.agrees and not machine.chip_dependent

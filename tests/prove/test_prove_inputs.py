@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.build import Program
+from servogen.build.build import BuiltProgram
 from servogen.edges import EdgeChunk
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
@@ -28,7 +28,7 @@ CLOCK = Clock(4_000_000)
 
 
 @cache
-def built(firmware: str) -> tuple[PulseSchedule, Program]:
+def built(firmware: str) -> tuple[PulseSchedule, BuiltProgram]:
     done = built_text(job_text(3, sweep(3, 0.24), firmware=SOFT + firmware))
     return done.plan.schedule, done.programs[0]
 
@@ -50,7 +50,7 @@ def test_held_as_the_schedule_says_there_are_fewer_states() -> None:
     assert any("RB7 is held at 1" in each for each in held.assumptions)
 
 
-def changed(program: Program, old: str, new: str, tmp_path: Path) -> Image:
+def changed(program: BuiltProgram, old: str, new: str, tmp_path: Path) -> Image:
     text = program.firmware.text
     assert text.count(old) == 1, old
     file = tmp_path / "changed.c"

@@ -14,7 +14,7 @@ from servogen.prove import Quantifiers, certificate, prove_for_all
 from servogen.prove.quantifiers import EVERYTHING
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Input
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from tests.prove.replay import is_wrong
 from tests.prove.test_prove_inputs import schedule_of
 
@@ -191,4 +191,4 @@ def test_only_a_proof_over_every_start_reset_and_chip_has_a_certificate() -> Non
 @pytest.mark.parametrize(("name", "value"), [("ram", 256), ("flags", 8), ("acc", 1), ("0x50", 0)])
 def test_a_start_value_that_no_chip_has_is_refused(name: str, value: int) -> None:
     with pytest.raises(InputError, match=name):
-        Options(start=((name, value),))
+        SimulatorOptions(start=((name, value),))

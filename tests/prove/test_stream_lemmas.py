@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 
 from servogen.engines.stream.engine import compiled, firmware, stream
-from servogen.engines.stream.protocol import NO_TRIM, SYNC, Kind, command_of
+from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command_of
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing
 from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
-from servogen.prove.stream.chip import NOTHING, Chip, Receiver
-from servogen.prove.stream.counterexample import Search
+from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
+from servogen.prove.stream.counterexample import CounterexampleSearch
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
 from tests.prove.attack import servogen
@@ -243,7 +243,7 @@ def test_the_values_of_a_failed_lemma_lead_to_a_line_that_shows_it() -> None:
     with pytest.raises(Fails, match="the command FF 80: left becomes 9, not 77"):
         one.execute((0x80,))
     assert (one.suspect.second, one.suspect.third) == (0x80, 77)
-    search = Search(made.image, ARM, STREAMED, lambda what: None)
+    search = CounterexampleSearch(made.image, ARM, STREAMED, lambda what: None)
     assert search.first() is None
     found = search.about(one.suspect)
     assert found is not None and found.eeprom is not None
@@ -251,7 +251,7 @@ def test_the_values_of_a_failed_lemma_lead_to_a_line_that_shows_it() -> None:
 
 def test_the_right_program_has_no_counterexample() -> None:
     image = read_hex((JOBS.parent / "firmware" / "stream-arm" / "main.hex").read_text(), "main.hex").image
-    assert Search(image, ARM, STREAMED, lambda what: None).first() is None
+    assert CounterexampleSearch(image, ARM, STREAMED, lambda what: None).first() is None
 
 
 def test_a_fault_that_no_pulse_shows_is_not_decided(
@@ -279,7 +279,7 @@ def test_both_specifications_of_the_chip_agree(name: str) -> None:
     servos, dice = len(streamed.neutral), random.Random(7)
     model = chip_model.Chip(streamed)
     goals = [Bits(16, int(width)) for width in streamed.neutral]
-    chip = Chip(
+    chip = StreamChip(
         streamed,
         list(goals),
         list(goals),
@@ -317,14 +317,14 @@ def test_both_specifications_of_the_chip_agree(name: str) -> None:
 
 def commands(dice: random.Random, servos: int) -> Iterator[tuple[int, int]]:
     for _ in range(dice.randrange(3)):
-        kind = dice.choices([*Kind], (6, 1, 2, 1, 1))[0]
+        kind = dice.choices([*CommandKind], (6, 1, 2, 1, 1))[0]
         second = kind.value + (dice.randrange(servos + 1) if kind.of_a_servo else dice.randrange(2))
         yield second, dice.choice((0, 1, 7, 126, 127, 254, dice.randrange(255)))
 
 
 def test_both_receivers_make_the_same_commands() -> None:
     dice, model = random.Random(3), chip_model.Receiver(len(STREAMED.neutral), answers=True)
-    chip = Receiver(STREAMED, byte(0), byte(0), byte(0), byte(0), byte(NOTHING), byte(NOTHING), byte(0))
+    chip = ReceiverState(STREAMED, byte(0), byte(0), byte(0), byte(0), byte(NOTHING), byte(NOTHING), byte(0))
     for _ in range(3000):
         value = dice.choice((SYNC, 0, 1, 0x41, 0x80, NOTHING, dice.randrange(256)))
         whole = dice.random() < 0.9
@@ -341,7 +341,7 @@ BEGINS = 11
 """When a byte begins, in units of time: any is as good."""
 
 
-def sent(chip: Receiver, value: int, whole: bool) -> None:
+def sent(chip: ReceiverState, value: int, whole: bool) -> None:
     """A byte whose bits are looked at in their middle, in units of time."""
     units, now = STREAMED.bit_units, BEGINS
     chip.start(byte(now & 0x3F), FALSE)

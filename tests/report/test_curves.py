@@ -17,7 +17,7 @@ from servogen.pulse.plan import plan
 from servogen.report import calibration_plot, motion_plot, pulse_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
 from servogen.report.html import path_charts
-from servogen.report.pulse_plot import Frame, Pulses
+from servogen.report.pulse_plot import PlottedFrame, PlottedPulses
 from servogen.report.tracks import Kind, Track, tracks_of
 from servogen.robot.calibration import Reading, fit
 from tests.report.test_html import job_file
@@ -148,9 +148,9 @@ def test_lines_drawn_first_are_wider_and_the_last_is_thinnest() -> None:
     assert motion_plot._width(0, 1) == pytest.approx(1.2)
 
 
-def pulses(*rows: tuple[float, float]) -> Pulses:
+def pulses(*rows: tuple[float, float]) -> PlottedPulses:
     rise, width = np.array(rows, dtype=float).T
-    return Pulses("arm", "C0", rise, width)
+    return PlottedPulses("arm", "C0", rise, width)
 
 
 def test_widths_are_drawn_over_seconds_with_a_gap_where_pulses_are_missing(axes: Any) -> None:
@@ -174,7 +174,7 @@ def test_the_steps_of_widths_keep_clear_of_the_frame(axes: Any) -> None:
 def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
     """A pulse of 1500 µs that rises 3 ms after a frame's start; 5 % of 10 ms on either side."""
     channel = pulses((23_000, 1500))
-    pulse_plot._draw_frame(axes, [channel, channel], [0, 1], Frame(20_000, 40_000), 10_000)
+    pulse_plot._draw_frame(axes, [channel, channel], [0, 1], PlottedFrame(20_000, 40_000), 10_000)
     first, second = axes.lines[-2:]
     assert curve(first) == (pytest.approx([3, 3, 4.5, 4.5]), pytest.approx([0, 1, 1, 0]))
     lane = pulse_plot.LANE

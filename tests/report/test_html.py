@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from servogen.build import planned
-from servogen.build.reporting import Page, page_of
+from servogen.build.reporting import ReportPage, page_of
 from servogen.edges import edge_chunk
 from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
@@ -67,7 +67,7 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(tmp_path_factory: pytest.TempPathFactory) -> ReportPage:
     return page_of(plan_job(load(job_file(tmp_path_factory.mktemp("job")))))
 
 
@@ -84,7 +84,7 @@ def data_of(html: str) -> dict[str, object]:
     return data
 
 
-def test_a_page_is_whole_and_fetches_nothing(page: Page) -> None:
+def test_a_page_is_whole_and_fetches_nothing(page: ReportPage) -> None:
     tags = Tags()
     tags.feed(page.html)
     assert not tags.open and not tags.wrong
@@ -93,12 +93,12 @@ def test_a_page_is_whole_and_fetches_nothing(page: Page) -> None:
     assert "url(" not in page.html
 
 
-def test_the_same_job_gives_the_same_page(page: Page, tmp_path: Path) -> None:
+def test_the_same_job_gives_the_same_page(page: ReportPage, tmp_path: Path) -> None:
     assert page_of(plan_job(load(job_file(tmp_path)))).html == page.html
     assert str(tmp_path) not in page.html
 
 
-def test_the_page_says_what_was_proven(page: Page) -> None:
+def test_the_page_says_what_was_proven(page: ReportPage) -> None:
     assert page.proven
     assert "every edge proven" in page.html
     assert (
@@ -107,7 +107,7 @@ def test_the_page_says_what_was_proven(page: Page) -> None:
     assert "<td>30 of 30</td>" in page.html
 
 
-def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: Page) -> None:
+def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: ReportPage) -> None:
     """Five frames of 1 ms for 0° and five of 1.5 ms for 90°, 20 ms apart."""
     planned, simulated = data_of(page.html)["rows"]  # type: ignore[misc]
     assert planned["width"] == [1000] * 5 + [1500] * 5
@@ -116,19 +116,19 @@ def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: Page) -> N
     assert simulated == planned
 
 
-def test_the_page_opens_on_a_few_frames_in_which_pulses_can_be_seen(page: Page) -> None:
+def test_the_page_opens_on_a_few_frames_in_which_pulses_can_be_seen(page: ReportPage) -> None:
     data = data_of(page.html)
     begin, end = data["first"]  # type: ignore[misc]
     assert end - begin == 80_000
     assert sum(begin <= rise < end for rise in data["rows"][0]["rise"]) == 4  # type: ignore[index]
 
 
-def test_dark_narrow_and_printed_pages_have_a_style_of_their_own(page: Page) -> None:
+def test_dark_narrow_and_printed_pages_have_a_style_of_their_own(page: ReportPage) -> None:
     for medium in ("screen and (prefers-color-scheme: dark)", "(max-width: 640px)", "print"):
         assert f"@media {medium}" in page.html
 
 
-def test_each_function_has_its_cost(page: Page) -> None:
+def test_each_function_has_its_cost(page: ReportPage) -> None:
     table = page.html.split('id="costs"')[1].split("</table>")[0]
     assert "cycles of a call" in table
     assert "<td>main</td>" in table

@@ -11,8 +11,8 @@ from servogen.errors import InputError
 from servogen.report import pulse_plot as pulse_plot_module
 from servogen.report.pulse_plot import (
     MAX_FRAMES_SHOWN,
-    Frame,
-    Pulses,
+    PlottedFrame,
+    PlottedPulses,
     _lanes,
     _period,
     _starts,
@@ -35,9 +35,9 @@ def trace(*pulses: tuple[str, int, int], end: int = 100_000) -> EdgeTrace:
     return EdgeTrace(CLOCK, (chunk,), Cycles(end))
 
 
-def channel(*pulses: tuple[float, float]) -> Pulses:
+def channel(*pulses: tuple[float, float]) -> PlottedPulses:
     rise, width = np.array(pulses, dtype=float).T
-    return Pulses("x", "C0", rise, width)
+    return PlottedPulses("x", "C0", rise, width)
 
 
 def test_without_a_schedule_every_pin_that_pulses_is_a_channel() -> None:
@@ -63,7 +63,7 @@ def test_frames_without_a_schedule_begin_with_their_first_pulse_whatever_their_l
 
 def test_each_set_of_widths_is_shown_once() -> None:
     frames = distinct_frames([channel((0, 1), (20, 1), (40, 2), (60, 1))], np.array([0.0, 20, 40, 60]), 20)
-    assert frames == [Frame(0, 20), Frame(40, 60)]
+    assert frames == [PlottedFrame(0, 20), PlottedFrame(40, 60)]
 
 
 def test_of_many_frames_the_first_and_the_last_are_shown_and_some_between() -> None:
@@ -75,8 +75,8 @@ def test_of_many_frames_the_first_and_the_last_are_shown_and_some_between() -> N
 
 def test_pulses_that_overlap_stand_below_each_other_and_others_beside() -> None:
     together, between, after = channel((0, 10)), channel((5, 10)), channel((15, 10))
-    assert _lanes([together, between, after], [Frame(0, 100)]) == [0, 1, 0]
-    assert _lanes([together, after, after], [Frame(0, 100)]) == [0, 0, 1]
+    assert _lanes([together, between, after], [PlottedFrame(0, 100)]) == [0, 1, 0]
+    assert _lanes([together, after, after], [PlottedFrame(0, 100)]) == [0, 0, 1]
 
 
 def test_a_trace_without_pulses_is_no_picture(tmp_path: Path) -> None:

@@ -13,9 +13,9 @@ from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
-from servogen.report.film import MAX_PICTURES, Part, Scene, _set_up, film, job_scene
+from servogen.report.film import MAX_PICTURES, FilmPart, FilmScene, _set_up, film, job_scene
 from servogen.report.sticks import base_outline, stick
-from servogen.robot.model import Arm, Frame
+from servogen.robot.model import Arm, FixedFrame
 
 JOBS = Path(__file__).parents[2] / "jobs"
 ARMS = [name for name in names() if isinstance(robot(name), Arm)]
@@ -36,7 +36,7 @@ def test_a_stick_figure_ends_where_the_tool_is(name: str) -> None:
 
 def test_a_stick_figure_ends_at_the_tip_of_what_the_hand_holds() -> None:
     """A pen of 80 mm along the approach axis, which is a part of the figure."""
-    found = arm("rv-m1").with_tool(Frame(z=0.08))
+    found = arm("rv-m1").with_tool(FixedFrame(z=0.08))
     joints = somewhere(found)
     corners = stick(found, joints)
     assert corners[:, -1] == pytest.approx(fk_position(found, joints), abs=1e-12)
@@ -127,7 +127,7 @@ def test_the_box_of_a_film_holds_all_frames_to_one_scale_with_room_around(elevat
 
     frames = [np.array([[0, 0, 0.01], [0.1, 0.1, 0.01]]), np.array([[0.1, 0, 0.01], [0.2, 0.05, 0.01]])]
     axes: Any = Figure().add_subplot(projection="3d")
-    scene = Scene("box", (Part(frames, "C3", 1.5),), 0.1, (elevation, -90.0))
+    scene = FilmScene("box", (FilmPart(frames, "C3", 1.5),), 0.1, (elevation, -90.0))
     (line,) = _set_up(axes, scene)
     assert axes.get_xlim() == pytest.approx((-16, 216))
     assert axes.get_ylim() == pytest.approx((-8, 108))

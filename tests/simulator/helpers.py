@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from servogen.edges import PINS
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
-from servogen.simulator import Change, Machine, Options, Recorded, Stimuli
+from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.units import Clock
 
@@ -27,13 +27,13 @@ def image(source: str, config: str = WATCHDOG_OFF) -> Image:
 
 def machine(
     source: str | Image,
-    options: Options = Options(device="PIC16F84A"),  # noqa: B008 - frozen
+    options: SimulatorOptions = SimulatorOptions(device="PIC16F84A"),  # noqa: B008 - frozen
     changes: Sequence[tuple[int, str, int]] = (),
     config: str = WATCHDOG_OFF,
 ) -> Machine:
     """A machine before cycle 0; `changes` are (cycle, pin, level) from outside."""
     program = source if isinstance(source, Image) else image(source, config)
-    recording = [Change(cycle, pin_number(pin), level) for cycle, pin, level in changes]
+    recording = [LevelChange(cycle, pin_number(pin), level) for cycle, pin, level in changes]
     return Machine(program, CLOCK, options, Stimuli([Recorded(recording)]) if changes else None)
 
 

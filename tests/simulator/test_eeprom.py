@@ -6,7 +6,7 @@ import pytest
 
 from servogen.edges import HIGH, LOW
 from servogen.pic.image import from_hex, to_hex
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from tests.simulator.helpers import machine, steps
 
 WRITE = """
@@ -38,7 +38,7 @@ def eecon1(chip: Machine) -> int:
 
 def test_a_write_takes_its_time_and_then_sets_eeif_section_3_2() -> None:
     for time in (4_000, 8_000):
-        chip = machine(write(), Options(eeprom_write_us=time))
+        chip = machine(write(), SimulatorOptions(eeprom_write_us=time))
         chip.run(WR_AT + time)
         assert (chip.state().eeprom[5], eecon1(chip) & 0x12) == (0xFF, 0x02)
         chip.run(3)

@@ -14,7 +14,7 @@ import os
 import pytest
 
 from servogen.pic.image import Image
-from servogen.simulator import Change, Machine, Options, Recorded, Stimuli
+from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, timed_image, wild_image
 from tests.simulator.reference import Chip, number
@@ -39,13 +39,13 @@ class Case:
         self.tmr0_phase = seed >> 3 & 3
 
     def machine(self) -> Machine:
-        options = Options(
+        options = SimulatorOptions(
             watchdog_us=self.watchdog,
             eeprom_write_us=EEPROM_CYCLES,
             ra4_pull_up=self.pull_up,
             tmr0_phase=self.tmr0_phase,
         )
-        recorded = Recorded([Change(*change) for change in self.changes])
+        recorded = Recorded([LevelChange(*change) for change in self.changes])
         return Machine(self.image, CLOCK, options, Stimuli([recorded]) if self.changes else None)
 
     def reference(self) -> Chip:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from tests.simulator.gpsim_cases import (
     AGREEMENTS,
     ANSWER,
@@ -32,7 +32,9 @@ def name_of(case: Case) -> str:
 
 @pytest.mark.parametrize("case", (*DIFFERENCES, *AGREEMENTS), ids=name_of)
 def test_the_simulator_does_what_the_data_sheet_says(case: Case) -> None:
-    chip = machine(image(case.source, case.config), Options(), [(at, "RB4", level) for at, level in case.rb4])
+    chip = machine(
+        image(case.source, case.config), SimulatorOptions(), [(at, "RB4", level) for at, level in case.rb4]
+    )
     chip.run(case.cycles)
     assert tuple(ram(chip, ANSWER + n) for n in range(ANSWER_BYTES)) == case.answer
 

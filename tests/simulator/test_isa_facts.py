@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from servogen.pic.image import Image
-from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, Instruction, by_mnemonic, decode, encode
-from servogen.simulator import Machine, Options
+from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, Opcode, by_mnemonic, decode, encode
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator import layout as at
 from servogen.simulator.program import D_BIT, FILE_OPS, OPS, pack
 from tests.simulator.helpers import CLOCK
@@ -45,7 +45,7 @@ class Run:
     """OPTION_REG, TRIS, GIE, the levels of the stack in use and its top, and whether the chip sleeps."""
 
 
-def words(row: Instruction, literal: int = LITERAL) -> list[int]:
+def words(row: Opcode, literal: int = LITERAL) -> list[int]:
     """The words that are executed: with either destination, and for TRIS either port."""
     fields = {"f": (RAM,), "b": (3,), "d": (0, 1), "k": (TARGET if row.has_target else literal,)}
     if row.mnemonic == "TRIS":
@@ -58,7 +58,9 @@ def words(row: Instruction, literal: int = LITERAL) -> list[int]:
 
 
 def chip(word: int, tracked: bool = False) -> Machine:
-    return Machine(Image({0: word}, config=0x3FF1), CLOCK, Options(device="PIC16F84A"), tracked=tracked)
+    return Machine(
+        Image({0: word}, config=0x3FF1), CLOCK, SimulatorOptions(device="PIC16F84A"), tracked=tracked
+    )
 
 
 def runs(word: int) -> list[Run]:
@@ -89,7 +91,7 @@ def runs(word: int) -> list[Run]:
     return found
 
 
-def of_all_words(row: Instruction) -> list[tuple[int, list[Run]]]:
+def of_all_words(row: Opcode) -> list[tuple[int, list[Run]]]:
     """(destination bit, runs) of each word."""
     return [(decoded(word).d, runs(word)) for word in words(row)]
 
@@ -101,7 +103,7 @@ def decoded(word: int) -> Decoded:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.mnemonic)
-def test_the_simulator_changes_the_flags_of_the_row_and_no_others(row: Instruction) -> None:
+def test_the_simulator_changes_the_flags_of_the_row_and_no_others(row: Opcode) -> None:
     changed = 0
     for _, all_runs in of_all_words(row):
         for each in all_runs:
@@ -110,7 +112,7 @@ def test_the_simulator_changes_the_flags_of_the_row_and_no_others(row: Instructi
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.mnemonic)
-def test_the_simulator_writes_what_the_row_says(row: Instruction) -> None:
+def test_the_simulator_writes_what_the_row_says(row: Opcode) -> None:
     for d, all_runs in of_all_words(row):
         assert any(each.w != each.w_after for each in all_runs) == row.writes_w(d)
         writes_another_value = row.writes_file(d) and row.mnemonic != "MOVF"  # MOVF f,F writes what it read
@@ -118,7 +120,7 @@ def test_the_simulator_writes_what_the_row_says(row: Instruction) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.mnemonic)
-def test_the_simulator_reads_what_the_row_says(row: Instruction) -> None:
+def test_the_simulator_reads_what_the_row_says(row: Opcode) -> None:
     reads = set()
     for d, all_runs in of_all_words(row):
         mask = sum(FLAGS[flag] for flag in row.flags)
@@ -141,7 +143,7 @@ def test_the_simulator_reads_what_the_row_says(row: Instruction) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.mnemonic)
-def test_the_simulator_continues_where_the_row_says_after_its_cycles(row: Instruction) -> None:
+def test_the_simulator_continues_where_the_row_says_after_its_cycles(row: Opcode) -> None:
     expected = {
         "next": {(1, row.cycles)},
         "skip": {(1, row.cycles), (2, row.cycles + 1)},
@@ -157,7 +159,7 @@ def test_the_simulator_continues_where_the_row_says_after_its_cycles(row: Instru
 
 
 @pytest.mark.parametrize("row", [row for row in INSTRUCTIONS if row.reads], ids=lambda row: row.mnemonic)
-def test_an_unknown_operand_makes_only_the_flags_of_the_row_unknown(row: Instruction) -> None:
+def test_an_unknown_operand_makes_only_the_flags_of_the_row_unknown(row: Opcode) -> None:
     unknown_flags = 0
     for word in {*words(row), *words(row, literal=0)}:  # k | W is certainly not 0 unless k is
         machine = chip(word, tracked=True)
@@ -174,7 +176,7 @@ def test_an_unknown_operand_makes_only_the_flags_of_the_row_unknown(row: Instruc
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.mnemonic)
-def test_the_packed_word_has_the_operands_of_the_row(row: Instruction) -> None:
+def test_the_packed_word_has_the_operands_of_the_row(row: Opcode) -> None:
     """Operations on registers have the low numbers, and bit D says that the result goes to the register."""
     assert (OPS[row.mnemonic] < FILE_OPS) == ("f" in row.operands and row.mnemonic != "TRIS")
     for word in words(row):
@@ -194,6 +196,6 @@ def test_the_packed_word_has_the_operands_of_the_row(row: Instruction) -> None:
         (test_the_simulator_continues_where_the_row_says_after_its_cycles, {"flow": "skip"}),
     ],
 )
-def test_a_wrong_row_is_found(test: Callable[[Instruction], None], wrong: dict[str, Any]) -> None:
+def test_a_wrong_row_is_found(test: Callable[[Opcode], None], wrong: dict[str, Any]) -> None:
     with pytest.raises(AssertionError):
         test(replace(by_mnemonic()["INCF"], **wrong))

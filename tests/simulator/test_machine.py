@@ -10,7 +10,7 @@ import pytest
 
 from servogen.edges import HIGH, LOW, PINS, join
 from servogen.errors import InputError
-from servogen.simulator import Machine, Options, simulate
+from servogen.simulator import Machine, SimulatorOptions, simulate
 from servogen.simulator.machine import EDGE_ROOM
 from tests.simulator.helpers import CLOCK, edges, image, machine, ram, steps
 
@@ -150,14 +150,14 @@ def test_the_timers_phase_is_in_the_fingerprint() -> None:
 
 def test_options_outside_their_range_are_refused() -> None:
     with pytest.raises(InputError, match="watchdog_us"):
-        Options(watchdog_us=0)
+        SimulatorOptions(watchdog_us=0)
 
 
 def test_reads_of_ram_that_was_never_written_are_noted() -> None:
     chip = steps(
         machine(
             " movf 0x30, w\n movwf 0x31\n incf 0x32, f\n clrf 0x30\n movf 0x30, w\n",
-            Options(start=(("ram", 7),)),
+            SimulatorOptions(start=(("ram", 7),)),
         ),
         1,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.simulator import Machine, Options, Periodic, Stimuli
+from servogen.simulator import Machine, Periodic, SimulatorOptions, Stimuli
 from tests.simulator.helpers import CLOCK, image, machine
 from tests.simulator.programs import tame_image, wild_image
 from tests.simulator.test_exact import CYCLES, Case, rows, seen
@@ -81,7 +81,7 @@ def test_a_snapshot_of_another_image_is_refused() -> None:
 
 def test_a_tracked_machine_keeps_its_unknown_bits() -> None:
     text = " movf 0x20, w\n clrf 0x21\n movwf 0x21\n btfsc 0x21, 0\n nop\nl goto l\n"
-    chip = Machine(image(text), CLOCK, Options(), tracked=True)
+    chip = Machine(image(text), CLOCK, SimulatorOptions(), tracked=True)
     chip.run(2)
     kept, unknown = chip.snapshot(), chip.unknown()
     chip.run(100)

@@ -10,8 +10,8 @@ import pytest
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
 from servogen.errors import InputError
 from servogen.simulator import (
-    Button,
-    Change,
+    BouncingButton,
+    LevelChange,
     Levels,
     Machine,
     Periodic,
@@ -25,14 +25,14 @@ from servogen.simulator import (
     simulate,
 )
 from servogen.simulator.layout import NEVER
-from servogen.simulator.sources import Source
+from servogen.simulator.sources import SignalSource
 from servogen.units import Clock
 from tests.simulator.helpers import CLOCK, image, ram
 
 RB0, RB1, RA4 = PINS.index("RB0"), PINS.index("RB1"), PINS.index("RA4")
 
 
-def changes(source: Source, count: int = 1000) -> list[tuple[int, int, int]]:
+def changes(source: SignalSource, count: int = 1000) -> list[tuple[int, int, int]]:
     return [tuple(change) for change in islice(source.changes(CLOCK), count)]
 
 
@@ -53,7 +53,7 @@ def test_a_periodic_signal_never_drifts() -> None:
 
 
 def test_a_button_bounces_within_its_time_and_comes_to_rest() -> None:
-    button = Button(RB1, pressed=10_000, released=60_000, bounces=4, bounce=3000)
+    button = BouncingButton(RB1, pressed=10_000, released=60_000, bounces=4, bounce=3000)
     found = changes(button)
     assert found[0] == (0, RB1, HIGH)
     presses = [change for change in found if 10_000 <= change[0] < 60_000]
@@ -128,7 +128,9 @@ def test_an_endless_signal_is_counted_by_tmr0() -> None:
 
 
 def test_a_recording_plays_again_as_it_was() -> None:
-    both = Stimuli([Button(RB0, 1000, 5000), Periodic(RA4, Fraction(70), Fraction(30)), Reset(2000, 2100)])
+    both = Stimuli(
+        [BouncingButton(RB0, 1000, 5000), Periodic(RA4, Fraction(70), Fraction(30)), Reset(2000, 2100)]
+    )
     recording = record(both, CLOCK, 50_000)
     assert list(recording) == sorted(recording, key=lambda change: change.cycle)
     source = image(" clrf 0x20\nl movf PORTB, w\n addwf 0x20, f\n movf PORTA, w\n addwf 0x20, f\n goto l\n")
@@ -150,7 +152,9 @@ def test_one_chips_pins_can_drive_anothers() -> None:
 def test_changes_that_go_back_in_time_are_refused() -> None:
     with pytest.raises(InputError, match="cycles may not fall"):
         Machine(
-            image(" goto $\n"), CLOCK, stimulus=Stimuli([Recorded([Change(9, 0, 1), Change(3, 0, 0)])])
+            image(" goto $\n"),
+            CLOCK,
+            stimulus=Stimuli([Recorded([LevelChange(9, 0, 1), LevelChange(3, 0, 0)])]),
         ).run(10)
 
 
@@ -190,7 +194,7 @@ def test_a_file_says_the_same_in_microseconds() -> None:
     level, periodic, button, serial, reset = at_8_mhz.sources
     assert level == Levels(PINS.index("RB7"), ((0, HIGH), (1000, LOW), (1800, UNDRIVEN)))
     assert periodic == Periodic(RA4, Fraction(200), Fraction(101), Fraction(20), 2)
-    assert button == Button(RB1, 2000, 18_000, 0, 10_000)
+    assert button == BouncingButton(RB1, 2000, 18_000, 0, 10_000)
     assert serial == Serial(PINS.index("RB2"), b"go", Fraction(9600), 0, Fraction(15, 1000))
     assert reset == Reset(80, 100)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from servogen.edges import HIGH
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from tests.simulator.helpers import CLOCK, edges, image, machine, ram, steps
 
 WATCHDOG_ON = "        __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
@@ -54,7 +54,7 @@ def test_the_prescaler_divides_by_a_power_of_two_section_5_2(ps: int) -> None:
 def test_after_a_new_clock_tmr0_stands_still_for_the_cycles_of_its_phase(phase: int, tracked: bool) -> None:
     """OPTION_REG is written in cycle 4, from cycle 5 on it counts, and the reads begin in cycle 6."""
     source = " clrf TMR0\n" + option(0x88) + " movf TMR0, w\n" * 8
-    chip = Machine(image(source), CLOCK, Options(tmr0_phase=phase), tracked=tracked)
+    chip = Machine(image(source), CLOCK, SimulatorOptions(tmr0_phase=phase), tracked=tracked)
     steps(chip, 6)
     read = [steps(chip, 1).state().w for _ in range(8)]
     assert read == [max(0, cycle - 5 - phase) for cycle in range(6, 14)]
@@ -63,9 +63,9 @@ def test_after_a_new_clock_tmr0_stands_still_for_the_cycles_of_its_phase(phase: 
 def test_writes_of_option_reg_that_leave_tmr0s_clock_alone_do_not_stop_it() -> None:
     """RBPU, INTEDG, T0SE, and the ratio of a prescaler that is the watchdog's."""
     source = option(0x88) + " clrf TMR0\n" + option(0x58 | 3) + " movf TMR0, w\n"
-    assert [steps(machine(source, Options(tmr0_phase=p)), 12).state().w for p in (0, 3)] == [3, 3]
+    assert [steps(machine(source, SimulatorOptions(tmr0_phase=p)), 12).state().w for p in (0, 3)] == [3, 3]
     slower = option(0x88) + " clrf TMR0\n" + option(0x80) + " movf TMR0, w\n" * 4
-    assert [steps(machine(slower, Options(tmr0_phase=p)), 15).state().w for p in (0, 3)] == [4, 2]
+    assert [steps(machine(slower, SimulatorOptions(tmr0_phase=p)), 15).state().w for p in (0, 3)] == [4, 2]
 
 
 def test_writing_tmr0_clears_the_prescaler_when_it_has_it_section_5_2() -> None:
@@ -122,7 +122,7 @@ def test_the_prescaler_given_to_the_watchdog_leaves_tmr0_undivided_section_5_2()
 
 def test_the_watchdogs_period_is_an_option_section_6_10() -> None:
     for period in (7_000, 18_000, 33_000):
-        chip = machine(option(0x88) + " goto $\n", Options(watchdog_us=period), config=WATCHDOG_ON)
+        chip = machine(option(0x88) + " goto $\n", SimulatorOptions(watchdog_us=period), config=WATCHDOG_ON)
         chip.run(period - 1)
         assert chip.state().resets["watchdog"] == 0
         chip.run(1)
@@ -132,7 +132,7 @@ def test_the_watchdogs_period_is_an_option_section_6_10() -> None:
 @pytest.mark.parametrize("ps", range(8))
 def test_the_postscaler_multiplies_the_watchdogs_period_section_6_10(ps: int) -> None:
     chip = machine(
-        " clrwdt\n" + option(0x88 | ps) + " goto $\n", Options(watchdog_us=500), config=WATCHDOG_ON
+        " clrwdt\n" + option(0x88 | ps) + " goto $\n", SimulatorOptions(watchdog_us=500), config=WATCHDOG_ON
     )
     chip.run((500 << ps) - 10)
     assert chip.state().resets["watchdog"] == 0
@@ -142,13 +142,13 @@ def test_the_postscaler_multiplies_the_watchdogs_period_section_6_10(ps: int) ->
 
 def test_clrwdt_starts_the_watchdog_anew_section_6_10() -> None:
     source = option(0x88) + "loop clrwdt\n" + " nop\n" * 90 + " goto loop\n"
-    chip = machine(source, Options(watchdog_us=100), config=WATCHDOG_ON)
+    chip = machine(source, SimulatorOptions(watchdog_us=100), config=WATCHDOG_ON)
     chip.run(100_000)
     assert chip.state().resets["watchdog"] == 0
 
 
 def test_without_its_bit_in_the_configuration_word_the_watchdog_is_off_section_6_1() -> None:
-    chip = machine(option(0x88) + " goto $\n", Options(watchdog_us=100))
+    chip = machine(option(0x88) + " goto $\n", SimulatorOptions(watchdog_us=100))
     chip.run(100_000)
     assert chip.state().resets["watchdog"] == 0
 
@@ -156,11 +156,11 @@ def test_without_its_bit_in_the_configuration_word_the_watchdog_is_off_section_6
 def test_handing_the_prescaler_over_without_clrwdt_keeps_its_count_section_5_2_1() -> None:
     """The watchdog inherits the count, so its first period is a part of what it should be."""
     source = option(0x87) + " clrf TMR0\n" + " nop\n" * 125 + option(0x8F) + " goto $\n"
-    chip = machine(source, Options(watchdog_us=1000), config=WATCHDOG_ON)
+    chip = machine(source, SimulatorOptions(watchdog_us=1000), config=WATCHDOG_ON)
     chip.run(128_000)
     assert chip.state().resets["watchdog"] >= 1
     cleared = source.replace(" goto $", " clrwdt\n goto $")
-    chip = machine(cleared, Options(watchdog_us=1000), config=WATCHDOG_ON)
+    chip = machine(cleared, SimulatorOptions(watchdog_us=1000), config=WATCHDOG_ON)
     chip.run(128_000)
     assert chip.state().resets["watchdog"] == 0
 
@@ -174,7 +174,7 @@ def test_a_watchdog_time_out_in_sleep_wakes_and_clears_to_and_pd_table_6_3() -> 
     assert [edge for edge in edges(chip, 20_000, "RB0") if edge[2] == HIGH] == [(woken, "RB0", HIGH)]
     assert chip.state().status & 0x18 == 0
     assert chip.state().wakes["watchdog"] == 1
-    quick = machine(source, Options(oscillator_start_up=False), config=WATCHDOG_ON)
+    quick = machine(source, SimulatorOptions(oscillator_start_up=False), config=WATCHDOG_ON)
     assert (slept_from + 18_000, "RB0", HIGH) in edges(quick, 20_000, "RB0")
 
 

@@ -7,7 +7,7 @@ import pytest
 from servogen.edges import HIGH, LOW, UNDRIVEN
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from tests.simulator.helpers import edges, image, machine, ram, steps
 
 OUTPUTS = " bsf STATUS, RP0\n clrf TRISA\n clrf TRISB\n bcf STATUS, RP0\n"
@@ -39,7 +39,7 @@ def test_read_modify_write_reads_the_pins_section_4() -> None:
 def test_bit_operations_on_ra0_to_ra3_leave_ra4s_latch_as_its_pin_reads_section_4_1() -> None:
     source = OUTPUTS + " movlw 0x10\n movwf PORTA\n bsf PORTA, 0\n"
     assert steps(machine(source), 7).state().registers["LATA"] == 0x01
-    pulled = steps(machine(source, Options(ra4_pull_up=True)), 7)
+    pulled = steps(machine(source, SimulatorOptions(ra4_pull_up=True)), 7)
     assert pulled.state().registers["LATA"] == 0x11
 
 
@@ -49,7 +49,7 @@ def test_ra4_is_an_open_drain_section_4_1() -> None:
     assert edges(machine(source), 10, "RA4") == [(1, "RA4", LOW), (4, "RA4", UNDRIVEN), (5, "RA4", LOW)]
     set_whole = OUTPUTS + " movlw 0x10\n movwf PORTA\n clrf PORTA\n"
     assert edges(machine(set_whole), 10, "RA4") == [(1, "RA4", LOW), (5, "RA4", UNDRIVEN), (6, "RA4", LOW)]
-    pulled = machine(set_whole, Options(ra4_pull_up=True))
+    pulled = machine(set_whole, SimulatorOptions(ra4_pull_up=True))
     assert edges(pulled, 10, "RA4") == [(1, "RA4", LOW), (5, "RA4", HIGH), (6, "RA4", LOW)]
 
 
@@ -288,10 +288,10 @@ def test_the_stack_levels_the_ram_and_w_survive_a_watchdog_reset_table_6_4() -> 
 def test_power_up_and_start_up_timers_are_counted_when_asked_sections_6_5_and_6_6() -> None:
     slow = "        __config _XT_OSC & _WDT_OFF & _PWRTE_ON\n"
     assert machine(" nop\n", config=slow).cycles == 0
-    assert machine(" nop\n", Options(power_up=True), config=slow).cycles == 72_000 + 256
-    assert machine(" nop\n", Options(power_up=True)).cycles == 256
+    assert machine(" nop\n", SimulatorOptions(power_up=True), config=slow).cycles == 72_000 + 256
+    assert machine(" nop\n", SimulatorOptions(power_up=True)).cycles == 256
     rc = "        __config _RC_OSC & _WDT_OFF & _PWRTE_OFF\n"
-    assert machine(" nop\n", Options(power_up=True), config=rc).cycles == 0
+    assert machine(" nop\n", SimulatorOptions(power_up=True), config=rc).cycles == 0
 
 
 def test_an_image_without_configuration_word_runs_as_an_erased_one_section_6_1() -> None:

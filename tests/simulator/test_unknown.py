@@ -16,7 +16,7 @@ from servogen.edges import PINS
 from servogen.errors import Diagnostic
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.simulator import Change, Machine, Options, Recorded, Stimuli, layout
+from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli, layout
 from tests.simulator.helpers import CLOCK, image
 from tests.simulator.programs import tame_image
 from tests.simulator.test_exact import Edges, rows
@@ -36,7 +36,7 @@ def found(
 ) -> list[Diagnostic]:
     """Return what depends on the chip in the run of a program that then stands still."""
     program = image(f"{source}\nstand goto stand\n", config)
-    chip = Machine(program, CLOCK, Options(**options), tracked=True)  # type: ignore[arg-type]
+    chip = Machine(program, CLOCK, SimulatorOptions(**options), tracked=True)  # type: ignore[arg-type]
     chip.run(cycles)
     return list(chip.chip_dependent)
 
@@ -252,7 +252,9 @@ def prepared_image(seed: int) -> Image:
     return Image(words, 0x3FF1 | rng.choice((0, 4)), {i: rng.randrange(256) for i in range(64)})
 
 
-def edges_before(program: Image, end: int, options: Options, noise: list[Change] | None = None) -> Edges:
+def edges_before(
+    program: Image, end: int, options: SimulatorOptions, noise: list[LevelChange] | None = None
+) -> Edges:
     stimulus = Stimuli([Recorded(noise)]) if noise else None
     chip = Machine(program, CLOCK, options, stimulus)
     return [edge for edge in rows(chip.run(CYCLES)) if edge[0] < end]
@@ -277,7 +279,7 @@ def test_until_the_first_use_every_start_makes_the_same_edges() -> None:
         rng = random.Random(seed)
         for start in range(6):
             floating = rng.randrange(2)
-            options = Options(start_seed=1000 * seed + start, floating=floating)
+            options = SimulatorOptions(start_seed=1000 * seed + start, floating=floating)
             assert edges_before(program, end, options) == same, (seed, start)
             changed += bool(uses) and edges_before(program, CYCLES, options) != edges
     assert undisturbed > IMAGES // 10
@@ -294,9 +296,9 @@ def test_noise_on_floating_pins_changes_nothing_before_the_first_use() -> None:
         rng = random.Random(seed)
         cycles = sorted(rng.randrange(CYCLES) for _ in range(300))
         pins = 5 if pulls_up(program, end) else len(PINS)
-        noise = [Change(cycle, rng.randrange(pins), rng.randrange(2)) for cycle in cycles]
+        noise = [LevelChange(cycle, rng.randrange(pins), rng.randrange(2)) for cycle in cycles]
         same = [edge for edge in edges if edge[0] < end]
-        assert edges_before(program, end, Options(), noise) == same, seed
+        assert edges_before(program, end, SimulatorOptions(), noise) == same, seed
 
 
 def test_taking_regions_in_one_step_finds_the_same_first_use() -> None:

@@ -18,7 +18,7 @@ from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.pic.assembler import assemble
-from servogen.simulator import Button, Options, Serial, Stimuli
+from servogen.simulator import BouncingButton, Serial, SimulatorOptions, Stimuli
 from servogen.testing import chip as chip_module
 from servogen.testing.chip import Board, Chip
 from servogen.testing.seen_chip import Player, SeenChip
@@ -324,7 +324,7 @@ def test_bytes_are_sent_in_their_time() -> None:
 
 
 def test_a_stimulus_acts_and_its_pin_cannot_be_connected_as_well() -> None:
-    chip = chip_of(COUNTER, stimuli=Stimuli([Button(4, 1000, 5000, bounces=3, bounce=500)]))
+    chip = chip_of(COUNTER, stimuli=Stimuli([BouncingButton(4, 1000, 5000, bounces=3, bounce=500)]))
     chip.run_ms(3)
     assert chip.register("TMR0") == 3
     with pytest.raises(InputError, match=r"RA4 is driven by the stimulus"):
@@ -514,7 +514,7 @@ def test_a_reset_keeps_ram_and_switching_off_keeps_the_eeprom_only() -> None:
 
 
 def test_options_are_the_simulators() -> None:
-    chip = chip_of(COUNTER, options=Options(ra4_pull_up=True))
+    chip = chip_of(COUNTER, options=SimulatorOptions(ra4_pull_up=True))
     chip.run_cycles(10)
     assert chip.pin("RA4") == 1
 

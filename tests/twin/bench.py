@@ -9,12 +9,12 @@ import numpy as np
 
 from servogen.robot.servo import Servo
 from servogen.twin.bodies import Bodies
-from servogen.twin.drive import Drive, drive_of
+from servogen.twin.drive import ServoDrive, drive_of
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import document
-from servogen.twin.pulses import Pulse
+from servogen.twin.pulses import ReceivedPulse
 from servogen.twin.supply import Supply
-from servogen.twin.world import Energies, Wiring, World
+from servogen.twin.world import Energies, ServoWiring, World
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Seen:
     current: float
 
 
-def disc(drive: Drive, upper: float, step_s: float = 0.001, inertia: float = 1e-5) -> Bodies:
+def disc(drive: ServoDrive, upper: float, step_s: float = 0.001, inertia: float = 1e-5) -> Bodies:
     """Return a disc on the servo's shaft, which a stop holds at the angle `upper`."""
     root, world = document("disc", Ground(), step_s)
     body = xml.SubElement(world, "body", pos="0 0 1")
@@ -53,7 +53,7 @@ def world_of(servo: Servo, upper: float, supply: Supply | None = None, **options
     drive = drive_of(servo)
     return World(
         disc(drive, upper, **options),
-        [Wiring(drive, lambda width: width, 0.0)],
+        [ServoWiring(drive, lambda width: width, 0.0)],
         supply or Supply(drive.supply_v),
         options.get("step_s", 0.001),
     )
@@ -65,13 +65,13 @@ def on_the_bench(servo: Servo) -> Seen:
     speeds = []
     for step in range(200):
         if step % 20 == 0:
-            free.pulse(Pulse(step, 0, 500.0))
+            free.pulse(ReceivedPulse(step, 0, 500.0))
         free.advance()
         speeds.append(float(free.data.actuator_velocity[0]))
     held = world_of(servo, 0.0)
     for step in range(300):
         if step % 20 == 0:
-            held.pulse(Pulse(step, 0, 500.0))
+            held.pulse(ReceivedPulse(step, 0, 500.0))
         held.advance()
     return Seen(float(np.max(speeds)), float(held.data.actuator_force[0]), held.current)
 
@@ -88,6 +88,6 @@ def weight_world(servo: Servo, mass: float, arm: float) -> tuple[World, Energies
         actuators, "general", joint="shaft", gaintype="fixed", biastype="affine", gainprm="1", biasprm="0 0 0"
     )
     made = Bodies(xml.tostring(root, encoding="unicode"), (), mass)
-    found = World(made, [Wiring(drive, lambda width: width, 0.0)], Supply(drive.supply_v), 0.001)
+    found = World(made, [ServoWiring(drive, lambda width: width, 0.0)], Supply(drive.supply_v), 0.001)
     found.energies = Energies()
     return found, found.energies

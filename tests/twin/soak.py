@@ -14,13 +14,13 @@ from collections.abc import Callable
 import numpy as np
 
 from servogen.errors import InputError
-from servogen.twin import Ground, Settings, Variation, Verdict
+from servogen.twin import Ground, TwinSettings, TwinVerdict, Variation
 from tests.twin.walking import CURVE, SUPPLIED, TURN, WALK, Firmware, rigid_end, walking
 
 FRICTIONS = (0.3, 0.5, 0.8, 1.0)
 
 
-def shown(verdict: Verdict) -> str:
+def shown(verdict: TwinVerdict) -> str:
     """Return where a run ended."""
     x, y, yaw = verdict.done
     return f"{1000 * x:7.1f} {1000 * y:6.1f} mm {math.degrees(yaw):7.1f}°"
@@ -33,7 +33,7 @@ def way() -> None:
         for height in (110, 120, 130):
             made = walking(WALK, gait, height, SUPPLIED)
             for friction in FRICTIONS:
-                seen = made.twin(Settings(ground=Ground(friction)))
+                seen = made.twin(TwinSettings(ground=Ground(friction)))
                 rigid = seen.planned.rigid
                 assert rigid is not None
                 share = seen.done[0] / float(rigid[-1, 0])
@@ -43,7 +43,8 @@ def way() -> None:
 def turn() -> None:
     """Turns on the spot by 180° at 130 mm, with motors and sag."""
     for friction in FRICTIONS:
-        print(f"friction {friction}: {shown(walking(TURN, extra=SUPPLIED).twin(Settings(Ground(friction))))}")
+        twin = walking(TURN, extra=SUPPLIED).twin(TwinSettings(Ground(friction)))
+        print(f"friction {friction}: {shown(twin)}")
 
 
 def specimens() -> None:
@@ -52,7 +53,7 @@ def specimens() -> None:
     for _ in range(16):
         factors = tuple(rng.uniform(0.7, 1.3, 6).tolist())
         x, y = rng.uniform(-0.01, 0.01, 2).tolist()
-        seen = made.twin(Settings(variation=Variation(factors, (x, y))))
+        seen = made.twin(TwinSettings(variation=Variation(factors, (x, y))))
         turns.append(math.degrees(seen.done[2]))
     print(f"turn {np.mean(turns):.1f}°, standard deviation {np.std(turns, ddof=1):.1f}°")
     print(np.round(turns, 1))
@@ -68,7 +69,7 @@ def lost_motion() -> None:
             made = walking(rows, gait, height, SUPPLIED, compensate=compensate)
             for band in bands:
                 servos = made.with_motor(dead_band_us=band)
-                seen = [servos.twin(Settings(ground=Ground(friction))) for friction in FRICTIONS]
+                seen = [servos.twin(TwinSettings(ground=Ground(friction))) for friction in FRICTIONS]
                 word = "compensated" if compensate else "plain"
                 print(f"{name}, {band:g} µs, {word}: {' |'.join(map(shown, seen))}", flush=True)
 
@@ -78,18 +79,18 @@ def causes() -> None:
     expect = "\n[expect]\nrobot_within_mm = 12\nturn_within_deg = 5\n"
     limited = expect + "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
     heavy = {"mass": 2.24}
-    runs: list[tuple[str, Firmware, Settings, dict[str, float]]] = [
-        ("2.24 kg at 120 mm", walking(WALK, height=120, extra=expect), Settings(), heavy),
-        ("R2-lift without pulses", walking(WALK, extra=expect), Settings(unplugged=("R2-lift",)), {}),
-        ("a broken leg", walking(WALK, extra=expect), Settings(broken=("L1-turn", "L1-lift")), {}),
-        ("a supply of 3.5 A, 2.24 kg", walking(WALK, height=120, extra=limited), Settings(), heavy),
+    runs: list[tuple[str, Firmware, TwinSettings, dict[str, float]]] = [
+        ("2.24 kg at 120 mm", walking(WALK, height=120, extra=expect), TwinSettings(), heavy),
+        ("R2-lift without pulses", walking(WALK, extra=expect), TwinSettings(unplugged=("R2-lift",)), {}),
+        ("a broken leg", walking(WALK, extra=expect), TwinSettings(broken=("L1-turn", "L1-lift")), {}),
+        ("a supply of 3.5 A, 2.24 kg", walking(WALK, height=120, extra=limited), TwinSettings(), heavy),
         (
             "twelve stalled servos",
             walking(WALK, height=120, extra=limited),
-            Settings(Ground(1.0), seconds=2.5),
+            TwinSettings(Ground(1.0), seconds=2.5),
             {"mass": 15.0},
         ),
-        ("beta at full height", walking(WALK, height=140, extra=expect), Settings(), {}),
+        ("beta at full height", walking(WALK, height=140, extra=expect), TwinSettings(), {}),
     ]
     for name, made, settings, robot in runs:
         seen = made.twin(settings, **robot)
@@ -128,7 +129,7 @@ def rough() -> None:
     for name, make in gaits.items():
         made = make()
         for height in (0.004, 0.008, 0.012):
-            runs = [made.twin(Settings(Ground(0.8, rough=height, seed=seed))) for seed in range(10)]
+            runs = [made.twin(TwinSettings(Ground(0.8, rough=height, seed=seed))) for seed in range(10)]
             ways = [1000 * seen.done[0] for seen in runs]
             falls = sum(not check.passed for seen in runs for check in seen.checks if check.name == "falls")
             yaw = max(abs(math.degrees(seen.done[2])) for seen in runs)
@@ -142,7 +143,7 @@ def steps() -> None:
     """The step of the physics halved twice."""
     for name, rows in (("straight", WALK), ("turn", TURN)):
         for per_ms in (1, 2, 4):
-            seen = walking(rows, extra=SUPPLIED).twin(Settings(steps_per_ms=per_ms, energies=True))
+            seen = walking(rows, extra=SUPPLIED).twin(TwinSettings(steps_per_ms=per_ms, energies=True))
             account = seen.record.energies
             assert account is not None
             lost = 1 - (account.heat + account.taken + account.gained) / account.electric

@@ -12,9 +12,9 @@ from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import Hexapod, feet
 from servogen.kinematics.statics import gravity_torques
-from servogen.twin import Ground, Settings, Variation, bodies
+from servogen.twin import Ground, TwinSettings, Variation, bodies
 from servogen.twin.bodies import FOOT_RADIUS_M
-from servogen.twin.causes import Kind
+from servogen.twin.causes import EventKind
 from tests.twin.walking import JOBS, firmware
 
 mujoco = pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
@@ -125,7 +125,7 @@ def test_a_base_on_a_step_is_refused() -> None:
 def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> None:
     """2 µs of dead band are 0.36° of an S3001 over gears and 0.7 m of reach: 7 mm at the SCARA's tool."""
     made = firmware((JOBS / f"{name}.toml").read_text())
-    empty = made.twin(Settings(seconds=8.0))
+    empty = made.twin(TwinSettings(seconds=8.0))
     assert empty.tool_rest_error is not None and empty.tool_rest_error < within
     assert empty.events == ()
 
@@ -133,9 +133,9 @@ def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> N
 def test_a_payload_bends_an_arm_and_too_much_of_it_is_the_first_cause() -> None:
     made = firmware((JOBS / "rvm1-program.toml").read_text())
     light, heavy = (
-        made.twin(Settings(variation=Variation(payload=mass), seconds=8.0)) for mass in (0.02, 0.4)
+        made.twin(TwinSettings(variation=Variation(payload=mass), seconds=8.0)) for mass in (0.02, 0.4)
     )
     assert light.tool_rest_error is not None and heavy.tool_rest_error is not None
     assert heavy.tool_rest_error > 2 * light.tool_rest_error
     assert light.events == ()
-    assert heavy.cause is not None and heavy.cause.kind == Kind.SATURATED
+    assert heavy.cause is not None and heavy.cause.kind == EventKind.SATURATED

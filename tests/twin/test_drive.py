@@ -9,7 +9,7 @@ from servogen.errors import InputError
 from servogen.robot.servo import Motor, Servo, servo
 from servogen.robot.servo_models import servo_model
 from servogen.twin.drive import drive_of
-from servogen.twin.pulses import Pulse
+from servogen.twin.pulses import ReceivedPulse
 from servogen.twin.supply import Supply
 
 DATA_SHEETS = {
@@ -105,7 +105,7 @@ def test_lifting_a_weight_gives_the_work_of_its_height() -> None:
     before = world.energy()
     for step in range(3000):
         if step % 20 == 0:
-            world.pulse(Pulse(step, 0, math.pi / 2))
+            world.pulse(ReceivedPulse(step, 0, math.pi / 2))
         world.advance()
     gained = world.energy() - before
     assert gained == pytest.approx(0.2 * 9.80665 * 0.05, rel=0.05)  # the servo stops within its dead band

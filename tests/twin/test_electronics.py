@@ -11,7 +11,7 @@ pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip insta
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
 from servogen.robot.servo import Servo
 from servogen.twin.drive import drive_of
-from servogen.twin.pulses import Pulse, Receiver
+from servogen.twin.pulses import PulseReceiver, ReceivedPulse
 from servogen.twin.world import World
 from servogen.units import Clock
 from tests.twin.bench import world_of
@@ -47,15 +47,15 @@ def turned(world: World, steps: int) -> float:
 
 @pytest.mark.parametrize("cut", range(1, len(EDGES)))
 def test_each_pulse_has_its_own_width_from_the_step_after_its_falling_edge(cut: int) -> None:
-    receiver = Receiver(["RB0", "RB1"], CLOCK, Fraction(1, 1000))
+    receiver = PulseReceiver(["RB0", "RB1"], CLOCK, Fraction(1, 1000))
     found = receiver.pulses(chunk(EDGES[:cut])) + receiver.pulses(chunk(EDGES[cut:]))
-    assert found == [Pulse(2, 0, 1500.0), Pulse(2, 1, 1800.0), Pulse(22, 0, 1501.0)]
+    assert found == [ReceivedPulse(2, 0, 1500.0), ReceivedPulse(2, 1, 1800.0), ReceivedPulse(22, 0, 1501.0)]
 
 
 def test_each_width_is_a_new_target(tiny: Servo) -> None:
     world = world_of(tiny, 1e3)
     for angle in (0.3, -0.2, 0.25):
-        world.pulse(Pulse(world.step, 0, angle))
+        world.pulse(ReceivedPulse(world.step, 0, angle))
         assert turned(world, 80) == pytest.approx(angle, abs=1.1 * drive_of(tiny).dead_band)
 
 
@@ -63,9 +63,9 @@ def test_within_its_dead_band_a_servo_stays(tiny: Servo) -> None:
     band = drive_of(tiny).dead_band
     assert math.degrees(band) == pytest.approx(0.72)  # 2 µs, where 500 µs are 180°
     world = world_of(tiny, 1e3)
-    world.pulse(Pulse(0, 0, 0.99 * band))
+    world.pulse(ReceivedPulse(0, 0, 0.99 * band))
     assert turned(world, 80) == 0
-    world.pulse(Pulse(world.step, 0, 1.5 * band))
+    world.pulse(ReceivedPulse(world.step, 0, 1.5 * band))
     assert turned(world, 80) > 0.4 * band
 
 
@@ -77,7 +77,7 @@ def test_a_servo_that_turns_round_loses_the_dead_band_on_both_sides(tiny: Servo)
     def led(step: float) -> float:
         nonlocal command
         command += step * band
-        world.pulse(Pulse(world.step, 0, command))
+        world.pulse(ReceivedPulse(world.step, 0, command))
         return turned(world, 20)
 
     for _ in range(30):
@@ -94,7 +94,7 @@ def test_without_pulses_the_motor_is_open_after_its_time_and_the_next_pulse_driv
 ) -> None:
     lost_ms = round(1000 * drive_of(tiny).lost_s)
     world = world_of(tiny, 1e3)
-    world.pulse(Pulse(0, 0, 500.0))
+    world.pulse(ReceivedPulse(0, 0, 500.0))
     turned(world, lost_ms)
     assert world.duty[0] == 1 and world.current > 0
     turned(world, 2)
@@ -103,6 +103,6 @@ def test_without_pulses_the_motor_is_open_after_its_time_and_the_next_pulse_driv
     assert float(world.data.actuator_force[0]) == 0
     here = turned(world, 100)
     assert here > 0.5  # the disc turns on: nothing brakes it
-    world.pulse(Pulse(world.step, 0, 0.0))
+    world.pulse(ReceivedPulse(world.step, 0, 0.0))
     turned(world, 1)
     assert world.duty[0] == -1

@@ -10,17 +10,17 @@ import pytest
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
 from servogen.errors import InputError
-from servogen.twin import Ground, Settings, Verdict
-from servogen.twin.causes import Kind
+from servogen.twin import Ground, TwinSettings, TwinVerdict
+from servogen.twin.causes import EventKind
 from tests.twin.walking import AHEAD, SUPPLIED, walking
 
 
 @pytest.fixture(scope="module")
-def ahead() -> Verdict:
+def ahead() -> TwinVerdict:
     return walking(AHEAD, extra=SUPPLIED).twin()
 
 
-def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: Verdict) -> None:
+def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: TwinVerdict) -> None:
     assert ahead.planned.way == pytest.approx((0.080, 0.0, 0.0))
     assert 0.95 * 80 <= 1000 * ahead.done[0] <= 1.02 * 80
     assert abs(math.degrees(ahead.done[2])) < 3
@@ -28,26 +28,26 @@ def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: Verdict) -> None:
 
 
 @pytest.mark.parametrize("chunk_ms", [1, 7])
-def test_the_length_of_the_chunks_changes_nothing(ahead: Verdict, chunk_ms: int) -> None:
-    other = walking(AHEAD, extra=SUPPLIED).twin(Settings(chunk_ms=chunk_ms))
+def test_the_length_of_the_chunks_changes_nothing(ahead: TwinVerdict, chunk_ms: int) -> None:
+    other = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(chunk_ms=chunk_ms))
     assert other.record.digest() == ahead.record.digest()
 
 
-def test_another_ground_changes_the_run(ahead: Verdict) -> None:
+def test_another_ground_changes_the_run(ahead: TwinVerdict) -> None:
     """The digest sees differences at all."""
-    other = walking(AHEAD, extra=SUPPLIED).twin(Settings(ground=Ground(0.79)))
+    other = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(ground=Ground(0.79)))
     assert other.record.digest() != ahead.record.digest()
 
 
-def test_half_the_step_gives_the_same_way(ahead: Verdict) -> None:
-    half = walking(AHEAD, extra=SUPPLIED).twin(Settings(steps_per_ms=2))
+def test_half_the_step_gives_the_same_way(ahead: TwinVerdict) -> None:
+    half = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(steps_per_ms=2))
     assert half.done[0] == pytest.approx(ahead.done[0], rel=0.02)
 
 
 def test_without_contacts_the_joints_follow_the_plan_within_the_lag_of_the_servos() -> None:
     """The lag that the equations give: dead band, band for the speed, Td ω; and the step of one frame."""
     job = walking(AHEAD)
-    seen = job.twin(Settings(contacts=False))
+    seen = job.twin(TwinSettings(contacts=False))
     record = seen.record
     part = slice(record.first, None)
     for index, drive in enumerate(record.rig.drives):
@@ -62,7 +62,7 @@ def test_a_robot_too_heavy_for_its_servos_is_seen_with_its_cause() -> None:
     extra = "\n[expect]\nrobot_within_mm = 10\n"
     heavy = walking(AHEAD, height=120, extra=extra).twin(mass=2.24)
     assert not heavy.passed
-    assert heavy.cause is not None and heavy.cause.kind == Kind.SATURATED
+    assert heavy.cause is not None and heavy.cause.kind == EventKind.SATURATED
     assert re.fullmatch(
         r"[LR][123]-lift saturates at 0\.2\d N·m from \d\.\d\d s, \d+\.\d° from its target", heavy.cause.text
     )
@@ -72,13 +72,15 @@ def test_a_robot_too_heavy_for_its_servos_is_seen_with_its_cause() -> None:
 
 
 def test_a_servo_without_pulses_is_the_first_cause() -> None:
-    seen = walking(AHEAD, extra="\n[expect]\nturn_within_deg = 3\n").twin(Settings(unplugged=("R2-lift",)))
+    seen = walking(AHEAD, extra="\n[expect]\nturn_within_deg = 3\n").twin(
+        TwinSettings(unplugged=("R2-lift",))
+    )
     assert not seen.passed
     assert seen.cause is not None and seen.cause.text == "R2-lift receives no pulses at all"
 
 
 def test_a_broken_gear_is_the_first_cause() -> None:
-    seen = walking(AHEAD).twin(Settings(broken=("L1-turn", "L1-lift")))
+    seen = walking(AHEAD).twin(TwinSettings(broken=("L1-turn", "L1-lift")))
     assert seen.cause is not None and seen.cause.text == "L1-turn turns nothing: its gear is broken"
     assert not any(event.text.startswith("L1-lift saturates") for event in seen.events)
 
@@ -89,7 +91,7 @@ def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
     seen = walking(AHEAD, height=120, extra=extra).twin(mass=2.24)
     assert seen.word == "not guaranteed" and not seen.passed
     assert seen.record.current.max() == pytest.approx(3.5)
-    limit = next(event for event in seen.events if event.kind == Kind.SUPPLY)
+    limit = next(event for event in seen.events if event.kind == EventKind.SUPPLY)
     assert limit.text.startswith("the supply is at its limit of 3.5 A from")
     assert seen.not_guaranteed_from == pytest.approx(
         float(seen.record.time[np.argmax(seen.record.voltage < 4.0)])
@@ -101,11 +103,11 @@ def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
 def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
     """With 15 kg on its legs the robot lies on the ground, and all its servos push in vain."""
     extra = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
-    settings = Settings(ground=Ground(1.0), seconds=1.0)
+    settings = TwinSettings(ground=Ground(1.0), seconds=1.0)
     seen = walking(AHEAD, height=120, extra=extra).twin(settings, mass=15.0)
     record, drive = seen.record, seen.record.rig.drives[0]
     assert seen.word == "not guaranteed" and not seen.passed
-    assert seen.cause is not None and seen.cause.kind == Kind.SUPPLY
+    assert seen.cause is not None and seen.cause.kind == EventKind.SUPPLY
     resistance, idle = drive.resistance, 12 * drive.idle_a
     volts = (3.5 - idle) * resistance / 12  # by hand: twelve motors at rest share the current
     asked = (idle + 12 * 5.0 / resistance) / (1 + 12 * 0.05 / resistance)
@@ -124,13 +126,13 @@ def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
 
 
 @pytest.mark.parametrize("steps_per_ms", [1, 2])
-def test_the_energies_of_a_walk_add_up(ahead: Verdict, steps_per_ms: int) -> None:
+def test_the_energies_of_a_walk_add_up(ahead: TwinVerdict, steps_per_ms: int) -> None:
     """What comes from the supply is heat in copper and gears, goes into contacts, or is in the bodies.
 
     Each is measured by itself: currents and speeds of the motors, forces of the contacts, place and motion of
     the bodies at the end.
     """
-    seen = walking(AHEAD, extra=SUPPLIED).twin(Settings(energies=True, steps_per_ms=steps_per_ms))
+    seen = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(energies=True, steps_per_ms=steps_per_ms))
     account = seen.record.energies
     assert account is not None and account.electric > 1.0
     assert account.electric == pytest.approx(account.heat + account.taken + account.gained, rel=0.01)
@@ -146,18 +148,18 @@ def test_a_lighter_foot_friction_and_a_moved_centre_change_little() -> None:
     from servogen.twin import Variation
 
     ground = Variation((0.7, 1.3, 1.0, 0.9, 1.1, 0.8), (0.01, -0.01))
-    seen = walking(AHEAD, extra=SUPPLIED).twin(Settings(variation=ground))
+    seen = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(variation=ground))
     assert 0.9 * 80 <= 1000 * seen.done[0] <= 1.05 * 80
 
 
 def test_the_record_can_be_cut_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a second is 100 samples of 5 ms; no more than a record may have."""
     monkeypatch.setattr("servogen.twin.run.MAX_SAMPLES", 100)
-    short = walking(AHEAD).twin(Settings(seconds=0.5))
+    short = walking(AHEAD).twin(TwinSettings(seconds=0.5))
     assert short.record.time[-1] == pytest.approx(0.495)
-    assert replace(short.record.settings, seconds=None) == Settings()
+    assert replace(short.record.settings, seconds=None) == TwinSettings()
     with pytest.raises(InputError, match="longer than half an hour"):
-        walking(AHEAD).twin(Settings(seconds=0.505))
+        walking(AHEAD).twin(TwinSettings(seconds=0.505))
 
 
 def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
@@ -169,12 +171,12 @@ def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
 def test_a_slope_and_rough_ground_cost_way() -> None:
     made = walking(AHEAD, extra=SUPPLIED)
     flat = made.twin()
-    up = made.twin(Settings(Ground(0.5, slope=math.radians(12))))
-    down = made.twin(Settings(Ground(0.5, slope=math.radians(-12))))
+    up = made.twin(TwinSettings(Ground(0.5, slope=math.radians(12))))
+    down = made.twin(TwinSettings(Ground(0.5, slope=math.radians(-12))))
     assert up.done[0] < flat.done[0] - 0.002 < down.done[0]
-    one, other = (made.twin(Settings(Ground(0.8, rough=0.008, seed=seed))) for seed in (1, 2))
+    one, other = (made.twin(TwinSettings(Ground(0.8, rough=0.008, seed=seed))) for seed in (1, 2))
     assert one.record.digest() != other.record.digest()
-    assert one.record.digest() == made.twin(Settings(Ground(0.8, rough=0.008, seed=1))).record.digest()
+    assert one.record.digest() == made.twin(TwinSettings(Ground(0.8, rough=0.008, seed=1))).record.digest()
     assert one.record.tilt.max() > 3 * flat.record.tilt.max()
 
 
@@ -185,7 +187,7 @@ def test_a_slope_steeper_than_friction_holds_lets_the_robot_slide() -> None:
     """
     made = walking(AHEAD, extra=SUPPLIED)
     stays, slides = (
-        made.twin(Settings(Ground(0.3, slope=math.radians(degrees)), seconds=0.3)) for degrees in (14, 20)
+        made.twin(TwinSettings(Ground(0.3, slope=math.radians(degrees)), seconds=0.3)) for degrees in (14, 20)
     )
     assert -0.006 < stays.record.pose[-1, 0] < 0
     assert 0.018 < -slides.record.pose[-1, 0] < 0.045  # and it leans
@@ -194,11 +196,11 @@ def test_a_slope_steeper_than_friction_holds_lets_the_robot_slide() -> None:
 def test_dry_friction_holds_a_servo_without_pulses() -> None:
     """Without friction the leg gives way; a gear that needs 0.3 A without load holds it."""
     made = walking(AHEAD, height=120)
-    settings = Settings(unplugged=("R2-lift",), seconds=1.2)
+    settings = TwinSettings(unplugged=("R2-lift",), seconds=1.2)
     loose = made.twin(settings)
     held = made.with_motor(no_load_a=0.3).twin(settings)
 
-    def way(verdict: Verdict) -> float:
+    def way(verdict: TwinVerdict) -> float:
         index = [servo.name for servo in verdict.record.rig.servos].index("R2-lift")
         return float(np.ptp(verdict.record.angle[:, index]))
 

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
-from servogen.twin import Settings, Verdict
+from servogen.twin import TwinSettings, TwinVerdict
 from tests.twin.walking import AHEAD, CURVE, SUPPLIED, TURN, WALK, rigid_end, walking
 
 Pose = tuple[float, float, float]
@@ -17,7 +17,7 @@ def apart(one: Pose, other: Pose) -> tuple[float, float]:
     return 1000 * math.dist(one[:2], other[:2]), abs(math.degrees(one[2] - other[2]))
 
 
-def planned_end(verdict: Verdict) -> Pose:
+def planned_end(verdict: TwinVerdict) -> Pose:
     assert verdict.planned.rigid is not None
     x, y, yaw = verdict.planned.rigid[-1].tolist()
     return x, y, yaw
@@ -39,6 +39,6 @@ def test_the_path_of_the_plan_is_the_one_of_the_physics(route: str) -> None:
 
 
 def test_a_servo_that_does_not_follow_takes_the_robot_off_the_path_of_the_plan() -> None:
-    seen = walking(AHEAD, extra=SUPPLIED).twin(Settings(unplugged=("R2-lift",)))
+    seen = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(unplugged=("R2-lift",)))
     way, turn = apart(planned_end(seen), seen.done)
     assert way > 5 and turn > 3

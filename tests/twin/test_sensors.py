@@ -11,7 +11,7 @@ from servogen.build.twinning import twin_of
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.simulator import Levels, Stimuli
-from servogen.twin import Ground, Settings, Verdict
+from servogen.twin import Ground, TwinSettings, TwinVerdict
 from servogen.twin.bodies import bodies
 
 ROBOT = """
@@ -87,10 +87,10 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def lowered(bench: Path, ground: Ground, stimuli: Stimuli | None = None, sensor: bool = True) -> Verdict:
+def lowered(bench: Path, ground: Ground, stimuli: Stimuli | None = None, sensor: bool = True) -> TwinVerdict:
     text = JOB if sensor else JOB.replace(JOB[JOB.index("[[sensor]]") : JOB.index("[motion]")], "")
     job = plan_job(loads(text, str(bench / "leg.toml")))
-    return twin_of(job, Settings(ground, seconds=1.2), bench / "leg.c", stimuli)
+    return twin_of(job, TwinSettings(ground, seconds=1.2), bench / "leg.c", stimuli)
 
 
 def test_the_switch_ends_the_lowering_early_in_the_pins_and_in_the_motion(bench: Path) -> None:
@@ -153,7 +153,7 @@ kind = "stall"
 above_a = 0.3
 """
     job = plan_job(loads(JOB.replace("[motion]", extra + "[motion]"), str(bench / "leg.toml")))
-    record = twin_of(job, Settings(ON_A_STEP, seconds=1.2), bench / "leg.c").record
+    record = twin_of(job, TwinSettings(ON_A_STEP, seconds=1.2), bench / "leg.c").record
     beta = record.angle[:, 1] - record.rig.bindings[1].zero
     rises = [change.cycle / 1e6 for change in record.changes if change.pin == 1 and change.level == 1]
     passed = float(record.time[np.argmax(beta > np.radians(-40))])

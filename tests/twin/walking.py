@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from servogen.build.engines import Planned, planned
+from servogen.build.engines import PlayedJob, planned
 from servogen.build.twinning import twin_of_image
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.kinematics.hexapod import feet
 from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.pic.image import Image
-from servogen.twin import Settings, Verdict
+from servogen.twin import TwinSettings, TwinVerdict
 
 JOBS = Path(__file__).parent.parent.parent / "jobs"
 
@@ -26,7 +26,7 @@ class Firmware:
     """A planned job, as its engine plays it, and its program."""
 
     job: PlannedJob
-    found: Planned
+    found: PlayedJob
     image: Image
 
     def with_motor(self, **facts: float) -> Firmware:
@@ -38,13 +38,13 @@ class Firmware:
         found = replace(self.found, job=replace(self.found.job, servos=servos))
         return Firmware(replace(self.job, servos=servos), found, self.image)
 
-    def twin(self, settings: Settings | None = None, **robot: Any) -> Verdict:
+    def twin(self, settings: TwinSettings | None = None, **robot: Any) -> TwinVerdict:
         """Return what the robot does; `robot` replaces facts of it."""
         job, found = self.job, self.found
         if robot:
             job = replace(job, robot=replace(job.robot, **robot))  # type: ignore[type-var]
             found = replace(found, job=replace(found.job, robot=job.robot))
-        return twin_of_image(job, found.job, found.plan.schedule, self.image, settings or Settings())
+        return twin_of_image(job, found.job, found.plan.schedule, self.image, settings or TwinSettings())
 
 
 @cache
@@ -84,7 +84,7 @@ TURN = "{ turn_deg = 20, cycles = 9 }"
 CURVE = "{ forward_mm = 30, turn_deg = 10, cycles = 9 }"
 
 
-def rigid_end(verdict: Verdict) -> tuple[float, float, float]:
+def rigid_end(verdict: TwinVerdict) -> tuple[float, float, float]:
     """Return x, y and yaw to which rigid legs with the joint angles of the physics would take the body."""
     rig, record = verdict.record.rig, verdict.record
     angles = record.angle[record.first :: 4]

@@ -18,7 +18,7 @@ from servogen.edges import HIGH
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
 from servogen.programs import read_program, read_schedule
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
@@ -76,9 +76,11 @@ def test_a_build_a_proof_for_all_time_and_a_test_of_firmware_do_too() -> None:
         assert proven(schedule, made, Cycles(100_000)).proven == right
 
 
-@pytest.mark.parametrize(("board", "period"), [(BOARD, 20_000), (Options(device="PIC16F84A"), 14_000)])
+@pytest.mark.parametrize(
+    ("board", "period"), [(BOARD, 20_000), (SimulatorOptions(device="PIC16F84A"), 14_000)]
+)
 def test_a_write_of_the_other_chip_is_6_ms_shorter_and_grading_is_for_the_pic16f84(
-    board: Options, period: int
+    board: SimulatorOptions, period: int
 ) -> None:
     """Programs to be graded are compiled for the PIC16F84."""
     edges = Machine(read_program(PROGRAM).image, Clock(4_000_000), board).run(100_000)
@@ -87,14 +89,14 @@ def test_a_write_of_the_other_chip_is_6_ms_shorter_and_grading_is_for_the_pic16f
 
 
 def test_the_default_is_the_devices_typical_time() -> None:
-    assert Options().eeprom_us == Options(device="PIC16F84").eeprom_us == 10_000
-    assert Options(device="16f84a").eeprom_us == 4_000
-    assert Options(device="PIC16F84A", eeprom_write_us=8_000).eeprom_us == 8_000
+    assert SimulatorOptions().eeprom_us == SimulatorOptions(device="PIC16F84").eeprom_us == 10_000
+    assert SimulatorOptions(device="16f84a").eeprom_us == 4_000
+    assert SimulatorOptions(device="PIC16F84A", eeprom_write_us=8_000).eeprom_us == 8_000
     for wrong in (0, 1_000_001):
         with pytest.raises(InputError, match="eeprom_write_us"):
-            Options(eeprom_write_us=wrong)
+            SimulatorOptions(eeprom_write_us=wrong)
     with pytest.raises(InputError, match="PIC16F85"):
-        Options(device="PIC16F85")
+        SimulatorOptions(device="PIC16F85")
 
 
 @pytest.mark.parametrize(

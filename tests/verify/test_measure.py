@@ -12,7 +12,7 @@ from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.units import Clock, Cycles
 from servogen.verify import Measurement, PinMeasurement, measure, measurement_lines
 from servogen.verify import measurement as measuring
-from servogen.verify.measurement import FrameKind, Pause, Run
+from servogen.verify.measurement import FrameKind, Pause, PulseRun
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
@@ -96,7 +96,7 @@ def test_widths_in_order_are_one_a_pulse() -> None:
 def test_a_ramp_is_a_run_for_each_width() -> None:
     pulses = [(frame * 20_000, 1000 + frame, RB0) for frame in range(50)]
     found = pin_of(measured(pulses, 10**6), RB0)
-    assert found.runs[:2] == (Run(0, 1, 1000, None, None), Run(20_000, 1, 1001, None, None))
+    assert found.runs[:2] == (PulseRun(0, 1, 1000, None, None), PulseRun(20_000, 1, 1001, None, None))
     assert (len(found.runs), found.periods) == (50, {20_000: 49})
 
 

@@ -20,7 +20,7 @@ pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from servogen.build.grading import Graded, Task, grade_submissions
+from servogen.build.grading import Graded, GradingTask, grade_submissions
 from servogen.grade import Submission, load_lab, page_names
 from servogen.programs import read_submission
 from servogen.watch import server as module
@@ -63,8 +63,8 @@ def graded(tmp_path_factory: pytest.TempPathFactory) -> list[Graded]:
     return [*found, Graded(Submission(EVIL, source, folder / "mal"), evil)]
 
 
-def task() -> Task:
-    return Task.of(load_lab("lab8-exercise"), read_submission, 60.0, 300)
+def task() -> GradingTask:
+    return GradingTask.of(load_lab("lab8-exercise"), read_submission, 60.0, 300)
 
 
 def server(graded: list[Graded]) -> WatchServer:

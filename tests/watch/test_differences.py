@@ -11,7 +11,7 @@ from servogen.engines.board import machine_of
 from servogen.programs import read_program, read_schedule
 from servogen.pulse.expected import expected
 from servogen.units import Cycles
-from servogen.watch.differences import Wanted, differing, first_difference, wanted_of
+from servogen.watch.differences import ScheduledEdges, differing, first_difference, wanted_of
 
 FOLDER = Path(__file__).parent.parent.parent / "firmware" / "hexapod-tripod"
 SCHEDULE = read_schedule(FOLDER / "schedule.json")
@@ -38,8 +38,8 @@ def test_the_edges_of_a_window_are_those_that_verify_expects() -> None:
         every += list(zip(*(column.tolist() for column in chunk[:3]), strict=True))
         if every[-1][0] > END:
             break
-    first = min(pulse.rise for pulse in Wanted(SCHEDULE, 0).run_of(0).pulses if pulse)
-    wanted = Wanted(SCHEDULE, 1000 - first)
+    first = min(pulse.rise for pulse in ScheduledEdges(SCHEDULE, 0).run_of(0).pulses if pulse)
+    wanted = ScheduledEdges(SCHEDULE, 1000 - first)
     for begin, end in ((0, 400_000), (1_234_567, 1_300_001), (8_000_000, 8_500_000)):
         asked = [(cycle + 1000, pin, level) for cycle, pin, level in every if begin <= cycle + 1000 < end]
         assert wanted.edges(begin, end) == sorted(asked)

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from servogen.build.films import class_page, film_name, film_page, watch_command
-from servogen.build.grading import Graded, Task, grade_submissions
+from servogen.build.grading import Graded, GradingTask, grade_submissions
 from servogen.grade import Lab, Submission, load_lab, page, refused
 from servogen.programs import read_submission
-from servogen.simulator import Options
-from servogen.watch.session import Session
+from servogen.simulator import SimulatorOptions
+from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, wait
 
@@ -30,7 +30,7 @@ def lab() -> Lab:
 def graded(lab: Lab) -> Iterator[Graded]:
     """A program that goes to its positions in a wrong order."""
     submission = Submission("ana/<b>order.c", WRONG, WRONG.parent)
-    yield grade_submissions([submission], Task.of(lab, read_submission, 60.0, 300))[0]
+    yield grade_submissions([submission], GradingTask.of(lab, read_submission, 60.0, 300))[0]
 
 
 def test_the_film_begins_at_what_is_wrong(lab: Lab, graded: Graded) -> None:
@@ -53,8 +53,8 @@ def test_the_command_on_the_page_opens_the_program_at_the_same_moment(lab: Lab, 
     words = shlex.split(command)
     assert words[:6] == ["servogen", "watch", str(WRONG), "--clock-hz", "4000000", "--ra4-pull-up"]
     assert words[6] == "--at-cycle" and len(words) == 8
-    setting = Setting(Options(ra4_pull_up=True), 4_000_000, at_cycle=int(words[7]))
-    session = Session(load_subject(WRONG, setting))
+    setting = Setting(SimulatorOptions(ra4_pull_up=True), 4_000_000, at_cycle=int(words[7]))
+    session = WatchSession(load_subject(WRONG, setting))
     film = graded.grade.film
     assert film is not None and film.source is not None
     assert session.now - film.moment_us in (0, 1)  # 1 µs per cycle
@@ -66,7 +66,7 @@ def test_the_command_on_the_page_opens_the_program_at_the_same_moment(lab: Lab, 
 
 def test_a_right_program_has_no_film(lab: Lab) -> None:
     right = WRONG.parent.parent / "lab8-right" / "delays.c"
-    task = Task.of(lab, read_submission, 60.0, 300)
+    task = GradingTask.of(lab, read_submission, 60.0, 300)
     (found,) = grade_submissions([Submission("eva.c", right, right.parent)], task)
     assert found.grade.passed and found.grade.film is None
     html = class_page(lab, ["eva.c.md"], [found])

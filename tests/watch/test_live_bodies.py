@@ -14,12 +14,12 @@ pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip insta
 
 from servogen.errors import InputError
 from servogen.simulator import Levels, Stimuli
-from servogen.twin import Settings, simulate
+from servogen.twin import TwinSettings, simulate
 from servogen.twin import live as module
 from servogen.twin.live import LiveTwin
 from servogen.twin.run import SAMPLE_S
 from servogen.watch.live_bodies import LiveBodies
-from servogen.watch.session import Session
+from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, Subject, load_subject
 from tests.watch.test_session import captured
 
@@ -38,20 +38,20 @@ def walk() -> Subject:
     return load_subject(ROOT / "jobs" / "hexapod-tripod.toml", Setting())
 
 
-def shown(session: Session, cycle: int) -> dict[str, Any]:
+def shown(session: WatchSession, cycle: int) -> dict[str, Any]:
     """The bodies of a moment, when they have got there."""
     list(session.handle({"do": "seek", "cycle": cycle}))
     assert session.bodies is not None
     return list(session.bodies.follow(60))[-1]
 
 
-def with_bodies(subject: Subject) -> tuple[Session, dict[str, Any]]:
-    session = Session(subject)
+def with_bodies(subject: Subject) -> tuple[WatchSession, dict[str, Any]]:
+    session = WatchSession(subject)
     (answer,) = session.handle({"do": "bodies", "on": True})
     return session, answer["model"]
 
 
-def twin_of(session: Session) -> LiveTwin:
+def twin_of(session: WatchSession) -> LiveTwin:
     job, chip = session.subject.job, session.chip
     assert job is not None and chip is not None
     return LiveTwin(job, session.subject.clock, chip.edges)
@@ -99,7 +99,7 @@ def test_the_bodies_are_those_of_a_twin_that_hears_what_was_done_by_hand(on_comm
     ]
     assert on_command.stimuli is not None
     stimuli = Stimuli([*on_command.stimuli.sources, *by_hand])
-    record = simulate(job, schedule, image, 0, Settings(seconds=4.1), stimuli)
+    record = simulate(job, schedule, image, 0, TwinSettings(seconds=4.1), stimuli)
     for moment in (1.0, 2.6, 3.3, 4.0):
         at = round(moment / SAMPLE_S)
         x, y, z, yaw = record.pose[at]
@@ -115,8 +115,8 @@ def test_a_moment_has_the_same_bodies_whichever_way_it_is_reached(
     monkeypatch.setattr(module, "SPACING", 7)
     dice = random.Random(1)
     cycles = sorted(dice.randrange(end) for end in (4 * S, 20_000, 60_000) for _ in range(10))
-    straight, back_and_forth = twin_of(Session(walk)), twin_of(Session(walk))
-    session = Session(walk)
+    straight, back_and_forth = twin_of(WatchSession(walk)), twin_of(WatchSession(walk))
+    session = WatchSession(walk)
     assert session.chip is not None
     session.chip.seek(4 * S)
     straight._edges = back_and_forth._edges = session.chip.edges
@@ -136,7 +136,7 @@ def test_snapshots_are_thinned_out_and_the_past_stays_the_same(
 ) -> None:
     monkeypatch.setattr(module, "MAX_SNAPSHOTS", 24)
     monkeypatch.setattr(module, "RECENT", 500)
-    session = Session(walk)
+    session = WatchSession(walk)
     assert session.chip is not None
     session.chip.seek(6 * S)
     twin = LiveTwin(walk.job, walk.clock, session.chip.edges)  # type: ignore[arg-type]
@@ -200,7 +200,7 @@ def test_captured_pulses_move_the_bodies_of_the_job(walk: Subject, tmp_path: Pat
     ],
 )
 def test_what_moves_no_robot_has_no_bodies(name: str, text: str) -> None:
-    session = Session(load_subject(ROOT / name, Setting()))
+    session = WatchSession(load_subject(ROOT / name, Setting()))
     assert not session.model()["has_bodies"]
     (answer,) = session.handle({"do": "bodies", "on": True})
     assert answer["model"] is None and text in answer["text"]
@@ -210,4 +210,4 @@ def test_what_moves_no_robot_has_no_bodies(name: str, text: str) -> None:
 def test_pieces_of_a_capture_have_no_bodies(walk: Subject) -> None:
     pieces = replace(walk, wanted=walk.wanted * 2)
     with pytest.raises(InputError, match="between the pieces of this capture is unknown"):
-        LiveBodies(pieces, Session(walk).chip)  # type: ignore[arg-type]
+        LiveBodies(pieces, WatchSession(walk).chip)  # type: ignore[arg-type]

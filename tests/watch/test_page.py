@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
 from servogen.programs import JOB_SUFFIX, read_schedule
-from servogen.watch.differences import Wanted
+from servogen.watch.differences import ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, Page, needs_axe, violations
@@ -174,7 +174,7 @@ def test_from_a_wrong_edge_a_step_back_leads_to_its_line(watch: Open, tmp_path: 
 
 def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path: Path) -> None:
     against = ROOT / "firmware" / "lab8-exercise" / "schedule.json"
-    edges = Wanted(read_schedule(against), 0).edges(0, 15_000_000)
+    edges = ScheduledEdges(read_schedule(against), 0).edges(0, 15_000_000)
     edges[-101] = (edges[-101][0] + 9, *edges[-101][1:])
     page = watch(captured(tmp_path / "late.vcd", 90.0, edges), against)
     assert text(page, "#difference-text").startswith("not proven: first at")

@@ -18,7 +18,7 @@ from websockets.sync.client import ClientConnection
 from servogen.errors import InputError
 from servogen.simulator import aot_cache
 from servogen.watch.server import FILES
-from servogen.watch.session import Session
+from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, Subject, load_subject
 from tests.watch.serving import Running
 
@@ -221,7 +221,7 @@ def test_a_defect_of_a_session_does_not_end_the_server(
     with running.socket() as socket:
         opened(socket)
         with monkeypatch.context() as broken:
-            broken.setattr(Session, "_run_on", lambda *_: 1 / 0)
+            broken.setattr(WatchSession, "_run_on", lambda *_: 1 / 0)
             socket.send(json.dumps({"do": "run", "running": True}))
             assert "ZeroDivisionError" in messages(socket, "problem")[-1]["text"]
         assert not asked(socket, do="seek", cycle=9)["running"]

@@ -17,10 +17,10 @@ from servogen.errors import InputError
 from servogen.programs import read_schedule
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
-from servogen.watch.differences import Edge, Wanted
+from servogen.watch.differences import Edge, ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import MAX_BREAKPOINTS, Session
+from servogen.watch.session import MAX_BREAKPOINTS, WatchSession
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.engines.player.command_walks import target
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -31,7 +31,7 @@ LAB8 = ROOT / "firmware" / "lab8-exercise"
 RB0 = PINS.index("RB0")
 
 
-def answer(session: Session, **request: Any) -> dict[str, Any]:
+def answer(session: WatchSession, **request: Any) -> dict[str, Any]:
     return list(session.handle(request))[-1]
 
 
@@ -50,7 +50,7 @@ def lab8() -> Subject:
 
 def test_widths_are_those_of_the_schedule_in_every_pose(lab8: Subject) -> None:
     """30°, 90° and 120° are 1167, 1500 and 1667 µs, for 2, 5 and 3 s."""
-    session = Session(lab8)
+    session = WatchSession(lab8)
     for cycle, width in ((1_000_000, 1167), (4_000_000, 1500), (8_000_000, 1667), (11_000_000, 1167)):
         assert answer(session, do="seek", cycle=cycle)["widths"][RB0] == width
 
@@ -64,7 +64,7 @@ def test_a_servo_without_pulses_stays_where_the_latest_one_has_turned_it(tmp_pat
         "            clear_bit(portb, 0);\n            delay_ms(18);\n"
         "        }\n        delay_s(5);\n    }\n}\n"
     )
-    session = Session(load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json"))))
+    session = WatchSession(load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json"))))
     for cycle, driven in ((300_000, True), (600_000, False), (4_000_000, False)):
         shown = answer(session, do="seek", cycle=cycle)
         assert shown["held"][RB0] == pytest.approx(2000, abs=20)
@@ -73,7 +73,7 @@ def test_a_servo_without_pulses_stays_where_the_latest_one_has_turned_it(tmp_pat
 
 
 def test_frames_are_counted_from_the_first_pulse(lab8: Subject) -> None:
-    session = Session(lab8)
+    session = WatchSession(lab8)
     (wanted,) = lab8.wanted
     origin = wanted.origin
     assert answer(session, do="step", what="frame", count=1)["cycle"] in range(origin, origin + 3)
@@ -88,7 +88,7 @@ def test_frames_are_counted_from_the_first_pulse(lab8: Subject) -> None:
 
 
 def test_waves_hold_the_edges_and_what_the_schedule_asks_for(lab8: Subject) -> None:
-    session = Session(lab8)
+    session = WatchSession(lab8)
     answer(session, do="seek", cycle=400_000)
     found = answer(session, do="waves", begin=300_000, end=380_000)
     made = unpacked(found["edges"], 300_000)
@@ -109,7 +109,7 @@ def test_differences_are_shown_where_the_program_is_wrong(tmp_path: Path) -> Non
     subject = load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json")))
     (wanted,) = subject.wanted
     assert subject.first_difference == wanted.origin + 1167
-    session = Session(subject)
+    session = WatchSession(subject)
     answer(session, do="seek", cycle=60_000)
     first = subject.first_difference
     found = answer(session, do="waves", begin=first - 100, end=first + 100)
@@ -120,7 +120,7 @@ COPY = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\nl movf PORTA, w\n movwf
 
 
 def test_a_pin_is_held_from_outside_and_seen_in_the_waves() -> None:
-    session = Session(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
+    session = WatchSession(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
     answer(session, do="seek", cycle=1000)
     shown = answer(session, do="pin", pin="RA0", level=1)
     assert shown["chip"]["outside"][0] == 1
@@ -135,7 +135,7 @@ def test_a_pin_is_held_from_outside_and_seen_in_the_waves() -> None:
 
 def test_bytes_wait_for_those_that_are_on_the_line() -> None:
     """Two bytes at 2400 baud, given at once, take twenty bits of 416.67 µs."""
-    session = Session(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
+    session = WatchSession(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
     answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
     answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
     answer(session, do="seek", cycle=20_000)
@@ -159,7 +159,7 @@ def test_the_folder_of_a_build_has_its_clock_and_its_chip() -> None:
 
 def test_breakpoints_are_added_and_removed_one_by_one(lab8: Subject) -> None:
     """A request names one of them, so that one typed before the last answer came replaces none."""
-    session = Session(lab8)
+    session = WatchSession(lab8)
     for text in ("RB0 rise", "0x01F", "RB0 rise"):
         answer(session, do="breakpoint", text=text, on=True)
     assert session.shown()["breakpoints"] == ["0x01F", "RB0 rise"]
@@ -171,7 +171,7 @@ def test_breakpoints_are_added_and_removed_one_by_one(lab8: Subject) -> None:
 
 
 def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
-    session = Session(lab8)
+    session = WatchSession(lab8)
     answer(session, do="breakpoint", text="RB0 fall", on=True)
     answer(session, do="run", running=True, speed=None)
     found = list(session.tick(0.05))[-1]
@@ -182,14 +182,14 @@ def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
 
 
 def test_a_jump_is_bounded(lab8: Subject) -> None:
-    session = Session(lab8)
+    session = WatchSession(lab8)
     assert answer(session, do="seek", cycle=10**15)["cycle"] <= 60_000_001
     assert answer(session, do="seek", cycle=-5)["cycle"] == 0
 
 
 def test_slow_speeds_add_up(lab8: Subject) -> None:
     """At 1/100 000 of real time a tenth of a second is one cycle."""
-    session = Session(lab8)
+    session = WatchSession(lab8)
     answer(session, do="run", running=True, speed=1e-5)
     for _ in range(40):
         list(session.tick(0.05))
@@ -201,7 +201,7 @@ def test_the_line_that_called_a_routine_is_where_it_runs(tmp_path: Path) -> None
     program.write_text(
         "#pragma CLOCK_FREQ 4000000\nvoid main(void)\n{\n    delay_ms(200);\n    while (1);\n}\n"
     )
-    session = Session(load_subject(program, Setting()))
+    session = WatchSession(load_subject(program, Setting()))
     assert answer(session, do="seek", cycle=100_000)["chip"]["here"] == (str(program), 4)
 
 
@@ -214,7 +214,7 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     file = tmp_path / "run.vcd"
     file.write_text("\n".join([*lines, "#60000", ""]))
     check(file)
-    session = Session(load_subject(file, Setting()))
+    session = WatchSession(load_subject(file, Setting()))
     model = session.model()
     assert not model["runs"] and model["end"] == 60_000
     answer(session, do="step", what="edge", count=1)
@@ -274,11 +274,11 @@ def captured(path: Path, ppm: float, changed: Sequence[Edge], rate: int = RATE, 
 @pytest.mark.parametrize("ppm", [0.0, 140.0])
 def test_a_capture_is_held_against_the_schedule_wherever_it_begins(tmp_path: Path, ppm: float) -> None:
     schedule = read_schedule(LAB8 / "schedule.json")
-    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    edges = ScheduledEdges(schedule, 0).edges(0, 20_000_000)
     good = captured(tmp_path / "good.vcd", ppm, edges)
     subject = load_subject(good, Setting(schedule=schedule))
     assert subject.first_difference is None and subject.verdict == "proven within tolerances"
-    session = Session(subject)
+    session = WatchSession(subject)
     begin = 3 * SECOND
     found = answer(session, do="waves", begin=begin, end=begin + SECOND)
     asked, made = unpacked(found["wanted"], begin), unpacked(found["edges"], begin)
@@ -297,14 +297,14 @@ def walk_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
     lift = next(PINS.index(channel.pin) for channel in schedule.channels if channel.name == "L1-lift")
     first = schedule.lead_in_frames * schedule.period
-    edges = Wanted(schedule, 0).edges(first - 500_000, first + 1_500_000)
+    edges = ScheduledEdges(schedule, 0).edges(first - 500_000, first + 1_500_000)
     moved = sorted((at + 100 * (pin == lift and level == LOW), pin, level) for at, pin, level in edges)
     file = tmp_path_factory.mktemp("capture") / "walk.vcd"
     return captured(file, 0.0, moved, rate=1_000_000, begin=moved[0][0] - 1000)
 
 
 def test_a_capture_moves_the_robot_of_the_job_that_it_is_compared_with(walk_capture: Path) -> None:
-    session = Session(load_subject(walk_capture, Setting(job=ROOT / "jobs" / "hexapod-tripod.toml")))
+    session = WatchSession(load_subject(walk_capture, Setting(job=ROOT / "jobs" / "hexapod-tripod.toml")))
     model = session.model()
     assert model["first_difference"] is not None and not model["runs"] and not model["poses"]
     assert [end["name"] for end in model["robot"]["ends"]] == ["L1", "L2", "L3", "R1", "R2", "R3"]
@@ -322,26 +322,26 @@ def test_a_capture_moves_the_robot_of_the_job_that_it_is_compared_with(walk_capt
 
 def test_a_schedule_alone_moves_the_dials_of_its_servos(tmp_path: Path, lab8: Subject) -> None:
     """A pulse of 1500 µs is 90° for the S3001; an unknown model has no dial."""
-    robot = Session(lab8).model()["robot"]
+    robot = WatchSession(lab8).model()["robot"]
     assert robot["ends"] == [] and [servo["pin"] for servo in robot["servos"]] == [RB0]
     widths, turned = robot["servos"][0]["widths_us"], robot["servos"][0]["angles"]
     assert np.degrees(np.interp(1500, widths, turned)) == pytest.approx(90)
     text = (LAB8 / "schedule.json").read_text()
     (tmp_path / "schedule.json").write_text(text.replace("futaba-s3001", "my-own"))
     subject = load_subject(LAB8 / "main.hex", Setting(schedule=read_schedule(tmp_path / "schedule.json")))
-    assert Session(subject).model()["robot"] is None
-    assert Session(load_subject(LAB8 / "main.hex", Setting())).model()["robot"] is None
+    assert WatchSession(subject).model()["robot"] is None
+    assert WatchSession(load_subject(LAB8 / "main.hex", Setting())).model()["robot"] is None
 
 
 def test_the_first_difference_of_a_capture_is_the_edge_that_is_late(tmp_path: Path) -> None:
     schedule = read_schedule(LAB8 / "schedule.json")
-    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    edges = ScheduledEdges(schedule, 0).edges(0, 20_000_000)
     late = next(index for index, edge in enumerate(edges) if edge[0] > 11_000_000 and edge[2] == LOW)
     edges[late] = (edges[late][0] + 4, *edges[late][1:])
     subject = load_subject(captured(tmp_path / "late.vcd", 140.0, edges), Setting(schedule=schedule))
     assert subject.verdict.startswith("not proven: first at 3.3")
     assert "a pulse of 1171.16 µs where 1167.00 µs are scheduled" in subject.verdict  # 4 µs, in samples
-    session = Session(subject)
+    session = WatchSession(subject)
     scale = 10 / (1 + 140e-6)
     rise, fall = ((edges[index][0] - BEGIN) * scale for index in (late - 1, late))
     first = subject.first_difference
@@ -354,8 +354,10 @@ def test_the_first_difference_of_a_capture_is_the_edge_that_is_late(tmp_path: Pa
 
 def test_a_window_may_end_between_an_edge_and_its_partner(tmp_path: Path) -> None:
     schedule = read_schedule(LAB8 / "schedule.json")
-    edges = Wanted(schedule, 0).edges(0, 20_000_000)
-    session = Session(load_subject(captured(tmp_path / "x.vcd", 140.0, edges), Setting(schedule=schedule)))
+    edges = ScheduledEdges(schedule, 0).edges(0, 20_000_000)
+    session = WatchSession(
+        load_subject(captured(tmp_path / "x.vcd", 140.0, edges), Setting(schedule=schedule))
+    )
     found = answer(session, do="waves", begin=0, end=SECOND)
     asked, made = unpacked(found["wanted"], 0), unpacked(found["edges"], 0)
     apart = [(one[0], other[0]) for one, other in zip(asked, made[1:], strict=True) if one[0] != other[0]]
@@ -367,7 +369,7 @@ def test_a_window_may_end_between_an_edge_and_its_partner(tmp_path: Path) -> Non
 
 def test_a_glitch_in_a_capture_is_its_first_difference(tmp_path: Path) -> None:
     schedule = read_schedule(LAB8 / "schedule.json")
-    edges = Wanted(schedule, 0).edges(0, 20_000_000)
+    edges = ScheduledEdges(schedule, 0).edges(0, 20_000_000)
     glitch = [(12_345_678, RB0, HIGH), (12_345_681, RB0, LOW)]
     subject = load_subject(
         captured(tmp_path / "glitch.vcd", 0.0, sorted(edges + glitch)), Setting(schedule=schedule)
@@ -381,7 +383,7 @@ def test_a_capture_of_something_else_has_no_schedule_beside_it(tmp_path: Path) -
     lone = [(BEGIN + 5000, RB0, HIGH), (BEGIN + 5100, RB0, LOW)]
     subject = load_subject(captured(tmp_path / "x.vcd", 0.0, lone), Setting(schedule=schedule))
     assert subject.verdict.startswith("not proven") and "proven within" not in subject.verdict
-    assert Session(subject).model()["is"] == "model"
+    assert WatchSession(subject).model()["is"] == "model"
 
 
 class Line:
@@ -402,7 +404,7 @@ class Line:
 def test_a_slider_moves_a_real_robot_too_and_leaves_no_queue_behind() -> None:
     line = Line()
     live = LiveLine(line)
-    session = Session(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    session = WatchSession(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
     for position in range(100, 120):
         answer(session, do="servo", servo=1, position=position)
     answer(session, do="servo", servo=2, position=300)
@@ -419,7 +421,7 @@ def test_a_robot_that_is_unplugged_is_said_in_the_page() -> None:
     live = LiveLine(line)
     live.command(0, b"x")
     live.close()
-    session = Session(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    session = WatchSession(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
     texts = [each.get("text", "") for each in session.handle({"do": "servo", "servo": 0, "position": 1})]
     assert any("the port has disappeared" in text for text in texts)
 
@@ -477,7 +479,7 @@ def test_a_pose_is_recorded_into_a_job_without_a_motion_and_refused_for_a_walk(t
         assert found["is"] == "problem"
 
 
-def frames_of(session: Session, first: int, count: int) -> list[list[int]]:
+def frames_of(session: WatchSession, first: int, count: int) -> list[list[int]]:
     """The widths of the servos' pulses in `count` frames from a number on, in cycles."""
     (wanted,) = session.subject.wanted
     pins = [PINS.index(channel.pin) for channel in wanted.schedule.channels]
@@ -490,7 +492,7 @@ def frames_of(session: Session, first: int, count: int) -> list[list[int]]:
 
 def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     of = target()
-    session = Session(load_subject(ROOT / "jobs" / "hexapod-command.toml", Setting()))
+    session = WatchSession(load_subject(ROOT / "jobs" / "hexapod-command.toml", Setting()))
     model = session.model()
     assert model["walk"] == {"pin": "RA4", "ways": ["forward", "back", "left", "right"], "stop": "stop"}
     lead_in = of.schedule.lead_in_frames
@@ -525,7 +527,7 @@ def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:
     (tmp_path / "two.toml").write_text(ROBOT)
     job = tmp_path / "job.toml"
     job.write_text(TEXT.replace("BUTTONS", TWO))
-    session = Session(load_subject(job, Setting()))
+    session = WatchSession(load_subject(job, Setting()))
     model = session.model()
     assert model["walk"] is None
     assert model["inputs"] == [
@@ -539,7 +541,7 @@ def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:
 
 
 def test_a_robot_that_takes_no_commands_is_sent_none(lab8: Subject) -> None:
-    session = Session(lab8)
+    session = WatchSession(lab8)
     assert session.model()["walk"] is None
     assert "only a job with [walk] commands" in answer(session, do="walk", way="forward")["text"]
 

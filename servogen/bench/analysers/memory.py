@@ -1,7 +1,7 @@
 """Plans the longest capture that an analyser's memory, rate and RLE allow.
 
-In: the device's memory and the requested capture. Out: a `Plan`, or an `InputError` that shows the arithmetic
-if the memory is too small.
+In: the device's memory and the requested capture. Out: a `CapturePlan`, or an `InputError` that shows the
+arithmetic if the memory is too small.
 
     without RLE   one word per sample       rate · period words per frame
     with RLE      two words per level       2 · edges words per frame, and two more for each 32768 samples
@@ -28,7 +28,7 @@ SLACK = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class CaptureNeeds:
     """The requested capture: frames of `period_s`, with `edges` changes per frame on average.
 
     `fewest` is the mean where the frames have the fewest changes; there, as many words take longer to fill.
@@ -43,7 +43,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class CapturePlan:
     """A capture of `words` words: `frames` whole frames, and the one in which it begins."""
 
     rate: Fraction
@@ -58,7 +58,7 @@ class Plan:
     """The same for frames with the fewest edges."""
     period_s: Fraction
 
-    def shorter(self, by: int) -> Plan:
+    def shorter(self, by: int) -> CapturePlan:
         """Return the same plan with `by` fewer whole frames, but at least one."""
         by = min(by, self.frames - 1)
         words = self.words - floor(by * self.words_per_frame / 4) * 4
@@ -67,7 +67,7 @@ class Plan:
         )
 
 
-def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = False) -> Plan:
+def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool = False) -> CapturePlan:
     """Return the plan of a capture of all that is wanted or, if `several` are made, of as much as one can
     hold.
 
@@ -100,7 +100,7 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = Fals
     frames = min(fits, wanted.frames)
     words = min(room, ceil((frames * per_frame + first) / 4) * 4)
     fewest = 2 * wanted.fewest if rle else per_frame
-    return Plan(
+    return CapturePlan(
         exact, rle, words, frames, words / fewest * wanted.period_s, per_frame, fewest, wanted.period_s
     )
 
@@ -110,7 +110,7 @@ def words_of_frame(rate: Fraction, rle: bool, period_s: Fraction, edges: Fractio
     return 2 * edges + 2 * samples / (sump.longest_count() + 1) if rle else Fraction(ceil(samples))
 
 
-def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wanted) -> str:
+def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: CaptureNeeds) -> str:
     per_frame = words_of_frame(rate, rle, wanted.period_s, Fraction(wanted.most))
     frame = f"a frame of {float(wanted.period_s * 1000):g} ms"
     how = (
@@ -124,7 +124,7 @@ def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wante
     )
 
 
-def _advice(room: int, rle: bool, wanted: Wanted) -> str:
+def _advice(room: int, rle: bool, wanted: CaptureNeeds) -> str:
     if not rle:
         slower = floor(room / (2 * wanted.period_s))
         return f"with RLE (--rle), or with at most {slower} samples a second (--rate)"

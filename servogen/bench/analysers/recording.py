@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.bench.analysers.memory import Plan
+from servogen.bench.analysers.memory import CapturePlan
 from servogen.bench.analysers.sump import Runs
-from servogen.bench.analysers.sump_client import Seen
+from servogen.bench.analysers.sump_client import ReceivedSamples
 from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace, Expected, edge_chunk, join, part
 from servogen.errors import InputError, Location, ToolError
 from servogen.traces.captures import capture_writer
@@ -30,7 +30,7 @@ SEAMS_A_SECOND = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class SampleRecord:
     """The changes in samples, up to sample `end`; `pieces` are the limits of each of several captures."""
 
     chunk: EdgeChunk
@@ -71,17 +71,17 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{path.stem}{PARTIAL}{path.suffix}")
 
 
-def cut(record: Record, begin: int, end: int) -> Record:
+def cut(record: SampleRecord, begin: int, end: int) -> SampleRecord:
     """Return the samples from `begin` up to `end` of one capture."""
     chunk = record.chunk
     before = int(np.searchsorted(chunk.cycle, begin, side="right"))
     level = dict(zip(chunk.pin[:before].tolist(), chunk.level[:before].tolist(), strict=True))
     inside = part(chunk, slice(before, int(np.searchsorted(chunk.cycle, end))))
     at_begin = edge_chunk([0] * len(level), list(level), list(level.values()))
-    return Record(join((at_begin, inside._replace(cycle=inside.cycle - begin))), end - begin)
+    return SampleRecord(join((at_begin, inside._replace(cycle=inside.cycle - begin))), end - begin)
 
 
-def stitched(records: Sequence[Record], rate: int) -> Record:
+def stitched(records: Sequence[SampleRecord], rate: int) -> SampleRecord:
     """Return one record of several captures, one after the other, without levels between them."""
     if len(records) == 1:
         return records[0]
@@ -94,11 +94,11 @@ def stitched(records: Sequence[Record], rate: int) -> Record:
         now += record.end
         chunks.append(edge_chunk(np.full(len(wired), now), wired, np.full(len(wired), UNDRIVEN)))
         now += gap
-    return Record(join(chunks[:-1]), now - gap, tuple(pieces))
+    return SampleRecord(join(chunks[:-1]), now - gap, tuple(pieces))
 
 
 def write_capture(
-    path: Path, rate: int, record: Record, servos: Mapping[str, str], missing: str | None = None
+    path: Path, rate: int, record: SampleRecord, servos: Mapping[str, str], missing: str | None = None
 ) -> Path:
     """Write edges in samples, and return the path of the file, which differs if something is `missing`."""
     target = path if missing is None else partial_name(path)
@@ -121,14 +121,14 @@ class Stitched:
     no capture contains.
     """
 
-    records: tuple[Record, ...]
+    records: tuple[SampleRecord, ...]
     missing: str | None
     unseen: int
 
 
 def stitch(
-    look: Callable[[Plan, int], Seen],
-    planned: Plan,
+    look: Callable[[CapturePlan, int], ReceivedSamples],
+    planned: CapturePlan,
     frames: int,
     whole_loop: bool,
     expected: Expected,
@@ -140,7 +140,7 @@ def stitch(
     `look` makes a capture; it takes a plan and the capture's number, from 1 on. `expected.chunks` is read
     again for each. If a capture fails, those before it are kept.
     """
-    records: list[Record] = []
+    records: list[SampleRecord] = []
     seen: frozenset[int] = frozenset()
     different: frozenset[int] = frozenset()
     whole = 0
@@ -153,7 +153,7 @@ def stitch(
             if not records:
                 raise
             return Stitched(tuple(records), error.message, len(different - seen))
-        record = Record(edges(capture.runs, wired), capture.runs.end)
+        record = SampleRecord(edges(capture.runs, wired), capture.runs.end)
         if capture.missing is not None:
             return Stitched((*records, record), capture.missing, len(different - seen))
         verdict = _verdict(record, planned, expected)
@@ -163,13 +163,13 @@ def stitch(
     return Stitched(tuple(records), None, len(different - seen))
 
 
-def _verdict(record: Record, planned: Plan, expected: Expected) -> CaptureVerdict:
+def _verdict(record: SampleRecord, planned: CapturePlan, expected: Expected) -> CaptureVerdict:
     clock = Clock(int(planned.rate * OSCILLATOR_PERIODS_PER_CYCLE))
     trace = EdgeTrace(clock, (record.chunk,), Cycles(record.end))
     return verify_capture(expected, trace, sample=1, pieces=((0, record.end),))
 
 
-def _whole_frames(record: Record, verdict: CaptureVerdict) -> Record:
+def _whole_frames(record: SampleRecord, verdict: CaptureVerdict) -> SampleRecord:
     if not verdict.agrees or verdict.whole is None:
         return record
     return cut(record, verdict.whole.begin, verdict.whole.end)

@@ -44,7 +44,7 @@ Words = npt.NDArray[np.uint32]
 Ints = npt.NDArray[np.int64]
 
 
-class Command(IntEnum):
+class SumpCommand(IntEnum):
     """The commands that are used here."""
 
     RESET = 0x00
@@ -104,7 +104,7 @@ class Runs(NamedTuple):
     end: int
 
 
-def short(command: Command) -> bytes:
+def short(command: SumpCommand) -> bytes:
     return bytes([command])
 
 

@@ -1,7 +1,7 @@
 """A capture by an analyser that speaks SUMP: Logic Sniffer, Bus Pirate, boards with that firmware.
 
-In: an open port and a `Look`: rate, words, trigger. Out: `Seen`: runs of samples, and whether they are
-complete. Silence ends a capture, because an analyser does not announce how much it sends.
+In: an open port and a `SampleRequest`: rate, words, trigger. Out: `ReceivedSamples`: runs of samples, and
+whether they are complete. Silence ends a capture, because an analyser does not announce how much it sends.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.bench.analysers import sump
-from servogen.bench.analysers.sump import Command, Flag, Key
+from servogen.bench.analysers.sump import Flag, Key, SumpCommand
 from servogen.bench.ports import Port, Unplugged
 from servogen.errors import Location, ToolError
 
@@ -28,7 +28,7 @@ DEFAULT_MEMORY = 24 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Analyser:
+class AnalyserDescription:
     """A device's description of itself."""
 
     name: str
@@ -41,7 +41,7 @@ class Analyser:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class SampleRequest:
     """One capture: `words` of memory at `rate`, started when `channel` rises; None starts immediately."""
 
     rate: Fraction
@@ -53,7 +53,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ReceivedSamples:
     """Samples, oldest first. `missing` is the reason why they are incomplete; those received are contiguous
     and end where the capture ends.
     """
@@ -62,14 +62,14 @@ class Seen:
     missing: str | None = None
 
 
-def identify(port: Port) -> Analyser:
+def identify(port: Port) -> AnalyserDescription:
     """Wake the device and return its description. Raises ToolError."""
     answer = b""
     for _ in range(ATTEMPTS):
-        port.write(sump.short(Command.RESET) * sump.RESETS)
+        port.write(sump.short(SumpCommand.RESET) * sump.RESETS)
         port.read_whole(1 << 20, 0.1)
         port.clear()
-        port.write(sump.short(Command.ID))
+        port.write(sump.short(SumpCommand.ID))
         answer = port.read_whole(4, ANSWER_S)
         if answer in sump.IDS:
             return _described(port)
@@ -85,11 +85,11 @@ def identify(port: Port) -> Analyser:
     )
 
 
-def _described(port: Port) -> Analyser:
-    port.write(sump.short(Command.METADATA))
+def _described(port: Port) -> AnalyserDescription:
+    port.write(sump.short(SumpCommand.METADATA))
     described = metadata(_metadata_bytes(port))
     name, memory, rate = described.get(Key.NAME), described.get(Key.MEMORY), described.get(Key.RATE)
-    return Analyser(
+    return AnalyserDescription(
         name if isinstance(name, str) and name else "SUMP analyser",
         memory if isinstance(memory, int) and memory else DEFAULT_MEMORY,
         rate if isinstance(rate, int) and rate else None,
@@ -143,16 +143,16 @@ def metadata(data: bytes) -> dict[int, int | str]:
 
 def capture(
     port: Port,
-    look: Look,
+    look: SampleRequest,
     progress: Callable[[int], None] = lambda words: None,
     armed: Callable[[], None] = lambda: None,
-) -> Seen:
+) -> ReceivedSamples:
     """Arm the analyser, call `armed`, and return the samples it sends.
 
     Raises ToolError if it sends nothing.
     """
     port.write(_settings(look))
-    port.write(sump.short(Command.RUN))
+    port.write(sump.short(SumpCommand.RUN))
     armed()
     wanted = 2 * look.words
     data = bytearray()
@@ -160,7 +160,7 @@ def capture(
     try:
         data += port.read(wanted, look.patience_s)
         if not data:
-            port.write(sump.short(Command.RESET) * sump.RESETS)
+            port.write(sump.short(SumpCommand.RESET) * sump.RESETS)
             raise _never(port, look)
         while len(data) < wanted:
             more = port.read(wanted - len(data), SILENCE_S)
@@ -179,10 +179,10 @@ def capture(
         if not data:
             raise
         missing = f"the analyser went away after {len(data)} of {wanted} bytes"
-    return Seen(sump.decode(sump.from_bytes(bytes(data)), look.rle), missing)
+    return ReceivedSamples(sump.decode(sump.from_bytes(bytes(data)), look.rle), missing)
 
 
-def _never(port: Port, look: Look) -> ToolError:
+def _never(port: Port, look: SampleRequest) -> ToolError:
     waited = f"{look.patience_s:g} s"
     if look.channel is None:
         return ToolError("no-answer", f"the analyser sent nothing for {waited}", Location(port.path))
@@ -194,7 +194,7 @@ def _never(port: Port, look: Look) -> ToolError:
     )
 
 
-def _settings(look: Look) -> bytes:
+def _settings(look: SampleRequest) -> bytes:
     """Return the commands that configure a capture: trigger, divider, counts, flags."""
     fours = look.words // 4 - 1
     flags = Flag.FILTER | Flag.NO_GROUP_3 | Flag.NO_GROUP_4
@@ -203,9 +203,9 @@ def _settings(look: Look) -> bytes:
     return b"".join(
         (
             _trigger(look.channel),
-            sump.long(Command.DIVIDER, sump.divider(look.rate)),
-            sump.long(Command.COUNTS, fours | fours << 16),
-            sump.long(Command.FLAGS, flags),
+            sump.long(SumpCommand.DIVIDER, sump.divider(look.rate)),
+            sump.long(SumpCommand.COUNTS, fours | fours << 16),
+            sump.long(SumpCommand.FLAGS, flags),
         )
     )
 
@@ -223,8 +223,8 @@ def _stage(number: int, mask: int, value: int, configuration: int) -> bytes:
     return b"".join(
         sump.long(command + first, data)
         for command, data in (
-            (Command.TRIGGER_MASK, mask),
-            (Command.TRIGGER_VALUE, value),
-            (Command.TRIGGER_CONFIG, configuration),
+            (SumpCommand.TRIGGER_MASK, mask),
+            (SumpCommand.TRIGGER_VALUE, value),
+            (SumpCommand.TRIGGER_CONFIG, configuration),
         )
     )

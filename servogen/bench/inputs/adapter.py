@@ -1,6 +1,6 @@
 """`InputAdapter`: drives the chip's inputs while an analyser looks, by a board that speaks Firmata.
 
-In: an open port, the wiring, and `Input`s: what to do, at which millisecond of a run. Out: levels at the
+In: an open port, the wiring, and `BoardInput`s: what to do, at which millisecond of a run. Out: levels at the
 chip's pins. A board with the scheduler (ConfigurableFirmata) stores a run and plays it by its own clock; with
 any other one (StandardFirmata) this process sends each change when it is due.
 
@@ -19,7 +19,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from servogen.bench.inputs import firmata
-from servogen.bench.inputs.firmata import BAUDS, Command, Message, Mode, Reader, Task
+from servogen.bench.inputs.firmata import (
+    BAUDS,
+    FirmataCommand,
+    Message,
+    MessageReader,
+    Mode,
+    SchedulerCommand,
+)
 from servogen.bench.inputs.wiring import MARK, Contact, InputWiring
 from servogen.bench.ports import Port, open_port
 from servogen.errors import InputError, Location, ToolError
@@ -45,7 +52,7 @@ SMALL_TASK, LARGE_TASK = 400, 4000
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DrivePin:
     """Drives what a board's pin is wired to, a pin of the chip, MCLR, VDD or MARK; None lets it go."""
 
     name: str
@@ -70,9 +77,9 @@ class Send:
 
 
 @dataclass(frozen=True, slots=True)
-class Input:
+class BoardInput:
     at_ms: int
-    what: Drive | Close | Send
+    what: DrivePin | Close | Send
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,18 +131,18 @@ class InputAdapter:
             self._levels[pin] = None
         self.port.write(messages)
 
-    def apply(self, inputs: Iterable[Drive | Close | Send]) -> None:
+    def apply(self, inputs: Iterable[DrivePin | Close | Send]) -> None:
         """Do something now, without a capture."""
         self.port.write(b"".join(self._messages(change) for change in inputs))
 
     def stop(self) -> None:
         """End what the board still does of the last run; MARK is low then."""
         if self.board.scheduler:
-            self.port.write(firmata.task(Task.RESET))
+            self.port.write(firmata.task(SchedulerCommand.RESET))
         self._levels[self.wiring.pins[MARK]] = None
         self.port.write(self._driven(self.wiring.pins[MARK], 0))
 
-    def load(self, inputs: Sequence[Input], length_ms: int) -> None:
+    def load(self, inputs: Sequence[BoardInput], length_ms: int) -> None:
         """Prepare a run. Raises InputError for what is not wired or does not fit, ToolError."""
         ordered = sorted(inputs, key=lambda input_: input_.at_ms)
         self._loaded = []
@@ -143,7 +150,7 @@ class InputAdapter:
         if self.board.scheduler and not any(self._by_adapter(input_.what) for input_ in ordered):
             self._store(ordered)
             return
-        self._loaded = [(0, lambda: self.apply((Drive(MARK, 1),)))]
+        self._loaded = [(0, lambda: self.apply((DrivePin(MARK, 1),)))]
         for input_ in ordered:
             self._loaded.append((input_.at_ms, self._action(input_.what)))
         self._loaded.append((length_ms, lambda: self.port.write(HOST_FILLS * self._fill())))
@@ -164,17 +171,17 @@ class InputAdapter:
         mark = self.wiring.pins[MARK]
         return firmata.pin_value(mark, 0) + firmata.pin_value(mark, 1)
 
-    def _action(self, what: Drive | Close | Send) -> Callable[[], None]:
+    def _action(self, what: DrivePin | Close | Send) -> Callable[[], None]:
         serial = self.serial
         if isinstance(what, Send) and serial is not None and self._by_adapter(what):
             return lambda: serial.send(what.data, what.baud)
         return lambda: self.apply((what,))
 
-    def _by_adapter(self, what: Drive | Close | Send) -> bool:
+    def _by_adapter(self, what: DrivePin | Close | Send) -> bool:
         return isinstance(what, Send) and self.serial is not None and self.serial.pin == what.pin
 
-    def _store(self, inputs: Sequence[Input]) -> None:
-        messages, now = self._messages(Drive(MARK, 1)), 0
+    def _store(self, inputs: Sequence[BoardInput]) -> None:
+        messages, now = self._messages(DrivePin(MARK, 1)), 0
         for input_ in inputs:
             if input_.at_ms > now:
                 messages += firmata.delay_ms(input_.at_ms - now)
@@ -191,11 +198,11 @@ class InputAdapter:
         changes = FILLS * self._fill()
         half = len(changes) // 2
         filler = changes[:half] + firmata.delay_ms(1) + changes[half:] + firmata.delay_ms(1)
-        self.port.write(firmata.task(Task.RESET))
+        self.port.write(firmata.task(SchedulerCommand.RESET))
         # FirmataScheduler puts the newest task first, and forgets those before a task that ends
         self.port.write(firmata.load_task(FILLER, filler) + firmata.load_task(RUN, messages))
-        self.port.write(firmata.task(Task.QUERY, bytes((RUN,))))
-        reply = ask(self.port, lambda message: message.is_command(Command.SCHEDULER), QUERY_S)
+        self.port.write(firmata.task(SchedulerCommand.QUERY, bytes((RUN,))))
+        reply = ask(self.port, lambda message: message.is_command(FirmataCommand.SCHEDULER), QUERY_S)
         state = b"" if reply is None else firmata.unpacked(reply.data[3:])
         # time_ms (4 bytes), length (2), position (2): all of it has arrived where the two are the same
         if len(state) < 8 or state[4:6] != len(messages).to_bytes(2, "little") or state[6:8] != state[4:6]:
@@ -203,10 +210,10 @@ class InputAdapter:
                 "tool-failed", "the input board did not store the run", Location(self.port.path), "try again"
             )
 
-    def _messages(self, what: Drive | Close | Send) -> bytes:
+    def _messages(self, what: DrivePin | Close | Send) -> bytes:
         """Return what the board is sent for an input."""
         match what:
-            case Drive(name, level):
+            case DrivePin(name, level):
                 pin = self.wiring.pins.get(name)
                 if pin is None:
                     raise InputError("unknown-pin", f"{name} is not wired to the input board")
@@ -230,7 +237,7 @@ class InputAdapter:
     def listen(self, pin: str, baud: int) -> None:
         """Let the line that is wired to a pin idle, so that a run may send on it."""
         if self.serial is not None and self.serial.pin == pin:
-            self.apply([Drive(pin, None)] if pin in self.wiring.pins else [])
+            self.apply([DrivePin(pin, None)] if pin in self.wiring.pins else [])
         else:
             self.port.write(self._on(pin, self.wiring.lines[pin], baud))
 
@@ -276,8 +283,8 @@ def identify(port: Port) -> BoardFacts:
     while answer is None and time.monotonic() < end:
         for baud in BAUDS:
             port.line.baudrate = baud
-            port.write(firmata.sysex(Command.FIRMWARE))
-            answer, others = _ask(port, lambda message: message.is_command(Command.FIRMWARE), ANSWER_S)
+            port.write(firmata.sysex(FirmataCommand.FIRMWARE))
+            answer, others = _ask(port, lambda message: message.is_command(FirmataCommand.FIRMWARE), ANSWER_S)
             heard = heard or others
             if answer is not None:
                 break
@@ -289,26 +296,28 @@ def identify(port: Port) -> BoardFacts:
         raise ToolError("no-answer", "the input board does not answer", place, hint)
     name = firmata.joined_bytes(answer.data[3:]).decode("latin-1")
     version = ".".join(str(byte) for byte in answer.data[1:3])
-    port.write(firmata.sysex(Command.CAPABILITY_QUERY))
-    capabilities = ask(port, lambda message: message.is_command(Command.CAPABILITIES), QUERY_S)
+    port.write(firmata.sysex(FirmataCommand.CAPABILITY_QUERY))
+    capabilities = ask(port, lambda message: message.is_command(FirmataCommand.CAPABILITIES), QUERY_S)
     if capabilities is None:
         raise ToolError("wrong-device", "the board does not say what its pins can do", Location(port.path))
     modes = list(pin_modes(capabilities.data[1:]))
     senders = {
         mode[Mode.SERIAL] // 2 for mode in modes if mode.get(Mode.SERIAL, 0) % 2 and Mode.SERIAL in mode
     }
-    port.write(firmata.task(Task.QUERY_ALL))
+    port.write(firmata.task(SchedulerCommand.QUERY_ALL))
     # a board without a scheduler answers nothing, or a text that it does not know the command
     said = ask(
         port,
-        lambda message: message.is_command(Command.SCHEDULER) or message.is_command(Command.TEXT),
+        lambda message: (
+            message.is_command(FirmataCommand.SCHEDULER) or message.is_command(FirmataCommand.TEXT)
+        ),
         ANSWER_S,
     )
     return BoardFacts(
         f"{name} {version}",
         len(modes),
         tuple(sorted(senders)),
-        said is not None and said.is_command(Command.SCHEDULER),
+        said is not None and said.is_command(FirmataCommand.SCHEDULER),
     )
 
 
@@ -333,7 +342,7 @@ def ask(port: Port, wanted: Callable[[Message], bool], seconds: float) -> Messag
 
 def _ask(port: Port, wanted: Callable[[Message], bool], seconds: float) -> tuple[Message | None, bool]:
     """Return the message, and whether the device sent anything at all; `seconds` of silence end the wait."""
-    reader = Reader()
+    reader = MessageReader()
     heard = False
     end = time.monotonic() + MAX_TALK * seconds
     while time.monotonic() < end and (data := port.read(1 << 10, seconds)):

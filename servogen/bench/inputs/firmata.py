@@ -21,7 +21,7 @@ MAX_SYSEX_DATA = 64
 """The bytes of a command that an Arduino keeps, its number included."""
 
 
-class Kind(IntEnum):
+class MessageKind(IntEnum):
     """The first byte of a message; in the first three its low four bits are a port or a channel."""
 
     DIGITAL = 0x90
@@ -36,7 +36,7 @@ class Kind(IntEnum):
     RESET = 0xFF
 
 
-class Command(IntEnum):
+class FirmataCommand(IntEnum):
     SERIAL = 0x60
     ANALOG_MAPPING_QUERY = 0x69
     ANALOG_MAPPING = 0x6A
@@ -49,7 +49,7 @@ class Command(IntEnum):
     SCHEDULER = 0x7B
 
 
-class Task(IntEnum):
+class SchedulerCommand(IntEnum):
     """The second byte of a scheduler's command."""
 
     CREATE = 0
@@ -80,20 +80,20 @@ NO_MORE_MODES = 0x7F
 
 
 def pin_mode(pin: int, mode: Mode) -> bytes:
-    return bytes((Kind.PIN_MODE, pin, mode))
+    return bytes((MessageKind.PIN_MODE, pin, mode))
 
 
 def pin_value(pin: int, level: int) -> bytes:
-    return bytes((Kind.PIN_VALUE, pin, level))
+    return bytes((MessageKind.PIN_VALUE, pin, level))
 
 
-def sysex(command: Command, data: bytes = b"") -> bytes:
-    return bytes((Kind.SYSEX, command, *data, Kind.END_SYSEX))
+def sysex(command: FirmataCommand, data: bytes = b"") -> bytes:
+    return bytes((MessageKind.SYSEX, command, *data, MessageKind.END_SYSEX))
 
 
 def serial_config(port: int, baud: int) -> bytes:
     rate = bytes((baud & 0x7F, baud >> 7 & 0x7F, baud >> 14 & 0x7F))
-    return sysex(Command.SERIAL, bytes((SERIAL_CONFIG | port,)) + rate)
+    return sysex(FirmataCommand.SERIAL, bytes((SERIAL_CONFIG | port,)) + rate)
 
 
 def serial_write(port: int, data: bytes) -> bytes:
@@ -101,21 +101,21 @@ def serial_write(port: int, data: bytes) -> bytes:
     most = (MAX_SYSEX_DATA - 2) // 2
     pieces = [data[first : first + most] for first in range(0, len(data), most)]
     return b"".join(
-        sysex(Command.SERIAL, bytes((SERIAL_WRITE | port,)) + split_bytes(piece)) for piece in pieces
+        sysex(FirmataCommand.SERIAL, bytes((SERIAL_WRITE | port,)) + split_bytes(piece)) for piece in pieces
     )
 
 
 def serial_close(port: int) -> bytes:
-    return sysex(Command.SERIAL, bytes((SERIAL_CLOSE | port,)))
+    return sysex(FirmataCommand.SERIAL, bytes((SERIAL_CLOSE | port,)))
 
 
-def task(what: Task, data: bytes = b"") -> bytes:
-    return sysex(Command.SCHEDULER, bytes((what,)) + data)
+def task(what: SchedulerCommand, data: bytes = b"") -> bytes:
+    return sysex(FirmataCommand.SCHEDULER, bytes((what,)) + data)
 
 
 def delay_ms(ms: int) -> bytes:
     """Return the message in a task that waits before the next one."""
-    return task(Task.DELAY, packed(ms.to_bytes(4, "little")))
+    return task(SchedulerCommand.DELAY, packed(ms.to_bytes(4, "little")))
 
 
 def load_task(number: int, messages: bytes) -> bytes:
@@ -123,13 +123,13 @@ def load_task(number: int, messages: bytes) -> bytes:
     most = (MAX_SYSEX_DATA - 3) * 7 // 8
     pieces = [messages[first : first + most] for first in range(0, len(messages), most)]
     size = bytes((number, len(messages) & 0x7F, len(messages) >> 7))
-    return task(Task.CREATE, size) + b"".join(
-        task(Task.ADD, bytes((number,)) + packed(piece)) for piece in pieces
+    return task(SchedulerCommand.CREATE, size) + b"".join(
+        task(SchedulerCommand.ADD, bytes((number,)) + packed(piece)) for piece in pieces
     )
 
 
 def schedule_task(number: int, ms: int) -> bytes:
-    return task(Task.SCHEDULE, bytes((number,)) + packed(ms.to_bytes(4, "little")))
+    return task(SchedulerCommand.SCHEDULE, bytes((number,)) + packed(ms.to_bytes(4, "little")))
 
 
 def split_bytes(data: bytes) -> bytes:
@@ -157,30 +157,30 @@ def unpacked(data: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message: of a command (`Kind.SYSEX`) `data` begins with its number."""
+    """One message: of a command (`MessageKind.SYSEX`) `data` begins with its number."""
 
     kind: int
     data: bytes
 
-    def is_command(self, command: Command) -> bool:
-        return self.kind == Kind.SYSEX and self.data[:1] == bytes((command,))
+    def is_command(self, command: FirmataCommand) -> bool:
+        return self.kind == MessageKind.SYSEX and self.data[:1] == bytes((command,))
 
 
 SIZES: Mapping[int, int] = {
-    Kind.DIGITAL: 2,
-    Kind.ANALOG: 2,
-    Kind.REPORT_ANALOG: 1,
-    Kind.REPORT_DIGITAL: 1,
-    Kind.PIN_MODE: 2,
-    Kind.PIN_VALUE: 2,
-    Kind.VERSION: 2,
-    Kind.RESET: 0,
+    MessageKind.DIGITAL: 2,
+    MessageKind.ANALOG: 2,
+    MessageKind.REPORT_ANALOG: 1,
+    MessageKind.REPORT_DIGITAL: 1,
+    MessageKind.PIN_MODE: 2,
+    MessageKind.PIN_VALUE: 2,
+    MessageKind.VERSION: 2,
+    MessageKind.RESET: 0,
 }
 """How many bytes follow the first one."""
 
 
 @dataclass(slots=True)
-class Reader:
+class MessageReader:
     """Splits bytes into messages; what belongs to none is dropped."""
 
     asks_version: bool = False
@@ -191,12 +191,12 @@ class Reader:
     def read(self, data: bytes) -> Iterator[Message]:
         """Yield the messages that end in `data`."""
         for byte in data:
-            if byte >= 0x80 and not (byte == Kind.END_SYSEX and self._kind == Kind.SYSEX):
+            if byte >= 0x80 and not (byte == MessageKind.END_SYSEX and self._kind == MessageKind.SYSEX):
                 self._kind = byte if byte >= 0xF0 or byte & 0xF0 in SIZES else None
                 self._data.clear()
             elif self._kind is None:
                 continue
-            elif byte != Kind.END_SYSEX:
+            elif byte != MessageKind.END_SYSEX:
                 self._data.append(byte)
             if self._kind is not None and self._whole(byte):
                 yield Message(self._kind, bytes(self._data))
@@ -204,9 +204,9 @@ class Reader:
 
     def _whole(self, last: int) -> bool:
         assert self._kind is not None
-        if self._kind == Kind.SYSEX:
-            return last == Kind.END_SYSEX
-        if self._kind == Kind.VERSION and self.asks_version:
+        if self._kind == MessageKind.SYSEX:
+            return last == MessageKind.END_SYSEX
+        if self._kind == MessageKind.VERSION and self.asks_version:
             return True
         kind = self._kind if self._kind >= 0xF0 else self._kind & 0xF0
         return len(self._data) == SIZES.get(kind, 0)

@@ -17,9 +17,9 @@ from servogen.bench.programmers.table import (
     ERASED_BYTE,
     Contents,
     InstalledProgrammer,
-    Look,
-    Order,
     Programmer,
+    ProgrammingRequest,
+    ReadMethod,
     difference,
 )
 from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError
@@ -89,7 +89,7 @@ class Flashed:
     compared: tuple[str, ...]
 
 
-def command_of(tool: InstalledProgrammer, order: Order) -> tuple[str, ...]:
+def command_of(tool: InstalledProgrammer, order: ProgrammingRequest) -> tuple[str, ...]:
     """Return the command that programs. Raises InputError if it needs a port and none is given."""
     if tool.programmer.needs_port and order.port is None:
         raise InputError(
@@ -100,7 +100,9 @@ def command_of(tool: InstalledProgrammer, order: Order) -> tuple[str, ...]:
     return (*tool.start, *tool.programmer.program(order))
 
 
-def flash(tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
+def flash(
+    tool: InstalledProgrammer, order: ProgrammingRequest, image: Image, timeout_s: float = TIMEOUT_S
+) -> Flashed:
     """Program the chip. Raises ToolError or Differs."""
     command = command_of(tool, order)
     port = order.port if tool.programmer.needs_port else None
@@ -122,7 +124,9 @@ def flash(tool: InstalledProgrammer, order: Order, image: Image, timeout_s: floa
     return Flashed(output, tuple(read))
 
 
-def read_eeprom(tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> bytes:
+def read_eeprom(
+    tool: InstalledProgrammer, order: ProgrammingRequest, image: Image, timeout_s: float = TIMEOUT_S
+) -> bytes:
     """Return the data EEPROM of a chip that was programmed with `image`. Raises InputError, ToolError."""
     if not any(look.of_eeprom for look in tool.programmer.looks(order)):
         raise InputError("not-allowed", f"how {tool.programmer.name} reads the data EEPROM is not known")
@@ -159,7 +163,7 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
 
 
 def _with_place(
-    error: Differs, tool: InstalledProgrammer, order: Order, image: Image, timeout_s: float
+    error: Differs, tool: InstalledProgrammer, order: ProgrammingRequest, image: Image, timeout_s: float
 ) -> Differs:
     """Return the same error with the first differing address, if the programmer can read it."""
     try:
@@ -175,10 +179,10 @@ def _with_place(
 
 def _read(
     tool: InstalledProgrammer,
-    order: Order,
+    order: ProgrammingRequest,
     image: Image,
     timeout_s: float,
-    wanted: Callable[[Look], bool] = lambda look: True,
+    wanted: Callable[[ReadMethod], bool] = lambda look: True,
 ) -> Contents:
     """Return everything that can be read back; for a code-protected chip, what it still reveals."""
     contents: dict[str, Sequence[int]] = {}

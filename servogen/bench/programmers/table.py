@@ -29,7 +29,7 @@ Contents = Mapping[str, Sequence[int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class ReadMethod:
     """One way to read: `arguments` for the programmer's program, and the contents of the file that it
     writes.
     """
@@ -105,7 +105,7 @@ def _bytes(file: Path) -> list[int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ProgrammingRequest:
     """What to program, and where; `file` is read from or written to."""
 
     file: Path
@@ -129,11 +129,11 @@ class Programmer:
 
     name: str
     hardware: str
-    program: Callable[[Order], tuple[str, ...]]
+    program: Callable[[ProgrammingRequest], tuple[str, ...]]
     failures: tuple[Failure, ...]
     success_texts: tuple[str, ...] = ()
     needs_port: bool = False
-    looks: Callable[[Order], tuple[Look, ...]] = lambda order: ()
+    looks: Callable[[ProgrammingRequest], tuple[ReadMethod, ...]] = lambda order: ()
     """How it reads the chip back into HEX files."""
     verifies: bool = True
     """Whether success means that it compared the chip with the file."""
@@ -144,7 +144,7 @@ class Programmer:
 _AWAY = "the programmer went away while it worked: what is on the chip is not known, program it again"
 
 
-def _dump(memory: str, order: Order) -> tuple[str, ...]:
+def _dump(memory: str, order: ProgrammingRequest) -> tuple[str, ...]:
     """Return picpro's arguments for reading a memory."""
     return (
         *("dump", memory, "-p", str(order.port), "-o", str(order.file)),
@@ -188,9 +188,9 @@ PICPRO = Programmer(
     success_texts=("ROM verified.", "EEPROM verified."),
     needs_port=True,
     looks=lambda order: (
-        Look(_dump("rom", order), program_of),
-        Look(_dump("eeprom", order), picpro_eeprom, of_eeprom=True),
-        Look(_dump("config", order), picpro_config, of_protected=True),
+        ReadMethod(_dump("rom", order), program_of),
+        ReadMethod(_dump("eeprom", order), picpro_eeprom, of_eeprom=True),
+        ReadMethod(_dump("config", order), picpro_config, of_protected=True),
     ),
 )
 
@@ -210,7 +210,7 @@ PK2CMD = Programmer(
         Failure(7, "the operation failed"),
     ),
     looks=lambda order: (
-        Look((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of, of_eeprom=True),
+        ReadMethod((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of, of_eeprom=True),
     ),
 )
 

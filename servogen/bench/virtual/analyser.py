@@ -18,7 +18,7 @@ from fractions import Fraction
 import numpy as np
 
 from servogen.bench.analysers import sump
-from servogen.bench.analysers.sump import CHANNEL_PINS, Command, Flag, Key, Runs
+from servogen.bench.analysers.sump import CHANNEL_PINS, Flag, Key, Runs, SumpCommand
 from servogen.bench.virtual.chip import VirtualChip
 
 SLICE_S, SHORT_SLICE_S = Fraction(1, 4), Fraction(1, 50)
@@ -26,24 +26,24 @@ MAX_SAMPLES = 1 << 20
 """The chip runs for `SLICE_S`, but no more than this many samples, between two reads of the line."""
 
 
-def armed(settings: Mapping[int, int]) -> Capture:
+def armed(settings: Mapping[int, int]) -> VirtualCapture:
     """Return the capture requested by the settings, with the protocol's defaults for missing ones."""
-    counts = settings.get(Command.COUNTS, 0)
-    flags = Flag(settings.get(Command.FLAGS, 0))
+    counts = settings.get(SumpCommand.COUNTS, 0)
+    flags = Flag(settings.get(SumpCommand.FLAGS, 0))
     stages = []
     for number in range(sump.STAGES):
         first = sump.STAGES * number
-        configuration = settings.get(Command.TRIGGER_CONFIG + first, 0)
+        configuration = settings.get(SumpCommand.TRIGGER_CONFIG + first, 0)
         stages.append(
             (
-                settings.get(Command.TRIGGER_MASK + first, 0),
-                settings.get(Command.TRIGGER_VALUE + first, 0),
+                settings.get(SumpCommand.TRIGGER_MASK + first, 0),
+                settings.get(SumpCommand.TRIGGER_VALUE + first, 0),
             )
         )
         if configuration & sump.TRIGGER_START:
             break
-    return Capture(
-        Fraction(sump.BASE_HZ, settings.get(Command.DIVIDER, 0) + 1),
+    return VirtualCapture(
+        Fraction(sump.BASE_HZ, settings.get(SumpCommand.DIVIDER, 0) + 1),
         4 * ((counts & 0xFFFF) + 1),
         4 * ((counts >> 16) + 1),
         flags,
@@ -52,7 +52,7 @@ def armed(settings: Mapping[int, int]) -> Capture:
 
 
 @dataclass(slots=True)
-class Capture:
+class VirtualCapture:
     """One capture; `finished` holds the bytes to send once the memory is full. Counts are words, with RLE
     too.
     """
@@ -206,7 +206,7 @@ class VirtualAnalyser:
     reset: bool = False
     _command: bytearray = field(default_factory=bytearray)
     _settings: dict[int, int] = field(default_factory=dict)
-    _armed: Capture | None = None
+    _armed: VirtualCapture | None = None
     _dice: random.Random = field(default_factory=random.Random)
 
     def __post_init__(self) -> None:
@@ -237,23 +237,23 @@ class VirtualAnalyser:
         elif self._armed.cycles > MAX_CAPTURE_S * self.chip.cycles_per_second:
             self._arm(None)
 
-    def _arm(self, capture: Capture | None) -> None:
+    def _arm(self, capture: VirtualCapture | None) -> None:
         self._armed = capture
         self.chip.watched = capture is not None
         self.chip.forget()
 
     def _obey(self, command: int, value: int) -> None:
-        if self.options.garbage and command in (Command.ID, Command.METADATA):
+        if self.options.garbage and command in (SumpCommand.ID, SumpCommand.METADATA):
             self.outgoing += self._dice.randbytes(64)
-        elif command == Command.RESET:
+        elif command == SumpCommand.RESET:
             self._arm(None)
             self.outgoing.clear()
             self.reset = True
-        elif command == Command.ID:
+        elif command == SumpCommand.ID:
             self.outgoing += sump.IDS[0]
-        elif command == Command.METADATA:
+        elif command == SumpCommand.METADATA:
             self.outgoing += self._metadata()
-        elif command == Command.RUN:
+        elif command == SumpCommand.RUN:
             self._arm(armed(self._settings))
         elif command >= sump.LONG:
             self._settings[command] = value

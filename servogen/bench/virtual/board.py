@@ -11,7 +11,14 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from servogen.bench.inputs import firmata
-from servogen.bench.inputs.firmata import Command, Kind, Message, Mode, Reader, Task
+from servogen.bench.inputs.firmata import (
+    FirmataCommand,
+    Message,
+    MessageKind,
+    MessageReader,
+    Mode,
+    SchedulerCommand,
+)
 from servogen.bench.inputs.wiring import MARK, MARK_CHANNEL, MCLR, VDD, InputWiring
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
@@ -66,7 +73,7 @@ class VirtualBoard:
     gone: bool = False
     reset: bool = False
     taken: int = 0
-    _reader: Reader = field(default_factory=lambda: Reader(asks_version=True))
+    _reader: MessageReader = field(default_factory=lambda: MessageReader(asks_version=True))
     _modes: dict[int, int] = field(default_factory=dict)
     _levels: dict[int, int] = field(default_factory=dict)
     _tasks: dict[int, _Stored] = field(default_factory=dict)
@@ -85,7 +92,7 @@ class VirtualBoard:
         if self.options.silent or self.options.garbage or self.gone:
             return
         self.outgoing.clear()
-        self._reader = Reader(asks_version=True)
+        self._reader = MessageReader(asks_version=True)
         self._restart()
         self._version()
         self._firmware(b"")
@@ -130,7 +137,7 @@ class VirtualBoard:
 
     def _play(self, number: int, task: _Stored) -> None:
         begun, task.due = task.due, None
-        reader = Reader(asks_version=True)
+        reader = MessageReader(asks_version=True)
         assert begun is not None  # the caller looked
         while task.at < len(task.messages) and task.due is None:
             byte = bytes((task.messages[task.at],))
@@ -160,21 +167,21 @@ class VirtualBoard:
             self._wire(pin)
 
     def _obey(self, message: Message) -> None:
-        if message.kind == Kind.SYSEX:
+        if message.kind == MessageKind.SYSEX:
             self._command(message.data[:1], message.data[1:])
-        elif message.kind == Kind.PIN_MODE:
+        elif message.kind == MessageKind.PIN_MODE:
             self._set_mode(*message.data)
-        elif message.kind == Kind.PIN_VALUE:
+        elif message.kind == MessageKind.PIN_VALUE:
             self._set_level(*message.data)
-        elif message.kind & 0xF0 == Kind.DIGITAL:
+        elif message.kind & 0xF0 == MessageKind.DIGITAL:
             levels = message.data[0] | message.data[1] << 7
             for bit in range(8):
                 self._set_level(8 * (message.kind & 0x0F) + bit, levels >> bit & 1)
-        elif message.kind & 0xF0 == Kind.REPORT_DIGITAL:
+        elif message.kind & 0xF0 == MessageKind.REPORT_DIGITAL:
             self._set_reporting(message.kind & 0x0F, bool(message.data[0]))
-        elif message.kind == Kind.VERSION:
+        elif message.kind == MessageKind.VERSION:
             self._version()
-        elif message.kind == Kind.RESET:
+        elif message.kind == MessageKind.RESET:
             self._restart()
 
     def _set_mode(self, pin: int, mode: int) -> None:
@@ -224,7 +231,7 @@ class VirtualBoard:
 
     def _report(self, port: int, levels: int) -> None:
         self._reported[port] = levels
-        self.outgoing += bytes((Kind.DIGITAL | port, levels & 0x7F, levels >> 7))
+        self.outgoing += bytes((MessageKind.DIGITAL | port, levels & 0x7F, levels >> 7))
 
     def _inputs(self, port: int) -> int:
         """Return the levels at a port's pins that are inputs; the others are 0."""
@@ -241,24 +248,24 @@ class VirtualBoard:
         return levels
 
     def _version(self) -> None:
-        self.outgoing += bytes((Kind.VERSION, *FIRMATA_VERSION))
+        self.outgoing += bytes((MessageKind.VERSION, *FIRMATA_VERSION))
 
     def _command(self, number: bytes, data: bytes) -> None:
         commands: Mapping[int, Callable[[bytes], None]] = {
-            Command.FIRMWARE: self._firmware,
-            Command.CAPABILITY_QUERY: self._capabilities,
-            Command.ANALOG_MAPPING_QUERY: self._analog,
-            Command.PIN_STATE_QUERY: self._pin_state,
-            Command.SERIAL: self._serial,
+            FirmataCommand.FIRMWARE: self._firmware,
+            FirmataCommand.CAPABILITY_QUERY: self._capabilities,
+            FirmataCommand.ANALOG_MAPPING_QUERY: self._analog,
+            FirmataCommand.PIN_STATE_QUERY: self._pin_state,
+            FirmataCommand.SERIAL: self._serial,
         }
         if number and number[0] in commands:
             commands[number[0]](data)
-        elif number == bytes((Command.SCHEDULER,)) and self.options.scheduler and data:
+        elif number == bytes((FirmataCommand.SCHEDULER,)) and self.options.scheduler and data:
             self._scheduler(data[0], data[1:])
 
     def _firmware(self, data: bytes) -> None:
         name = firmata.split_bytes(self.name.encode())
-        self.outgoing += firmata.sysex(Command.FIRMWARE, bytes(FIRMATA_VERSION) + name)
+        self.outgoing += firmata.sysex(FirmataCommand.FIRMWARE, bytes(FIRMATA_VERSION) + name)
 
     def _capabilities(self, data: bytes) -> None:
         modes = bytearray()
@@ -273,18 +280,18 @@ class VirtualBoard:
                 if self.options.scheduler and pin in ends:
                     modes += bytes((Mode.SERIAL, ends[pin]))
             modes.append(firmata.NO_MORE_MODES)
-        self.outgoing += firmata.sysex(Command.CAPABILITIES, bytes(modes))
+        self.outgoing += firmata.sysex(FirmataCommand.CAPABILITIES, bytes(modes))
 
     def _analog(self, data: bytes) -> None:
         self.outgoing += firmata.sysex(
-            Command.ANALOG_MAPPING, bytes([firmata.NO_MORE_MODES] * PINS_OF_A_MEGA)
+            FirmataCommand.ANALOG_MAPPING, bytes([firmata.NO_MORE_MODES] * PINS_OF_A_MEGA)
         )
 
     def _pin_state(self, data: bytes) -> None:
         if data and data[0] in self._modes:
             pin = data[0]
             state = bytes((pin, self._modes[pin], self._levels[pin]))
-            self.outgoing += firmata.sysex(Command.PIN_STATE, state)
+            self.outgoing += firmata.sysex(FirmataCommand.PIN_STATE, state)
 
     def _serial(self, data: bytes) -> None:
         if not data or not self.options.scheduler:
@@ -317,31 +324,33 @@ class VirtualBoard:
     def _scheduler(self, what: int, data: bytes) -> None:
         number = data[0] if data else 0
         task = self._tasks.get(number)
-        if what == Task.RESET:
+        if what == SchedulerCommand.RESET:
             self._tasks.clear()
-        elif what == Task.QUERY_ALL:
-            self.outgoing += firmata.task(Task.ALL, bytes(self._tasks))
-        elif what == Task.CREATE and task is None:
+        elif what == SchedulerCommand.QUERY_ALL:
+            self.outgoing += firmata.task(SchedulerCommand.ALL, bytes(self._tasks))
+        elif what == SchedulerCommand.CREATE and task is None:
             size = data[1] | data[2] << 7
             if size + sum(stored.size for stored in self._tasks.values()) <= HEAP_BYTES:
                 self._tasks[number] = _Stored(size)
-        elif task is None or what == Task.CREATE:
-            self.outgoing += firmata.task(Task.ERROR, bytes((number,)))
-        elif what == Task.ADD:
+        elif task is None or what == SchedulerCommand.CREATE:
+            self.outgoing += firmata.task(SchedulerCommand.ERROR, bytes((number,)))
+        elif what == SchedulerCommand.ADD:
             more = firmata.unpacked(data[1:])
             if len(task.messages) + len(more) <= task.size:
                 task.messages += more
-        elif what == Task.SCHEDULE:
+        elif what == SchedulerCommand.SCHEDULE:
             ms = int.from_bytes(firmata.unpacked(data[1:]), "little")
             task.at, task.due = 0, self.chip.now + self._cycles(ms + TICK_MS)
-        elif what == Task.QUERY:
+        elif what == SchedulerCommand.QUERY:
             sizes = task.size.to_bytes(2, "little") + len(task.messages).to_bytes(2, "little")
             state = firmata.packed(bytes(4) + sizes + bytes(task.messages))
-            self.outgoing += firmata.task(Task.STATE, bytes((number,)) + state)
+            self.outgoing += firmata.task(SchedulerCommand.STATE, bytes((number,)) + state)
 
 
 def _delay(message: Message) -> int | None:
     """Return the milliseconds of a delay in a stored run."""
-    if not message.is_command(Command.SCHEDULER) or message.data[1:2] != bytes((Task.DELAY,)):
+    if not message.is_command(FirmataCommand.SCHEDULER) or message.data[1:2] != bytes(
+        (SchedulerCommand.DELAY,)
+    ):
         return None
     return int.from_bytes(firmata.unpacked(message.data[2:]), "little")

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, join
 from servogen.pic.image import Image
-from servogen.simulator import Change, Machine, Options, Stimulus
+from servogen.simulator import LevelChange, Machine, SimulatorOptions, Stimulus
 from servogen.simulator.aot_cache import loop
 from servogen.units import Clock
 
@@ -48,7 +48,7 @@ class VirtualChip:
 
     image: Image
     clock: Clock
-    options: Options = field(default_factory=Options)
+    options: SimulatorOptions = field(default_factory=SimulatorOptions)
     ppm: Fraction = Fraction(0)
     stimulus: Stimulus | None = None
     in_real_time: bool = False
@@ -190,7 +190,7 @@ class VirtualChip:
             except ShortCircuit:
                 wanted |= dict.fromkeys(self._wiring.connected, LOW)
         changes = [
-            Change(self.machine.cycles, pin, wanted.get(pin, UNDRIVEN))
+            LevelChange(self.machine.cycles, pin, wanted.get(pin, UNDRIVEN))
             for pin in sorted({*wanted, *self._outside})
             if wanted.get(pin, UNDRIVEN) != self._outside.get(pin, UNDRIVEN)
         ]
@@ -284,18 +284,18 @@ class HeldButtons:
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         until = 1
-        yield until, _packed([Change(0, pin, 1 - level) for pin, level in self.buttons.values()])
+        yield until, _packed([LevelChange(0, pin, 1 - level) for pin, level in self.buttons.values()])
         before = ""
         while True:
             now, changes = self.presses.popleft() if self.presses else self.held, []
             if now != before:
                 for name in filter(None, (before, now)):
                     pin, level = self.buttons[name]
-                    changes.append(Change(until, pin, level if name == now else 1 - level))
+                    changes.append(LevelChange(until, pin, level if name == now else 1 - level))
             before = now
             until += self.cycles
             yield until, _packed(changes)
 
 
-def _packed(changes: list[Change]) -> npt.NDArray[np.int64]:
+def _packed(changes: list[LevelChange]) -> npt.NDArray[np.int64]:
     return np.array([change.packed for change in changes], dtype=np.int64)

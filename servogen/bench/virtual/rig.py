@@ -18,10 +18,10 @@ from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
-from servogen.bench.virtual.terminals import Device, Terminals, terminals
+from servogen.bench.virtual.terminals import TerminalDevice, Terminals, terminals
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.image import Image
-from servogen.simulator import Options
+from servogen.simulator import SimulatorOptions
 from servogen.units import Clock
 
 SETTLED_S = Fraction(1, 10)
@@ -90,7 +90,7 @@ def with_fault(options: RigOptions, text: str) -> RigOptions:
 def rig(
     image: Image,
     clock: Clock,
-    board: Options,
+    board: SimulatorOptions,
     options: RigOptions,
     held: Mapping[int, int] = MappingProxyType({}),
 ) -> Iterator[Terminals]:
@@ -107,7 +107,7 @@ def rig(
         stimulus=stimulus,
         in_real_time=options.real_time,
     )
-    devices: dict[str, Device] = {
+    devices: dict[str, TerminalDevice] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
         "analyser": VirtualAnalyser(chip, options.analyser),
         "inputs": VirtualBoard(chip, options.inputs, options.board),

@@ -33,7 +33,7 @@ A client discards what it has received when it opens a port, and would miss what
 """
 
 
-class Device(Protocol):
+class TerminalDevice(Protocol):
     """What is behind a port. `gone`: unplugged as soon as all of `outgoing` is sent. `reset`: it was reset,
     so that what it sent before and nobody has read is dropped.
     """
@@ -60,7 +60,7 @@ class ResetByOpening(Protocol):
 
 @dataclass(slots=True)
 class _Terminal:
-    device: Device
+    device: TerminalDevice
     master: int
     slave: int
     """Kept open, so that the terminal outlives its clients."""
@@ -72,7 +72,7 @@ class _Terminal:
 class Terminals:
     """Open pseudo-terminals; `paths` by the devices' names. Raises ToolError on systems without them."""
 
-    def __init__(self, devices: Mapping[str, Device]) -> None:
+    def __init__(self, devices: Mapping[str, TerminalDevice]) -> None:
         if os.name != "posix":
             raise ToolError(
                 "tool-missing",
@@ -140,7 +140,7 @@ class Terminals:
 
 
 @contextmanager
-def terminals(devices: Mapping[str, Device]) -> Iterator[Terminals]:
+def terminals(devices: Mapping[str, TerminalDevice]) -> Iterator[Terminals]:
     """Yield terminals that are closed when the block ends."""
     opened = Terminals(devices)
     try:

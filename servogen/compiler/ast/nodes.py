@@ -279,7 +279,7 @@ class ExprStmt:
 
 
 @dataclass(slots=True)
-class Block:
+class BlockStatement:
     body: list[Stmt]
 
 
@@ -353,7 +353,7 @@ class Asm:
     place: Location
 
 
-Stmt = ExprStmt | Block | If | Loop | Switch | CaseLabel | Jump | LabelStmt | Return | Asm
+Stmt = ExprStmt | BlockStatement | If | Loop | Switch | CaseLabel | Jump | LabelStmt | Return | Asm
 
 
 @dataclass(eq=False, slots=True)
@@ -362,7 +362,7 @@ class FunctionDefinition:
     result: CType
     parameters: list[Symbol]
     place: Location
-    body: Block | None = None
+    body: BlockStatement | None = None
     interrupt: bool = False
     naked: bool = False
     """Its body is assembly that returns by itself: no code is added before or after it."""
@@ -373,7 +373,7 @@ class FunctionDefinition:
 
 
 @dataclass(slots=True)
-class Program:
+class ProgramTree:
     """All source files of a program, merged."""
 
     functions: dict[str, FunctionDefinition]

@@ -148,7 +148,7 @@ class Member:
 
 
 @dataclass(eq=False)
-class Layout:
+class StructLayout:
     """The members of a structure, known once its body has been parsed."""
 
     tag: str
@@ -162,7 +162,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class StructType(CType):
-    layout: Layout
+    layout: StructLayout
 
     @property
     def size(self) -> int:
@@ -269,7 +269,7 @@ def differs_in_const(left: CType, right: CType) -> bool:
     return False
 
 
-def _same_layout(left: Layout, right: Layout) -> bool:
+def _same_layout(left: StructLayout, right: StructLayout) -> bool:
     """Return whether two structures from different files are declared alike (ISO C 6.2.7)."""
     if left is right:
         return True

@@ -17,12 +17,12 @@ from servogen.compiler.ir.function import Line
 from servogen.compiler.ir.instruction import STATUS, Byte, Instruction, Label, Loc, Reg
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.assembler.expressions import (
-    Binary,
+    BinaryOperation,
     Expression,
     Here,
     Name,
     Number,
-    Unary,
+    UnaryOperation,
     evaluate,
     spelling,
 )
@@ -134,9 +134,9 @@ def _has_here(expression: Expression) -> bool:
     match expression:
         case Here():
             return True
-        case Unary(_, operand):
+        case UnaryOperation(_, operand):
             return _has_here(operand)
-        case Binary(_, left, right):
+        case BinaryOperation(_, left, right):
             return _has_here(left) or _has_here(right)
     return False
 
@@ -149,9 +149,9 @@ def _with_offset(expression: Expression, names: Names) -> tuple[Symbol, int] | N
         case Name(name):
             symbol = names(name)
             return None if symbol is None else (symbol, 0)
-        case Binary("&", left, Number(value)) if value == BANK_MASK:
+        case BinaryOperation("&", left, Number(value)) if value == BANK_MASK:
             return _with_offset(left, names)
-        case Binary("+" | "-" as sign, left, right):
+        case BinaryOperation("+" | "-" as sign, left, right):
             offset = _constant(right, _ChipNames())
             if sign == "+" and offset is None:
                 left, offset = right, _constant(left, _ChipNames())
@@ -173,7 +173,7 @@ def _target(expression: Expression, label: Labels) -> str:
             return label(name)
         case Here():
             return "$"
-        case Binary("+" | "-" as sign, Here(), right):
+        case BinaryOperation("+" | "-" as sign, Here(), right):
             distance = _constant(right, _ChipNames())
             if distance is not None:
                 return f"${distance if sign == '+' else -distance:+d}"
@@ -215,7 +215,7 @@ def _bit(expression: Expression) -> int:
 def _literal(expression: Expression, names: Names) -> int | AddressByte:
     """Return a literal: a number, or the low or high byte of the address of a variable and an offset."""
     part, within = 0, expression
-    if isinstance(expression, Unary) and expression.operator in ("low", "high"):
+    if isinstance(expression, UnaryOperation) and expression.operator in ("low", "high"):
         part, within = int(expression.operator == "high"), expression.operand
     address = _with_offset(within, names)
     if address is not None:

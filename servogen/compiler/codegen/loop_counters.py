@@ -19,7 +19,7 @@ from servogen.compiler.ast.nodes import (
     Asm,
     Assign,
     Binary,
-    Block,
+    BlockStatement,
     CaseLabel,
     Cast,
     Expr,
@@ -61,7 +61,7 @@ def simplify_counters(function: FunctionDefinition) -> None:
     """Rewrite the counting loops of a function."""
     if function.body is None or _is_entered_in_the_middle(function.body):
         return
-    for block in [node for node in nodes(function.body) if isinstance(node, Block)]:
+    for block in [node for node in nodes(function.body) if isinstance(node, BlockStatement)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             counting = _counting(before, loop)
             if counting is not None and not _may_change(counting):
@@ -194,7 +194,7 @@ def _is_same(expr: object, variable: Ref) -> bool:
     )
 
 
-def _is_entered_in_the_middle(body: Block) -> bool:
+def _is_entered_in_the_middle(body: BlockStatement) -> bool:
     """Return whether a `goto`, assembly or a `case` may lead into a loop."""
     below = list(nodes(body))
     if any(isinstance(each, (Asm, LabelStmt)) for each in below):
@@ -231,7 +231,7 @@ def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
         return False
     assert function.body is not None
     own: set[int] = set()
-    for block in [each for each in nodes(function.body) if isinstance(each, Block)]:
+    for block in [each for each in nodes(function.body) if isinstance(each, BlockStatement)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             if isinstance(before, ExprStmt) and isinstance(loop, Loop) and _assigns(before.expr, symbol):
                 if loop is not counting.loop and any(each is counting.loop for each in nodes(loop)):

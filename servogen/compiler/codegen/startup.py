@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from servogen.compiler.ast.nodes import AddressByte, Data, Program, Symbol
+from servogen.compiler.ast.nodes import AddressByte, Data, ProgramTree, Symbol
 from servogen.compiler.ast.types import U8
 from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.tables import add_tables, pointed_to
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.settings import Settings
+from servogen.compiler.frontend.settings import PragmaSettings
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, TARGETED, Byte, Instruction, Label, Z
 from servogen.pic.device import INTERRUPT_VECTOR
@@ -48,7 +48,7 @@ class Arrangement:
 
 
 def arrange(
-    generator: ProgramGenerator, program: Program, settings: Settings, reporter: Reporter
+    generator: ProgramGenerator, program: ProgramTree, settings: PragmaSettings, reporter: Reporter
 ) -> Arrangement:
     """Add the start-up code and the interrupt's frame to the functions, and return how they are arranged."""
     functions = generator.functions

@@ -14,7 +14,7 @@ from servogen.compiler.ast.nodes import (
     Asm,
     Assign,
     Binary,
-    Block,
+    BlockStatement,
     CaseLabel,
     Cast,
     ExprStmt,
@@ -64,7 +64,7 @@ def statement(gen: FunctionGenerator, node: Stmt) -> None:
     _STATEMENTS[type(node)](gen, node)
 
 
-def _stmt_block(gen: FunctionGenerator, node: Block) -> None:
+def _stmt_block(gen: FunctionGenerator, node: BlockStatement) -> None:
     before: Stmt | None = None
     for item in node.body:
         if isinstance(item, Loop) and not item.post and before is not None and _holds_at_first(item, before):
@@ -292,7 +292,7 @@ def _holds_at_first(loop: Loop, before: Stmt) -> bool:
 
 
 _STATEMENTS: dict[type, Callable[[FunctionGenerator, Any], None]] = {
-    Block: _stmt_block,
+    BlockStatement: _stmt_block,
     ExprStmt: _stmt_expr_stmt,
     If: _stmt_if,
     Loop: _stmt_loop,

@@ -1,6 +1,6 @@
 """Delays of an exact number of cycles in as few words as these loops give.
 
-In: a number of instruction cycles. Out: a `Plan`: nested loops and a filler, or the instructions of one.
+In: a number of instruction cycles. Out: a `LoopNest`: nested loops and a filler, or the instructions of one.
 
     MOVLW c2      Two families of loops of the same size; the better is taken. With the inner counter in
     MOVWF t2      memory a pass takes 3 cycles (DECFSZ, GOTO), with the inner counter in W it takes 4
@@ -24,7 +24,7 @@ MAX_LEVELS = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class LoopNest:
     """Loop counters, innermost first (none: no loop), whether the inner one counts in W, and the cycles left
     over.
     """
@@ -46,9 +46,9 @@ class Plan:
 
 
 @lru_cache(maxsize=4096)
-def plan(cycles: int) -> Plan:
+def plan(cycles: int) -> LoopNest:
     """Return the plan of exactly `cycles` cycles with the fewest words and, among those, the fewest bytes."""
-    plans = [Plan((), False, cycles)] if cycles <= 16 else []
+    plans = [LoopNest((), False, cycles)] if cycles <= 16 else []
     for levels in range(1, MAX_LEVELS + 1):
         for in_w in (True, False):
             loops = _loops(cycles, levels, in_w)
@@ -59,7 +59,7 @@ def plan(cycles: int) -> Plan:
     return min(plans, key=lambda candidate: (candidate.words, candidate.bytes, candidate.rest))
 
 
-def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
+def _loops(cycles: int, levels: int, in_w: bool) -> LoopNest | None:
     step = 4 if in_w else 3
     setup = 2 * levels - in_w
     full = step * 256 - 1
@@ -79,10 +79,10 @@ def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
     rest = left - inner * step
     if rest > 12:
         return None
-    return Plan((inner, *reversed(counts)), in_w, rest)
+    return LoopNest((inner, *reversed(counts)), in_w, rest)
 
 
-def instructions(loops: Plan, counters: list[Loc], label: str) -> list[Line]:
+def instructions(loops: LoopNest, counters: list[Loc], label: str) -> list[Line]:
     """Return the instructions of a plan; `counters` are its bytes, `label` names its loop."""
     out: list[Line] = []
     memory = list(counters)

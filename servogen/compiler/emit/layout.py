@@ -23,7 +23,7 @@ FLASH_FLAG = 0x80
 
 
 @dataclass(slots=True)
-class Memory:
+class MemoryMap:
     """The addresses of variables, and the number of bytes used."""
 
     addresses: dict[Symbol, int] = field(default_factory=dict)
@@ -32,13 +32,13 @@ class Memory:
 
 def allocate(
     roots: list[str], functions: dict[str, Function], statics: list[Symbol], reporter: Reporter
-) -> Memory:
+) -> MemoryMap:
     """Return an address for every variable: globals first, then the frames of the functions.
 
     Calls cannot nest more deeply than the call graph, because there is no recursion. A frame therefore begins
     where the highest frame of its callees ends, and functions that never call one another share their bytes.
     """
-    memory = Memory()
+    memory = MemoryMap()
     taken = {
         symbol.address + each
         for symbol in statics
@@ -97,7 +97,7 @@ def allocate(
 
 
 @dataclass(slots=True)
-class Word:
+class PlacedWord:
     """An instruction with its address."""
 
     address: int
@@ -107,8 +107,8 @@ class Word:
 
 
 @dataclass(slots=True)
-class Layout:
-    words: list[Word]
+class CodeLayout:
+    words: list[PlacedWord]
     labels: dict[str, int]
     starts: dict[str, tuple[int, int]]
     """First and behind-last address of each function."""
@@ -116,8 +116,8 @@ class Layout:
 
 
 def lay_out(
-    order: list[Function], memory: Memory, reporter: Reporter, tables: dict[Symbol, str], *, small: bool
-) -> Layout:
+    order: list[Function], memory: MemoryMap, reporter: Reporter, tables: dict[Symbol, str], *, small: bool
+) -> CodeLayout:
     """Assign each instruction its address and encode it. `tables` gives the label of each flash object.
 
     With `small`, the program is already as small as the compiler can make it: the error has no hint.
@@ -141,11 +141,11 @@ def lay_out(
     return layout
 
 
-def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
+def _place(order: list[Function], *, only_first_page: bool) -> CodeLayout | None:
     """Assign addresses in order; return None if a table misses the first page although all should lie
     there.
     """
-    words: list[Word] = []
+    words: list[PlacedWord] = []
     labels: dict[str, int] = {}
     starts: dict[str, tuple[int, int]] = {}
     address = 0
@@ -161,14 +161,14 @@ def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
             if isinstance(line, Label):
                 labels[line.name] = address
             else:
-                words.append(Word(address, line, function.name))
+                words.append(PlacedWord(address, line, function.name))
                 address += 1
         starts[function.name] = (begin, address)
-    return Layout(words, labels, starts, address)
+    return CodeLayout(words, labels, starts, address)
 
 
 def _encode(
-    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+    word: PlacedWord, labels: dict[str, int], memory: MemoryMap, tables: dict[Symbol, str], reporter: Reporter
 ) -> int:
     ins = word.ins
     fields: dict[str, int] = {}
@@ -184,7 +184,7 @@ def _encode(
     return encode(ins.op, **fields)
 
 
-def file_address(ins: Instruction, memory: Memory) -> int:
+def file_address(ins: Instruction, memory: MemoryMap) -> int:
     match ins.f:
         case Byte(symbol, offset):
             return memory.addresses[symbol] + offset
@@ -194,7 +194,7 @@ def file_address(ins: Instruction, memory: Memory) -> int:
 
 
 def _literal(
-    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+    word: PlacedWord, labels: dict[str, int], memory: MemoryMap, tables: dict[Symbol, str], reporter: Reporter
 ) -> int:
     ins = word.ins
     if ins.op in TARGETED:
@@ -209,7 +209,7 @@ def _literal(
     return ins.k
 
 
-def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str]) -> int:
+def address_byte(k: AddressByte, labels: dict[str, int], memory: MemoryMap, tables: dict[Symbol, str]) -> int:
     """Return one byte of the address of a variable or flash object, as pointers hold it."""
     if k.symbol.kind == "flash":
         where = labels[tables[k.symbol]] + k.offset

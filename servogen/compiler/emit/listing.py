@@ -10,7 +10,7 @@ from operator import itemgetter
 
 from servogen.compiler.codegen.inline_asm import source_label
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.emit.layout import Layout, Memory, Word, file_address
+from servogen.compiler.emit.layout import CodeLayout, MemoryMap, PlacedWord, file_address
 from servogen.compiler.emit.timing import FunctionTimes
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import TARGETED
@@ -21,8 +21,8 @@ from servogen.pic.listing import ListedFunction, Listing, ListingRow
 
 
 def make_listing(
-    layout: Layout,
-    memory: Memory,
+    layout: CodeLayout,
+    memory: MemoryMap,
     functions: dict[str, Function],
     times: Mapping[str, FunctionTimes],
     reporter: Reporter,
@@ -45,13 +45,13 @@ def make_listing(
     return Listing(rows, listed, _variables(memory), tuple(reporter.texts.items()), _labels(layout))
 
 
-def _labels(layout: Layout) -> tuple[tuple[str, int], ...]:
+def _labels(layout: CodeLayout) -> tuple[tuple[str, int], ...]:
     """Return the labels of inline assembly by address, under the names that they have in the source."""
     named = [(source_label(name), address) for name, address in layout.labels.items()]
     return tuple(sorted(((name, at) for name, at in named if name is not None), key=itemgetter(1, 0)))
 
 
-def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
+def _variables(memory: MemoryMap) -> tuple[tuple[int, str, int], ...]:
     """Return the program's own variables by address, then the bytes that each function and routine needs in
     addition.
     """
@@ -82,7 +82,7 @@ def _times(times: FunctionTimes | None) -> tuple[int | None, int | None, tuple[s
     return (times.shortest, times.longest, times.unbounded) if times is not None else (None, None, ())
 
 
-def _row(word: Word, memory: Memory) -> ListingRow:
+def _row(word: PlacedWord, memory: MemoryMap) -> ListingRow:
     ins = word.ins
     row = by_mnemonic()[ins.op]
     parts = []

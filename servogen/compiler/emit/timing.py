@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from servogen.compiler.emit.layout import Layout
+from servogen.compiler.emit.layout import CodeLayout
 from servogen.compiler.ir.function import Function
 from servogen.errors import Location
 from servogen.pic.device import INTERRUPT_VECTOR
 from servogen.pic.listing import ListedFunction
-from servogen.pic.wcet import Program, Unbounded
+from servogen.pic.wcet import TimedProgram, Unbounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class FunctionTimes:
 
 
 def function_times(
-    layout: Layout, functions: Mapping[str, Function], *, main: Iterable[str], interrupt: Iterable[str]
+    layout: CodeLayout, functions: Mapping[str, Function], *, main: Iterable[str], interrupt: Iterable[str]
 ) -> dict[str, FunctionTimes]:
     """Return the times of the functions that `main` and the `interrupt` reach.
 
@@ -49,9 +49,9 @@ def function_times(
         for function in functions.values()
         for first, last in function.delays
     ]
-    of_interrupt = Program(words, listed, bounds=bounds, pieces=pieces)
+    of_interrupt = TimedProgram(words, listed, bounds=bounds, pieces=pieces)
     changing = of_interrupt.changes(INTERRUPT_VECTOR) if in_interrupt else frozenset[int]()
-    of_main = Program(words, listed, changing=changing, bounds=bounds, pieces=pieces)
+    of_main = TimedProgram(words, listed, changing=changing, bounds=bounds, pieces=pieces)
     reached = set(main) | in_interrupt
     times_by_name: dict[str, FunctionTimes] = {}
     for routine in listed:
@@ -77,7 +77,7 @@ def _name(
     function: Function,
     places: Mapping[int, Location | None],
     names: Mapping[int, str],
-    program: Program,
+    program: TimedProgram,
 ) -> str:
     """Return a name in terms of the source for what has no bound: "while at line 12"."""
     at = reason.addresses[0]

@@ -43,7 +43,7 @@ _IGNORED = frozenset(
 )
 
 
-class Settings:
+class PragmaSettings:
     """Collects the settings made by pragmas."""
 
     def __init__(self, device: Device, reporter: Reporter) -> None:

@@ -17,7 +17,7 @@ from servogen.compiler.ast.nodes import (
     ExprStmt,
     FunctionDefinition,
     Num,
-    Program,
+    ProgramTree,
     Ref,
     Switch,
     Symbol,
@@ -124,7 +124,7 @@ class Analyser:
         """The functions whose bodies remain to be analysed, with the scopes of their files."""
         self.file_scopes: list[Scopes] = []
         self.scopes = Scopes(Rewritten(), lower_case=True)
-        self.program = Program({}, [], [], {})
+        self.program = ProgramTree({}, [], [], {})
         self.function: FunctionDefinition | None = None
         self.body = Body()
         self.strings: dict[tuple[int, ...], Symbol] = {}

@@ -371,7 +371,7 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
     return printing
 
 
-def _value_to_format(analyser: Analyser, name: str, part: formats.Part, argument: Any) -> Expr:
+def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, argument: Any) -> Expr:
     value = rvalue(analyser, expression(analyser, argument))
     wanted = 4 if part.function == "long" else 2
     if (

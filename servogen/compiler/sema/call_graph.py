@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Asm,
-    Block,
+    BlockStatement,
     Call,
     FunctionDefinition,
     If,
     Loop,
-    Program,
+    ProgramTree,
     Ref,
     Stmt,
     Switch,
@@ -42,7 +42,7 @@ def statements(node: Stmt) -> Iterator[Stmt]:
     """Yield a statement and every statement inside it."""
     yield node
     match node:
-        case Block(body):
+        case BlockStatement(body):
             for inner in body:
                 yield from statements(inner)
         case If(_, yes, no):
@@ -74,7 +74,7 @@ def _reachable(calls: Mapping[str, Mapping[str, Call]], start: str) -> list[str]
 class CallGraph:
     """The functions that main and the interrupt reach, each list beginning with its root."""
 
-    program: Program
+    program: ProgramTree
     calls: Mapping[str, Mapping[str, Call]]
     """The calls in each function, by the function that they call."""
     main: list[str]
@@ -90,7 +90,7 @@ class CallGraph:
         return set(self.main) & set(self.isr)
 
 
-def call_graph(program: Program) -> CallGraph:
+def call_graph(program: ProgramTree) -> CallGraph:
     """Return the call graph of a program from main and from its interrupt function."""
     handler = next((name for name, function in program.functions.items() if function.interrupt), None)
     calls = {name: _called(function) for name, function in program.functions.items()}
@@ -157,7 +157,7 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
             return
 
 
-def globals_of(program: Program, names: list[str]) -> set[Symbol]:
+def globals_of(program: ProgramTree, names: list[str]) -> set[Symbol]:
     """Return the variables that functions refer to."""
     variables: set[Symbol] = set()
     for name in names:

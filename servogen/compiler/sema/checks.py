@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Assign,
-    Block,
+    BlockStatement,
     Builtin,
     Call,
     Cast,
@@ -22,7 +22,7 @@ from servogen.compiler.ast.nodes import (
     If,
     Loop,
     Num,
-    Program,
+    ProgramTree,
     Ref,
     Stmt,
     Switch,
@@ -51,7 +51,7 @@ def check_program(graph: CallGraph, reporter: Reporter) -> None:
 # pins that stay inputs
 
 
-def _inputs(program: Program, reporter: Reporter) -> None:
+def _inputs(program: ProgramTree, reporter: Reporter) -> None:
     """Warn about read-modify-writes of inputs: a write to a port reads the pins, and the level of an input
     gets into its latch (DS35007 section 4).
     """
@@ -110,7 +110,7 @@ def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
 # calls whose only effect is their result
 
 
-def _unused_results(program: Program, reporter: Reporter) -> None:
+def _unused_results(program: ProgramTree, reporter: Reporter) -> None:
     """Warn about a statement that calls a function without effects and discards its result."""
     acting: set[str] = set()
     grown = True
@@ -181,7 +181,7 @@ def _shared(graph: CallGraph, reporter: Reporter) -> None:
             )
 
 
-def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
+def _uses(program: ProgramTree, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
     """Return (variables read, variables written) of several bytes; with `masked`, only where interrupts may
     be enabled.
     """
@@ -202,7 +202,7 @@ def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symb
     return reads, writes
 
 
-def _unmasked(block: Block) -> list[object]:
+def _unmasked(block: BlockStatement) -> list[object]:
     """Return the statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
     unmasked: list[object] = []
     off = False
@@ -217,7 +217,7 @@ def _unmasked(block: Block) -> list[object]:
 
 def _parts(node: Stmt) -> list[object]:
     match node:
-        case Block():
+        case BlockStatement():
             return _unmasked(node)
         case If(condition, yes, no):
             return [condition, *_parts(yes), *(_parts(no) if no is not None else [])]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Assign,
-    Block,
+    BlockStatement,
     Builtin,
     CaseLabel,
     Choice,
@@ -57,7 +57,7 @@ def check_flow(
 # unused
 
 
-def _unused(body: Block, declared: Sequence[Symbol], used: set[str], reporter: Reporter) -> None:
+def _unused(body: BlockStatement, declared: Sequence[Symbol], used: set[str], reporter: Reporter) -> None:
     written = {
         expr.target.symbol
         for expr in expressions(body)
@@ -86,7 +86,7 @@ def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: R
 # the end of a function
 
 
-def _missing_return(function: FunctionDefinition, body: Block, reporter: Reporter) -> None:
+def _missing_return(function: FunctionDefinition, body: BlockStatement, reporter: Reporter) -> None:
     if isinstance(function.result, VoidType) or function.name == "main" or function.naked:
         return
     if _completes(body):
@@ -104,7 +104,7 @@ def _completes(node: Stmt) -> bool:
             return False
         case ExprStmt(Builtin("restart")):
             return False
-        case Block(body):
+        case BlockStatement(body):
             reachable = True
             for statement in body:
                 reachable = reachable or _has_label(statement)
@@ -128,7 +128,7 @@ def breaks(node: Stmt) -> bool:
     match node:
         case Jump("break"):
             return True
-        case Block(body):
+        case BlockStatement(body):
             return any(map(breaks, body))
         case If(_, yes, no):
             return breaks(yes) or (no is not None and breaks(no))
@@ -144,7 +144,7 @@ class _Uninitialised:
     those that every path has set; a loop or switch counts as if its body ran.
     """
 
-    body: Block
+    body: BlockStatement
     declared: Sequence[Symbol]
     reporter: Reporter
     set_: set[Symbol] = field(default_factory=set)
@@ -168,7 +168,7 @@ class _Uninitialised:
         match node:
             case ExprStmt(expr):
                 self.expression(expr)
-            case Block(body):
+            case BlockStatement(body):
                 for inner in body:
                     self.statement(inner)
             case If(condition, yes, no):

@@ -28,7 +28,7 @@ _NUMBERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FormatPart:
     """Text, or one conversion. `function` is the last word of the library function's name, `numbers` are its
     further arguments.
     """
@@ -44,7 +44,7 @@ class Part:
         return bool(self.spelling)
 
 
-def parts(text: bytes) -> Iterator[Part]:
+def parts(text: bytes) -> Iterator[FormatPart]:
     """Yield the parts of a format. A part with a `problem` says what is not supported."""
     at, plain = 0, b""
     while at < len(text):
@@ -63,14 +63,14 @@ def parts(text: bytes) -> Iterator[Part]:
     yield from _plain(plain)
 
 
-def _plain(text: bytes) -> Iterator[Part]:
+def _plain(text: bytes) -> Iterator[FormatPart]:
     if len(text) == 1:
-        yield Part("char", numbers=(text[0],))
+        yield FormatPart("char", numbers=(text[0],))
     elif text:
-        yield Part("text", text)
+        yield FormatPart("text", text)
 
 
-def _conversion(match: re.Match[bytes]) -> Part:
+def _conversion(match: re.Match[bytes]) -> FormatPart:
     kind, spelling = match["kind"], match.group().decode("latin-1")
     width, flags = int(match["width"] or 0) if match["width"] != b"*" else 0, 0
     for flag in match["flags"]:
@@ -78,16 +78,18 @@ def _conversion(match: re.Match[bytes]) -> Part:
     unsupported = b"#" in match["flags"] or match["width"] == b"*" or match["precision"]
     if unsupported or width > 255 or match["size"] == b"ll" or kind not in (b"c", b"s", *_NUMBERS):
         allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"
-        return Part("", spelling=spelling, problem=f"'{spelling}' is not supported; there are {allowed}")
+        return FormatPart(
+            "", spelling=spelling, problem=f"'{spelling}' is not supported; there are {allowed}"
+        )
     if kind == b"c":
-        return Part("char", spelling=spelling)
+        return FormatPart("char", spelling=spelling)
     if kind == b"s":
         if not width:
-            return Part("text", spelling=spelling)
-        return Part("string", numbers=(width, flags & LEFT), spelling=spelling)
+            return FormatPart("text", spelling=spelling)
+        return FormatPart("string", numbers=(width, flags & LEFT), spelling=spelling)
     base, more = _NUMBERS[kind]
     if match["size"] == b"l":
-        return Part("long", numbers=(base, width, flags | more), spelling=spelling)
+        return FormatPart("long", numbers=(base, width, flags | more), spelling=spelling)
     if base == 10 and not width and not flags:
-        return Part("signed" if more else "unsigned", spelling=spelling)
-    return Part("int", numbers=(base, width, flags | more), spelling=spelling)
+        return FormatPart("signed" if more else "unsigned", spelling=spelling)
+    return FormatPart("int", numbers=(base, width, flags | more), spelling=spelling)

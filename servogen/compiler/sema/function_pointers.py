@@ -10,7 +10,7 @@ function, and calling it does nothing and yields 0.
 from __future__ import annotations
 
 from servogen.compiler.ast.nodes import (
-    Block,
+    BlockStatement,
     Call,
     CaseLabel,
     ExprStmt,
@@ -62,7 +62,9 @@ def dispatcher(analyser: Analyser, kind: FuncType) -> FunctionDefinition:
         for number, parameter in enumerate(kind.parameters or (), 1)
     ]
     number = Symbol("number", U8, "param", function=name)
-    definition = FunctionDefinition(name, kind.result, [*parameters, number], Location(), body=Block([]))
+    definition = FunctionDefinition(
+        name, kind.result, [*parameters, number], Location(), body=BlockStatement([])
+    )
     analyser.program.functions[name] = definition
     analyser.defined.add(definition)
     analyser.dispatchers.append((kind, definition))
@@ -91,7 +93,7 @@ def finish(analyser: Analyser) -> None:
             body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
         assert definition.body is not None
         value_of = Ref(number, 0, None, U8, place)
-        definition.body.body = [Switch(value_of, cases, None, Block(body), place)]
+        definition.body.body = [Switch(value_of, cases, None, BlockStatement(body), place)]
         if kind.result.scalar:
             definition.body.body.append(Return(Num(0, kind.result.plain(), place), place))
 

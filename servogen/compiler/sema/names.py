@@ -31,7 +31,16 @@ from servogen.compiler.ast.nodes import (
     Update,
     WideField,
 )
-from servogen.compiler.ast.types import BIT, U8, FloatType, IntType, Layout, Member, StructType, VoidType
+from servogen.compiler.ast.types import (
+    BIT,
+    U8,
+    FloatType,
+    IntType,
+    Member,
+    StructLayout,
+    StructType,
+    VoidType,
+)
 from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.frontend.dialects import (
     REGISTER_FIELDS,
@@ -226,7 +235,7 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
 
 
 @cache
-def register_layout(name: str) -> Layout:
+def register_layout(name: str) -> StructLayout:
     """Return the bits and fields of a register as members of a structure."""
     register = chip_registers()[name]
     members = {
@@ -238,4 +247,4 @@ def register_layout(name: str) -> Layout:
         field: Member(field, U8, 0, bit, width)
         for field, (bit, width) in REGISTER_FIELDS.get(register.name, {}).items()
     }
-    return Layout(f"{register.name}bits", False, {**members, **fields}, size=1)
+    return StructLayout(f"{register.name}bits", False, {**members, **fields}, size=1)

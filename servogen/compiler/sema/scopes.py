@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
-from servogen.compiler.ast.types import U8, CType, Layout
+from servogen.compiler.ast.types import U8, CType, StructLayout
 from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers
 from servogen.compiler.frontend.extensions import Rewritten
 from servogen.errors import Location
@@ -42,7 +42,7 @@ Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit | BitAlias
 @dataclass(slots=True)
 class Scope:
     names: dict[str, Meaning] = field(default_factory=dict)
-    tags: dict[str, Layout | TypeName] = field(default_factory=dict)
+    tags: dict[str, StructLayout | TypeName] = field(default_factory=dict)
 
 
 class Scopes:
@@ -75,7 +75,7 @@ class Scopes:
                 return scope.names[name]
         return self.chip(name)
 
-    def tag(self, name: str) -> Layout | TypeName | None:
+    def tag(self, name: str) -> StructLayout | TypeName | None:
         for scope in reversed(self.stack):
             if name in scope.tags:
                 return scope.tags[name]

@@ -16,7 +16,7 @@ from servogen.compiler.ast.nodes import (
     AddressOf,
     Asm,
     Assign,
-    Block,
+    BlockStatement,
     Call,
     CaseLabel,
     Expr,
@@ -62,7 +62,7 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     for symbol in function.parameters:
         analyser.scopes.here.names[symbol.name] = symbol
         analyser.asm_symbols[symbol.asm_name] = symbol
-    block = Block([])
+    block = BlockStatement([])
     items(analyser, node.body.block_items or [], block.body)
     for label, where in analyser.body.gotos:
         if label not in analyser.body.labels:
@@ -197,10 +197,10 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
 
 def nested(analyser: Analyser, node: Any) -> Stmt:
     if node is None:
-        return Block([])
+        return BlockStatement([])
     out: list[Stmt] = []
     items(analyser, [node], out)
-    return out[0] if len(out) == 1 else Block(out)
+    return out[0] if len(out) == 1 else BlockStatement(out)
 
 
 def _leaves(made: Stmt) -> bool:
@@ -208,7 +208,7 @@ def _leaves(made: Stmt) -> bool:
     match made:
         case Return() | Jump():
             return True
-        case Block(body):
+        case BlockStatement(body):
             return bool(body) and _leaves(body[-1])
         case If(_, yes, no):
             return no is not None and _leaves(yes) and _leaves(no)
@@ -228,18 +228,18 @@ def _can_be_reached(node: Any) -> bool:
 
 def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
     analyser.scopes.push()
-    block = Block([])
+    block = BlockStatement([])
     items(analyser, node.block_items or [], block.body)
     analyser.scopes.pop()
     return block
 
 
 def _stmt_empty_statement(analyser: Analyser, node: Any) -> Stmt:
-    return Block([])
+    return BlockStatement([])
 
 
 def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
-    block = Block([])
+    block = BlockStatement([])
     for decl in node.decls:
         item(analyser, decl, block.body)
     return block
@@ -289,13 +289,13 @@ def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
     step = effect_of(analyser, node.next) if node.next is not None else None
     loop = _loop(analyser, node, condition, step, False)
     analyser.scopes.pop()
-    return Block([*out, loop])
+    return BlockStatement([*out, loop])
 
 
 def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
     value = promoted(analyser, expression(analyser, node.cond))
     assert isinstance(value.type, IntType)
-    switch = Switch(value, [], None, Block([]), analyser.place(node))
+    switch = Switch(value, [], None, BlockStatement([]), analyser.place(node))
     analyser.body.switches.append((switch, promote(value.type, c2c=analyser.c2c)))
     analyser.body.breakable += 1
     if isinstance(node.stmt, c_ast.Compound):
@@ -345,7 +345,7 @@ def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _labelled(analyser: Analyser, label: CaseLabel | LabelStmt, nodes: list[Any]) -> Stmt:
-    block = Block([label])
+    block = BlockStatement([label])
     items(analyser, nodes or [], block.body)
     return block
 
@@ -372,7 +372,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
     ]
     analyser.body.critical.pop()
     analyser.body.loops, analyser.body.breakable = held
-    return Block(out)
+    return BlockStatement(out)
 
 
 def _allow_again(analyser: Analyser, before: Symbol, place: Location) -> Stmt:
@@ -451,22 +451,22 @@ def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:
     assert analyser.function is not None
     allow = _allow_again(analyser, analyser.body.critical[0], place)
     if value is None or isinstance(value, Num):
-        return Block([allow, Return(value, place)])
+        return BlockStatement([allow, Return(value, place)])
     held = Symbol(
         f"result{len(analyser.function.locals)}", value.type, "local", place, function=analyser.function.name
     )
     analyser.function.locals.append(held)
     target = Ref(held, 0, None, value.type, place)
-    return Block([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
+    return BlockStatement([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
 
 
 def _stmt_pragma(analyser: Analyser, node: Any) -> Stmt:
-    return Block([])
+    return BlockStatement([])
 
 
 def _stmt_static_assert(analyser: Analyser, node: Any) -> Stmt:
     static_assertion(analyser, node)
-    return Block([])
+    return BlockStatement([])
 
 
 def static_assertion(analyser: Analyser, node: Any) -> None:

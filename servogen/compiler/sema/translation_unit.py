@@ -20,7 +20,7 @@ from servogen.compiler.frontend.dialects import type_names
 from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM_NAME, ID_NAME, Rewritten
 from servogen.compiler.frontend.parser import parse
 from servogen.compiler.frontend.preprocessor import Preprocessed
-from servogen.compiler.frontend.settings import Settings
+from servogen.compiler.frontend.settings import PragmaSettings
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.analyser import Analyser, Dispatch, ReadFile
 from servogen.compiler.sema.builtins import builtin, builtin_names
@@ -63,7 +63,7 @@ def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
     return declare_function(analyser, unit.decl, kind, define=True)
 
 
-def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) -> None:
+def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: PragmaSettings) -> None:
     """Handle assembly outside functions; only `__config` is accepted."""
     for number, place in rewritten.file_asm:
         for line, text in analyser.asm_blocks[number].lines:
@@ -75,7 +75,7 @@ def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) 
                 analyser.reporter.error("c-asm", "assembly outside functions can only be __config", where)
 
 
-def finish(analyser: Analyser, settings: Settings) -> None:
+def finish(analyser: Analyser, settings: PragmaSettings) -> None:
     """Handle declarations that are recognised by their names: EEPROM data, configuration words."""
     for symbol in [other for other in analyser.program.symbols if other.name.startswith(EEPROM_NAME)]:
         analyser.program.symbols.remove(symbol)
@@ -125,7 +125,7 @@ def analyse(
     dialect: str,
     reporter: Reporter,
     blocks: list[AsmBlock],
-    settings: Settings,
+    settings: PragmaSettings,
     clock: Clock | None,
     read_library: ReadFile,
     float_type: FloatType,

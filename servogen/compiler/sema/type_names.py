@@ -18,9 +18,9 @@ from servogen.compiler.ast.types import (
     CType,
     FuncType,
     IntType,
-    Layout,
     Member,
     PointerType,
+    StructLayout,
     StructType,
     VoidType,
     qualified,
@@ -126,20 +126,20 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
     raise analyser.fail("c-type", f"'{' '.join(names)}' is not a type", node)
 
 
-def _structure(analyser: Analyser, node: Any) -> Layout:
+def _structure(analyser: Analyser, node: Any) -> StructLayout:
     union = isinstance(node, c_ast.Union)
     tag = node.name or f"(unnamed {analyser.place(node).line})"
     if node.decls is None:
         earlier = analyser.scopes.tag(tag)
-        if isinstance(earlier, Layout):
+        if isinstance(earlier, StructLayout):
             return earlier
-        layout = Layout(tag, union)
+        layout = StructLayout(tag, union)
         analyser.scopes.here.tags[tag] = layout
         return layout
     # two without a name are two types, on one line too
     tags = analyser.scopes.here.tags if node.name else {}
     known = tags.get(tag)
-    layout = known if isinstance(known, Layout) and known.size is None else Layout(tag, union)
+    layout = known if isinstance(known, StructLayout) and known.size is None else StructLayout(tag, union)
     if known is layout or tag not in tags:
         tags[tag] = layout
     else:
@@ -148,7 +148,7 @@ def _structure(analyser: Analyser, node: Any) -> Layout:
     return layout
 
 
-def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
+def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None:
     offset, bit, largest = 0, 0, 0
     for decl in decls:
         if not isinstance(decl, c_ast.Decl):
@@ -230,7 +230,7 @@ def _field_type(analyser: Analyser, kind: IntType, width: int) -> CType:
 
 
 def _wide_field(
-    analyser: Analyser, layout: Layout, decl: Any, kind: IntType, width: int, offset: int
+    analyser: Analyser, layout: StructLayout, decl: Any, kind: IntType, width: int, offset: int
 ) -> tuple[int, int]:
     """Add a bit-field of more than 8 bits, which begins with a byte; return the byte and bit after it."""
     two = analyser.types["int16_t" if kind.signed else "uint16_t"]

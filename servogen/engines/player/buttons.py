@@ -24,7 +24,7 @@ PRESSED_FRAMES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Button:
+class ButtonPin:
     """A button's pin and its level while pressed: 0 for a button to ground, which needs a pull-up
     resistor.
     """
@@ -41,11 +41,11 @@ class Button:
 
 
 @dataclass(frozen=True, slots=True)
-class Buttons:
+class ControlButtons:
     """A start button and an emergency stop, which switches the pulses off if `off` and else holds them."""
 
-    start: Button | None = None
-    stop: Button | None = None
+    start: ButtonPin | None = None
+    stop: ButtonPin | None = None
     off: bool = True
 
     @property

@@ -21,8 +21,8 @@ import numpy as np
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.commands import (
     ENTRY,
-    Chain,
     Commander,
+    DirectionPlaces,
 )
 from servogen.engines.player.encoding import Encoded, row_table
 from servogen.engines.player.layout import Used, layout
@@ -44,7 +44,7 @@ from servogen.engines.player.playing import (
     runs_of,
     warnings_of,
 )
-from servogen.engines.player.script import LEGS_TIMINGS, MAX_BYTES, Script, Step
+from servogen.engines.player.script import LEGS_TIMINGS, MAX_BYTES, Script, ScriptStep
 from servogen.errors import InputError
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.trajectory import JointTrajectory
@@ -140,7 +140,7 @@ def encoded_directions(
     max_bytes: int,
     *,
     limited: bool = True,
-) -> tuple[Encoded, Chain]:
+) -> tuple[Encoded, DirectionPlaces]:
     """Return the first encoding that has at most `max_bytes`, or the smallest one.
 
     Raises InputError, also if the tables are `limited` and cannot hold it.
@@ -171,7 +171,7 @@ def encoded_directions(
         raise InputError(
             "engine-unsupported", f"a soft start of more than {LONGEST} frames", hint="shorten it"
         )
-    smallest: tuple[Encoded, Chain] | None = None
+    smallest: tuple[Encoded, DirectionPlaces] | None = None
     for near in NEAR:
         made = _with_rows(
             keyed_walk(walk, wanted[-1], near),
@@ -199,7 +199,7 @@ def _with_rows(
     soft: Sequence[int],
     *,
     limited: bool,
-) -> tuple[Encoded, Chain]:
+) -> tuple[Encoded, DirectionPlaces]:
     """Return the encoding with the rows of `keyed`.
 
     Raises ResourceError if it is `limited` and does not fit the tables.
@@ -256,12 +256,12 @@ def _with_rows(
     order = [number ^ 1 for number in range(len(directions))]
     places += [place for number in order for place in places_of[number]]
     names = tuple(directions[number].name for number in order)
-    return encoded, Chain(
+    return encoded, DirectionPlaces(
         read, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots[:1]
     )
 
 
-def _read(steps: Sequence[Step], first: int, last: int) -> list[Step]:
+def _read(steps: Sequence[ScriptStep], first: int, last: int) -> list[ScriptStep]:
     """Return the steps from one pose of the chain to another, backward if that one comes first.
 
     The later of two poses determines the step between them; steps on the spot end where the part ends.

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from servogen.engines.player.buttons import PRESSED_FRAMES, Button
+from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin
 from servogen.motion.gait.commands import STRAIGHT, TURN
 from servogen.pulse.schedule import CodeLine, DirectionButtons, Input, StepButton
 
@@ -80,7 +80,7 @@ class CommandLine:
 class CommandButtons:
     """The buttons of directions, by the directions' names."""
 
-    buttons: Mapping[str, Button]
+    buttons: Mapping[str, ButtonPin]
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -113,7 +113,7 @@ class CommandButtons:
 class CommandButton:
     """The button that steps through the directions: forward, back, left, right."""
 
-    button: Button
+    button: ButtonPin
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -150,7 +150,7 @@ it.
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class DirectionPlaces:
     """The directions of a walk as places in the script, four for each: where its start, its cycle and its
     stop begin, and where it ends. The first four belong to standing, which has only a start.
 

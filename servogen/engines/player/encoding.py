@@ -1,6 +1,6 @@
 """What the two encodings of a motion share: the scaling of widths to bytes, rows of poses, and the result.
 
-In: widths in cycles. Out: `Scale`, `Rows`, and `Encoded`, the motion as the chip holds it.
+In: widths in cycles. Out: `WidthScale`, `Rows`, and `Encoded`, the motion as the chip holds it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole, excursion
-from servogen.engines.player.script import MAX_BYTES, Script, Step
+from servogen.engines.player.script import MAX_BYTES, Script, ScriptStep
 from servogen.motion.trajectory import Floats
 
 LAST_STEP = 5
@@ -23,7 +23,7 @@ SPARE = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class WidthScale:
     """The scaling of widths to bytes: a base for every channel, and its steps of 2**shift cycles."""
 
     bases: Whole
@@ -41,11 +41,11 @@ class Scale:
             raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
         return np.asarray(self.bases + excursion(value, self.shifts))
 
-    def moved(self, channels: Sequence[int], cycles: Whole) -> Scale:
+    def moved(self, channels: Sequence[int], cycles: Whole) -> WidthScale:
         """Return the scale with the bases of `channels` moved by whole cycles."""
         bases = self.bases.copy()
         bases[list(channels)] += cycles
-        return Scale(bases, self.shifts)
+        return WidthScale(bases, self.shifts)
 
 
 def shift_of(pulsed: Floats) -> int:
@@ -57,12 +57,12 @@ def shift_of(pulsed: Floats) -> int:
     raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
 
 
-def scale_of(pulsed: Floats, shifts: Whole | None = None) -> Scale:
+def scale_of(pulsed: Floats, shifts: Whole | None = None) -> WidthScale:
     """Return the scale of `pulsed` rows (frames, channels), with the smallest steps unless given."""
     low = pulsed.min(axis=0)
     if shifts is None:
         shifts = np.full(pulsed.shape[1], shift_of(pulsed))
-    return Scale(np.floor(low).astype(np.int64) - (SPARE << shifts), shifts)
+    return WidthScale(np.floor(low).astype(np.int64) - (SPARE << shifts), shifts)
 
 
 @dataclass(slots=True)
@@ -115,7 +115,7 @@ class Encoded:
     `frames` are those of the planned motion, one per row of `widths`; the first `lead` are played once.
     """
 
-    scale: Scale
+    scale: WidthScale
     rows: bytes
     laws: bytes
     script: Script
@@ -124,7 +124,7 @@ class Encoded:
     widths: Whole
     silent: np.ndarray
     lead: int
-    steps: tuple[Step, ...]
+    steps: tuple[ScriptStep, ...]
     """The steps of the script; the first only tells where the second begins."""
 
     @property

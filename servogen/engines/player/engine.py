@@ -12,7 +12,7 @@ from functools import cache, partial
 
 from servogen.compiler import WORDS_NEEDED, CompileError, Options
 from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
-from servogen.engines.player import Layout, Playing, playing
+from servogen.engines.player import Playing, SlotLayout, playing
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
@@ -25,7 +25,7 @@ from servogen.errors import Diagnostic
 from servogen.motion import JointTrajectory
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.listing import Listing
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import TimedProgram
 from servogen.pulse import PulseSchedule
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
@@ -100,7 +100,7 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
             raise refusal from error
 
 
-def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
+def firmware(text: str, job: EngineJob, layout: SlotLayout, dialect: str) -> Firmware:
     """Return a player's compiled C with its timing budgets. Raises ResourceError if the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
@@ -109,9 +109,9 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
     return Firmware(dialect, file, text, made, found, made.listing.variable(OVERRUN), tuple(cautions(found)))
 
 
-def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
+def timing_budgets(listing: Listing, layout: SlotLayout) -> tuple[TimingBudget, ...]:
     """Return the time that the C takes between two slots and between two frames, and the time it has."""
-    program = Program({row.address: row.word for row in listing.rows}, listing.functions)
+    program = TimedProgram({row.address: row.word for row in listing.rows}, listing.functions)
     maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
     return (

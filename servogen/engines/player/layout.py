@@ -1,7 +1,7 @@
 """Slots of the player: two servos of a port share a slot; their pulses start together or in quick succession.
 
-In: the servos, the pulses that their motion uses, and the frame. Out: `Layout`: the slots in order, and the
-number of ticks of TMR0 between their beginnings.
+In: the servos, the pulses that their motion uses, and the frame. Out: `SlotLayout`: the slots in order, and
+the number of ticks of TMR0 between their beginnings.
 
     |<----- slot ----->|<----- slot ----->|<-- the rest: the C's time -->|
     |‾‾‾‾‾‾‾|__________|‾‾‾‾‾‾‾‾‾‾|_______|______________________________|
@@ -77,7 +77,7 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class SlotLayout:
     """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame."""
 
     slots: tuple[Slot, ...]
@@ -129,7 +129,7 @@ def layout(
     doublings: int = 0,
     *,
     legs: bool = False,
-) -> Layout:
+) -> SlotLayout:
     """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length.
 
     `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
@@ -151,7 +151,7 @@ def layout(
         longest = _longest(pairs, rooms, stagger)
         found = _slots(pairs, longest, motion_c, frame, clock)
         if found is not None:
-            return Layout(found[0], found[1], stagger)
+            return SlotLayout(found[0], found[1], stagger)
     minimum = demand(servos, used, frame, clock, doublings, legs=legs).minimum
     raise InputError(
         "frame-too-short",

@@ -22,9 +22,9 @@ from itertools import pairwise
 import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Legs, Rows, Scale, row_table, scale_of, shift_of
+from servogen.engines.player.encoding import Encoded, Legs, Rows, WidthScale, row_table, scale_of, shift_of
 from servogen.engines.player.laws import lift_table, spot_table, swing_table
-from servogen.engines.player.script import Step, Timing, ordered, script
+from servogen.engines.player.script import ScriptStep, StepTiming, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.trajectory import Floats
 
@@ -202,10 +202,10 @@ class KeyedWalk:
     The first `fixed` rows are those of the lifts; rows and steps have the same numbers.
     """
 
-    scale: Scale
+    scale: WidthScale
     rows: list[tuple[int, ...]]
     fixed: int
-    steps: list[Step]
+    steps: list[ScriptStep]
     events: list[int]
     legs: Legs
     laws: bytes
@@ -232,11 +232,11 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     def number(event: int) -> int:
         return count + kept.number(scale.exact(walk.pose(event))[turns])
 
-    steps = [Step(number(0), _timing(*events[:2]), walk.lifted(0))]
+    steps = [ScriptStep(number(0), _timing(*events[:2]), walk.lifted(0))]
     for ends in pairwise(events):
         spot = walk.spot(*ends)
         row = number(spot.end if spot else ends[1])
-        steps.append(Step(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
+        steps.append(ScriptStep(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
     laws = swing_table(*_swing_law(walk)) + lift_table() + (spot_table() if walk.spots else b"")
     return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
@@ -272,7 +272,7 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bo
     )
 
 
-def _scale(walk: WalkEvents, tops: Floats) -> Scale:
+def _scale(walk: WalkEvents, tops: Floats) -> WidthScale:
     """Return the scale of all rows, in which the steps of the lifts are at least those of the turns.
 
     The lifts' stances are whole numbers of steps from their bases.
@@ -326,14 +326,16 @@ def _swing_law(walk: WalkEvents) -> tuple[float, float]:
     return max(0.0, rate), max(0.0, beyond)
 
 
-def _timing(one: int, other: int) -> Timing:
+def _timing(one: int, other: int) -> StepTiming:
     """Return the timing of the frames from one event up to another, in half frames."""
     first, length = (one + 1) // 2, (other - one) / 2
     frames = (other + 1) // 2 - first
-    return Timing(frames, round(65536 / length) & 0xFFFF, round(256 * (first - one / 2) / length))
+    return StepTiming(frames, round(65536 / length) & 0xFFFF, round(256 * (first - one / 2) / length))
 
 
-def played_steps(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs, soft: bool = True) -> Whole:
+def played_steps(
+    steps: Sequence[ScriptStep], rows: bytes, laws: bytes, legs: Legs, soft: bool = True
+) -> Whole:
     """Return 256 times the values of all channels, frame by frame, as the chip computes them in these steps.
 
     The first step only states where the second begins. With `soft`, the first two lead to the stance.

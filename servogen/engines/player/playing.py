@@ -14,9 +14,9 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole
-from servogen.engines.player.commands import Chain
+from servogen.engines.player.commands import DirectionPlaces
 from servogen.engines.player.encoding import Encoded
-from servogen.engines.player.layout import Layout, Used, layout
+from servogen.engines.player.layout import SlotLayout, Used, layout
 from servogen.engines.player.legs import legs_encoded
 from servogen.engines.player.poses import poses_encoded
 from servogen.errors import Diagnostic, InputError
@@ -51,9 +51,9 @@ class Playing:
 
     trajectory: JointTrajectory
     plan: PulsePlan
-    layout: Layout
+    layout: SlotLayout
     encoded: Encoded
-    chain: Chain | None = None
+    chain: DirectionPlaces | None = None
     """The directions of a walk on command; the trajectory is then the lead-in, the stance, and one direction
     after the other.
     """
@@ -243,7 +243,7 @@ def rows_of(servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Cloc
 
 
 def warnings_of(
-    trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, slots: Layout
+    trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, slots: SlotLayout
 ) -> tuple[Diagnostic, ...]:
     """Return the warnings about the period, the servos' calibrations and their speeds."""
     clock = trajectory.clock

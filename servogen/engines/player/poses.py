@@ -18,9 +18,18 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Rows, Scale, row_table, scale_of
+from servogen.engines.player.encoding import Encoded, Rows, WidthScale, row_table, scale_of
 from servogen.engines.player.laws import SHAPES, table_of
-from servogen.engines.player.script import MAX_BYTES, SILENT, STAY, STRAIGHT, Step, ordered, script, timing
+from servogen.engines.player.script import (
+    MAX_BYTES,
+    SILENT,
+    STAY,
+    STRAIGHT,
+    ScriptStep,
+    ordered,
+    script,
+    timing,
+)
 from servogen.motion.trajectory import Floats
 
 LONGEST = 256
@@ -239,7 +248,7 @@ def _encoded(
     pieces: Sequence[_Piece],
     loop_start: int,
     laws: Sequence[str],
-    scale: Scale,
+    scale: WidthScale,
     near: float,
     *,
     limited: bool,
@@ -256,9 +265,9 @@ def _encoded(
             pose = rows[frame + following[0]] if len(following) else rows[~np.isnan(rows).any(axis=1)][0]
         return kept.number(scale.exact(pose))
 
-    steps = [Step(number(0), timing(pieces[0].end - pieces[0].first, STRAIGHT))]
+    steps = [ScriptStep(number(0), timing(pieces[0].end - pieces[0].first, STRAIGHT))]
     steps += [
-        Step(number(piece.pose), timing(piece.end - piece.first, places[piece.law])) for piece in pieces
+        ScriptStep(number(piece.pose), timing(piece.end - piece.first, places[piece.law])) for piece in pieces
     ]
     first = 1 + sum(piece.end <= loop_start for piece in pieces)
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept)
@@ -280,7 +289,9 @@ def _encoded(
     )
 
 
-def _played(steps: Sequence[Step], rows: Sequence[Sequence[int]], laws: bytes) -> tuple[Whole, np.ndarray]:
+def _played(
+    steps: Sequence[ScriptStep], rows: Sequence[Sequence[int]], laws: bytes
+) -> tuple[Whole, np.ndarray]:
     """Return 256 times the values, frame by frame, as the chip computes them, and the frames without
     pulses.
     """

@@ -11,14 +11,14 @@ from fractions import Fraction
 
 from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player.arithmetic import ENTRIES
-from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
+from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
 from servogen.engines.player.commands import (
     COMMAND_SHIFT,
     ENTRY,
-    Chain,
     CommandButton,
     CommandButtons,
     CommandLine,
+    DirectionPlaces,
     hearing_table,
 )
 from servogen.engines.player.layout import TICKS
@@ -124,7 +124,7 @@ class _Pad:
 
 
 def render_player(
-    played: Playing, stored: Stored, buttons: Buttons, dialect: str, device: Device, title: str
+    played: Playing, stored: Stored, buttons: ControlButtons, dialect: str, device: Device, title: str
 ) -> str:
     """Return the C file of `played` in `dialect`, with its script as `stored`. Raises RenderError."""
     schedule, encoded = played.plan.schedule, played.encoded
@@ -205,7 +205,7 @@ def render_player(
     )
 
 
-def _chain(chain: Chain | None) -> dict[str, object]:
+def _chain(chain: DirectionPlaces | None) -> dict[str, object]:
     """Return the template's values for a walk on command."""
     if chain is None:
         return {"chain": False}
@@ -325,7 +325,7 @@ def _pad(cycles: int) -> _Pad:
     return _Pad(turns, ((), ("nop",), ("goto    $+1",))[rest])
 
 
-def _button(button: Button | None) -> _ButtonText | None:
+def _button(button: ButtonPin | None) -> _ButtonText | None:
     if button is None:
         return None
     return _ButtonText(button.pin[1], f"0x{1 << int(button.pin[2]):02X}", "== 0" if button.level else "!= 0")

@@ -1,6 +1,6 @@
 """The script of a motion: steps from pose to pose as bytes, with repetitions stored once, and their timings.
 
-In: `Step`s, each with the row of the pose at which it ends, and how to get there. Out: `Script`.
+In: `ScriptStep`s, each with the row of the pose at which it ends, and how to get there. Out: `Script`.
 
     how                 a step to the pose in the next row: its timing, the legs that it lifts
     AT, row, how        a step to another row
@@ -38,7 +38,7 @@ HALF = 0x80
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class StepTiming:
     """The timing of a step: `frames` (at most 256), 65536ths of the step per frame, 256ths at the first
     frame.
 
@@ -55,13 +55,13 @@ class Timing:
         return [(self.start << 8) + HALF + frame * self.speed >> 8 & 0xFF for frame in range(self.frames)]
 
 
-def timing(frames: int, law: int = STRAIGHT) -> Timing:
+def timing(frames: int, law: int = STRAIGHT) -> StepTiming:
     """Return the timing of a step of whole frames."""
-    return Timing(frames, round(65536 / frames) & 0xFFFF, 0, law)
+    return StepTiming(frames, round(65536 / frames) & 0xFFFF, 0, law)
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ScriptStep:
     """A step to the pose `row` (an index of the table of rows) with a timing; `lifted` has a bit for each
     leg.
 
@@ -69,7 +69,7 @@ class Step:
     """
 
     row: int
-    timing: Timing
+    timing: StepTiming
     lifted: int = 0
     spot: bool = False
 
@@ -83,14 +83,14 @@ class Script:
 
     data: bytes
     loop: int
-    timings: tuple[Timing, ...]
+    timings: tuple[StepTiming, ...]
     third: int
     owners: tuple[int, ...]
     """The step to which each byte belongs, by its number."""
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class RowEntry:
     """A row's number and the byte that states how to get there; `goes_on`: on the spot, after another
     step.
     """
@@ -106,7 +106,7 @@ LEGS_TIMINGS = 3
 
 
 def script(
-    lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bool, limited: bool = True
+    lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], columns: int, *, legs: bool, limited: bool = True
 ) -> Script:
     """Return the script of steps that are played once, followed by steps that repeat endlessly.
 
@@ -120,7 +120,7 @@ def script(
             "does-not-fit", f"the motion has steps of {len(timings)} timings: the player holds {maximum}"
         )
 
-    def entries(steps: Sequence[Step]) -> list[Entry]:
+    def entries(steps: Sequence[ScriptStep]) -> list[RowEntry]:
         numbers = [timings.index(step.timing) for step in steps]
         hows = [
             step.lifted << 2 | number if legs else number for step, number in zip(steps, numbers, strict=True)
@@ -143,15 +143,15 @@ ALL_LEGS = 0x3F
 """No step lifts all six legs, so such a byte is `AGAIN` or `AT`."""
 
 
-def _entries(steps: Sequence[Step], hows: Sequence[int]) -> list[Entry]:
-    found: list[Entry] = []
+def _entries(steps: Sequence[ScriptStep], hows: Sequence[int]) -> list[RowEntry]:
+    found: list[RowEntry] = []
     for step, how in zip(steps, hows, strict=True):
         goes_on = bool(found) and step.spot and found[-1].spot and found[-1].row == step.row
-        found.append(Entry(step.row, how, step.spot, goes_on))
+        found.append(RowEntry(step.row, how, step.spot, goes_on))
     return found
 
 
-def _bytes(entries: Sequence[Entry], columns: int) -> tuple[bytes, list[int]]:
+def _bytes(entries: Sequence[RowEntry], columns: int) -> tuple[bytes, list[int]]:
     """Return the entries as bytes, and the number of the entry to which each byte belongs.
 
     Consecutive repetitions are stored once, with their number.
@@ -178,12 +178,12 @@ def _bytes(entries: Sequence[Entry], columns: int) -> tuple[bytes, list[int]]:
     return bytes(made), owners
 
 
-def _follows(one: Entry, other: Entry) -> bool:
+def _follows(one: RowEntry, other: RowEntry) -> bool:
     """Return whether the step `other` needs no row after the step `one`."""
     return not one.spot and not other.spot and other.row == one.row + 1
 
 
-def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
+def chained(lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], rows: int) -> list[int]:
     """Return all row numbers in an order in which as many steps as possible lead to the next row."""
     hows = list(dict.fromkeys((step.timing, step.lifted) for step in (*lead, *loop)))
     wanted: Counter[tuple[int, int]] = Counter()
@@ -216,8 +216,8 @@ def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
 
 
 def ordered(
-    lead: Sequence[Step], loop: Sequence[Step], rows: Sequence[tuple[int, ...]], first: int = 0
-) -> tuple[list[Step], list[Step], list[tuple[int, ...]]]:
+    lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], rows: Sequence[tuple[int, ...]], first: int = 0
+) -> tuple[list[ScriptStep], list[ScriptStep], list[tuple[int, ...]]]:
     """Return steps and rows in the order of `chained`; `first` rows precede them in the table."""
     order = chained(lead, loop, len(rows))
     place = {row: first + index for index, row in enumerate(order)}
@@ -225,7 +225,7 @@ def ordered(
     return renamed[0], renamed[1], [rows[row] for row in order]
 
 
-def folded(entries: Sequence[Entry]) -> list[tuple[list[Entry], int]]:
+def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
     """Return the entries as bodies with their numbers of repetitions, so that few bytes remain."""
     best = (0, 0, 0, 0)
     for length in range(1, min(len(entries) // 2, MAX_BODY) + 1):

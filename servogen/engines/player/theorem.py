@@ -13,8 +13,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from servogen.engines.player.layout import MIN_WIDTH, Layout, Slot
-from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, Known, W, Word, execute, known_result, skipped
+from servogen.engines.player.layout import MIN_WIDTH, Slot, SlotLayout
+from servogen.pic.known_values import (
+    CARRY,
+    FSR,
+    INDF,
+    ZERO,
+    DecodedWord,
+    Known,
+    W,
+    execute,
+    known_result,
+    skipped,
+)
 from servogen.pic.known_values import word_of as decoded
 from servogen.pic.listing import Listing
 from servogen.units import Cycles
@@ -56,7 +67,7 @@ class KernelChanged(Exception):
     """The words are not those of a kernel that removes the phase, so its edges are not fixed."""
 
 
-def allowances(listing: Listing, layout: Layout) -> tuple[Allowance, Allowance]:
+def allowances(listing: Listing, layout: SlotLayout) -> tuple[Allowance, Allowance]:
     """Return the allowances between two slots and between two frames, each the smallest of its kind.
 
     Raises KernelChanged.
@@ -84,7 +95,7 @@ def _smallest(found: Sequence[Allowance]) -> Allowance:
 class _Kernel:
     """The kernel's words, and its variables' addresses."""
 
-    def __init__(self, listing: Listing, layout: Layout) -> None:
+    def __init__(self, listing: Listing, layout: SlotLayout) -> None:
         self._words: Mapping[int, int] = {row.address: row.word for row in listing.rows}
         self._ram = {name: address for address, name, _ in listing.variables}
         self._start = next(function.start for function in listing.functions if function.name == KERNEL)
@@ -203,7 +214,7 @@ class _Kernel:
             at, now = following, now + cycles
         raise KernelChanged("it does not end")
 
-    def _look(self, word: Word, known: Known, timer: int, at: int) -> None:
+    def _look(self, word: DecodedWord, known: Known, timer: int, at: int) -> None:
         """Execute an instruction that reads the timer into W."""
         result, carry = known_result(word.name, known[W], timer, word.k, word.b, known[CARRY])
         if result is None or not word.writes_w:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class DelayPath:
     """A path through the program from one edge to the next that has its own delay.
 
     `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
@@ -25,17 +25,17 @@ class Path:
     edge: int = 0
 
 
-START = Path("start")
+START = DelayPath("start")
 
 
 @dataclass(frozen=True, slots=True)
 class Overheads:
     """Cycles by path; a path that was not measured yet costs 0."""
 
-    cycles: Mapping[Path, int] = field(default_factory=dict)
+    cycles: Mapping[DelayPath, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cycles", MappingProxyType(dict(self.cycles)))
 
-    def of(self, path: Path) -> int:
+    def of(self, path: DelayPath) -> int:
         return self.cycles.get(path, 0)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from servogen.engines.sequence.overheads import START, Path
+from servogen.engines.sequence.overheads import START, DelayPath
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
 
@@ -32,7 +32,7 @@ class Edge:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class FrameEdges:
     """One frame's edges in order of time."""
 
     edges: tuple[Edge, ...]
@@ -48,11 +48,11 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class FrameFunction:
     """A function that repeats one frame."""
 
     number: int
-    frame: Frame
+    frame: FrameEdges
     gap: Cycles
     again: Cycles
 
@@ -66,8 +66,8 @@ class Hold:
     """
 
     number: int
-    frame: Frame
-    position: Position | None
+    frame: FrameEdges
+    position: FrameFunction | None
     frames: int
     turns: int
     turn: Cycles
@@ -79,14 +79,14 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
+class SilentStep:
     """A step without pulses."""
 
     frames: int
     wait: Cycles
 
 
-Step = Hold | Pause
+Step = Hold | SilentStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,28 +95,28 @@ class Sequence:
 
     schedule: PulseSchedule
     start: Cycles
-    positions: tuple[Position, ...]
+    positions: tuple[FrameFunction, ...]
     lead_in: tuple[Step, ...]
     loop: tuple[Step, ...]
 
-    def walk(self) -> Iterator[tuple[Path, Cycles]]:
+    def walk(self) -> Iterator[tuple[DelayPath, Cycles]]:
         """Yield endlessly, edge by edge, the path that ends in the edge and the requested delays on it."""
         path, asked = START, self.start
         for step in self._steps():
-            if isinstance(step, Pause):
+            if isinstance(step, SilentStep):
                 asked = Cycles(asked + step.wait)
                 continue
             gap = step.position.gap if step.position else Cycles(0)
             for left in reversed(range(step.all_frames)):
                 for index, edge in enumerate(step.frame.edges):
                     yield path, asked
-                    path, asked = Path("in", _owner(step), index), edge.wait
+                    path, asked = DelayPath("in", _owner(step), index), edge.wait
                 if left == 0:
-                    path, asked = Path("after", step.number), Cycles(gap + step.after)
+                    path, asked = DelayPath("after", step.number), Cycles(gap + step.after)
                 elif left % step.frames == 0:
-                    path, asked = Path("turn", step.number), Cycles(gap + step.turn)
+                    path, asked = DelayPath("turn", step.number), Cycles(gap + step.turn)
                 elif step.position:
-                    path, asked = Path("again", _owner(step)), Cycles(gap + step.position.again)
+                    path, asked = DelayPath("again", _owner(step)), Cycles(gap + step.position.again)
 
     def _steps(self) -> Iterator[Step]:
         yield from self.lead_in

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.engines.c_text import ChannelText, decimal, ports_of, render_template
-from servogen.engines.sequence.programs import Frame, Hold, Pause, Sequence, Step
+from servogen.engines.sequence.programs import FrameEdges, Hold, Sequence, SilentStep, Step
 from servogen.engines.sequence.waits import CALLS
 from servogen.pic.device import Device, oscillator_for
 from servogen.pulse import PulseSchedule
@@ -52,7 +52,7 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
             isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
         ),
         loop=[_step(step, program.schedule, dialect) for step in program.loop],
-        long_waits=any(isinstance(step, Pause) for step in (*program.lead_in, *program.loop)),
+        long_waits=any(isinstance(step, SilentStep) for step in (*program.lead_in, *program.loop)),
     )
 
 
@@ -96,7 +96,7 @@ def _channels(schedule: PulseSchedule) -> Iterator[ChannelText]:
         )
 
 
-def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineText, ...]:
+def _lines(frame: FrameEdges, schedule: PulseSchedule, dialect: str) -> tuple[_LineText, ...]:
     lines = []
     for edge in frame.edges:
         words = []
@@ -116,7 +116,7 @@ def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineTe
 
 def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
     clock = schedule.clock
-    if isinstance(step, Pause):
+    if isinstance(step, SilentStep):
         seconds = decimal(clock.seconds(step.wait))
         return _StepText("", (), f"{seconds} s without pulses", _calls(step.wait, dialect, clock))
     after = _calls(step.after, dialect, clock)
@@ -129,7 +129,7 @@ def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
     return _StepText("", _lines(step.frame, schedule, dialect), comment, after)
 
 
-def _frame_text(frame: Frame, schedule: PulseSchedule) -> str:
+def _frame_text(frame: FrameEdges, schedule: PulseSchedule) -> str:
     return ", ".join(
         f"{channel.name} {decimal(schedule.clock.us(pulse.width))} us"
         for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True)

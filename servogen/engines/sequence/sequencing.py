@@ -13,8 +13,8 @@ from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 
-from servogen.engines.sequence.overheads import START, Overheads, Path
-from servogen.engines.sequence.programs import Edge, Frame, Hold, Pause, Position, Sequence
+from servogen.engines.sequence.overheads import START, DelayPath, Overheads
+from servogen.engines.sequence.programs import Edge, FrameEdges, FrameFunction, Hold, Sequence, SilentStep
 from servogen.errors import InputError
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
@@ -50,7 +50,7 @@ def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
         number: _position(schedule, number, frames, owners, exits, overheads) for number in numbers.values()
     }
     steps = tuple(
-        Pause(part.run.frames, Cycles(part.run.frames * schedule.period))
+        SilentStep(part.run.frames, Cycles(part.run.frames * schedule.period))
         if frame is None
         else _hold(schedule, step, part, frame, positions.get(owners[step]), exits[step], overheads)
         for step, (part, frame) in enumerate(zip(parts, frames, strict=True))
@@ -95,7 +95,7 @@ def _pulsed(run: Run) -> bool:
     return any(run.pulses)
 
 
-def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> Frame:
+def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> FrameEdges:
     """Return the port writes of one frame and the delays between them."""
     changes: dict[int, list[tuple[int, int]]] = {}
     for channel, pulse in enumerate(run.pulses):
@@ -119,13 +119,15 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
             ports[port] = ports[port] | mask if level else ports[port] & ~mask
         wait = Cycles(0)
         if index + 1 < len(times):
-            path = Path("in", owner, index)
+            path = DelayPath("in", owner, index)
             wait = _delay(times[index + 1] - at, path, overheads, f"after cycle {at} of a frame")
         edges.append(Edge(Cycles(at), port, ports[port], tuple(changes[at]), wait))
-    return Frame(tuple(edges), run)
+    return FrameEdges(tuple(edges), run)
 
 
-def _exits(schedule: PulseSchedule, frames: list[Frame | None], lead_in: int) -> dict[int, Cycles | None]:
+def _exits(
+    schedule: PulseSchedule, frames: list[FrameEdges | None], lead_in: int
+) -> dict[int, Cycles | None]:
     """Return for each step with pulses the cycles from its last edge to the next step's first, without
     pauses.
 
@@ -147,22 +149,22 @@ def _exits(schedule: PulseSchedule, frames: list[Frame | None], lead_in: int) ->
 def _position(
     schedule: PulseSchedule,
     number: int,
-    frames: list[Frame | None],
+    frames: list[FrameEdges | None],
     owners: list[int],
     exits: dict[int, Cycles | None],
     overheads: Overheads,
-) -> Position:
+) -> FrameFunction:
     mine = [step for step, owner in enumerate(owners) if owner == number]
     frame = next(frame for step in mine if (frame := frames[step]))
     around = _around(schedule, frame)
     gap = _checked(
         min([around, *(leave for step in mine if (leave := exits[step]))]) - MARGIN, "between frames"
     )
-    again = _delay(around - gap, Path("again", number), overheads, "between frames")
-    return Position(number, frame, gap, again)
+    again = _delay(around - gap, DelayPath("again", number), overheads, "between frames")
+    return FrameFunction(number, frame, gap, again)
 
 
-def _around(schedule: PulseSchedule, frame: Frame) -> Cycles:
+def _around(schedule: PulseSchedule, frame: FrameEdges) -> Cycles:
     """Return the cycles from a frame's last edge to the first edge of the same frame repeated."""
     return Cycles(schedule.period - frame.last + frame.first)
 
@@ -171,21 +173,21 @@ def _hold(
     schedule: PulseSchedule,
     step: int,
     part: _Part,
-    frame: Frame,
-    position: Position | None,
+    frame: FrameEdges,
+    position: FrameFunction | None,
     leave: Cycles | None,
     overheads: Overheads,
 ) -> Hold:
     gap = position.gap if position else 0
     turn = after = Cycles(0)
     if part.turns > 1:
-        turn = _delay(_around(schedule, frame) - gap, Path("turn", step), overheads, "between frames")
+        turn = _delay(_around(schedule, frame) - gap, DelayPath("turn", step), overheads, "between frames")
     if leave is not None:
-        after = _delay(leave - gap, Path("after", step), overheads, "between frames")
+        after = _delay(leave - gap, DelayPath("after", step), overheads, "between frames")
     return Hold(step, frame, position, part.run.frames, part.turns, turn, after)
 
 
-def _delay(cycles: int, path: Path, overheads: Overheads, where: str) -> Cycles:
+def _delay(cycles: int, path: DelayPath, overheads: Overheads, where: str) -> Cycles:
     return _checked(cycles - overheads.of(path), where)
 
 

@@ -16,7 +16,7 @@ from servogen.compiler import Compilation, Options
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware, ResourceError, compiled_to_fit
-from servogen.engines.sequence.overheads import Overheads, Path
+from servogen.engines.sequence.overheads import DelayPath, Overheads
 from servogen.engines.sequence.programs import Sequence
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence
@@ -83,7 +83,7 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
         raise TuningError(
             "tuning-failed", f"the program made {len(times)} edges in {limit} cycles, not {len(paths)}"
         )
-    cycles: dict[Path, int] = {}
+    cycles: dict[DelayPath, int] = {}
     before = 0
     for time, (path, asked) in zip(times, paths, strict=False):
         extra = time - before - asked

@@ -29,7 +29,7 @@ SDCC_LONG, SDCC_LONG_MIN, SDCC_LONG_MAX = 200_000, 5, 255
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class RepeatedCall:
     """The same statement, repeated `times` times."""
 
     text: str
@@ -39,23 +39,23 @@ class Call:
         return " ".join([f"{self.text};"] * self.times)
 
 
-def xc8_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
+def xc8_calls(cycles: Cycles, clock: Clock) -> tuple[RepeatedCall, ...]:
     """Return `cycles` as `_delay` calls."""
     whole, rest = divmod(cycles, XC8_MAX)
-    calls = [Call(f"_delay({XC8_MAX})", whole)] if whole else []
-    return (*calls, *([Call(f"_delay({rest})")] if rest else []))
+    calls = [RepeatedCall(f"_delay({XC8_MAX})", whole)] if whole else []
+    return (*calls, *([RepeatedCall(f"_delay({rest})")] if rest else []))
 
 
-def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
+def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[RepeatedCall, ...]:
     """Return `cycles` as C2C delays and `nop()`: first in whole cycles, then in steps that C2C rounds."""
-    calls: list[Call] = []
+    calls: list[RepeatedCall] = []
     rest = int(cycles)
     for whole_only in (True, False):
         for name, step_us in C2C_STEPS:
             while count := _maximum(rest, step_us, clock, whole_only):
-                calls.append(Call(f"{name}({count})"))
+                calls.append(RepeatedCall(f"{name}({count})"))
                 rest -= clock.round_us(count * step_us).cycles
-    return (*_merged(calls), *([Call("nop()", rest)] if rest else []))
+    return (*_merged(calls), *([RepeatedCall("nop()", rest)] if rest else []))
 
 
 def _maximum(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
@@ -67,26 +67,26 @@ def _maximum(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
     return count
 
 
-def _merged(calls: list[Call]) -> list[Call]:
+def _merged(calls: list[RepeatedCall]) -> list[RepeatedCall]:
     """Return equal successive calls as one."""
-    return [Call(text, len(list(same))) for text, same in groupby(call.text for call in calls)]
+    return [RepeatedCall(text, len(list(same))) for text, same in groupby(call.text for call in calls)]
 
 
-def sdcc_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
+def sdcc_calls(cycles: Cycles, clock: Clock) -> tuple[RepeatedCall, ...]:
     """Return `cycles` as `wait_long`, `wait` and `nop()`."""
-    calls: list[Call] = []
+    calls: list[RepeatedCall] = []
     rest = int(cycles)
     while rest > SDCC_MAX:
         turns = min((rest - SDCC_LONG_MIN) // SDCC_LONG, SDCC_LONG_MAX)
-        calls.append(Call(f"wait_long({turns})"))
+        calls.append(RepeatedCall(f"wait_long({turns})"))
         rest -= SDCC_LONG * turns + SDCC_LONG_MIN
     if rest >= SDCC_MIN:
         waited = rest - (rest - SDCC_MIN) % SDCC_STEP
-        calls.append(Call(f"wait({waited})"))
+        calls.append(RepeatedCall(f"wait({waited})"))
         rest -= waited
-    return (*_merged(calls), *([Call("nop()", rest)] if rest else []))
+    return (*_merged(calls), *([RepeatedCall("nop()", rest)] if rest else []))
 
 
-CALLS: MappingProxyType[str, Callable[[Cycles, Clock], tuple[Call, ...]]] = MappingProxyType(
+CALLS: MappingProxyType[str, Callable[[Cycles, Clock], tuple[RepeatedCall, ...]]] = MappingProxyType(
     {"c2c": c2c_calls, "xc8": xc8_calls, "sdcc": sdcc_calls}
 )

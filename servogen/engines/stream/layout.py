@@ -1,6 +1,6 @@
 """The stream engine's frame: one slot for each servo, all with the same number of rounds of TMR0.
 
-In: the servos and the requested frame. Out: `Layout`; InputError if the pulses do not fit.
+In: the servos and the requested frame. Out: `RoundLayout`; InputError if the pulses do not fit.
 
     |<------- slot: whole rounds of 256 cycles ------->|
     |    ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁|
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.stream.protocol import BITS, BYTES, MAX_TRIM, Travel, travel
+from servogen.engines.stream.protocol import BITS, BYTES, MAX_TRIM, WidthRange, travel
 from servogen.engines.stream.settings import BAUD_ERROR
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
@@ -34,7 +34,7 @@ MAX_SLOTS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class RoundLayout:
     """`slots` of `rounds` timer rounds each; servo n's pulse is in slot n, the others are silent."""
 
     slots: int
@@ -50,7 +50,7 @@ class Layout:
         return Cycles(servo * self.rounds * ROUND)
 
 
-def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Layout:
+def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> RoundLayout:
     """Return the longest frame that does not exceed the requested one. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
     for servo, width in zip(servos, widths, strict=True):
@@ -72,7 +72,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
             "use a lower rate, or narrow the servos' limits",
         )
     fits = [
-        Layout(slots, min(rounds // slots, maximum))
+        RoundLayout(slots, min(rounds // slots, maximum))
         for slots in range(len(servos), MAX_SLOTS)
         if rounds // slots >= minimum
     ]
@@ -96,7 +96,7 @@ def _max_rounds(clock: Clock, baud: int) -> int:
     return int(min(command - C_ROUNDS * ROUND, soon) // ROUND)
 
 
-def _rounds(widths: Sequence[Travel]) -> int:
+def _rounds(widths: Sequence[WidthRange]) -> int:
     """Return the rounds of the shortest slot that holds the longest pulse and its trim."""
     longest = max(width.maximum for width in widths) + MAX_TRIM
     return -(-(longest - LATEST) // ROUND) + 1

@@ -42,7 +42,7 @@ ASK_LOW = 8
 """Added to a servo's number to query the low byte of its width."""
 
 
-class Kind(Enum):
+class CommandKind(Enum):
     """The kind of a command; its value is the second byte, for servo 0."""
 
     POSITION = 0x00
@@ -54,14 +54,14 @@ class Kind(Enum):
     @property
     def of_a_servo(self) -> bool:
         """Return whether a servo's number is added to the second byte."""
-        return self in (Kind.POSITION, Kind.SPEED, Kind.TRIM)
+        return self in (CommandKind.POSITION, CommandKind.SPEED, CommandKind.TRIM)
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class StreamCommand:
     """A command; `servo` is 0 for kinds that apply to all servos, `value` is the third byte."""
 
-    kind: Kind
+    kind: CommandKind
     servo: int
     value: int
 
@@ -70,42 +70,44 @@ class Command:
         return bytes((SYNC, self.kind.value + self.servo, self.value))
 
 
-def command_of(second: int, third: int, servos: int = MAX_SERVOS, *, answers: bool = True) -> Command | None:
+def command_of(
+    second: int, third: int, servos: int = MAX_SERVOS, *, answers: bool = True
+) -> StreamCommand | None:
     """Return the command of the two bytes after SYNC; None if a chip with `servos` servos ignores it.
 
     `answers`: whether the chip has a pin to send on.
     """
     if not 0 <= third <= MAX_VALUE:
         return None
-    for kind in Kind:
-        if kind is Kind.QUERY and not answers:
+    for kind in CommandKind:
+        if kind is CommandKind.QUERY and not answers:
             continue
         number = second - kind.value
         if 0 <= number < (servos if kind.of_a_servo else 1):
-            return Command(kind, number, third)
+            return StreamCommand(kind, number, third)
     return None
 
 
 def position_command(servo: int, p: int) -> bytes:
     """Return the command of a servo's position."""
-    return _command(Kind.POSITION, servo, p)
+    return _command(CommandKind.POSITION, servo, p)
 
 
 def speed_command(servo: int, cycles_a_frame: int) -> bytes:
     """Return the command of a servo's speed limit in cycles of width per frame; 0: no limit."""
-    return _command(Kind.SPEED, servo, cycles_a_frame)
+    return _command(CommandKind.SPEED, servo, cycles_a_frame)
 
 
 def group_begins() -> bytes:
     """Return the command after which positions wait for `group_goes`."""
-    return _command(Kind.GROUP, 0, 0)
+    return _command(CommandKind.GROUP, 0, 0)
 
 
 def group_goes(frames: int) -> bytes:
     """Return the command that starts all waiting positions in one frame, to arrive after `frames` frames."""
     if frames < 1:
         raise InputError("bad-command", "a group's time is at least one frame")
-    return _command(Kind.GROUP, 0, frames)
+    return _command(CommandKind.GROUP, 0, frames)
 
 
 def trim_command(servo: int, cycles: int) -> bytes:
@@ -116,7 +118,7 @@ def trim_command(servo: int, cycles: int) -> bytes:
         raise InputError(
             "bad-command", f"a trim of {cycles} cycles cannot be sent", hint="-127 to 127 cycles, but not -1"
         )
-    return _command(Kind.TRIM, servo, TRIM_ZERO + cycles)
+    return _command(CommandKind.TRIM, servo, TRIM_ZERO + cycles)
 
 
 def query_command(servo: int, *, low: bool = False) -> bytes:
@@ -128,10 +130,10 @@ def query_command(servo: int, *, low: bool = False) -> bytes:
         raise InputError(
             "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
         )
-    return _command(Kind.QUERY, 0, servo + (ASK_LOW if low else 0))
+    return _command(CommandKind.QUERY, 0, servo + (ASK_LOW if low else 0))
 
 
-def _command(kind: Kind, servo: int, value: int) -> bytes:
+def _command(kind: CommandKind, servo: int, value: int) -> bytes:
     if not 0 <= servo < MAX_SERVOS:
         raise InputError(
             "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
@@ -140,7 +142,7 @@ def _command(kind: Kind, servo: int, value: int) -> bytes:
         raise InputError(
             "bad-command", f"{value} cannot be the third byte of a command", hint=f"0 to {MAX_VALUE}"
         )
-    return Command(kind, servo, value).to_bytes()
+    return StreamCommand(kind, servo, value).to_bytes()
 
 
 def trim_byte(cycles: int) -> int:
@@ -154,7 +156,7 @@ def trim_cycles(byte: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Travel:
+class WidthRange:
     """A servo's range of widths without trim; position p commands `width(p)`, computed as the chip does."""
 
     minimum: Cycles
@@ -176,7 +178,7 @@ class Travel:
         return min(range(MAX_VALUE + 1), key=lambda p: (abs(self.width(p) - width), p))
 
 
-def travel(servo: Servo, clock: Clock) -> Travel:
+def travel(servo: Servo, clock: Clock) -> WidthRange:
     """Return the widths of p = 0 and p = 254: the limits of the servo, including its own trim."""
     low, high = (clock.round_us(width).cycles for width in servo.widths_us)
-    return Travel(low, high)
+    return WidthRange(low, high)

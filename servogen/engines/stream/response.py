@@ -27,17 +27,17 @@ from servogen.pic.known_values import (
     FSR,
     INDF,
     ZERO,
+    DecodedWord,
     Known,
     Undefined,
     W,
-    Word,
     execute,
     known_result,
     skipped,
     word_of,
 )
 from servogen.pic.listing import ListedFunction, Listing
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import TimedProgram
 from servogen.units import Cycles
 
 ROUND = 256
@@ -142,9 +142,9 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     whole, parts = listing.label("st_whole"), listing.label("st_parts")
     bounds = dict.fromkeys(mask, 2) | {whole: 1}
     changing = _changed_by_interrupt(listing)
-    program = Program(words, listing.functions, changing=changing, bounds=bounds)
+    program = TimedProgram(words, listing.functions, changing=changing, bounds=bounds)
     # The division takes one turn of this loop per 256 cycles of distance, with at least one frame left.
-    turn = Program(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
+    turn = TimedProgram(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
     head, clear = main_loop(listing)
     test = _only(at for at in range(head, clear) if words[at] == encode("BTFSS", f=due, b=1))
     poll = program.longest(head, {test})
@@ -191,7 +191,7 @@ def _loop_head(words: Mapping[int, int], main: ListedFunction, after: int) -> in
 def _changed_by_interrupt(listing: Listing) -> set[int]:
     """Return the bytes that the interrupt's code may write."""
     words = {row.address: row.word for row in listing.rows}
-    program = Program(words, ())
+    program = TimedProgram(words, ())
     return {program.word(at).f for at in program.reached(INTERRUPT_VECTOR) if program.word(at).writes_f}
 
 
@@ -322,7 +322,7 @@ class Round:
         return self._ends[begun]
 
     def steps(
-        self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
+        self, at: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
         if word.flow == "jump":
             yield word.k, stack, 2, known
@@ -351,7 +351,7 @@ class Round:
             yield at + 1, stack, 1, known
 
     def _timer(
-        self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
+        self, at: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
         """Execute an instruction that reads the timer, or adds a constant to it."""
         if now - known.get(WRITTEN, now - ROUND) <= TMR0_STANDS:
@@ -392,7 +392,7 @@ def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
     exactly = encode("CALL", k=listing.label("st_exactly"))
     wait = _only(at for at, word in words.items() if word == exactly)
     edge = next(at for at in range(wait, max(words)) if word_of(words[at]).name == "MOVWF")
-    ran = sorted(Program(words, ()).reached(INTERRUPT_VECTOR))
+    ran = sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))
     ram = tuple((name, at) for name, at in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES))
     looks = listing.label("st_look")
     return _supply_of(tuple((at, words[at]) for at in ran), ram, looks, edge, rounds, masked)

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from servogen.engines.stream.layout import Layout, layout
-from servogen.engines.stream.protocol import MAX_VALUE, Travel, travel
+from servogen.engines.stream.layout import RoundLayout, layout
+from servogen.engines.stream.protocol import MAX_VALUE, WidthRange, travel
 from servogen.engines.stream.settings import OFF, Stream, bit_units, first_units
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
@@ -31,12 +31,12 @@ class Streaming:
     """The parts of the firmware; `travels` and `neutral` are in the order of the servos."""
 
     plan: PulsePlan
-    layout: Layout
+    layout: RoundLayout
     stream: Stream
     bit_units: int
     first_units: int
     """The receiver's time of a bit, and from a start bit's beginning to its sample, in units of 4 cycles."""
-    travels: tuple[Travel, ...]
+    travels: tuple[WidthRange, ...]
     neutral: tuple[Cycles, ...]
     silence_frames: int
     soft_frames: int
@@ -102,7 +102,7 @@ def _soft_frames(
 
 def _schedule(
     servos: Sequence[Servo],
-    slots: Layout,
+    slots: RoundLayout,
     clock: Clock,
     neutral: Sequence[Cycles],
     silence: int,
@@ -123,7 +123,9 @@ def _quantised(servo: Servo, width: Cycles, clock: Clock, frames: int) -> Quanti
     return Quantised(servo.name, servo.neutral, asked, width, clock.us(width), frames)
 
 
-def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock) -> tuple[Diagnostic, ...]:
+def _warnings(
+    servos: Sequence[Servo], frame: Frame, slots: RoundLayout, clock: Clock
+) -> tuple[Diagnostic, ...]:
     warnings = [*check_period(clock.round_us(clock.us(slots.period)), frame.place)]
     if slots.period != frame.period.cycles:
         warnings.append(

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from servogen.engines.stream.layout import LATEST, Layout
+from servogen.engines.stream.layout import LATEST, RoundLayout
 from servogen.engines.stream.protocol import BITS
 from servogen.engines.stream.response import (
     AHEAD,
@@ -41,9 +41,20 @@ from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER, STOP_AFTER, U
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR
 from servogen.pic.isa import encode
-from servogen.pic.known_values import CARRY, FSR, INDF, STATUS, ZERO, Known, Undefined, W, Word, word_of
+from servogen.pic.known_values import (
+    CARRY,
+    FSR,
+    INDF,
+    STATUS,
+    ZERO,
+    DecodedWord,
+    Known,
+    Undefined,
+    W,
+    word_of,
+)
 from servogen.pic.listing import Listing
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import TimedProgram
 
 WRITTEN_BY_INTERRUPT = (
     *("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command"),
@@ -299,7 +310,7 @@ class _Interrupt:
         if not rest and self.code.words[self.code.edge - 1] != mask:
             raise InterruptChanged("a rise does not write the pin that the C prepared")
 
-    def _check_answer(self, at: int, word: Word) -> None:
+    def _check_answer(self, at: int, word: DecodedWord) -> None:
         if self.out is None or word.name not in ("BSF", "BCF") or (word.f, word.b) != self.out:
             raise InterruptChanged(f"the word at 0x{at:03X} writes a port")
 
@@ -320,7 +331,7 @@ class _Interrupt:
             self.waits.add((last[2] % ROUND, look[2] - last[2]))
 
 
-def writes_port(word: Word, known: Known) -> bool:
+def writes_port(word: DecodedWord, known: Known) -> bool:
     """Return whether an instruction of the interrupt may write a port; an unknown pointer may be one."""
     if not word.writes_f:
         return False
@@ -352,7 +363,7 @@ class _Closure:
     """The states in which interrupts begin, until no new one comes."""
 
     one: _Interrupt
-    layout: Layout
+    layout: RoundLayout
     fines: tuple[int, ...]
     masked: int
     tell: Tell
@@ -509,7 +520,7 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
         subroutines = [listing.label(name) for name in ("st_look", "st_take", "st_hunt")]
     except (LookupError, StopIteration) as error:
         raise InterruptChanged(f"the interrupt's parts are not there: {error}") from None
-    ran = {at: words[at] for at in sorted(Program(words, ()).reached(INTERRUPT_VECTOR))}
+    ran = {at: words[at] for at in sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))}
     code = Round(ran, ram, subroutines[0], edge, MASKED)
     hunt = subroutines[2]
     _check_writes(ran, ram, listing)

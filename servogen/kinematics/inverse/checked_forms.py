@@ -19,9 +19,9 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS, Branch, Target
+from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS, Branch, TargetComponents
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse
-from servogen.robot.model import Arm, Frame
+from servogen.robot.model import Arm, FixedFrame
 
 TOLERANCE = 1e-9
 """The distance (metres, and parts of a unit vector) allowed between forward kinematics and the target."""
@@ -67,23 +67,23 @@ def closed_solutions(
 ) -> Floats:
     """Return the solutions (m, branches, n) of targets (m, 3), NaN for none; `hard` keeps the limits."""
     position, rotation = _without_base_and_tool(arm, position, rotation)
-    bare = replace(arm, base=Frame(), tool=Frame())
+    bare = replace(arm, base=FixedFrame(), tool=FixedFrame())
     blocks = []
     for start in range(0, max(len(position), 1), BLOCK):
         part = slice(start, start + BLOCK)
         components = position[part].T.copy()
         p = (components[0], components[1], components[2])
         if rotation is None:
-            target = Target(p)
+            target = TargetComponents(p)
         else:
             turn = np.moveaxis(rotation[part], 0, -1).copy()
             n, o, a = ((turn[0, axis], turn[1, axis], turn[2, axis]) for axis in range(3))
-            target = Target(p, n, o, a)
+            target = TargetComponents(p, n, o, a)
         blocks.append(_branches(bare, target, tolerance, hard))
     return np.moveaxis(np.concatenate(blocks, axis=-1) if len(blocks) > 1 else blocks[0], -1, 0)
 
 
-def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
+def _branches(arm: Arm, target: TargetComponents, tolerance: float, hard: bool) -> Floats:
     """Return the solutions of one block, components last: (branches, n, m)."""
     candidates: list[Branch] = CLOSED_FORMS[arm.closed_form or ""](arm, target)
     q = np.empty((len(candidates), len(arm.joints), target.p[0].size))
@@ -109,7 +109,7 @@ def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
     return q
 
 
-def _missed(arm: Arm, q: Floats, target: Target) -> Floats:
+def _missed(arm: Arm, q: Floats, target: TargetComponents) -> Floats:
     """Return the distance (branches, m) of forward kinematics from the target: of its position
     or its axes.
     """
@@ -123,7 +123,7 @@ def _missed(arm: Arm, q: Floats, target: Target) -> Floats:
     return np.asarray(np.sqrt(np.broadcast_to(square, (q.shape[0], q.shape[2]))))
 
 
-def _turn_on_axis(arm: Arm, q: Floats, target: Target) -> None:
+def _turn_on_axis(arm: Arm, q: Floats, target: TargetComponents) -> None:
     """Turn the first joint of `q` (branches, n, m) by the orientation where the position does not determine
     it.
 
@@ -143,7 +143,7 @@ def _turn_on_axis(arm: Arm, q: Floats, target: Target) -> None:
     q[:, 0, on_axis] += np.where(missed > TOLERANCE, turn, 0.0)
 
 
-def _improve(arm: Arm, q: Floats, target: Target, which: NDArray[np.bool_], missed: Floats) -> None:
+def _improve(arm: Arm, q: Floats, target: TargetComponents, which: NDArray[np.bool_], missed: Floats) -> None:
     """Improve the candidates `which` (branches, m) of `q` and their `missed` numerically, in place."""
     branch, column = np.nonzero(which)
     if not len(branch):
@@ -154,17 +154,17 @@ def _improve(arm: Arm, q: Floats, target: Target, which: NDArray[np.bool_], miss
     missed[branch, column] = _missed(arm, better.T[None], _part(target, column))[0]
 
 
-def _part(target: Target, which: NDArray[np.intp]) -> Target:
+def _part(target: TargetComponents, which: NDArray[np.intp]) -> TargetComponents:
     """Return the target at some of its indices."""
     parts = (
         None if vector is None else (vector[0][which], vector[1][which], vector[2][which])
         for vector in (target.n, target.o, target.a)
     )
     x, y, z = target.p
-    return Target((x[which], y[which], z[which]), *parts)
+    return TargetComponents((x[which], y[which], z[which]), *parts)
 
 
-def _rotations(target: Target, which: NDArray[np.intp]) -> Floats:
+def _rotations(target: TargetComponents, which: NDArray[np.intp]) -> Floats:
     """Return the rotations (k, 3, 3) of a target with an orientation at some of its indices."""
     axes = [vector for vector in (target.n, target.o, target.a) if vector is not None]
     return np.stack([np.stack([point[which] for point in axis], axis=-1) for axis in axes], axis=-1)

@@ -26,7 +26,7 @@ Branch = tuple[Floats | float, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class TargetComponents:
     """Components over the targets: `p` three, `n`, `o`, `a` three each, None without an orientation."""
 
     p: tuple[Floats, Floats, Floats]
@@ -52,7 +52,7 @@ def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[F
     return middle + half, middle - half
 
 
-def irb6400c(arm: Arm, target: Target) -> list[Branch]:
+def irb6400c(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches: three joints place a point t = (u, v, w) of the third link, three turn the wrist
     (ZYZ).
 
@@ -101,7 +101,7 @@ def _turned(cosine: Floats, sine: Floats, axis: Sequence[Floats]) -> tuple[Float
     return cosine * axis[0] - sine * axis[1], sine * axis[0] + cosine * axis[1], axis[2]
 
 
-def _zyz(frame: Sequence[Sequence[Floats]], target: Target, home: float) -> list[Branch]:
+def _zyz(frame: Sequence[Sequence[Floats]], target: TargetComponents, home: float) -> list[Branch]:
     """Return both (q4, q5, q6) of a wrist that turns `frame` (its x, y, z axes) into the target, ZYZ.
 
     Stretched (sin q5 = 0) only q4 ± q6 is determined: q4 stays at home.
@@ -128,7 +128,7 @@ def _dot(one: Sequence[Floats], two: Sequence[Floats]) -> Floats:
     return np.asarray(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
 
 
-def spherical(arm: Arm, target: Target) -> list[Branch]:
+def spherical(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = q3 (c1 s2, s1 s2, c2): both halves of the turn, the slide either way."""
     x, y, z = target.p
     turn, across = azimuth(y, x, arm.home[0]), np.hypot(x, y)
@@ -141,7 +141,7 @@ def spherical(arm: Arm, target: Target) -> list[Branch]:
     ]
 
 
-def spherical_wrist(arm: Arm, target: Target) -> list[Branch]:
+def spherical_wrist(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of the spherical arm with a wrist ZYZ whose axes meet at p."""
     branches: list[Branch] = []
     for one, two, out in spherical(arm, target):
@@ -160,7 +160,7 @@ def spherical_wrist(arm: Arm, target: Target) -> list[Branch]:
     return branches
 
 
-ClosedForm = Callable[[Arm, Target], list[Branch]]
+ClosedForm = Callable[[Arm, TargetComponents], list[Branch]]
 
 
 def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[Floats, Floats]]:
@@ -179,19 +179,19 @@ def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[
     return [(direction - inner, bend), (direction + inner, -bend)]
 
 
-def _theta_r(arm: Arm, target: Target) -> list[Branch]:
+def _theta_r(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (q2 sin q1, -q2 cos q1, d1)."""
     x, y, _ = target.p
     turn, out = azimuth(x, -y, arm.home[0]), np.hypot(x, y)
     return [(turn, out), (turn + np.pi, -out)]
 
 
-def _theta_theta(arm: Arm, target: Target) -> list[Branch]:
+def _theta_theta(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (l1 c1 + l2 c12, l1 s1 + l2 s12, 0)."""
     return list(_two_links(target.p[0], target.p[1], arm.length["l1"], arm.length["l2"]))
 
 
-def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
+def _cylindrical(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (c1 (q3 + l4), s1 (q3 + l4), q2 + l1), n_z = sin q4, o_z = cos q4."""
     x, y, z = target.p
     turn, out, up = azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
@@ -202,20 +202,20 @@ def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
     return [(turn, up, out - hand, roll), (turn + np.pi, up, -out - hand, roll)]
 
 
-def _cylindrical_r2p(arm: Arm, target: Target) -> list[Branch]:
+def _cylindrical_r2p(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (q3 c1, q3 s1, q2)."""
     x, y, z = target.p
     turn, out = azimuth(y, x, arm.home[0]), np.hypot(x, y)
     return [(turn, z, out), (turn + np.pi, z, -out)]
 
 
-def _cartesian(arm: Arm, target: Target) -> list[Branch]:
+def _cartesian(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branch of p = (q3, q2, q1)."""
     x, y, z = target.p
     return [(z, y, x)]
 
 
-def _scara(arm: Arm, target: Target) -> list[Branch]:
+def _scara(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (l1 c1 + l2 c12, l1 s1 + l2 s12, l0 - l3 - q3 - l4).
 
     The orientation's angle is q1 + q2 - q4.
@@ -232,7 +232,7 @@ def _scara(arm: Arm, target: Target) -> list[Branch]:
     return branches
 
 
-def _wrist_arm(arm: Arm, target: Target) -> list[Branch]:
+def _wrist_arm(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (L c1 c2, L s1 c2, L s2 + l1), L = l2 + l3: a sphere, with q3 about the arm.
 
     sin q3 = s1 n_x - c1 n_y and cos q3 = s1 o_x - c1 o_y hold when the arm is upright too, where the source's
@@ -246,7 +246,7 @@ def _wrist_arm(arm: Arm, target: Target) -> list[Branch]:
     ]
 
 
-def _roll_of(home: float, turn: Floats, target: Target) -> Floats | float:
+def _roll_of(home: float, turn: Floats, target: TargetComponents) -> Floats | float:
     """Return the last joint from n and o, seen along the horizontal normal (s1, -c1, 0) of the
     arm's plane.
     """
@@ -256,7 +256,7 @@ def _roll_of(home: float, turn: Floats, target: Target) -> Floats | float:
     return np.arctan2(sine * target.n[0] - cosine * target.n[1], sine * target.o[0] - cosine * target.o[1])
 
 
-def _anthropomorphic(arm: Arm, target: Target) -> list[Branch]:
+def _anthropomorphic(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (-K s1, K c1, l2 s2 + l3 s23), K = l2 c2 + l3 c23 of either sign."""
     x, y, z = target.p
     turn, out = azimuth(-x, y, arm.home[0]), np.hypot(x, y)
@@ -268,7 +268,7 @@ def _anthropomorphic(arm: Arm, target: Target) -> list[Branch]:
     ]
 
 
-def _rv_m1(arm: Arm, target: Target) -> list[Branch]:
+def _rv_m1(arm: Arm, target: TargetComponents) -> list[Branch]:
     """Return the branches of p = (c1 K, s1 K, d1 + a2 s2 + a3 s23 - d5 c234), K = a2 c2 + a3 c23 + d5 s234.
 
     With an orientation the wrist is d5 back along a = (c1 s234, s1 s234, -c234). Without one q4 stays at
@@ -294,7 +294,7 @@ def _rv_m1(arm: Arm, target: Target) -> list[Branch]:
     return branches
 
 
-def _rv_m1_position(arm: Arm, target: Target) -> list[Branch]:
+def _rv_m1_position(arm: Arm, target: TargetComponents) -> list[Branch]:
     x, y, z = target.p
     hand, (fourth, fifth) = arm.length["d5"], arm.home[3:]
     u, v = arm.length["a3"] + hand * np.sin(fourth), -hand * np.cos(fourth)
@@ -306,7 +306,7 @@ def _rv_m1_position(arm: Arm, target: Target) -> list[Branch]:
     ]
 
 
-def _leg(arm: Arm, target: Target) -> list[Branch]:
+def _leg(arm: Arm, target: TargetComponents) -> list[Branch]:
     angles = Leg.of(arm.length).at_height(np.stack(target.p, axis=-1))
     return [(angles[..., side, 0], angles[..., side, 1]) for side in (0, 1)]
 

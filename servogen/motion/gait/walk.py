@@ -19,7 +19,7 @@ from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
-from servogen.motion.limits import Limits, stretch
+from servogen.motion.limits import JointLimits, stretch
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
@@ -187,7 +187,7 @@ def walk(
     clock: Clock,
     *,
     frames_per_cycle: int | None = None,
-    limits: Limits | None = None,
+    limits: JointLimits | None = None,
     spring_m: float | None = None,
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
@@ -209,7 +209,7 @@ def walk(
         raise InputError("no-pulses", "a walk needs at least one segment")
     if any(segment.cycles is None for segment in segments[:-1]):
         raise InputError("endless-motion", "only the last segment of a walk can be endless")
-    limits = limits or Limits()
+    limits = limits or JointLimits()
     if frames_per_cycle is None and math.isinf(limits.speed):
         raise InputError(
             "no-speed", "the speed of the cycle is not known", hint="state its time, or a speed limit"

@@ -1,7 +1,7 @@
 """Demand: which bytes, at each point of a program, an index, a pointer or pins are going to be made from.
 
 In: the graph of what a first exploration executed, and the instructions that are to be decided. Out: a
-`Plan`: for each node, the places whose values decide them. It only tells which states the analysis keeps
+`SplitPlan`: for each node, the places whose values decide them. It only tells which states the analysis keeps
 apart and which values it does not widen: a place too few costs precision, a place too many costs time, and
 neither affects soundness.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from servogen.pic.analysis.state import Place, bit, bits
 from servogen.pic.device import RAM_FIRST, RAM_LAST
-from servogen.pic.known_values import CARRY, FSR, INDF, Undefined, W, Word, word_of
+from servogen.pic.known_values import CARRY, FSR, INDF, DecodedWord, Undefined, W, word_of
 
 Node = tuple[int, tuple[int, ...]]
 """An address with the return addresses on the stack."""
@@ -24,7 +24,7 @@ APART = (W, *range(RAM_FIRST, RAM_LAST + 1))
 
 
 @dataclass(slots=True)
-class Visit:
+class ExecutionGroup:
     """What the executions of one instruction have in common, with one content of the stack."""
 
     followers: set[Node] = field(default_factory=set)
@@ -35,9 +35,9 @@ class Visit:
 class Graph:
     """The instructions that an exploration executed, with their followers and the bytes that they address."""
 
-    def __init__(self, words: Mapping[int, int], visits: Mapping[Node, Visit]) -> None:
+    def __init__(self, words: Mapping[int, int], visits: Mapping[Node, ExecutionGroup]) -> None:
         self._visits = visits
-        self._words: dict[int, Word] = {}
+        self._words: dict[int, DecodedWord] = {}
         for at in {at for at, _ in visits}:
             try:
                 self._words[at] = word_of(words[at])
@@ -134,19 +134,19 @@ class Graph:
         return free
 
 
-def _index(word: Word) -> int:
+def _index(word: DecodedWord) -> int:
     """Return what an instruction uses as an index or a pointer."""
     if word.writes_pcl:
         return bit(W)
     return bit(FSR) if word.has_f and word.f == INDF else 0
 
 
-def _bounds(word: Word) -> bool:
+def _bounds(word: DecodedWord) -> bool:
     """Return whether an instruction bounds its result by itself."""
     return word.name == "ANDLW" and word.k.bit_count() <= FEW_BITS
 
 
-def _written(word: Word, places: Iterable[Place | None]) -> tuple[int, int]:
+def _written(word: DecodedWord, places: Iterable[Place | None]) -> tuple[int, int]:
     """Return the tracked places that an instruction may and must write."""
     written = certain = 0
     if word.writes_w:
@@ -158,7 +158,7 @@ def _written(word: Word, places: Iterable[Place | None]) -> tuple[int, int]:
     return written | flags, certain | flags
 
 
-def _holds_free(word: Word, places: Collection[Place | None], *, before: bool) -> bool:
+def _holds_free(word: DecodedWord, places: Collection[Place | None], *, before: bool) -> bool:
     """Return whether W holds what is not followed after an instruction."""
     if word.writes_pcl:
         return False
@@ -171,7 +171,7 @@ def _holds_free(word: Word, places: Collection[Place | None], *, before: bool) -
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SplitPlan:
     """Which states are kept apart, in order to decide some jumps, pointers and writes of pins."""
 
     uses: Mapping[Node, int]
@@ -184,7 +184,7 @@ class Plan:
     """The places whose values are not widened, as bit sets."""
 
     @classmethod
-    def of(cls, graph: Graph, uses: Mapping[Node, int], *, pins: bool) -> Plan:
+    def of(cls, graph: Graph, uses: Mapping[Node, int], *, pins: bool) -> SplitPlan:
         """Return the plan that keeps states apart for the sake of `uses`, and widens no index."""
         free = graph.free()
         apart = {

@@ -13,7 +13,7 @@ from functools import cached_property
 
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.analysis.paths import Paths, PinWrite, explore, pin_text, place_text
-from servogen.pic.analysis.times import Span, Timing
+from servogen.pic.analysis.times import CycleSpan, ProgramTimes
 from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS, WATCHDOG_US
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
@@ -93,8 +93,8 @@ class Facts:
         self.paths: Paths = explore(image.program, tell)
 
     @cached_property
-    def _timing(self) -> Timing:
-        return Timing(self._image.program, self.paths)
+    def _timing(self) -> ProgramTimes:
+        return ProgramTimes(self._image.program, self.paths)
 
     @cached_property
     def _sources(self) -> dict[int, str]:
@@ -419,4 +419,4 @@ def decided_and_fine(answers: Iterable[Answer]) -> bool:
     return all(answer.status is Status.HOLDS for answer in answers)
 
 
-__all__ = ["Answer", "Facts", "Finding", "Span", "Status", "decided_and_fine"]
+__all__ = ["Answer", "CycleSpan", "Facts", "Finding", "Status", "decided_and_fine"]

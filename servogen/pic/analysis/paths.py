@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.pic.analysis import values
-from servogen.pic.analysis.demand import Graph, Node, Plan, Visit
+from servogen.pic.analysis.demand import ExecutionGroup, Graph, Node, SplitPlan
 from servogen.pic.analysis.state import (
     BANK,
     DIGIT,
@@ -29,9 +29,9 @@ from servogen.pic.analysis.state import (
     PRESERVED,
     TRISA,
     TRISB,
+    AbstractState,
     Effects,
     Place,
-    State,
     at_interrupt,
     at_reset,
     bits,
@@ -42,9 +42,9 @@ from servogen.pic.analysis.state import (
 )
 from servogen.pic.analysis.values import Value
 from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, STACK_LEVELS
-from servogen.pic.isa import Instruction, decode
-from servogen.pic.known_values import CARRY, FSR, PCL, ZERO, Undefined, W, Word, word_of
-from servogen.pic.wcet import Program, is_live
+from servogen.pic.isa import Opcode, decode
+from servogen.pic.known_values import CARRY, FSR, PCL, ZERO, DecodedWord, Undefined, W, word_of
+from servogen.pic.wcet import TimedProgram, is_live
 
 ERASED = 0x3FFF
 MAX_STATES = 20
@@ -83,8 +83,8 @@ _Key = tuple[object, ...]
 class _Node:
     """The states in which one address is reached on one call path."""
 
-    apart: dict[_Key, State] = field(default_factory=dict)
-    joined: dict[_Values, State] | None = None
+    apart: dict[_Key, AbstractState] = field(default_factory=dict)
+    joined: dict[_Values, AbstractState] | None = None
     """Joined states by the constants in FSR and the counters, once too many states are kept apart."""
 
 
@@ -159,7 +159,7 @@ class _TooLong(Exception):
     """Raised when the analysis has executed too many instructions."""
 
 
-class Undecided(Exception):
+class UndecidedInstruction(Exception):
     """Raised at an instruction that a plan does not decide, and is not meant to."""
 
     def __init__(self, node: Node, used: int) -> None:
@@ -171,7 +171,7 @@ class Undecided(Exception):
 class _Interrupt:
     """The effects of the interrupt on the interrupted program, as far as they have been found."""
 
-    entry: State | None = None
+    entry: AbstractState | None = None
     changes: set[Place] = field(default_factory=set)
     not_restored: set[Place] = field(default_factory=set)
     lost: set[Place] = field(default_factory=set)
@@ -191,13 +191,13 @@ _SPECIAL = (OPTION, TRISA, TRISB, INTCON, PCLATH)
 """Registers whose values after an interrupt are either those before it or those at its end."""
 
 
-class Explorer:
+class PathExplorer:
     """Follows every path of a program; `explore` returns what they do."""
 
     def __init__(
         self,
         words: Mapping[int, int],
-        plan: Plan | None = None,
+        plan: SplitPlan | None = None,
         max_steps: int = MAX_STEPS,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
@@ -206,7 +206,7 @@ class Explorer:
         self._max_joined = MAX_POINTERS if plan is None else MAX_APART
         self._max_steps = max_steps
         self._tell = tell
-        self.visits: dict[Node, Visit] = {}
+        self.visits: dict[Node, ExecutionGroup] = {}
         """What was executed, if there is no plan yet: one is made from it."""
         self.undecided: dict[Node, int] = {}
         """Instructions about whose index or pointer too little was known, with the places that they use."""
@@ -216,7 +216,7 @@ class Explorer:
         self.words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
         self._heads = self._find_heads()
-        live = Program(self.words, ()).live
+        live = TimedProgram(self.words, ()).live
         self._dead = {
             at: frozenset(place for place in _PRUNED if not is_live(place, live[at])) for at in self._heads
         }
@@ -264,7 +264,7 @@ class Explorer:
                     self._loops.add(word.k)
         return frozenset(heads)
 
-    def _prune(self, at: int, state: State) -> None:
+    def _prune(self, at: int, state: AbstractState) -> None:
         """Forget values that no instruction will read again, so that paths meet."""
         dead = self._dead.get(at, frozenset())
         for place in state.values.keys() & dead:
@@ -274,19 +274,19 @@ class Explorer:
         if W in dead:
             state.copies = ()
 
-    def _follow(self, at: int, stack: tuple[int, ...], state: State) -> None:
+    def _follow(self, at: int, stack: tuple[int, ...], state: AbstractState) -> None:
         """Follow every path from a state to its end."""
         nodes: dict[tuple[int, tuple[int, ...]], _Node] = {}
-        waiting: deque[tuple[int, tuple[int, ...], State]] = deque()
+        waiting: deque[tuple[int, tuple[int, ...], AbstractState]] = deque()
         pending: set[int] = set()
-        entry: State | None = None
+        entry: AbstractState | None = None
 
-        def reach(at: int, stack: tuple[int, ...], state: State) -> None:
+        def reach(at: int, stack: tuple[int, ...], state: AbstractState) -> None:
             for part in self._parts(at, stack, state):
                 self._prune(at, part)
                 reach_with(at, stack, part)
 
-        def reach_with(at: int, stack: tuple[int, ...], state: State) -> None:
+        def reach_with(at: int, stack: tuple[int, ...], state: AbstractState) -> None:
             node = nodes.setdefault((at, stack), _Node())
             if node.joined is None:
                 key = (
@@ -312,7 +312,7 @@ class Explorer:
                     add(at, stack, node, separate)
             add(at, stack, node, state)
 
-        def add(at: int, stack: tuple[int, ...], node: _Node, state: State) -> None:
+        def add(at: int, stack: tuple[int, ...], node: _Node, state: AbstractState) -> None:
             joined = node.joined
             assert joined is not None
             key = tuple(state.get(place).constant for place in (FSR, *self._apart(at, stack)))
@@ -327,7 +327,7 @@ class Explorer:
                 pending.add(id(known))
                 waiting.append((at, stack, known))
 
-        def interruptible(state: State) -> None:
+        def interruptible(state: AbstractState) -> None:
             nonlocal entry
             if entry is None:
                 entry = state.copy()
@@ -352,7 +352,7 @@ class Explorer:
             return 256, 0
         return MAX_GROWN, self._plan.kept.get((at, stack), 0)
 
-    def _parts(self, at: int, stack: tuple[int, ...], state: State) -> list[State]:
+    def _parts(self, at: int, stack: tuple[int, ...], state: AbstractState) -> list[AbstractState]:
         """Return a state, split into one for each member of the values that keep states apart."""
         parts = [state]
         for place in self._apart(at, stack):
@@ -364,7 +364,7 @@ class Explorer:
             parts = [part for whole in parts for part in whole.split(place)]
         return parts
 
-    def _run(self, at: int, stack: tuple[int, ...], state: State) -> None:
+    def _run(self, at: int, stack: tuple[int, ...], state: AbstractState) -> None:
         """Execute instructions up to where paths part or meet."""
         while True:
             followers = self._step(at, stack, state)
@@ -380,13 +380,13 @@ class Explorer:
         self,
         at: int,
         stack: tuple[int, ...],
-        state: State,
-        followers: list[tuple[int, tuple[int, ...], State]],
+        state: AbstractState,
+        followers: list[tuple[int, tuple[int, ...], AbstractState]],
     ) -> None:
         """Note where an instruction continues, and which bytes it addressed."""
         visit = self.visits.get((at, stack))
         if visit is None:
-            visit = self.visits[at, stack] = Visit()
+            visit = self.visits[at, stack] = ExecutionGroup()
         visit.followers.update((follower, then) for follower, then, _ in followers)
         try:
             word = word_of(self.words[at])
@@ -396,8 +396,8 @@ class Explorer:
             visit.places.update(operand.place for operand in operands(state, word.f)[0])
 
     def _step(
-        self, at: int, stack: tuple[int, ...], state: State
-    ) -> list[tuple[int, tuple[int, ...], State]]:
+        self, at: int, stack: tuple[int, ...], state: AbstractState
+    ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         self.steps += 1
         if self.steps > self._max_steps:
             raise _TooLong
@@ -436,12 +436,12 @@ class Explorer:
             return self._return(at, stack, after, word)
         return [((at + 1) % PROGRAM_WORDS, stack, after)]
 
-    def _settled(self, state: State, *, inside: bool) -> State:
+    def _settled(self, state: AbstractState, *, inside: bool) -> AbstractState:
         if not inside and state.interruptible:
             self._after_interrupt(state)
         return state
 
-    def _note_interrupt(self, at: int, stack: tuple[int, ...], state: State, *, inside: bool) -> None:
+    def _note_interrupt(self, at: int, stack: tuple[int, ...], state: AbstractState, *, inside: bool) -> None:
         paths = self.paths
         paths.interrupts = True
         for member in state.get(INTCON):
@@ -453,7 +453,7 @@ class Explorer:
         paths.depth_when_interrupted = max(paths.depth_when_interrupted or 0, len(stack))
         self._interruptible(state)
 
-    def _after_interrupt(self, state: State) -> None:
+    def _after_interrupt(self, state: AbstractState) -> None:
         """Add to a state in which an interrupt may come what it may be afterwards."""
         interrupt = self._interrupt
         state.forget(interrupt.lost)
@@ -468,15 +468,15 @@ class Explorer:
         kind = self.open_pins if pins else self.undecided
         kind[node] = kind.get(node, 0) | bits(used)
         if plan is not None and plan.pins >= pins and kind[node] & ~plan.uses.get(node, 0):
-            raise Undecided(node, kind[node])
+            raise UndecidedInstruction(node, kind[node])
 
     def _note(
         self,
         at: int,
         stack: tuple[int, ...],
-        before: State,
-        after: State,
-        word: Word,
+        before: AbstractState,
+        after: AbstractState,
+        word: DecodedWord,
         effects: Effects,
         *,
         inside: bool,
@@ -509,7 +509,7 @@ class Explorer:
             if self._note_pins(at, before, port, may, must):
                 self._leave_open(at, stack, FSR, W, pins=True)
 
-    def _note_pins(self, at: int, state: State, port: int, may: int, must: int) -> bool:
+    def _note_pins(self, at: int, state: AbstractState, port: int, may: int, must: int) -> bool:
         """Note the inputs that are written; return whether it is not known which."""
         first, count = PORT_BITS[port]
         direction = TRISA if port == PORTA else TRISB
@@ -524,8 +524,8 @@ class Explorer:
         return open_
 
     def _call(
-        self, at: int, stack: tuple[int, ...], state: State, word: Word
-    ) -> list[tuple[int, tuple[int, ...], State]]:
+        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+    ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         paths, target = self.paths, word.k
         paths.called_from.setdefault(target, set()).add(at)
         if len(stack) >= STACK_LEVELS:
@@ -540,8 +540,8 @@ class Explorer:
         return [(target, deeper, state)]
 
     def _return(
-        self, at: int, stack: tuple[int, ...], state: State, word: Word
-    ) -> list[tuple[int, tuple[int, ...], State]]:
+        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+    ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         if not stack:
             self.paths.underflows.add(at)
             self.paths.lost[at] = "a return with an empty stack"
@@ -557,7 +557,7 @@ class Explorer:
             self._settled(state, inside=False)
         return [(stack[-1], stack[:-1], state)]
 
-    def _end_interrupt(self, state: State) -> None:
+    def _end_interrupt(self, state: AbstractState) -> None:
         interrupt = self._interrupt
         for place in PRESERVED:
             if state.saved.get(place) != (place, False):
@@ -569,8 +569,8 @@ class Explorer:
                 interrupt.exits[place] = interrupt.exits[place] | value if place in interrupt.exits else value
 
     def _computed_jump(
-        self, at: int, stack: tuple[int, ...], state: State, word: Word
-    ) -> list[tuple[int, tuple[int, ...], State]]:
+        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+    ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
         after, effects = execute(state, word, at)
         self._note(at, stack, state, after, word, effects, inside=inside)
@@ -623,11 +623,11 @@ def in_memory(number: int) -> int:
     return number & ~PROGRAM_WORDS
 
 
-def _is_retlw(row: Instruction) -> bool:
+def _is_retlw(row: Opcode) -> bool:
     return row.flow == "return" and row.writes == "W"
 
 
-def _low_byte(state: State, word: Word, at: int) -> Value:
+def _low_byte(state: AbstractState, word: DecodedWord, at: int) -> Value:
     """Return what an instruction writes to PCL."""
     return computed(word, state.get(W), values.constant(at + 1 & 0xFF), state.get(CARRY))[0]
 
@@ -639,7 +639,7 @@ def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text:
     from which these are made; what is not decided then is added, until it takes too long. After that the same
     is done for the pins that are written.
     """
-    best = Explorer(words, tell=tell)
+    best = PathExplorer(words, tell=tell)
     best.explore()
     graph = Graph(best.words, best.visits)
     uses: dict[Node, int] = {}
@@ -650,11 +650,11 @@ def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text:
         while fresh:
             if steps >= limit:
                 return best.paths
-            plan = Plan.of(graph, uses, pins=pins)
-            explorer = Explorer(words, plan, max_steps=limit - steps, tell=tell)
+            plan = SplitPlan.of(graph, uses, pins=pins)
+            explorer = PathExplorer(words, plan, max_steps=limit - steps, tell=tell)
             try:
                 explorer.explore()
-            except Undecided as undecided:
+            except UndecidedInstruction as undecided:
                 for node in graph.alike(undecided.node):
                     uses[node] = uses.get(node, 0) | undecided.used
                 steps += explorer.steps

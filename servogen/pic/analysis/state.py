@@ -1,7 +1,7 @@
 """The abstract state of the chip before an instruction, and what one instruction makes of it.
 
-In: a `State` and a decoded word. Out: the state afterwards, with what the instruction read that was never
-written, and which pins it wrote, in `Effects`. DS35007 sections 2 to 4 and 7.
+In: an `AbstractState` and a decoded word. Out: the state afterwards, with what the instruction read that was
+never written, and which pins it wrote, in `Effects`. DS35007 sections 2 to 4 and 7.
 
 `values` maps a place to the values that it may have; a missing place may have any. `written` holds the places
 that were written on every path since reset. `saved` is used inside the interrupt's code only: it maps a place
@@ -18,7 +18,7 @@ from servogen.pic.analysis import values
 from servogen.pic.analysis.values import ANY, BIT, Value
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.isa import by_mnemonic
-from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, W, Word, known_result
+from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, DecodedWord, W, known_result
 
 TMR0, PORTA, PORTB, EEDATA, EECON1, PCLATH, INTCON = 1, 5, 6, 8, 8, 10, 11
 DIGIT, BANK, OPTION, TRISA, TRISB = -4, -5, -6, -7, -8
@@ -66,7 +66,7 @@ def bits(places: Iterable[Place]) -> int:
 
 
 @dataclass(slots=True)
-class State:
+class AbstractState:
     """What is known before an instruction. Places that are not in `values` may have any value."""
 
     values: dict[Place, Value]
@@ -78,8 +78,10 @@ class State:
     copies: tuple[Place, ...] = ()
     """The places whose values are equal to W, the latest copy last."""
 
-    def copy(self) -> State:
-        return State(self.values.copy(), self.written, self.saved.copy(), self.facts.copy(), self.copies)
+    def copy(self) -> AbstractState:
+        return AbstractState(
+            self.values.copy(), self.written, self.saved.copy(), self.facts.copy(), self.copies
+        )
 
     def get(self, place: Place) -> Value:
         value = self.values.get(place)
@@ -128,7 +130,7 @@ class State:
         if not was_written:
             self.written &= ~bit(place)
 
-    def join(self, other: State, max_grown: int = 256, exempt: int = 0) -> bool:
+    def join(self, other: AbstractState, max_grown: int = 256, exempt: int = 0) -> bool:
         """Add the paths of another state, and return whether this one changed. A value that exceeds
         `max_grown` members when it grows becomes any, except at the places in the bit set `exempt`.
         """
@@ -168,7 +170,7 @@ class State:
         """Return the places that certainly have the same value, the given one included."""
         return (W, *self.copies) if place in self.copies else (place,)
 
-    def split(self, place: Place) -> list[State]:
+    def split(self, place: Place) -> list[AbstractState]:
         """Return one state for each value that a place may have; what is equal to it has the same value."""
         equal = self.equal_to(place)
         parts = []
@@ -194,9 +196,9 @@ def _allows_interrupts(intcon: Value) -> bool:
     return any(member & GIE and member & ENABLES for member in intcon)
 
 
-def at_reset() -> State:
+def at_reset() -> AbstractState:
     """Return what every reset guarantees (DS35007 table 6-4); the rest may have any value."""
-    return State(
+    return AbstractState(
         {
             BANK: values.constant(0),
             PCLATH: values.constant(0),
@@ -209,7 +211,7 @@ def at_reset() -> State:
     )
 
 
-def at_interrupt(interrupted: State) -> State:
+def at_interrupt(interrupted: AbstractState) -> AbstractState:
     """Return the state in which the interrupt's code begins."""
     state = interrupted.copy()
     state.put(INTCON, values.mapped(state.get(INTCON), lambda member: member & ~GIE))
@@ -279,7 +281,7 @@ def _through(pointer: Value) -> list[_Operand]:
     return sorted({_at_address(address) for address in pointer}, key=repr)
 
 
-def operands(state: State, f: int) -> tuple[list[_Operand], bool]:
+def operands(state: AbstractState, f: int) -> tuple[list[_Operand], bool]:
     """Return the bytes that an operand f may address, and whether nothing is known of the pointer.
 
     Such a pointer is taken to address RAM; whoever relies on the result has to state that.
@@ -292,7 +294,7 @@ def operands(state: State, f: int) -> tuple[list[_Operand], bool]:
     return _through(pointer), False
 
 
-def _status(state: State) -> Value:
+def _status(state: AbstractState) -> Value:
     zeros = ones = 0x18 | 0xC0  # TO, PD, IRP and RP1 are not followed
     for number, place in _FLAG_PLACES.items():
         value = state.get(place)
@@ -301,7 +303,7 @@ def _status(state: State) -> Value:
     return values.of_bits(zeros, ones)
 
 
-def _special(state: State, place: int, at: int) -> Value:
+def _special(state: AbstractState, place: int, at: int) -> Value:
     if place == PCL:
         return values.constant(at + 1 & 0xFF)
     if place == STATUS:
@@ -312,7 +314,9 @@ def _special(state: State, place: int, at: int) -> Value:
     return ANY
 
 
-def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, list[_Operand], bool]:
+def _read(
+    state: AbstractState, word: DecodedWord, at: int, effects: Effects
+) -> tuple[Value, list[_Operand], bool]:
     addressed, any_byte = operands(state, word.f)
     reads = "f" in word.reads
     modifies_bit = word.name in ("BSF", "BCF")
@@ -341,7 +345,7 @@ def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, l
     return value or ANY, addressed, any_byte
 
 
-def computed(word: Word, w: Value, f: Value, carry: Value) -> tuple[Value, Value | None, Value | None]:
+def computed(word: DecodedWord, w: Value, f: Value, carry: Value) -> tuple[Value, Value | None, Value | None]:
     """Return the result, the carry and the zero flag; None for a flag that does not change."""
     return _computed(
         word.name,
@@ -391,7 +395,9 @@ def _computed(
     )
 
 
-def _preserving(state: State, word: Word, addressed: list[_Operand]) -> tuple[Place, bool] | None:
+def _preserving(
+    state: AbstractState, word: DecodedWord, addressed: list[_Operand]
+) -> tuple[Place, bool] | None:
     """Return what a move or swap of nibbles copies of the registers at the interrupt; None if nothing."""
     source: tuple[Place, bool] | None = None
     if word.name == "MOVWF":
@@ -408,7 +414,7 @@ def _preserving(state: State, word: Word, addressed: list[_Operand]) -> tuple[Pl
     return source[0], not source[1]
 
 
-def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
+def execute(before: AbstractState, word: DecodedWord, at: int) -> tuple[AbstractState, Effects]:
     """Return the state after an instruction, without where it continues, and its effects."""
     state, effects = before.copy(), Effects()
     if "W" in word.reads and not before.has_written(W):
@@ -448,7 +454,9 @@ def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
     return state, effects
 
 
-def _relate(before: State, state: State, word: Word, addressed: list[_Operand]) -> None:
+def _relate(
+    before: AbstractState, state: AbstractState, word: DecodedWord, addressed: list[_Operand]
+) -> None:
     """Note the relations of the instruction's flags, and of its result in W, to the byte that it read."""
     place = addressed[0].place if len(addressed) == 1 else None
     if word.name == "MOVF" and place is not None:
@@ -488,9 +496,9 @@ def _satisfies(fact: Fact, member: int) -> bool:
 
 
 def _write(
-    before: State,
-    state: State,
-    word: Word,
+    before: AbstractState,
+    state: AbstractState,
+    word: DecodedWord,
     addressed: list[_Operand],
     any_byte: bool,
     result: Value,
@@ -531,14 +539,14 @@ def _write(
                 state.saved[operand.place] = copied
 
 
-def _pins_meant(word: Word, result: Value) -> tuple[int, int]:
+def _pins_meant(word: DecodedWord, result: Value) -> tuple[int, int]:
     """Return the pins that a write of a port may and must mean: for a whole byte, those that it sets to 1."""
     if word.name in ("BSF", "BCF"):
         return 1 << word.b, 1 << word.b
     return result.may_be_1, result.may_be_1 & ~result.may_be_0
 
 
-def _directions(before: State, place: Place, result: Value, effects: Effects) -> None:
+def _directions(before: AbstractState, place: Place, result: Value, effects: Effects) -> None:
     """Note pins that become outputs while their latches may never have been written."""
     first, count = PORT_BITS[PORTA if place == TRISA else PORTB]
     for pin in range(count):
@@ -546,7 +554,9 @@ def _directions(before: State, place: Place, result: Value, effects: Effects) ->
             effects.driven_unwritten.add(first + pin)
 
 
-def _write_place(state: State, place: Place, value: Value, effects: Effects, *, definitely: bool) -> None:
+def _write_place(
+    state: AbstractState, place: Place, value: Value, effects: Effects, *, definitely: bool
+) -> None:
     effects.changed.add(place)
     if place in _FIVE_BITS:
         value = values.mapped(value, lambda member: member & 0x1F)
@@ -557,9 +567,9 @@ def _write_place(state: State, place: Place, value: Value, effects: Effects, *, 
 
 
 def _write_status(
-    before: State,
-    state: State,
-    word: Word,
+    before: AbstractState,
+    state: AbstractState,
+    word: DecodedWord,
     result: Value,
     copied: tuple[Place, bool] | None,
     effects: Effects,
@@ -580,7 +590,9 @@ def _write_status(
             state.saved[place] = (place, False)
 
 
-def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[int, State]]:
+def skip_ways(
+    state: AbstractState, before: AbstractState, word: DecodedWord, at: int
+) -> list[tuple[int, AbstractState]]:
     """Return (words to advance by, state) for each outcome of a skip; `before` is the state that it tests."""
     if word.name in ("BTFSC", "BTFSS"):
         skip_level = int(word.name == "BTFSS")
@@ -616,8 +628,13 @@ def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[in
 
 
 def _refined(
-    state: State, before: State, word: Word, addressed: list[_Operand], level: int, at: int
-) -> State | None:
+    state: AbstractState,
+    before: AbstractState,
+    word: DecodedWord,
+    addressed: list[_Operand],
+    level: int,
+    at: int,
+) -> AbstractState | None:
     """Return the state in which the tested bit has that level; None if it cannot."""
     place: Place | None = None
     tested = word.b

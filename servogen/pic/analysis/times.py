@@ -1,8 +1,8 @@
 """Times between two points of a program, and between two clearings of the watchdog, over all paths.
 
-In: the words and `Paths`, which say which code runs and what an interrupt may change. Out: `Span`: the fewest
-and the most cycles, or why there is no bound. Without interrupts these are the times of `pic.wcet`. With
-interrupts, the most cycles R are the least solution of
+In: the words and `Paths`, which say which code runs and what an interrupt may change. Out: `CycleSpan`: the
+fewest and the most cycles, or why there is no bound. Without interrupts these are the times of `pic.wcet`.
+With interrupts, the most cycles R are the least solution of
 
     R = C + (R // T + 2) * I
 
@@ -21,7 +21,7 @@ from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_
 from servogen.pic.isa import decode
 from servogen.pic.known_values import Undefined, word_of
 from servogen.pic.listing import ListedFunction
-from servogen.pic.wcet import Program, Unbounded
+from servogen.pic.wcet import TimedProgram, Unbounded
 
 LATENCY = 4
 """The maximum cycles from a request to the first instruction of the interrupt's code (DS35007 section
@@ -36,7 +36,7 @@ MAX_CYCLES = 1 << 40
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class CycleSpan:
     """Cycles between two points; None without a bound or a path, for the `reasons` stated."""
 
     minimum: int | None
@@ -46,33 +46,33 @@ class Span:
     """The words that the reasons are about."""
 
 
-class Timing:
+class ProgramTimes:
     """The times of one program."""
 
     def __init__(self, words: Mapping[int, int], paths: Paths) -> None:
         self._paths = paths
         self._words = {at: in_memory(words.get(at, ERASED)) for at in sorted(paths.executed)}
         changing = {place for place in paths.interrupt_changes if RAM_FIRST <= place <= RAM_LAST}
-        self._program = Program(
+        self._program = TimedProgram(
             self._words,
             _functions(paths),
             changing=changing if paths.interrupts else (),
             targets=paths.computed,
         )
 
-    def between(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> Span:
+    def between(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> CycleSpan:
         """Return the times from before any of `starts` to before the first of `ends`, on paths that reach
         one.
         """
         return self._joined(starts, ends, interrupts=interrupts, must_end=False)
 
-    def without_ends(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> Span:
+    def without_ends(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> CycleSpan:
         """Return the times from any of `starts` to the first of `ends` if every path has to reach one."""
         return self._joined(starts, ends, interrupts=interrupts, must_end=True)
 
     def _joined(
         self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool, must_end: bool
-    ) -> Span:
+    ) -> CycleSpan:
         minimum: int | None = None
         maximum: int | None = 0
         reasons: list[str] = []
@@ -94,9 +94,9 @@ class Timing:
         if maximum is not None and interrupts and self._paths.interrupts:
             bound, why = self._with_interrupts(maximum)
             if bound is None:
-                return Span(minimum, None, (why,))
+                return CycleSpan(minimum, None, (why,))
             maximum = bound
-        return Span(minimum, maximum, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
+        return CycleSpan(minimum, maximum, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
 
     def _with_interrupts(self, cycles: int) -> tuple[int | None, str]:
         """Return the response time of code that takes `cycles` undisturbed, or why it has no bound."""

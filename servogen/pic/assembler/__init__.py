@@ -2,14 +2,14 @@
 
 from servogen.pic.assembler.assemble import Assembly, assemble, beside
 from servogen.pic.assembler.expressions import (
-    Binary,
+    BinaryOperation,
     Expression,
     Here,
     Name,
     Number,
-    Scope,
     String,
-    Unary,
+    SymbolScope,
+    UnaryOperation,
     evaluate,
 )
 from servogen.pic.assembler.instructions import (
@@ -24,16 +24,16 @@ from servogen.pic.assembler.messages import AssemblyError
 __all__ = [
     "Assembly",
     "AssemblyError",
-    "Binary",
+    "BinaryOperation",
     "Expression",
     "Here",
     "Name",
     "Number",
     "ParsedInstruction",
     "ParsedLine",
-    "Scope",
     "String",
-    "Unary",
+    "SymbolScope",
+    "UnaryOperation",
     "assemble",
     "beside",
     "encode_instruction",

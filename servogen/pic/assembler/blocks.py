@@ -57,7 +57,7 @@ class TooManyErrors(Exception):
     """Raised when so many errors have been found that more would be of no use."""
 
 
-class Reader:
+class LineReader:
     """The lines still to be processed at one level of nesting."""
 
     def __init__(self, lines: Sequence[SourceLine]) -> None:

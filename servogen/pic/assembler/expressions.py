@@ -51,24 +51,24 @@ class String:
 
 
 @dataclass(frozen=True, slots=True)
-class Unary:
+class UnaryOperation:
     operator: str
     operand: Expression
     column: int = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Binary:
+class BinaryOperation:
     operator: str
     left: Expression
     right: Expression
     column: int = 1
 
 
-Expression = Number | Name | Here | String | Unary | Binary
+Expression = Number | Name | Here | String | UnaryOperation | BinaryOperation
 
 
-class Scope(Protocol):
+class SymbolScope(Protocol):
     """The names that an expression can refer to."""
 
     def value(self, name: str) -> int | None:
@@ -193,7 +193,7 @@ class Parser:
                 raise SourceError(
                     "asm-syntax", f"more than {MAX_OPERATORS} operators in a line", token.column
                 )
-            left = Binary(token.text, left, self.expression(strength + 1), token.column)
+            left = BinaryOperation(token.text, left, self.expression(strength + 1), token.column)
 
     def _operand(self) -> Expression:
         self._depth += 1
@@ -217,7 +217,7 @@ class Parser:
             return String(token.text, token.column)
         word = token.text.lower()
         if word in UNARY:
-            return Unary(word, self._operand(), token.column)
+            return UnaryOperation(word, self._operand(), token.column)
         if token.kind == "name":
             return Name(token.text, token.column)
         if token.text == "$":
@@ -268,15 +268,15 @@ def spelling(expression: Expression, weakest: int = 0) -> str:
             return "$"
         case String(body):
             return f'"{body}"'
-        case Unary(sign, operand):
+        case UnaryOperation(sign, operand):
             return f"{sign}{' ' * sign.isalpha()}{spelling(operand, _TIGHTEST)}"
-        case Binary(sign, left, right):
+        case BinaryOperation(sign, left, right):
             strength = BINARY[sign][0]
             text = f"{spelling(left, strength)} {sign} {spelling(right, strength + 1)}"
             return f"({text})" if strength < weakest else text
 
 
-def evaluate(expression: Expression, scope: Scope) -> int:
+def evaluate(expression: Expression, scope: SymbolScope) -> int:
     """Return the value as a signed 32-bit integer, as MPASM computes. Raises SourceError with the column."""
     match expression:
         case Number(value):
@@ -291,9 +291,9 @@ def evaluate(expression: Expression, scope: Scope) -> int:
                 text = f"symbol not previously defined: '{name}'"
                 raise SourceError("asm-undefined-symbol", text, column, scope.hint(name))
             return defined
-        case Unary(sign, operand):
+        case UnaryOperation(sign, operand):
             return _wrap(UNARY[sign](evaluate(operand, scope)))
-        case Binary(sign, left, right, column):
+        case BinaryOperation(sign, left, right, column):
             values = evaluate(left, scope), evaluate(right, scope)
             if sign in "/%" and values[1] == 0:
                 raise SourceError("asm-divide-by-zero", "divide by zero", column)

@@ -15,11 +15,19 @@ from functools import cache
 from typing import Protocol
 
 from servogen.errors import Diagnostic, InputError, Location, Severity
-from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate, suggestion
+from servogen.pic.assembler.expressions import (
+    Expression,
+    Name,
+    Number,
+    Parser,
+    SymbolScope,
+    evaluate,
+    suggestion,
+)
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.isa import LEGACY, TRIS_PORTS, Instruction, by_mnemonic, encode
+from servogen.pic.isa import LEGACY, TRIS_PORTS, Opcode, by_mnemonic, encode
 
 DEFAULT_RADIX = 16
 """MPASM's."""
@@ -40,7 +48,7 @@ class ParsedInstruction:
     k: Expression | None = None
 
     @property
-    def row(self) -> Instruction:
+    def row(self) -> Opcode:
         return by_mnemonic()[self.mnemonic]
 
 
@@ -198,7 +206,9 @@ def _destination(expression: Expression | None) -> Expression | None:
     return expression
 
 
-def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[int, tuple[Diagnostic, ...]]:
+def encode_instruction(
+    instruction: ParsedInstruction, scope: SymbolScope
+) -> tuple[int, tuple[Diagnostic, ...]]:
     """Return the word of an instruction, and MPASM's diagnostics for it. Raises SourceError.
 
     A value that is too large is masked, as MPASM does, with a diagnostic.

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 
 from servogen.errors import InputError, Severity, did_you_mean
-from servogen.pic.assembler.expressions import Binary
+from servogen.pic.assembler.expressions import BinaryOperation
 from servogen.pic.assembler.messages import SourceError, muted_by
 from servogen.pic.assembler.source import Statement
 from servogen.pic.assembler.state import Directive, Pass
@@ -178,7 +178,7 @@ def _maxram(state: Pass, statement: Statement) -> None:
 def _badram(state: Pass, statement: Statement) -> None:
     """Process addresses and ranges `first-last` that are not RAM."""
     for field in state.fields(statement, 1):
-        if isinstance(field, Binary) and field.operator == "-":
+        if isinstance(field, BinaryOperation) and field.operator == "-":
             first, last = state.evaluate(field.left), state.evaluate(field.right)
             state.bad_ram.update(range(max(first, 0), min(last, WORD_MASK) + 1))
         else:

@@ -1,6 +1,6 @@
 """One pass over a source: the state at a line, and the effect of a line.
 
-In: the lines of the source, and the `Symbols` of the previous pass. Out: the words in `Memory`, the
+In: the lines of the source, and the `Symbols` of the previous pass. Out: the words in `PlacedWords`, the
 diagnostics in `Log` and the listing's rows. The directives themselves are tables in the modules
 `definitions`, `layout`, `control` and `settings`; each is a function of the pass and the statement.
 """
@@ -16,10 +16,10 @@ from servogen.pic.assembler import instructions
 from servogen.pic.assembler.blocks import (
     Condition,
     ExitMacro,
+    LineReader,
     Macro,
     OutOfBudget,
     Placed,
-    Reader,
     TooManyErrors,
 )
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
@@ -50,7 +50,7 @@ DEEPEST_NESTING = 100
 """The maximum nesting of macro calls and include files; deeper nesting is assumed to be endless."""
 
 
-class Memory:
+class PlacedWords:
     """The words that a source places, by word address: program, ID words, configuration word, data EEPROM."""
 
     def __init__(self) -> None:
@@ -81,14 +81,14 @@ class Memory:
 
 @dataclass(slots=True)
 class Pass:
-    """The state of one pass. It is the `Scope` of its expressions and the `Vocabulary` of its lines."""
+    """The state of one pass. It is the `SymbolScope` of its expressions and the `Vocabulary` of its lines."""
 
     symbols: Symbols
     include: Include
     directives: dict[str, Directive]
     device: Device | None = None
     definitions: dict[str, Definition] = field(default_factory=dict)
-    memory: Memory = field(default_factory=Memory)
+    memory: PlacedWords = field(default_factory=PlacedWords)
     log: Log = field(default_factory=Log)
     placed: list[Placed] = field(default_factory=list)
     blocks: list[tuple[int, str, int]] = field(default_factory=list)
@@ -103,7 +103,7 @@ class Pass:
     bad_ram: set[int] = field(default_factory=set)
     settings: list[str] = field(default_factory=list)
     """The settings made by CONFIG."""
-    readers: list[Reader] = field(default_factory=list)
+    readers: list[LineReader] = field(default_factory=list)
     turning: int = 0
     """The number of WHILEs around the current line."""
     turns: int = 0
@@ -138,7 +138,7 @@ class Pass:
         """Process the lines one by one; a block (macro, while, cblock) consumes its own lines."""
         if len(self.readers) > DEEPEST_NESTING:
             raise SourceError("asm-too-complex", "macro calls or include files are nested without end")
-        reader = Reader(lines)
+        reader = LineReader(lines)
         self.readers.append(reader)
         opened = len(self.conditions)
         try:

@@ -16,14 +16,14 @@ Kind = Literal["constant", "label", "variable"]
 
 
 @dataclass(slots=True)
-class Symbol:
+class AssemblerSymbol:
     value: int
     kind: Kind
     in_pass: int
     """The pass that gave the value last."""
 
 
-Table = dict[str, Symbol | None]
+Table = dict[str, AssemblerSymbol | None]
 """None stands for a name that `local` declared and that has no value yet."""
 
 
@@ -56,7 +56,7 @@ class Symbols:
             raise SourceError("asm-unexpected-directive", "local is allowed in a macro only")
         self._open[-1].setdefault(name, None)
 
-    def find(self, name: str) -> Symbol | None:
+    def find(self, name: str) -> AssemblerSymbol | None:
         return self._table(name).get(name)
 
     def is_local(self, name: str) -> bool:
@@ -74,14 +74,14 @@ class Symbols:
             if old.in_pass == self.in_pass:
                 text = f"'{name}' is defined already, as {_hexadecimal(old.value)}"
                 raise SourceError("asm-duplicate-symbol", text, column)
-            table[name] = Symbol(value, kind, self.in_pass)
+            table[name] = AssemblerSymbol(value, kind, self.in_pass)
             raise SourceError(
                 "asm-phase",
                 f"'{name}' is {_hexadecimal(old.value)} in pass 1, {_hexadecimal(value)} in pass 2: "
                 "what stands before it depends on a name that is defined later",
                 column,
             )
-        table[name] = Symbol(value, kind, self.in_pass)
+        table[name] = AssemblerSymbol(value, kind, self.in_pass)
 
     def names(self) -> Iterator[str]:
         for table in (*self._open, self._globals):

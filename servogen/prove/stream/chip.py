@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
-from servogen.engines.stream.protocol import BITS, NO_TRIM, SYNC, TRIM_ZERO, Kind
+from servogen.engines.stream.protocol import BITS, NO_TRIM, SYNC, TRIM_ZERO, CommandKind
 from servogen.engines.stream.settings import HOLD, NEUTRAL, OFF
 from servogen.engines.stream.streaming import Streaming
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Truth, all_of, byte, choose, choose_truth
@@ -19,7 +19,7 @@ LEAST_TRIM, MOST_TRIM = -128, 127
 
 
 @dataclass(slots=True)
-class Chip:
+class StreamChip:
     """The variables of the C; widths and goals have 16 bits, one entry per servo."""
 
     streamed: Streaming
@@ -42,7 +42,7 @@ class Chip:
     """The byte that is sent."""
 
     @classmethod
-    def after_reset(cls, streamed: Streaming, trims: Sequence[Bits]) -> Chip:
+    def after_reset(cls, streamed: Streaming, trims: Sequence[Bits]) -> StreamChip:
         """Return a chip with these bytes in its EEPROM before its first frame: in the neutral pose."""
         none = [FALSE] * len(trims)
         speeds = [byte(0) for _ in trims]
@@ -51,7 +51,7 @@ class Chip:
         chip.widths = [*chip.goals]
         return chip
 
-    def copy(self) -> Chip:
+    def copy(self) -> StreamChip:
         """Return the same chip; steps of one do not change the other."""
         chip = copy(self)
         for name in ("widths", "goals", "speeds", "trims", "waiting", "group"):
@@ -139,41 +139,41 @@ class Chip:
 
     def execute(self, second: int, value: Bits) -> None:
         """Execute the command with these bytes after SYNC; another one changes nothing."""
-        kind = next((kind for kind in Kind if 0 <= second - kind.value < self._numbers(kind)), None)
+        kind = next((kind for kind in CommandKind if 0 <= second - kind.value < self._numbers(kind)), None)
         if kind is None:
             return
         n = second - kind.value
-        if kind is Kind.POSITION:
+        if kind is CommandKind.POSITION:
             travel = self.streamed.travels[n]
             offset = (value.wide(32) * travel.scale + 128 >> 8)[0:16]
             self._go(n, offset + int(travel.minimum))
             self.group[n] = FALSE
             self.waiting[n] = self.gathering
-        elif kind is Kind.SPEED:
+        elif kind is CommandKind.SPEED:
             self.speeds[n] = value
-        elif kind is Kind.TRIM:
+        elif kind is CommandKind.TRIM:
             before = self.trim(n)
             self.trims[n] = value - TRIM_ZERO
             moved, off = self.trim(n) - before, self.goals[n].equals(0)
             self.goals[n] = choose(off, self.goals[n], self.goals[n] + moved)
             self.widths[n] = choose(off, self.widths[n], self.widths[n] + moved)
-        elif kind is Kind.GROUP:
+        elif kind is CommandKind.GROUP:
             begins = value.equals(0)
             self.gathering = begins
             self.starting = choose_truth(begins, self.starting, TRUE)
             self.group = [choose_truth(begins, *each) for each in zip(self.group, self.waiting, strict=True)]
             self.waiting = [choose_truth(begins, waits, FALSE) for waits in self.waiting]
             self.left = choose(begins, self.left, value)
-        elif kind is Kind.QUERY:
+        elif kind is CommandKind.QUERY:
             asked = self.widths[0]
             for number in range(1, self.servos):
                 asked = choose(value[0:3].equals(number), self.widths[number], asked)
             self.answer = choose(value.bit(3), asked[0:8], asked[8:16])
         self.silence = byte(0)
 
-    def _numbers(self, kind: Kind) -> int:
+    def _numbers(self, kind: CommandKind) -> int:
         """Return how many servos a kind of command has numbers for."""
-        if kind is Kind.QUERY:
+        if kind is CommandKind.QUERY:
             return int(self.streamed.stream.transmit_pin is not None)
         return self.servos if kind.of_a_servo else 1
 
@@ -185,7 +185,7 @@ BROKEN, SENDING = 7, 6
 
 
 @dataclass(slots=True)
-class Receiver:
+class ReceiverState:
     """The variables of the receiver; `bits` is how many bits of a byte are still to come, 10 at its start."""
 
     streamed: Streaming
@@ -216,7 +216,7 @@ class Receiver:
         left = self.left - passed
         self.left = choose(due, left + self.streamed.bit_units, left)
         self.last = now
-        taken = Receiver(
+        taken = ReceiverState(
             self.streamed, self.bits, self.left, now, self.byte, self.command, self.todo, self.value
         )
         if bits >> SENDING & 1 and self.streamed.stream.transmit_pin is not None:

@@ -25,7 +25,7 @@ from servogen.engines.stream.protocol import (
     NO_TRIM,
     SYNC,
     TRIM_ZERO,
-    Kind,
+    CommandKind,
     group_begins,
     group_goes,
     position_command,
@@ -38,11 +38,11 @@ from servogen.pic.image import Image
 from servogen.prove.counterexample import Counterexample, pin_changes
 from servogen.prove.specification import START_FRAMES, Edge
 from servogen.prove.stream.bits import byte
-from servogen.prove.stream.chip import NOTHING, Chip
-from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.prove.stream.chip import NOTHING, StreamChip
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.layout import GLITCH
 
-PAUSES_S = {Kind.TRIM: Fraction(30, 1000), Kind.QUERY: Fraction(25, 1000)}
+PAUSES_S = {CommandKind.TRIM: Fraction(30, 1000), CommandKind.QUERY: Fraction(25, 1000)}
 """For so long the sender leaves the line alone after a command: docs/firmware.md, "Protocol"."""
 MAX_ERROR = 190
 """The sender's maximum error in 1/10 000: less than 2 %, because its edges are rounded to cycles."""
@@ -60,7 +60,7 @@ MAX_CHIPS = 200
 class Suspect:
     """Where a lemma fails, as far as the solver names it."""
 
-    chip: Chip | None = None
+    chip: StreamChip | None = None
     """The variables, known, for which it fails."""
     second: int | None = None
     third: int | None = None
@@ -183,8 +183,8 @@ def _talk(sender: Sender, suspect: Suspect) -> None:
         (30, lambda: sender.send(position_command(n, _third(dice)))),
         (5, lambda: sender.send(speed_command(n, dice.choice((0, 0, 1, 5, 20, 100, 254))))),
         (4, lambda: _group(sender)),
-        (2, lambda: sender.send(bytes((SYNC, Kind.TRIM.value + n, _third(dice))))),
-        (2, lambda: sender.send(bytes((SYNC, Kind.QUERY.value, dice.randrange(16))))),
+        (2, lambda: sender.send(bytes((SYNC, CommandKind.TRIM.value + n, _third(dice))))),
+        (2, lambda: sender.send(bytes((SYNC, CommandKind.QUERY.value, dice.randrange(16))))),
         (3, lambda: sender.send(bytes((SYNC, dice.randrange(SYNC), _third(dice))))),
         (3, lambda: sender.send(bytes(dice.choice((SYNC, n, dice.randrange(256))) for _ in range(5)))),
         (2, lambda: sender.send(position_command(n, _third(dice))[: dice.randint(1, 2)])),
@@ -227,7 +227,7 @@ def _suspected(sender: Sender, suspect: Suspect) -> None:
     sender.send(bytes((SYNC, suspect.second, _third(sender.dice) if third is None else third)))
 
 
-def _approach(sender: Sender, chip: Chip) -> None:
+def _approach(sender: Sender, chip: StreamChip) -> None:
     """Bring a chip near some variables: its trims are in its EEPROM already."""
     servos = range(sender.servos)
     goals = {}
@@ -277,13 +277,13 @@ def _show(sender: Sender) -> None:
 class _Trial:
     """A chip and its line."""
 
-    options: Options
+    options: SimulatorOptions
     eeprom: dict[int, int] | None
     sender: Sender
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class CounterexampleSearch:
     """Tries lines on a program."""
 
     image: Image
@@ -310,7 +310,7 @@ class Search:
 
     def _trial(self, dice: random.Random, suspect: Suspect) -> _Trial:
         streamed, servos = self.streamed, len(self.streamed.neutral)
-        board = board_of(streamed.plan.schedule, Options(device=self.job.device.name))
+        board = board_of(streamed.plan.schedule, SimulatorOptions(device=self.job.device.name))
         if dice.random() < 0.3:
             board = replace(board, start_seed=dice.randrange(1 << 16), tmr0_phase=dice.randrange(4))
         eeprom = None
@@ -359,7 +359,7 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True)
-class Wrong:
+class WrongPulse:
     """The first pulse that no chip of the specification makes."""
 
     message: str
@@ -368,7 +368,7 @@ class Wrong:
 
 def wrong_pulse(
     streamed: Streaming, edges: Sequence[Edge], sent: Sequence[Sent], trims: Sequence[int], end: int
-) -> Wrong | None:
+) -> WrongPulse | None:
     """Return what is wrong with the edges of a run until cycle `end`, if anything is.
 
     `trims`: the bytes of the EEPROM. The first pulse's slot is where it is; each other one follows from it.
@@ -377,12 +377,12 @@ def wrong_pulse(
     seen = [edge for edge in edges if out is None or edge[1] != PINS.index(out)]
     begin = _first_rise(seen)
     if begin is None:
-        return Wrong("no pulse comes", end)
+        return WrongPulse("no pulse comes", end)
     slot, period = streamed.layout.rounds * ROUND, streamed.layout.period
     if begin > START_FRAMES * period:
-        return Wrong("the first pulse comes late", begin)
+        return WrongPulse("the first pulse comes late", begin)
     place = sum(edge[0] < begin for edge in seen)
-    first = Chip.after_reset(streamed, [byte(trim) for trim in trims])
+    first = StreamChip.after_reset(streamed, [byte(trim) for trim in trims])
     first.begin_frame()
     first.prepare(0)
     possible = {_Possible(first, 0, _width(first, 0))}
@@ -408,7 +408,7 @@ def wrong_pulse(
 class _Possible:
     """A chip of the specification that would have made every pulse so far."""
 
-    chip: Chip
+    chip: StreamChip
     executed: int
     """The number of commands that it has executed."""
     width: int
@@ -445,7 +445,7 @@ class _Possible:
         yield _Possible(chip, executed, width)
 
 
-def _width(chip: Chip, number: int) -> int:
+def _width(chip: StreamChip, number: int) -> int:
     """Return the width of a slot's pulse; 0 for none."""
     n = number % chip.streamed.layout.slots
     return (chip.widths[n].value or 0) if n < chip.servos else 0
@@ -470,7 +470,7 @@ def _first_rise(edges: Sequence[Edge]) -> int | None:
 
 def _described(
     streamed: Streaming, slot: int, rise: int, pulse: list[Edge], due: Sequence[list[Edge]]
-) -> Wrong:
+) -> WrongPulse:
     """Return in words what is wrong with the edges of a slot, of which none of `due` is right."""
     longest, cycle = [], -1
     for right in due:
@@ -481,7 +481,7 @@ def _described(
             longest, cycle = right, first
     names = [channel.name for channel in streamed.plan.schedule.channels]
     whose = f"{names[slot]}'s pulse" if slot < len(names) else "a slot without a servo"
-    return Wrong(f"{whose} at cycle {rise} is {_text(pulse, rise)}, not {_text(longest, rise)}", cycle)
+    return WrongPulse(f"{whose} at cycle {rise} is {_text(pulse, rise)}, not {_text(longest, rise)}", cycle)
 
 
 def _text(edges: Sequence[Edge], rise: int) -> str:

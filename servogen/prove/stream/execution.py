@@ -14,7 +14,7 @@ from itertools import count
 
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import encode
-from servogen.pic.known_values import Undefined, Word, word_of
+from servogen.pic.known_values import DecodedWord, Undefined, word_of
 from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
 
 INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, PCLATH, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 11
@@ -47,7 +47,7 @@ class NotFollowed(Exception):
 
 
 @dataclass(slots=True)
-class State:
+class SymbolicState:
     """All chips at an address, those of a path condition."""
 
     pc: int
@@ -81,13 +81,13 @@ class Execution:
     """The bytes of the first state, those that are asked for."""
     _number: Iterator[int] = field(default_factory=count)
 
-    def state(self, pc: int, known: Mapping[int, Bits], stack: tuple[int, ...] = ()) -> State:
+    def state(self, pc: int, known: Mapping[int, Bits], stack: tuple[int, ...] = ()) -> SymbolicState:
         """Return a state in which only the bytes of `known` are known, in bank 0."""
         self.first.update(known)
         carry, digit_carry, zero = (unknown(name, 1).bit(0) for name in ("C", "DC", "Z"))
-        return State(pc, stack, 0, unknown("W"), carry, digit_carry, zero, dict(known))
+        return SymbolicState(pc, stack, 0, unknown("W"), carry, digit_carry, zero, dict(known))
 
-    def byte(self, state: State, place: int) -> Bits:
+    def byte(self, state: SymbolicState, place: int) -> Bits:
         """Return the byte at a place."""
         found = state.bytes.get(place)
         return self.at_first(place) if found is None else found
@@ -98,18 +98,20 @@ class Execution:
             self.first[place] = unknown(f"0x{place:02X}")
         return self.first[place]
 
-    def run(self, start: State, stops: Collection[int], *, anywhere: bool = False) -> list[State]:
+    def run(
+        self, start: SymbolicState, stops: Collection[int], *, anywhere: bool = False
+    ) -> list[SymbolicState]:
         """Return the states at the addresses of `stops` that are reached from `start`.
 
         `anywhere`: in subroutines, too. Raises NotFollowed, GivenUp.
         """
         waiting: list[tuple[int, int, int]] = []
-        states: dict[tuple[object, ...], State] = {}
+        states: dict[tuple[object, ...], SymbolicState] = {}
         numbers: dict[int, tuple[object, ...]] = {}
-        found: list[State] = []
+        found: list[SymbolicState] = []
         depth = len(start.stack)
 
-        def add(state: State) -> None:
+        def add(state: SymbolicState) -> None:
             key = self._key(state)
             if key in states:
                 states[key] = self._merged(states[key], state)
@@ -132,16 +134,16 @@ class Execution:
                 add(following)
         raise NotFollowed(f"the program does not come to an end, at 0x{start.pc:03X}")
 
-    def _key(self, state: State) -> tuple[object, ...]:
+    def _key(self, state: SymbolicState) -> tuple[object, ...]:
         pointer = self.byte(state, FSR).value
         page = self.byte(state, PCLATH).value
         return state.pc, state.stack, state.bank, pointer, page, state.looks
 
-    def _merged(self, one: State, other: State) -> State:
+    def _merged(self, one: SymbolicState, other: SymbolicState) -> SymbolicState:
         where = one.path
         places = {*one.bytes, *other.bytes}
         merged = {p: choose(where, self.byte(one, p), self.byte(other, p)) for p in places}
-        return State(
+        return SymbolicState(
             one.pc,
             one.stack,
             one.bank,
@@ -154,10 +156,10 @@ class Execution:
             one.looks,
         )
 
-    def _possible(self, state: State, condition: Truth) -> bool:
+    def _possible(self, state: SymbolicState, condition: Truth) -> bool:
         return self.solver.possible(self.given & state.path & condition)
 
-    def _ways(self, state: State, condition: Truth) -> Iterable[tuple[State, bool]]:
+    def _ways(self, state: SymbolicState, condition: Truth) -> Iterable[tuple[SymbolicState, bool]]:
         """Return the state where a condition holds, and where it does not, if they are possible."""
         if condition.known is not None:
             return [(state, condition.known)]
@@ -167,11 +169,11 @@ class Execution:
                 found.append((replace(state, bytes=dict(state.bytes), path=state.path & truth), holds))
         return found
 
-    def _values(self, state: State, bits: Bits) -> Iterable[tuple[State, int]]:
+    def _values(self, state: SymbolicState, bits: Bits) -> Iterable[tuple[SymbolicState, int]]:
         """Return the state with each of the values that bits can have."""
         if bits.value is not None:
             return [(state, bits.value)]
-        found: list[tuple[State, int]] = []
+        found: list[tuple[SymbolicState, int]] = []
         left = state.path
         while self.solver.possible(self.given & left):
             value = self.solver.example(bits)
@@ -184,7 +186,7 @@ class Execution:
 
     # registers
 
-    def _place(self, state: State, f: int) -> Iterable[tuple[State, int]]:
+    def _place(self, state: SymbolicState, f: int) -> Iterable[tuple[SymbolicState, int]]:
         """Return the place that an operand addresses, for each value of the pointer."""
         if f != INDF:
             return [(state, self._banked(f, state.bank))]
@@ -198,7 +200,7 @@ class Execution:
             return f
         return f | BANK_1
 
-    def _read(self, state: State, place: int) -> Bits:
+    def _read(self, state: SymbolicState, place: int) -> Bits:
         self.reads.add(place)
         if place == STATUS:
             return self.status(state)
@@ -222,7 +224,7 @@ class Execution:
             place in (*IN_BOTH_BANKS, EEDATA, EEADR, OPTION, TRISA, TRISB) or RAM_FIRST <= place <= RAM_LAST
         )
 
-    def status(self, state: State) -> Bits:
+    def status(self, state: SymbolicState) -> Bits:
         """Return the byte STATUS."""
         low = self._flag(state.digit_carry).above(self._flag(state.carry))
         low = self._flag(state.zero).above(low)
@@ -233,7 +235,7 @@ class Execution:
     def _flag(truth: Truth) -> Bits:
         return choose(truth, Bits(1, 1), Bits(1, 0))
 
-    def _write(self, state: State, place: int, value: Bits) -> None:
+    def _write(self, state: SymbolicState, place: int, value: Bits) -> None:
         self.writes.add(place)
         if place == STATUS:
             if value[5:6].value is None:
@@ -249,7 +251,7 @@ class Execution:
         else:
             state.bytes[place] = value
 
-    def _write_eecon1(self, state: State, value: Bits) -> None:
+    def _write_eecon1(self, state: SymbolicState, value: Bits) -> None:
         read, write = value.bit(RD).known, value.bit(WR).known
         state.bytes[EECON1] = value
         if read is None:
@@ -262,7 +264,7 @@ class Execution:
                 raise NotFollowed(f"the EEPROM is written while interrupts are enabled, at 0x{state.pc:03X}")
             state.bytes[EEPROM + self._address(state)] = self.byte(state, EEDATA)
 
-    def _address(self, state: State) -> int:
+    def _address(self, state: SymbolicState) -> int:
         address = self.byte(state, EEADR).value
         if address is None or address >= EEPROM_BYTES:
             raise NotFollowed(f"the EEPROM's address is not known at 0x{state.pc:03X}")
@@ -270,7 +272,7 @@ class Execution:
 
     # instructions
 
-    def _step(self, state: State) -> Iterator[State]:
+    def _step(self, state: SymbolicState) -> Iterator[SymbolicState]:
         """Yield the states after one instruction."""
         try:
             word = word_of(self.words[state.pc])
@@ -289,10 +291,10 @@ class Execution:
             after.pc += 1
             yield after
 
-    def _copied(self, state: State) -> State:
+    def _copied(self, state: SymbolicState) -> SymbolicState:
         return replace(state, bytes=dict(state.bytes))
 
-    def _jump(self, state: State, word: Word) -> State:
+    def _jump(self, state: SymbolicState, word: DecodedWord) -> SymbolicState:
         if word.flow == "jump":
             return replace(state, pc=word.k)
         if word.flow == "call":
@@ -302,7 +304,7 @@ class Execution:
         w = byte(word.k) if word.name == "RETLW" else state.w
         return replace(state, pc=state.stack[-1], stack=state.stack[:-1], w=w)
 
-    def _without_file(self, state: State, word: Word) -> None:
+    def _without_file(self, state: SymbolicState, word: DecodedWord) -> None:
         literal = byte(word.k)
         if word.name in ("NOP", "CLRWDT"):
             return
@@ -315,7 +317,7 @@ class Execution:
         else:
             raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
 
-    def _with_file(self, state: State, word: Word, place: int) -> Iterator[State]:
+    def _with_file(self, state: SymbolicState, word: DecodedWord, place: int) -> Iterator[SymbolicState]:
         if word.tests_bit:
             bit = self._tested(state, word, place)
             skips = bit if word.name == "BTFSS" else ~bit
@@ -346,7 +348,7 @@ class Execution:
             one.pc += 1 + holds
             yield one
 
-    def _operand(self, state: State, word: Word, place: int) -> Bits:
+    def _operand(self, state: SymbolicState, word: DecodedWord, place: int) -> Bits:
         if place == PCL:  # ADDWF PCL,F: the address of the next instruction
             return byte(state.pc + 1)
         if place == EECON1 and word.changes_bit:
@@ -358,13 +360,13 @@ class Execution:
             return self.byte(state, place)  # of the latch: the levels of inputs do not matter
         return self._read(state, place)
 
-    def _tested(self, state: State, word: Word, place: int) -> Truth:
+    def _tested(self, state: SymbolicState, word: DecodedWord, place: int) -> Truth:
         flags = {0: state.carry, 1: state.digit_carry, 2: state.zero}
         if place == STATUS and word.b in flags:
             return flags[word.b]
         return self._read(state, place).bit(word.b)
 
-    def _change_status(self, state: State, word: Word) -> None:
+    def _change_status(self, state: SymbolicState, word: DecodedWord) -> None:
         to = Truth(word.name == "BSF")
         if word.b == 0:
             state.carry = to
@@ -377,7 +379,7 @@ class Execution:
         elif word.name == "BSF":
             raise NotFollowed(f"IRP or RP1 is set at 0x{state.pc:03X}")
 
-    def _computed(self, state: State, result: Bits) -> Iterator[State]:
+    def _computed(self, state: SymbolicState, result: Bits) -> Iterator[SymbolicState]:
         """Yield the states after a computed jump."""
         page = self.byte(state, PCLATH).value
         if page is None:
@@ -386,7 +388,7 @@ class Execution:
             one.pc = ((page & 3) << 8) | low
             yield one
 
-    def _result(self, state: State, word: Word, f: Bits) -> Bits:
+    def _result(self, state: SymbolicState, word: DecodedWord, f: Bits) -> Bits:
         name = word.name
         if name == "MOVWF":
             return state.w
@@ -415,7 +417,7 @@ class Execution:
         state.zero = result.equals(0)
         return result
 
-    def _of_two(self, state: State, name: str, value: Bits, w: Bits) -> Bits:
+    def _of_two(self, state: SymbolicState, name: str, value: Bits, w: Bits) -> Bits:
         """Return the result of an operation of a byte or literal and W; update the flags."""
         if name == "ADD":
             whole = value.wide(9) + w.wide(9)

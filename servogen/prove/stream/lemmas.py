@@ -19,9 +19,9 @@ from servogen.engines.stream.settings import HOLD
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.known_values import word_of
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import TimedProgram
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, all_of, byte, choose, unknown
-from servogen.prove.stream.chip import BROKEN, NOTHING, SENDING, Chip, Receiver
+from servogen.prove.stream.chip import BROKEN, NOTHING, SENDING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import (
     BANK_1,
@@ -40,7 +40,7 @@ from servogen.prove.stream.execution import (
     WREN,
     Execution,
     NotFollowed,
-    State,
+    SymbolicState,
 )
 from servogen.prove.stream.names import SCRATCH, Names
 
@@ -68,7 +68,7 @@ class Fails(Exception):
     """Raised where a lemma does not hold; says what differs, and for which values."""
 
 
-def between_steps(names: Names, chip: Chip, of: Callable[[int], Bits]) -> Truth:
+def between_steps(names: Names, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
     """Return what holds between two steps of main: of a chip's variables, and of the bits in the bytes of the
     groups that belong to no servo; `of` reads these bytes.
     """
@@ -77,7 +77,7 @@ def between_steps(names: Names, chip: Chip, of: Callable[[int], Bits]) -> Truth:
     return chip.valid() & all_of(each.equals(0) for each in kept)
 
 
-def bytes_of(names: Names, chip: Chip, slot: Bits) -> dict[int, Bits]:
+def bytes_of(names: Names, chip: StreamChip, slot: Bits) -> dict[int, Bits]:
     """Return the bytes of a chip's variables, by address."""
     found = {}
     for n in range(names.servos):
@@ -133,7 +133,7 @@ class Lemmas:
 
     # states as the specification has them
 
-    def _chip(self, of: Callable[[int], Bits]) -> Chip:
+    def _chip(self, of: Callable[[int], Bits]) -> StreamChip:
         """Return the chip's variables, read by `of`."""
         names, servos = self.names, range(self.names.servos)
 
@@ -142,7 +142,7 @@ class Lemmas:
 
         slot, group, waiting = (of(names.at(name)) for name in ("slot", "group", "waiting"))
         silent = names.streamed.stream.fail_safe != HOLD
-        return Chip(
+        return StreamChip(
             names.streamed,
             [pair("width", n) for n in servos],
             [pair("goal", n) for n in servos],
@@ -169,7 +169,7 @@ class Lemmas:
         return {place: one.at_first(place) for place in sorted(places)}
 
     def _compare(
-        self, where: str, one: Execution, state: State, wanted: Mapping[int, Bits], more: Truth = TRUE
+        self, where: str, one: Execution, state: SymbolicState, wanted: Mapping[int, Bits], more: Truth = TRUE
     ) -> None:
         """Raise Fails unless all bytes of a state are as wanted, and `more` holds."""
         more = more & (~one.byte(state, EECON1).bit(WREN) | one.at_first(EECON1).bit(WREN))
@@ -232,7 +232,7 @@ class Lemmas:
         ends = one.run(one.state(0, known), {names.head})
         for end in ends:
             trims = [one.at_first(EEPROM + n) for n in range(names.servos)]
-            chip = Chip.after_reset(names.streamed, trims)
+            chip = StreamChip.after_reset(names.streamed, trims)
             chip.begin_frame()
             chip.prepare(0)
             wanted = bytes_of(names, chip, byte(0)) | self._pulse(chip, 0)
@@ -246,7 +246,7 @@ class Lemmas:
             raise Fails("after a reset the main loop is not reached")
         return Accesses(frozenset(one.reads), frozenset(one.writes))
 
-    def _pulse(self, chip: Chip, n: int) -> dict[int, Bits]:
+    def _pulse(self, chip: StreamChip, n: int) -> dict[int, Bits]:
         """Return the bytes with which the interrupt makes a servo's pulse; a pulse of 0 has no pin."""
         names, width = self.names, chip.widths[n]
         off = width.equals(0)
@@ -296,7 +296,7 @@ class Lemmas:
             writes |= one.writes
         return Accesses(frozenset(reads), frozenset(writes))
 
-    def _ends(self, one: Execution, begin: State, stops: set[int], where: str) -> list[State]:
+    def _ends(self, one: Execution, begin: SymbolicState, stops: set[int], where: str) -> list[SymbolicState]:
         ends = one.run(begin, stops)
         covered = FALSE
         for end in ends:
@@ -403,7 +403,9 @@ class Lemmas:
             timer, ticks = one.at_first(TMR0), one.at_first(names.at("ticks"))
             now = choose(ticks.bit(0), timer, timer + 128) >> 2
             left, last_look, shifted, command, todo, value = (one.at_first(names.at(name)) for name in own)
-            receiver = Receiver(names.streamed, byte(bits), left, last_look, shifted, command, todo, value)
+            receiver = ReceiverState(
+                names.streamed, byte(bits), left, last_look, shifted, command, todo, value
+            )
             ends = one.run(begin, {RETURNED})
             if bits:
                 receiver.look(now & SLOT, line)
@@ -430,7 +432,7 @@ class Lemmas:
             if self.solver.possible(one.given & ~covered):
                 raise Fails(f"{where}: it does not return")
 
-    def _sent(self, one: Execution, end: State, receiver: Receiver) -> Truth:
+    def _sent(self, one: Execution, end: SymbolicState, receiver: ReceiverState) -> Truth:
         """Return whether the transmit pin's latch is as it should be after a look."""
         pin = self.names.streamed.stream.transmit_pin
         if pin is None:
@@ -497,8 +499,8 @@ class Lemmas:
         """Yield the addresses of the interrupt without the compiler's words before and after it."""
         names = self.names
         end = names.listing.label("st_out")
-        reached = Program(names.words, ()).reached(names.body)
-        outside = Program(names.words, ()).reached(end)
+        reached = TimedProgram(names.words, ()).reached(names.body)
+        outside = TimedProgram(names.words, ()).reached(end)
         yield from sorted(reached - outside)
 
     def apart(self, main: Accesses, preparing: Accesses, executing: Accesses, kept: frozenset[int]) -> None:

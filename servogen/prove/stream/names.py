@@ -15,7 +15,7 @@ from servogen.pic.device import INTERRUPT_VECTOR, registers
 from servogen.pic.isa import encode
 from servogen.pic.known_values import word_of
 from servogen.pic.listing import Listing
-from servogen.pic.wcet import Program
+from servogen.pic.wcet import TimedProgram
 
 SCRATCH = ("n", "x_lo", "x_hi", "sum_lo", "sum_hi")
 """Variables of the C whose values no step leaves to the next."""
@@ -90,7 +90,7 @@ class Names:
     @cached_property
     def of_interrupt(self) -> tuple[int, ...]:
         """Return the addresses of the words that an interrupt can execute."""
-        return tuple(sorted(Program(self.words, ()).reached(INTERRUPT_VECTOR)))
+        return tuple(sorted(TimedProgram(self.words, ()).reached(INTERRUPT_VECTOR)))
 
     @cached_property
     def body(self) -> int:

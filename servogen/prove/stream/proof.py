@@ -24,7 +24,7 @@ from servogen.pic.listing import Listing
 from servogen.prove.counterexample import Counterexample
 from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
-from servogen.prove.stream.counterexample import NOBODY, Search, Suspect
+from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, Suspect
 from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.names import Names
@@ -55,7 +55,7 @@ class LineProof:
         return not self.reason
 
 
-class Undecided(Exception):
+class UndecidedPart(Exception):
     """Raised where a part of the proof fails; says which and why."""
 
 
@@ -63,7 +63,7 @@ def prove_line(
     image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
 ) -> LineProof:
     """Return the answer for a program. Raises ToolError without the solver."""
-    search = Search(image, job, streamed, tell)
+    search = CounterexampleSearch(image, job, streamed, tell)
     shown = search.first()
     if shown is not None:
         return LineProof(shown.message, counterexample=shown)
@@ -82,7 +82,7 @@ def _proof(
         lemmas = Lemmas(names, Solver(), lambda what, done, of: tell(f"{what}: {done} of {of}"))
         findings = _Proof(names.listing, job, streamed, lemmas, tell).prove()
         return LineProof("", tuple(findings), _assumptions(streamed)), NOBODY
-    except (Undecided, InterruptChanged, Fails, NotFollowed) as error:
+    except (UndecidedPart, InterruptChanged, Fails, NotFollowed) as error:
         reason = str(error)
     except GivenUp:
         reason = "the solver does not answer within 20 minutes"
@@ -118,7 +118,7 @@ def _listing(
     unlike = [(_unlike(image, each), number) for number, each in enumerate(candidates)]
     fewest, number = min(unlike)
     if fewest > MAX_UNLIKE:
-        raise Undecided(
+        raise UndecidedPart(
             "the names of its variables are not known: the program is not one of servogen's for this job; "
             "give its C file instead"
         )
@@ -153,7 +153,7 @@ class _Proof:
         longest = max(travel.maximum for travel in self.streamed.travels) + MOST_TRIM
         shortest = min(travel.minimum for travel in self.streamed.travels) + LEAST_TRIM
         if shortest < ROUND or longest > (layout.rounds - 1) * ROUND + LATEST:
-            raise Undecided(f"pulses of {shortest} to {longest} cycles do not fit {layout.rounds} rounds")
+            raise UndecidedPart(f"pulses of {shortest} to {longest} cycles do not fit {layout.rounds} rounds")
         return [f"pulses of {shortest} to {longest} cycles, in slots of {layout.rounds * ROUND}"]
 
     def _times(self) -> list[str]:
@@ -164,17 +164,17 @@ class _Proof:
         found = response(self.listing, rounds, travel, BYTES * byte)
         worst = found.after_command
         if worst is None or found.supply is None or found.execute is None or worst > found.supply:
-            raise Undecided(f"the C may be late for a pulse: it takes {worst} of {found.supply} cycles")
+            raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {found.supply} cycles")
         self._command_in_time(found, worst, BYTES * byte, travel)
         clock = streamed.plan.schedule.clock
         written = self.job.device.max_eeprom_write_us
         if streamed.stream.fail_safe != HOLD:
             silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
             if silent_us < written:
-                raise Undecided("the fail-safe may read the EEPROM while it is written")
+                raise UndecidedPart("the fail-safe may read the EEPROM while it is written")
         # A trim is executed within two slots; another command takes its time after the pause.
         if clock.us(Cycles(2 * rounds * ROUND - BYTES * byte)) + written > 1000 * AFTER_TRIM_MS:
-            raise Undecided("a command may end while a trim is still being written to the EEPROM")
+            raise UndecidedPart("a command may end while a trim is still being written to the EEPROM")
         # A round more than two slots: the command is complete some cycles after the sample of its stop bit.
         after_us = clock.us(Cycles((2 * rounds + 1) * ROUND))
         latest_us = after_us + clock.us(streamed.layout.period)
@@ -194,7 +194,7 @@ class _Proof:
         else:
             left = response(self.listing, window, travel, apart).supply or 0 if window > 3 else 0
         if worst + (found.execute or 0) > left:
-            raise Undecided("a command may end before the one before it is executed")
+            raise UndecidedPart("a command may end before the one before it is executed")
 
     def _data(self) -> list[str]:
         """Check what the words do with every byte."""
@@ -236,7 +236,7 @@ class _Proof:
             earliest = found.earliest_sample(k, streamed.first_units, streamed.bit_units)
             begins, ends = k * bit / (1 - BAUD_ERROR), (k + 1) * bit / (1 + BAUD_ERROR)
             if earliest < begins or latest > ends:
-                raise Undecided(
+                raise UndecidedPart(
                     f"bit {k} of a byte is sampled {earliest} to {latest} cycles after its beginning; "
                     f"it lasts from {float(begins):.1f} to {float(ends):.1f}"
                 )

@@ -79,7 +79,7 @@ MAX_CELLS = 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class FittedLine:
     """The line t = a + b·s, and the standard error of b; None if there are too few edges to determine the
     slope.
     """
@@ -96,7 +96,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Signals:
+class PairedSignals:
     """The same channels, captured and scheduled; `nominal` is in steps per cycle, `quantum` in steps per
     sample.
     """
@@ -116,7 +116,7 @@ class Signals:
     """The length of the capture in steps."""
 
 
-def align(signals: Signals) -> Line | None:
+def align(signals: PairedSignals) -> FittedLine | None:
     """Return the line, or None if no captured pulse belongs to the schedule."""
     main = max(range(len(signals.captured)), key=lambda channel: len(signals.captured[channel].rise))
     # The first pulse may be a glitch that no schedule contains: then the second or the third fits.
@@ -131,17 +131,19 @@ def align(signals: Signals) -> Line | None:
     *_, a = best
     # The first fit pairs the pulses by a slope that is only estimated, which may go wrong far from the
     # anchor. The second one pairs them by the fitted slope.
-    line = _fit(signals, Line(a, slope, None))
+    line = _fit(signals, FittedLine(a, slope, None))
     return line and (_fit(signals, line) or line)
 
 
-def partners(signals: Signals, line: Line, channel: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def partners(
+    signals: PairedSignals, line: FittedLine, channel: int
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Return the rows of a channel's scheduled and captured pulses that belong together."""
     times = np.rint(line.cycles(signals.captured[channel].rise)).astype(np.int64)
     return pair(signals.scheduled[channel].rise, times, signals.period // 2)
 
 
-def _slope(signals: Signals) -> float:
+def _slope(signals: PairedSignals) -> float:
     """Return the steps per cycle from the frames between each channel's first and last pulse, weighted by
     their number.
     """
@@ -156,7 +158,7 @@ def _slope(signals: Signals) -> float:
 
 
 def _phase(
-    signals: Signals, main: int, anchor: int, slope: float
+    signals: PairedSignals, main: int, anchor: int, slope: float
 ) -> tuple[float, float, float, float] | None:
     """Return (cost, error of the cut pulses, the anchor's scheduled time, a) of the phase that fits best.
 
@@ -183,7 +185,7 @@ def _phase(
         look *= 4
 
 
-def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> Floats:
+def _end_errors(signals: PairedSignals, anchor: int, slope: float, phases: Floats) -> Floats:
     """Return, for each phase, the error in cycles of the pulses that the capture's ends cut."""
     begin = phases - anchor / slope
     total = np.zeros(len(phases))
@@ -193,7 +195,7 @@ def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> 
     return total.round(3)
 
 
-def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:
+def _cost(signals: PairedSignals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:
     """Return, for each phase, the error in cycles of the first `look` captured pulses of each channel."""
     size = max(1, MAX_CELLS // look)
     parts = [
@@ -211,7 +213,7 @@ def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int
 
 
 def _channel_cost(
-    signals: Signals, channel: int, anchor: int, slope: float, phases: Floats, look: int
+    signals: PairedSignals, channel: int, anchor: int, slope: float, phases: Floats, look: int
 ) -> Floats:
     wanted, got = signals.scheduled[channel], signals.captured[channel]
     rise, width = got.rise[:look], got.width[:look]
@@ -233,7 +235,7 @@ def _channel_cost(
     return np.asarray(cost + signals.cap * np.maximum(due - fits.sum(axis=1), 0))
 
 
-def _fit(signals: Signals, line: Line) -> Line | None:
+def _fit(signals: PairedSignals, line: FittedLine) -> FittedLine | None:
     """Return the line through all edges that belong together, without outliers."""
     times: list[Floats] = []
     steps: list[Ints] = []
@@ -250,7 +252,7 @@ def _fit(signals: Signals, line: Line) -> Line | None:
     return _regression(s[good], t[good], signals)
 
 
-def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
+def _regression(s: Floats, t: Floats, signals: PairedSignals) -> FittedLine:
     middle, height = float(s.mean()), float(t.mean())
     spread = float(((s - middle) ** 2).sum())
     if len(s) > 2 and spread > 0:
@@ -259,8 +261,8 @@ def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
         # Rounding to samples alone sets a lower bound on the error.
         error = float(np.sqrt(max(squares / (len(s) - 2), signals.quantum**2 / 12) / spread))
         if error < MAX_SLOPE_ERROR * b:
-            return Line(height - b * middle, b, error)
-    return Line(height - signals.nominal * middle, signals.nominal, None)
+            return FittedLine(height - b * middle, b, error)
+    return FittedLine(height - signals.nominal * middle, signals.nominal, None)
 
 
 MARGIN = 2
@@ -281,7 +283,9 @@ class WholeFrames:
         return range(self.first, self.first + self.count)
 
 
-def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int, period: int) -> WholeFrames | None:
+def whole_frames(
+    scheduled: Edges, line: FittedLine, quantum: float, end: int, period: int
+) -> WholeFrames | None:
     """Return the frames all of whose edges are in a capture of `end` steps; None if there are none.
 
     Frames without edges at either end are included if the capture contains their whole `period`.

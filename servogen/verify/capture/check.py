@@ -28,8 +28,8 @@ import numpy.typing as npt
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
 from servogen.errors import Diagnostic, InputError
 from servogen.units import Cycles
-from servogen.verify.capture.alignment import Line, Signals, align, whole_frames
-from servogen.verify.capture.judge import Judged, Scale, judge
+from servogen.verify.capture.alignment import FittedLine, PairedSignals, align, whole_frames
+from servogen.verify.capture.judge import Judged, TimeScale, judge
 from servogen.verify.capture.verdict import (
     CapturedChannel,
     CapturePiece,
@@ -83,7 +83,7 @@ class _Setup:
     """The levels at the first sample."""
     captured: Edges
     scheduled: Edges
-    signals: Signals
+    signals: PairedSignals
     glitches: tuple[int, ...]
 
 
@@ -129,7 +129,7 @@ def _verdict(
     line = align(setup.signals)
     if line is None:
         return _facts(setup, None, {})
-    scale = Scale(
+    scale = TimeScale(
         line=line,
         quantum=setup.signals.quantum,
         step_us=setup.step_us,
@@ -171,7 +171,7 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
         theirs.append(seen)
         cut.append(ends)
         glitches.append(number)
-    signals = Signals(
+    signals = PairedSignals(
         captured=tuple(theirs),
         scheduled=tuple(ours),
         nominal=nominal,
@@ -221,7 +221,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
     return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64)), cut
 
 
-def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
+def _facts(setup: _Setup, line: FittedLine | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
     """Return all findings; `with_reasons` adds the reasons why the capture is not proven."""
     mismatches = [mismatch for channel in judged.values() for mismatch in channel.mismatches]
     ppm, ppm_error = _clock(setup, line)
@@ -272,14 +272,14 @@ def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChann
     return CapturedChannel(channel.name, channel.pin, connected, captured=captured, glitches=glitches)
 
 
-def _clock(setup: _Setup, line: Line | None) -> tuple[float | None, float | None]:
+def _clock(setup: _Setup, line: FittedLine | None) -> tuple[float | None, float | None]:
     """Return the crystal's error in ppm and its standard error; a faster chip needs fewer steps per cycle."""
     if line is None or line.b_error is None:
         return None, None
     return (setup.signals.nominal / line.b - 1) * 1e6, line.b_error / line.b * 1e6
 
 
-def _overlap_us(setup: _Setup, line: Line | None) -> float:
+def _overlap_us(setup: _Setup, line: FittedLine | None) -> float:
     """Return how long pins are high together that never are in the schedule; 0 if a sample may account for
     it.
     """

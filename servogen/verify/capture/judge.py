@@ -13,7 +13,7 @@ import numpy as np
 
 from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.errors import Diagnostic
-from servogen.verify.capture.alignment import Floats, Line, Signals, end_errors, partners
+from servogen.verify.capture.alignment import FittedLine, Floats, PairedSignals, end_errors, partners
 from servogen.verify.capture.verdict import CapturedChannel, Mismatch, Spread, Tolerances
 from servogen.verify.pulses import Pulses
 from servogen.verify.verdict import frame_words
@@ -21,10 +21,10 @@ from servogen.verify.windows import Ints
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class TimeScale:
     """The line, and the lengths of a capture step, a sample (`quantum` steps) and a cycle."""
 
-    line: Line
+    line: FittedLine
     quantum: float
     step_us: float
     cycle_us: float
@@ -64,8 +64,8 @@ class _Errors:
 
 
 def judge(
-    signals: Signals,
-    scale: Scale,
+    signals: PairedSignals,
+    scale: TimeScale,
     number: int,
     channel: ExpectedChannel,
     allowed: Tolerances,
@@ -115,7 +115,7 @@ def judge(
     )
 
 
-def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _due(wanted: Pulses, scale: TimeScale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which scheduled pulses lie completely in the capture, at least two samples from its ends.
 
     If edges come too late or too early, the margin grows by that amount: a pulse there is wrong, not missing.
@@ -126,12 +126,12 @@ def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int],
     return np.asarray((begin > margin) & (end < scale.end - margin))
 
 
-def _us(steps: Ints, scale: Scale) -> Floats:
+def _us(steps: Ints, scale: TimeScale) -> Floats:
     """Return captured times in µs of the chip's nominal clock."""
     return steps / scale.line.b * scale.cycle_us
 
 
-def _widths(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+def _widths(ours: Pulses, theirs: Pulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
     wanted = ours.width.astype(np.float64) * scale.cycle_us
     error = _us(theirs.width, scale) - wanted
     return _Errors(
@@ -145,7 +145,7 @@ def _widths(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> 
 
 
 def _periods(
-    ours: Pulses, theirs: Pulses, rows: Ints, others: Ints, scale: Scale, allowed: Tolerances
+    ours: Pulses, theirs: Pulses, rows: Ints, others: Ints, scale: TimeScale, allowed: Tolerances
 ) -> _Errors:
     follows = (np.diff(rows) == 1) & (np.diff(others) == 1)
     wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
@@ -161,7 +161,7 @@ def _periods(
     )
 
 
-def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+def _edges(ours: Pulses, theirs: Pulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
     wanted = np.concatenate((ours.rise, ours.fall)).astype(np.float64)
     time = np.concatenate((theirs.rise, theirs.fall))
     error = (scale.line.cycles(time) - wanted) * scale.cycle_us
@@ -172,7 +172,9 @@ def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _
     )
 
 
-def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Mismatch]:
+def _wrong(
+    errors: _Errors, channel: ExpectedChannel, scale: TimeScale, expected: Expected
+) -> Iterator[Mismatch]:
     """Yield the first error that exceeds the tolerance; the others are counted."""
     rows = np.flatnonzero(np.abs(errors.error) > errors.limit)
     if not len(rows):
@@ -192,7 +194,7 @@ def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Ex
 
 
 def _missing(
-    pulses: Pulses, channel: ExpectedChannel, scale: Scale, expected: Expected
+    pulses: Pulses, channel: ExpectedChannel, scale: TimeScale, expected: Expected
 ) -> Iterator[Mismatch]:
     if len(pulses.rise):
         time = float(scale.line.steps(pulses.rise[:1])[0])
@@ -201,7 +203,7 @@ def _missing(
         )
 
 
-def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[Mismatch]:
+def _extra(pulses: Pulses, channel: ExpectedChannel, scale: TimeScale) -> Iterator[Mismatch]:
     if len(pulses.rise):
         width = float(_us(pulses.width[:1], scale)[0])
         time = float(pulses.rise[0]) * scale.step_us
@@ -216,7 +218,7 @@ def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[M
 
 
 def _cut(
-    signals: Signals, number: int, scale: Scale, channel: ExpectedChannel, allowed: Tolerances
+    signals: PairedSignals, number: int, scale: TimeScale, channel: ExpectedChannel, allowed: Tolerances
 ) -> Iterator[Mismatch]:
     """Yield the problems of the pulses that the capture's ends cut."""
     line = scale.line
@@ -246,7 +248,13 @@ def _cut(
 
 
 def _mismatch(
-    time: float, frame: int, channel: ExpectedChannel, scale: Scale, expected: Expected, code: str, text: str
+    time: float,
+    frame: int,
+    channel: ExpectedChannel,
+    scale: TimeScale,
+    expected: Expected,
+    code: str,
+    text: str,
 ) -> Mismatch:
     where = frame_words(frame, expected.lead_in, expected.loop)
     words = f"{PINS[channel.pin]} ({channel.name}), {where}: {text}"

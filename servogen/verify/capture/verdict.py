@@ -15,7 +15,7 @@ from servogen.edges import PINS
 from servogen.errors import Diagnostic
 from servogen.plan_error import PlanError, plan_text
 from servogen.units import counted
-from servogen.verify.capture.alignment import Line, WholeFrames
+from servogen.verify.capture.alignment import FittedLine, WholeFrames
 from servogen.verify.coverage import Coverage
 from servogen.verify.verdict import Judgement, StrayPin, unseen_reason
 
@@ -162,7 +162,7 @@ class CaptureVerdict(Judgement):
     """Pulses that belong to scheduled ones."""
     whole: WholeFrames | None = None
     """The frames that the capture contains completely; None for several captures."""
-    line: Line | None = None
+    line: FittedLine | None = None
     """Where the scheduled edges, counted from the first one, lie in the capture; None where none was found,
     and for several captures.
     """

@@ -16,11 +16,10 @@ from servogen import isolation
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.errors import InputError
-from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied
+from servogen.isolation import COMPILING, LimitExceeded, ProcessDied, WorkLimits
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image
-from servogen.simulator import Machine
-from servogen.simulator import Options as MachineOptions
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Clock
 from tests.compiler.foreign.headers import DONE, FAILED, FINISHED, HEADERS
 from tests.compiler.foreign.suites import Program
@@ -63,7 +62,7 @@ class Verdict:
 def judge(
     program: Program,
     level: str = "speed",
-    limits: Limits = COMPILING,
+    limits: WorkLimits = COMPILING,
     cycles: int = MAX_CYCLES,
     compiler: Compiler = compile_sources,
 ) -> Verdict:
@@ -106,7 +105,7 @@ def _include(name: str, including: str) -> tuple[str, str] | None:
 
 def ran(image: Image, output: str | None, limit: int) -> Verdict:
     """Run a program and judge what it leaves."""
-    machine = Machine(image, CLOCK, MachineOptions(start=(("ram", 0xA7),)))
+    machine = Machine(image, CLOCK, SimulatorOptions(start=(("ram", 0xA7),)))
     written = Port()
     while machine.cycles < limit:
         cycles = min(max(20_000, 10 * machine.cycles), limit - machine.cycles)

@@ -11,7 +11,7 @@ from typing import NoReturn
 import pytest
 
 from servogen.compiler import Options, Source
-from servogen.isolation import Limits
+from servogen.isolation import WorkLimits
 from tests.compiler.foreign import chip_programs
 from tests.compiler.foreign.__main__ import main, shape, verdicts
 from tests.compiler.foreign.judge import Compiler, Verdict, judge
@@ -110,7 +110,7 @@ def test_what_a_program_writes_is_compared(tmp_path: Path, expected: str, kind: 
 )
 def test_a_compiler_that_fails_is_found(tmp_path: Path, compiler: Compiler, kind: str, reason: str) -> None:
     (program,) = programs_in(tmp_path, one=RIGHT)
-    verdict = judge(program, limits=Limits(seconds=1, elapsed_s=60), compiler=compiler)
+    verdict = judge(program, limits=WorkLimits(seconds=1, elapsed_s=60), compiler=compiler)
     assert (verdict.kind, verdict.bad) == (kind, True)
     assert reason in verdict.reason
 

@@ -19,8 +19,7 @@ from servogen.compiler import Compilation, CompileError, Options, Source, compil
 from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
-from servogen.simulator import Machine, Observation
-from servogen.simulator import Options as MachineOptions
+from servogen.simulator import Machine, Observation, SimulatorOptions
 from servogen.units import Clock
 from tests.compiler.random.host_c import batch
 from tests.compiler.random.program import Program
@@ -28,7 +27,7 @@ from tests.compiler.random.target_c import CHECK, DONE, FINISHED, TargetC
 
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 8_000_000
-MACHINE = MachineOptions(start=(("ram", 0xA7),))
+MACHINE = SimulatorOptions(start=(("ram", 0xA7),))
 """The RAM holds anything at power-up, so nothing may count on zeros."""
 GCC = ("gcc", "-O0", "-fwrapv", "-fno-strict-aliasing", "-w")
 TOO_BIG = (

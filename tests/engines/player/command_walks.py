@@ -24,7 +24,7 @@ from servogen.edges import HIGH, PINS, join
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image, read_hex
 from servogen.pulse.schedule import PulseSchedule, Run, from_json
-from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 
 ROOT = Path(__file__).parents[3]
 JOB = "hexapod-command"
@@ -146,7 +146,7 @@ def flat(runs: tuple[Run, ...]) -> list[Run]:
 def problems(
     program: Image,
     line: list[int],
-    options: Options = Options(),  # noqa: B008
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008
     of: Target | None = None,
 ) -> Iterator[str]:
     """Yield what differs from the reference, frame by frame; `of` is the committed job if it is omitted."""
@@ -190,7 +190,7 @@ def problems(
         walker.hear(level)
 
 
-def first_rise(program: Image, options: Options, of: Target) -> int:
+def first_rise(program: Image, options: SimulatorOptions, of: Target) -> int:
     machine = Machine(program, of.schedule.clock, options)
     found = machine.run_to_edge(PINS.index("RB0"), HIGH, 50 * of.schedule.period)
     assert found is not None
@@ -208,7 +208,7 @@ def main(arguments: list[str]) -> int:
         rng = np.random.default_rng((given.seed, number))
         dialect = ("", ".xc8", ".sdcc")[number % 3]
         line = random_line(rng, min(10_000, given.frames - done))
-        found = next(problems(image(dialect), line, Options(start_seed=number)), None)
+        found = next(problems(image(dialect), line, SimulatorOptions(start_seed=number)), None)
         if found:
             print(f"run {number}, main{dialect}.hex: {found}")
             return 1

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from servogen.build import Program, checked_cycles, planned
+from servogen.build import BuiltProgram, checked_cycles, planned
 from servogen.build.build import proven
 from servogen.engines.c_text import DIALECTS
 from servogen.errors import InputError
@@ -109,7 +109,7 @@ class Outcome:
     """A robot's programs, and how far its pulses are from the plan."""
 
     error: PlanError
-    programs: tuple[Program, ...]
+    programs: tuple[BuiltProgram, ...]
 
     @property
     def proven(self) -> bool:

@@ -8,7 +8,7 @@ from itertools import product
 import pytest
 
 from servogen.engines.player.commands import CODES, COMMAND_SHIFT, hearing_table, uart_byte
-from servogen.prove.commands import Line
+from servogen.prove.commands import SerialCodes
 from servogen.pulse.schedule import CodeLine, Input
 
 DIRECTIONS = ("forward", "back", "left", "right")
@@ -53,7 +53,7 @@ def heard_by_the_table(levels: str, names: tuple[str, ...] = DIRECTIONS) -> list
 
 
 def heard_by_the_specification(levels: str) -> list[str]:
-    line = Line(CodeLine(Input("RA4", 1), 3, 5), tuple(CODES[name] for name in DIRECTIONS))
+    line = SerialCodes(CodeLine(Input("RA4", 1), 3, 5), tuple(CODES[name] for name in DIRECTIONS))
     state, found = line.at_power_up, []
     for level in levels:
         state, direction = line.heard(state, int(level))

@@ -12,11 +12,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from servogen.build.engines import Planned, planned
+from servogen.build.engines import PlayedJob, planned
 from servogen.checker import check_certificate, read_certificate
 from servogen.checker import plan as checker_plan
 from servogen.drive.commands import script
-from servogen.drive.on_command import CommandedDrive, State, Twin
+from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import HIGH, PINS, EdgeTrace
 from servogen.engines.c_text import DIALECTS
@@ -25,11 +25,11 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pic.image import Image
 from servogen.prove import certificate, prove_for_all
-from servogen.prove.commands import Buttons
+from servogen.prove.commands import ButtonCommands
 from servogen.pulse.expected import expected
 from servogen.pulse.schedule import CommandRule, DirectionButtons, Input, PulseSchedule, Run, from_json
 from servogen.report.wiring import wires
-from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 
@@ -87,7 +87,9 @@ def job(buttons: str = TWO, old: str = "", new: str = "") -> PlannedJob:
 
 
 @cache
-def made(dialect: str = "c2c", buttons: str = TWO, old: str = "", new: str = "") -> tuple[Planned, Firmware]:
+def made(
+    dialect: str = "c2c", buttons: str = TWO, old: str = "", new: str = ""
+) -> tuple[PlayedJob, Firmware]:
     found = planned(job(buttons, old, new))
     return found, found.make(dialect)
 
@@ -142,7 +144,7 @@ def frames_commanded(schedule: PulseSchedule, commanded: list[str]) -> list[Run]
     return found
 
 
-def first_rise(schedule: PulseSchedule, image: Image, options: Options) -> int:
+def first_rise(schedule: PulseSchedule, image: Image, options: SimulatorOptions) -> int:
     machine = Machine(image, schedule.clock, options)
     found = machine.run_to_edge(PINS.index(schedule.channels[0].pin), HIGH, 50 * schedule.period)
     assert found is not None
@@ -152,7 +154,7 @@ def first_rise(schedule: PulseSchedule, image: Image, options: Options) -> int:
 def shown(schedule: PulseSchedule, image: Image, held: Held, pressed: int = 0, seed: int = 0) -> Verdict:
     """Compare what the pins do while buttons are held with the frames that the rules ask for."""
     assert schedule.commands is not None
-    options = Options(start_seed=seed)
+    options = SimulatorOptions(start_seed=seed)
     start = first_rise(schedule, image, options)
     sources = []
     for direction in schedule.commands.directions:
@@ -165,7 +167,7 @@ def shown(schedule: PulseSchedule, image: Image, held: Held, pressed: int = 0, s
 
 
 def compared(
-    schedule: PulseSchedule, image: Image, sources: list[Levels], runs: list[Run], options: Options
+    schedule: PulseSchedule, image: Image, sources: list[Levels], runs: list[Run], options: SimulatorOptions
 ) -> Verdict:
     """Compare what the pins do with these frames."""
     wanted = replace(schedule, lead_in=tuple(runs), loop=(runs[-1],), inputs=(), commands=None)
@@ -289,7 +291,7 @@ def test_a_changed_word_is_refuted_with_a_counterexample(old: int, new: int) -> 
 
 def test_the_rule_of_the_prover_counts_what_alone_is_pressed() -> None:
     """Read, for button n: bit 2n + 1, and bit 2n + 2 while it is pressed. Heard: direction + 8 per frame."""
-    rule = Buttons(DirectionButtons(3), (Input("RA0", 0), Input("RB7", 0)))
+    rule = ButtonCommands(DirectionButtons(3), (Input("RA0", 0), Input("RB7", 0)))
     heard = wanted = 0
     seen = []
     for back, left in ((0, 1), (0, 1), (0, 1), (0, 0), (0, 0), (0, 0), (1, 0), (1, 1), (1, 1), (1, 1)):
@@ -389,7 +391,7 @@ def test_one_button_steps_through_the_directions(dialect: str) -> None:
     pressed = [0] * 60
     for _ in range(40):
         pressed += [1] * int(rng.integers(1, 7)) + [0] * int(rng.integers(1, 60))
-    options = Options(start_seed=len(dialect))
+    options = SimulatorOptions(start_seed=len(dialect))
     begin = first_rise(schedule, image, options) + 1000
     changes = [(0, 1), *((begin + frame * schedule.period, 1 - on) for frame, on in enumerate(pressed))]
     commanded = stepped(schedule, pressed)
@@ -433,7 +435,7 @@ def test_one_button_commands_all_four_directions_of_twelve_servos(gait: str) -> 
 
 
 def test_drive_presses_the_one_button_of_a_simulated_chip() -> None:
-    states: list[State] = []
+    states: list[CommandedFrame] = []
     text = "wait 1\nnext\nwait 1\nstop\nstop\nwait 1\nnext\nwait 1\nstop\nwait 2\n"
     drive = CommandedDrive(Twin(job(TWO, BUTTONS, ONE)), script(text), VirtualTime().time(), states.append)
     drive.run(60)
@@ -448,7 +450,7 @@ def test_drive_presses_the_one_button_of_a_simulated_chip() -> None:
 
 
 def test_drive_holds_the_buttons_of_a_simulated_chip() -> None:
-    states: list[State] = []
+    states: list[CommandedFrame] = []
     text = "wait 1\nleft\nwait 1\nback\nwait 1\nstop\nwait 2\n"
     drive = CommandedDrive(Twin(job()), script(text), VirtualTime().time(), states.append)
     drive.run(60)

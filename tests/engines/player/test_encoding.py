@@ -9,7 +9,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import blended, weights
 from servogen.engines.player.encoding import Rows
 from servogen.engines.player.laws import lift_table, spot_table, swing_table, table_of
-from servogen.engines.player.script import AGAIN, AT, SPOT, Script, Step, script, timing
+from servogen.engines.player.script import AGAIN, AT, SPOT, Script, ScriptStep, script, timing
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.laws import law
 
@@ -40,8 +40,13 @@ def played(made: Script, columns: int, steps: int) -> list[tuple[int, int, bool]
 
 
 def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
-    lead = [Step(0, SLOW), Step(0, SLOW), Step(1, FAST), *[Step(row, FAST, row) for row in (2, 3, 4)] * 5]
-    loop = [Step(1, FAST), *[Step(row, FAST, 7) for row in (2, 3)] * 4, Step(5, SLOW)]
+    lead = [
+        ScriptStep(0, SLOW),
+        ScriptStep(0, SLOW),
+        ScriptStep(1, FAST),
+        *[ScriptStep(row, FAST, row) for row in (2, 3, 4)] * 5,
+    ]
+    loop = [ScriptStep(1, FAST), *[ScriptStep(row, FAST, 7) for row in (2, 3)] * 4, ScriptStep(5, SLOW)]
     made = script(lead, loop, 6, legs=True)
     steps = [*lead, *loop, *loop, *loop]
     timings = list(made.timings)
@@ -53,11 +58,11 @@ def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
 
 @pytest.mark.parametrize("cycles", [1, 2, 9])
 def test_steps_on_the_spot_name_their_row_once_and_what_follows_names_its_own(cycles: int) -> None:
-    spot = [Step(7, FAST, lifted, True) for lifted in (21, 0, 42, 0)]
-    cycle = [Step(row, FAST, lifted) for row, lifted in ((4, 21), (5, 0), (6, 42), (7, 0))]
+    spot = [ScriptStep(7, FAST, lifted, True) for lifted in (21, 0, 42, 0)]
+    cycle = [ScriptStep(row, FAST, lifted) for row, lifted in ((4, 21), (5, 0), (6, 42), (7, 0))]
     back = [replace(step, row=0) for step in spot]
-    lead = [Step(0, SLOW), Step(0, SLOW)]
-    loop = [*spot, *cycle * cycles, *back, Step(0, SLOW)]
+    lead = [ScriptStep(0, SLOW), ScriptStep(0, SLOW)]
+    loop = [*spot, *cycle * cycles, *back, ScriptStep(0, SLOW)]
     made = script(lead, loop, 6, legs=True)
     timings = list(made.timings)
     steps = [*lead, *loop, *loop]
@@ -69,13 +74,13 @@ def test_steps_on_the_spot_name_their_row_once_and_what_follows_names_its_own(cy
 
 def test_two_steps_on_the_spot_with_the_same_masks_are_not_played_as_one() -> None:
     """A repetition cannot begin in the midst of steps on the spot: it would begin them anew."""
-    lead = [Step(0, SLOW), *[Step(1, FAST, 9, True), Step(1, FAST, 0, True)] * 4]
-    made = script(lead, [Step(2, SLOW)], 6, legs=True)
+    lead = [ScriptStep(0, SLOW), *[ScriptStep(1, FAST, 9, True), ScriptStep(1, FAST, 0, True)] * 4]
+    made = script(lead, [ScriptStep(2, SLOW)], 6, legs=True)
     assert made.data.count(SPOT) == 1 and AGAIN not in made.data
 
 
 def test_a_walk_has_four_timings_at_most() -> None:
-    steps = [Step(0, timing(frames)) for frames in (2, 3, 4, 5, 6)]
+    steps = [ScriptStep(0, timing(frames)) for frames in (2, 3, 4, 5, 6)]
     assert len(script(steps[:1], steps[:4], 6, legs=True).timings) == 4
     with pytest.raises(ResourceError, match="5 timings: the player holds 4"):
         script(steps[:1], steps, 6, legs=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build.build import Program
+from servogen.build.build import BuiltProgram
 from servogen.build.proof import prove_forever
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
@@ -16,8 +16,8 @@ from servogen.job import loads, plan_job
 from servogen.pulse import PulseSchedule, Run, from_json
 from servogen.pulse.expected import expected
 from servogen.pulse.schedule import Input
-from servogen.simulator import Button, Levels, Machine, Stimuli
-from servogen.simulator.sources import Source, pin_number
+from servogen.simulator import BouncingButton, Levels, Machine, Stimuli
+from servogen.simulator.sources import SignalSource, pin_number
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 from tests.engines.player.player_jobs import built_text, first_frames, job_text, sweep
@@ -36,7 +36,9 @@ def silent(schedule: PulseSchedule, frames: int = 1) -> Run:
     return Run(frames, (None,) * len(schedule.channels))
 
 
-def shown(schedule: PulseSchedule, program: Program, sources: Sequence[Source], frames: int) -> Verdict:
+def shown(
+    schedule: PulseSchedule, program: BuiltProgram, sources: Sequence[SignalSource], frames: int
+) -> Verdict:
     """Compare what the pins do with these changes from outside with a schedule's first `frames` frames."""
     limit = Cycles((frames + 3) * schedule.period)
     machine = Machine(program.image, schedule.clock, board_of(schedule), Stimuli(sources))
@@ -44,7 +46,7 @@ def shown(schedule: PulseSchedule, program: Program, sources: Sequence[Source], 
     return verify(expected(schedule), trace, Cycles(frames * schedule.period))
 
 
-def first_edge(program: Program) -> int:
+def first_edge(program: BuiltProgram) -> int:
     assert program.verdict.start is not None
     return program.verdict.start
 
@@ -59,7 +61,7 @@ def test_the_motion_waits_in_its_first_frame_until_start_was_seen_in_three_frame
     for program in done.programs:
         schedule = waited(done.plan.schedule, frame)
         pressed = first_edge(program) + frame * schedule.period + 100
-        button = Button(RA4, pressed, pressed + 10 * schedule.period, active=active, seed=frame + 1)
+        button = BouncingButton(RA4, pressed, pressed + 10 * schedule.period, active=active, seed=frame + 1)
         verdict = shown(schedule, program, [button], schedule.lead_in_frames + schedule.loop_frames)
         assert verdict.proven, verdict.reasons
 
@@ -81,7 +83,7 @@ def test_a_press_of_two_frames_is_no_press() -> None:
     done = built_text(text(START))
     schedule, program = done.plan.schedule, done.programs[0]
     begin = first_edge(program) + 5 * schedule.period + 100
-    short = Button(RA4, begin, begin + 2 * schedule.period, bounces=0)
+    short = BouncingButton(RA4, begin, begin + 2 * schedule.period, bounces=0)
     waiting = replace(schedule, lead_in=(), loop=first_frames(schedule, 1))
     assert shown(waiting, program, [short], 40).proven
     enough = replace(short, released=begin + 3 * schedule.period)
@@ -94,7 +96,7 @@ def test_the_emergency_stop_ends_the_pulses_after_three_frames_until_reset(frame
     for program in done.programs:
         schedule = done.plan.schedule
         pressed = first_edge(program) + frame * schedule.period + 100
-        button = Button(RB7, pressed, pressed + 5 * schedule.period, seed=frame + 1)
+        button = BouncingButton(RB7, pressed, pressed + 5 * schedule.period, seed=frame + 1)
         stopped = replace(schedule, lead_in=first_frames(schedule, frame + 3), loop=(silent(schedule),))
         verdict = shown(stopped, program, [button], frame + 60)
         assert verdict.proven, verdict.reasons
@@ -106,7 +108,7 @@ def test_the_emergency_stop_can_hold_the_pulses_of_that_moment(frame: int) -> No
     for program in done.programs:
         schedule = done.plan.schedule
         pressed = first_edge(program) + frame * schedule.period + 100
-        button = Button(RB7, pressed, pressed + 5 * schedule.period, seed=frame + 1)
+        button = BouncingButton(RB7, pressed, pressed + 5 * schedule.period, seed=frame + 1)
         before = first_frames(schedule, frame + 3)
         held = replace(schedule, lead_in=before, loop=(replace(before[-1], frames=1),))
         verdict = shown(held, program, [button], frame + 60)
@@ -246,7 +248,7 @@ def test_a_bumper_stops_the_wheels_of_a_drive_for_good() -> None:
     schedule, program = done.plan.schedule, done.programs[0]
     for frame, still_pressed in ((9, True), (120, False)):
         touched = first_edge(program) + frame * schedule.period + 100
-        bumper = Button(
+        bumper = BouncingButton(
             RB7, touched, touched + (10_000 if still_pressed else 5) * schedule.period, seed=frame
         )
         stopped = replace(schedule, lead_in=first_frames(schedule, frame + 3), loop=(silent(schedule),))

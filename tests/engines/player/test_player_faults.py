@@ -12,7 +12,7 @@ from servogen.engines.board import board_of
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import Machine, Options, Reset, Stimuli
+from servogen.simulator import Machine, Reset, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep, trimmed, widths
@@ -81,7 +81,7 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int
     for program in done.programs:
         assert program.image.config is not None
         watched = replace(program.image, config=program.image.config | WDT_ON)
-        machine = Machine(watched, schedule.clock, Options(watchdog_us=watchdog_us))
+        machine = Machine(watched, schedule.clock, SimulatorOptions(watchdog_us=watchdog_us))
         trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
         verdict = prove(schedule, trace, span)
         assert verdict.proven, verdict.reasons
@@ -109,7 +109,7 @@ def test_a_watchdog_faster_than_any_chip_has_is_seen() -> None:
     schedule, image = done.plan.schedule, done.programs[0].image
     assert image.config is not None
     watched = replace(image, config=image.config | WDT_ON)
-    machine = Machine(watched, schedule.clock, Options(watchdog_us=3000))
+    machine = Machine(watched, schedule.clock, SimulatorOptions(watchdog_us=3000))
     limit = Cycles(100 * schedule.period)
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
     assert not prove(schedule, trace, Cycles(90 * schedule.period)).agrees

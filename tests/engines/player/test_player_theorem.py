@@ -9,7 +9,7 @@ from servogen.build import report
 from servogen.edges import HIGH, EdgeChunk
 from servogen.engines.board import machine_of
 from servogen.engines.player.engine import CHECK, DONE, play
-from servogen.engines.player.layout import TAIL, Layout, Slot, to_rise
+from servogen.engines.player.layout import TAIL, Slot, SlotLayout, to_rise
 from servogen.engines.player.theorem import KERNEL, KernelChanged, allowances
 from servogen.job import load, plan_job
 from servogen.pic.device import RAM_FIRST
@@ -53,7 +53,7 @@ def delayed(base: Base, cycles: int) -> Image:
     return replace(base.image, program=words, eeprom=LONGEST)
 
 
-def cycles_left(layout: Layout, slot: Slot, following: Slot) -> int:
+def cycles_left(layout: SlotLayout, slot: Slot, following: Slot) -> int:
     """The layout's own sum: the kernel must have read the timer by the cycle before the next slot's
     beginning.
     """
@@ -72,7 +72,7 @@ def test_n_is_the_time_that_the_layout_has_reserved_for_the_same_kernel() -> Non
             assert (slots.room, frames.room) == (between_slots + 1, between_frames + 1)
 
 
-def _layout(name: str) -> Layout:
+def _layout(name: str) -> SlotLayout:
     return play(plan_job(load(ROOT / "jobs" / f"{name}.toml")))[1].layout
 
 
@@ -133,7 +133,7 @@ def test_the_kernel_ends_as_long_after_its_pulses_as_the_theorem_reckons_with() 
     assert max(after) == spent
 
 
-def _two_slots(layout: Layout) -> Layout:
+def _two_slots(layout: SlotLayout) -> SlotLayout:
     return replace(layout, slots=layout.slots[:2])
 
 

@@ -1,7 +1,7 @@
 """The program of a schedule makes that schedule's edges, whatever a compiler adds between them."""
 
 from itertools import islice
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.engines.c_text import DIALECTS, RenderError, _environment
-from servogen.engines.sequence.overheads import Overheads, Path
+from servogen.engines.sequence.overheads import DelayPath, Overheads
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import InputError
@@ -54,7 +54,7 @@ def expected_times(schedule: PulseSchedule, count: int) -> list[int]:
     return times[:count]
 
 
-def ran(schedule: PulseSchedule, cost: dict[Path, int], rounds: int, count: int) -> list[int]:
+def ran(schedule: PulseSchedule, cost: dict[DelayPath, int], rounds: int, count: int) -> list[int]:
     """The edge times of a machine whose statements cost `cost`, after `rounds` of measuring."""
     overheads = Overheads(cost) if rounds else Overheads()
     time, times = 0, []
@@ -84,7 +84,7 @@ def test_delays_less_overheads_and_the_overheads_make_the_schedule(
 
 def test_without_the_overheads_the_edges_are_off_by_them() -> None:
     schedule = schedule_of([], [(3, [1500])])
-    cost = {Path("in", 1, 0): 1}
+    cost = {DelayPath("in", 1, 0): 1}
     assert ran(schedule, cost, 1, 4) == [0, 1500, 20_000, 21_500]
     assert ran(schedule, cost, 0, 4) == [0, 1501, 20_001, 21_502]
 
@@ -94,7 +94,7 @@ def test_a_run_longer_than_a_byte_counts_is_split_and_keeps_its_period() -> None
         schedule = schedule_of([], [(frames, [1500])])
         program = sequence(schedule, Overheads())
         assert [(step.frames, step.turns) for step in program.loop] == calls
-        assert ran(schedule, {Path("turn", 0): 9}, 1, 2400) == expected_times(schedule, 2400)
+        assert ran(schedule, {DelayPath("turn", 0): 9}, 1, 2400) == expected_times(schedule, 2400)
 
 
 def test_a_day_of_the_same_frame_is_a_few_steps() -> None:
@@ -106,7 +106,7 @@ def test_a_day_of_the_same_frame_is_a_few_steps() -> None:
 def test_edges_closer_than_their_statements_are_refused() -> None:
     schedule = schedule_of([], [(2, [1500])])
     with pytest.raises(InputError, match="too close after cycle 0 of a frame"):
-        sequence(schedule, Overheads({Path("in", 1, 0): 1501}))
+        sequence(schedule, Overheads({DelayPath("in", 1, 0): 1501}))
 
 
 def test_edges_of_both_ports_in_one_cycle_are_refused() -> None:
@@ -133,7 +133,7 @@ def test_the_c_says_each_width_and_names_no_day_or_host(dialect: str) -> None:
 
 
 def test_a_name_that_a_template_does_not_know_is_an_error_with_its_place(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     schedule = schedule_of([], [(1, [1500])])
     (tmp_path / "sequence").mkdir()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from servogen.build import prove
-from servogen.build.build import Build, Program
+from servogen.build.build import Build, BuiltProgram
 from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.simulator import Machine, Options
+from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 from tests.engines.player.player_jobs import built
 from tests.engines.player.test_player_faults import WDT_ON
@@ -17,11 +17,13 @@ SHORTEST_US = 7000
 """Of any chip (DS35007 section 9, parameter 31); after reset the prescaler makes it 128 times as long."""
 
 
-def watched(done: Build, program: Program, watchdog_us: int, frames: int) -> tuple[Machine, EdgeTrace]:
+def watched(done: Build, program: BuiltProgram, watchdog_us: int, frames: int) -> tuple[Machine, EdgeTrace]:
     schedule, config = done.plan.schedule, program.image.config
     assert config is not None
     machine = Machine(
-        replace(program.image, config=config | WDT_ON), schedule.clock, Options(watchdog_us=watchdog_us)
+        replace(program.image, config=config | WDT_ON),
+        schedule.clock,
+        SimulatorOptions(watchdog_us=watchdog_us),
     )
     limit = Cycles(frames * schedule.period)
     return machine, EdgeTrace(schedule.clock, machine.stream(limit), limit)

@@ -19,8 +19,8 @@ from servogen.engines.stream.protocol import (
     NO_TRIM,
     SYNC,
     TRIM_ZERO,
-    Command,
-    Kind,
+    CommandKind,
+    StreamCommand,
     command_of,
     trim_byte,
     trim_cycles,
@@ -44,7 +44,7 @@ class Receiver:
     _second: int | None = None
     _begun: bool = False
 
-    def byte(self, value: int) -> Command | None:
+    def byte(self, value: int) -> StreamCommand | None:
         """The command that this byte ends."""
         if value == SYNC:
             self._begun, self._second = True, None
@@ -86,23 +86,23 @@ class Chip:
     def trim(self, n: int) -> int:
         return trim_cycles(self.eeprom.get(n, NO_TRIM))
 
-    def execute(self, command: Command) -> None:
+    def execute(self, command: StreamCommand) -> None:
         """What a command does."""
         n, value = command.servo, command.value
-        if command.kind is Kind.POSITION:
+        if command.kind is CommandKind.POSITION:
             self._goals[n] = self.streamed.travels[n].width(value) + self.trim(n)
             if not self._widths[n]:
                 self._widths[n] = self._goals[n]
             self._group.discard(n)
             (self._waiting.add if self._gathering else self._waiting.discard)(n)
-        elif command.kind is Kind.SPEED:
+        elif command.kind is CommandKind.SPEED:
             self._speeds[n] = value
-        elif command.kind is Kind.TRIM:
+        elif command.kind is CommandKind.TRIM:
             self._set_trim(n, value - TRIM_ZERO)
-        elif command.kind is Kind.GROUP and value:
+        elif command.kind is CommandKind.GROUP and value:
             self._gathering, self._starting = False, True
             self._group, self._waiting, self._left = self._waiting, set(), value
-        elif command.kind is Kind.GROUP:
+        elif command.kind is CommandKind.GROUP:
             self._gathering = True
         self._silence = 0
 
@@ -147,7 +147,7 @@ class Chip:
 
 
 def widths(
-    streamed: Streaming, commands: Iterable[tuple[int, Command]], chip: Chip | None = None
+    streamed: Streaming, commands: Iterable[tuple[int, StreamCommand]], chip: Chip | None = None
 ) -> Iterator[tuple[Width, ...]]:
     """The pulses of each frame, for ever.
 

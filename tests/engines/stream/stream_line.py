@@ -14,8 +14,8 @@ from servogen.edges import HIGH, LOW
 from servogen.engines.stream.protocol import (
     MAX_VALUE,
     SYNC,
-    Command,
-    Kind,
+    CommandKind,
+    StreamCommand,
     group_begins,
     group_goes,
     position_command,
@@ -24,14 +24,14 @@ from servogen.engines.stream.protocol import (
     trim_command,
 )
 from servogen.engines.stream.streaming import Streaming
-from servogen.simulator import Change
+from servogen.simulator import LevelChange
 from servogen.units import Clock
 from tests.engines.stream.chip_model import Receiver
 
 GUARD = 260
 """Cycles around a slot's rise in which no command of a random line ends: which side it falls on is open."""
 
-PAUSES_S = {Kind.TRIM: 0.03, Kind.QUERY: 0.02}
+PAUSES_S = {CommandKind.TRIM: 0.03, CommandKind.QUERY: 0.02}
 """So long a sender waits for the EEPROM, and for an answer: three slots and a byte."""
 GLITCH = 70
 """Cycles: the longest low that is surely no start bit."""
@@ -46,21 +46,21 @@ class Line:
     first_rise: int
     dice: random.Random
     now: Fraction = Fraction(50_000)
-    changes_made: list[Change] = field(default_factory=list)
-    heard: list[tuple[int, Command]] = field(default_factory=list)
+    changes_made: list[LevelChange] = field(default_factory=list)
+    heard: list[tuple[int, StreamCommand]] = field(default_factory=list)
     sent: int = 0
     _receiver: Receiver = field(init=False)
 
     def __post_init__(self) -> None:
         answers = self.streamed.stream.transmit_pin is not None
         self._receiver = Receiver(len(self.streamed.neutral), answers)
-        self.changes_made.append(Change(0, self.pin, HIGH))
+        self.changes_made.append(LevelChange(0, self.pin, HIGH))
 
     @property
     def bit(self) -> Fraction:
         return self.streamed.plan.schedule.clock.cycles_per_second / self.streamed.stream.baud
 
-    def changes(self, clock: Clock) -> Iterator[Change]:
+    def changes(self, clock: Clock) -> Iterator[LevelChange]:
         yield from self.changes_made
 
     def idle(self, bits: float) -> None:
@@ -70,7 +70,7 @@ class Line:
         self.idle(seconds * self.streamed.stream.baud)
 
     def level(self, level: int) -> None:
-        self.changes_made.append(Change(int(self.now), self.pin, level))
+        self.changes_made.append(LevelChange(int(self.now), self.pin, level))
 
     def byte(self, value: int, rate: Fraction, stop: bool = True) -> None:
         """One byte; `rate` is how long its bits are. Without a stop bit the line is low for 10 bits."""
@@ -78,7 +78,7 @@ class Line:
         start, before = self.now, HIGH
         for number, one in enumerate((0, *(value >> n & 1 for n in range(8)), int(stop))):
             if one != before:
-                self.changes_made.append(Change(int(start + number * bit), self.pin, one))
+                self.changes_made.append(LevelChange(int(start + number * bit), self.pin, one))
                 before = one
         self.now = start + 10 * bit
         if not stop:

@@ -15,14 +15,14 @@ from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.pulse.expected import expected
-from servogen.simulator import Machine, Options, Stimuli
+from servogen.simulator import Machine, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line
 
 JOBS = Path(__file__).parents[3] / "jobs"
-OPTIONS = Options()
+OPTIONS = SimulatorOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def firmware_of(job: PlannedJob, dialect: str = "c2c") -> Firmware:
     return Firmware(job, streamed, made.image, made.words, rise, made.listing)
 
 
-def first_rise(streamed: Streaming, image: Image, options: Options = OPTIONS) -> int:
+def first_rise(streamed: Streaming, image: Image, options: SimulatorOptions = OPTIONS) -> int:
     """The cycle after reset in which the first servo's pulse begins."""
     plan = streamed.plan.schedule
     machine = Machine(image, plan.clock, board_of(plan, options))
@@ -64,7 +64,9 @@ def line_of(made: Firmware, seed: int) -> Line:
     return Line(made.streamed, pin, made.first_rise, random.Random(seed))
 
 
-def check(made: Firmware, line: Line, chip: Chip | None = None, options: Options = OPTIONS) -> Verdict:
+def check(
+    made: Firmware, line: Line, chip: Chip | None = None, options: SimulatorOptions = OPTIONS
+) -> Verdict:
     """The edges while the line is played, held to those that the model says."""
     plan = made.streamed.plan.schedule
     frames = int((line.now - made.first_rise) // plan.period) + 4

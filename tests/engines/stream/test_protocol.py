@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from servogen.engines.stream.protocol import (
     MAX_VALUE,
     NO_TRIM,
-    Command,
-    Kind,
-    Travel,
+    CommandKind,
+    StreamCommand,
+    WidthRange,
     command_of,
     group_begins,
     group_goes,
@@ -37,19 +37,19 @@ def test_commands_are_the_bytes_of_the_table() -> None:
 
 def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
     known = {
-        **{n: (Kind.POSITION, n) for n in range(8)},
-        **{0x40 + n: (Kind.SPEED, n) for n in range(8)},
-        0x80: (Kind.GROUP, 0),
-        **{0xC0 + n: (Kind.TRIM, n) for n in range(8)},
-        0xF0: (Kind.QUERY, 0),
+        **{n: (CommandKind.POSITION, n) for n in range(8)},
+        **{0x40 + n: (CommandKind.SPEED, n) for n in range(8)},
+        0x80: (CommandKind.GROUP, 0),
+        **{0xC0 + n: (CommandKind.TRIM, n) for n in range(8)},
+        0xF0: (CommandKind.QUERY, 0),
     }
     for second in range(256):
         found = command_of(second, 17)
-        assert found == (Command(*known[second], 17) if second in known else None)
+        assert found == (StreamCommand(*known[second], 17) if second in known else None)
         assert command_of(second, 0xFF) is None
     assert command_of(3, 17, servos=3) is None
     assert command_of(0xF0, 1, answers=False) is None
-    assert command_of(0x42, 17, servos=3) == Command(Kind.SPEED, 2, 17)
+    assert command_of(0x42, 17, servos=3) == StreamCommand(CommandKind.SPEED, 2, 17)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
         lambda: group_goes(0),
         lambda: trim_command(0, -1),
         lambda: trim_command(0, 128),
-        lambda: Travel(Cycles(1000), Cycles(2000)).width(255),
+        lambda: WidthRange(Cycles(1000), Cycles(2000)).width(255),
     ],
 )
 def test_what_cannot_be_said_is_refused(wrong: object) -> None:
@@ -81,7 +81,7 @@ def test_a_trim_s_byte_is_two_s_complement_and_the_erased_one_is_none() -> None:
 def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_line(
     least: int, span: int
 ) -> None:
-    each = Travel(Cycles(least), Cycles(least + span))
+    each = WidthRange(Cycles(least), Cycles(least + span))
     widths = [each.width(p) for p in range(MAX_VALUE + 1)]
     assert widths[0] == least and widths[MAX_VALUE] == least + span
     assert widths == sorted(widths)
@@ -91,6 +91,6 @@ def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_lin
 @settings(derandomize=True, max_examples=100)
 @given(st.integers(0, MAX_VALUE), st.integers(300, 10_000))
 def test_the_nearest_position_of_a_position_s_width_is_that_position(p: int, span: int) -> None:
-    each = Travel(Cycles(600), Cycles(600 + span))
+    each = WidthRange(Cycles(600), Cycles(600 + span))
     assert each.nearest(each.width(p)) == p
     assert each.nearest(0) == 0 and each.nearest(99_999) == MAX_VALUE

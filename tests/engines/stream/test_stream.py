@@ -19,10 +19,10 @@ from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, 
 from servogen.engines.board import board_of
 from servogen.engines.stream.engine import compiled
 from servogen.engines.stream.engine import firmware as made_of
-from servogen.engines.stream.layout import Layout
+from servogen.engines.stream.layout import RoundLayout
 from servogen.engines.stream.protocol import (
     MAX_VALUE,
-    Travel,
+    WidthRange,
     group_begins,
     group_goes,
     position_command,
@@ -429,9 +429,9 @@ def test_c_that_is_late_loses_pulses_but_makes_no_wrong_one() -> None:
     made = firmware("stream-eight")
     short = replace(
         made.streamed,
-        layout=Layout(8, 5),
+        layout=RoundLayout(8, 5),
         neutral=(Cycles(1050),) * 8,
-        travels=(Travel(Cycles(1000), Cycles(1100)),) * 8,
+        travels=(WidthRange(Cycles(1000), Cycles(1100)),) * 8,
     )
     text = render_stream(short, "c2c", made.job.device, "late")
     image = compile_sources([Source(text, "late.c")], Options(device=made.job.device)).image

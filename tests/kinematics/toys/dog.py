@@ -17,7 +17,7 @@ from pydantic import Field
 from servogen.errors import InputError
 from servogen.kinematics.arm import arm_details
 from servogen.kinematics.mobility import Mobility, manoeuvrability, of_arm
-from servogen.kinematics.protocol import Answer, BodyMotion, Kind, Posture
+from servogen.kinematics.protocol import Answer, BodyMotion, Posture, RobotKind
 from servogen.kinematics.transforms import Complexes, Floats, to_body, to_leg
 from servogen.robot.arm_file import Find, RobotTable, find_robot
 from servogen.robot.model import Arm, Dimensions, Limb, Mount
@@ -138,4 +138,4 @@ def _mobility(dog: Dog) -> Mobility:
     return Mobility(13, leg.joints * 4, 0, 4 * leg.mobility, manoeuvrability(4 * leg.mobility), "four legs")
 
 
-DOG = Kind("dog", DogTable, _read, _details, _mobility)
+DOG = RobotKind("dog", DogTable, _read, _details, _mobility)

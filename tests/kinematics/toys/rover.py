@@ -20,7 +20,7 @@ from pydantic import Field
 
 from servogen.errors import InputError
 from servogen.kinematics.mobility import Mobility, manoeuvrability
-from servogen.kinematics.protocol import Answer, Directions, Kind, Routine, Stretch
+from servogen.kinematics.protocol import Answer, Directions, RobotKind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
 from servogen.robot.arm_file import Find, RobotTable
 from servogen.robot.model import Dimensions, Limb
@@ -116,4 +116,4 @@ def _mobility(rover: Rover) -> Mobility:
     )
 
 
-ROVER = Kind("rover", RoverTable, _read, _details, _mobility)
+ROVER = RobotKind("rover", RoverTable, _read, _details, _mobility)

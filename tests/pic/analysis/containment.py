@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from unittest import mock
 
 from servogen.pic.analysis import paths
-from servogen.pic.analysis.paths import ERASED, Explorer
-from servogen.pic.analysis.state import State
+from servogen.pic.analysis.paths import ERASED, PathExplorer
+from servogen.pic.analysis.state import AbstractState
 from servogen.pic.image import Image
 from servogen.pic.known_values import word_of
 from tests.pic.analysis.programs import assembled, random_player
@@ -37,15 +37,15 @@ class Run:
     """Where the chip was in a state that the analysis does not allow."""
 
 
-class _Recording(Explorer):
+class _Recording(PathExplorer):
     """An explorer that keeps every state before an instruction."""
 
     def __init__(self, *args: object, **named: object) -> None:
         super().__init__(*args, **named)  # type: ignore[arg-type]
-        self.states: dict[int, list[State]] = {}
+        self.states: dict[int, list[AbstractState]] = {}
         last.append(self)
 
-    def _step(self, at: int, stack: tuple[int, ...], state: State):  # type: ignore[no-untyped-def]
+    def _step(self, at: int, stack: tuple[int, ...], state: AbstractState):  # type: ignore[no-untyped-def]
         self.states.setdefault(at, []).append(state.copy())
         return super()._step(at, stack, state)
 
@@ -58,7 +58,7 @@ def compared(text: str, seed: int, steps: int) -> Run:
     image = assembled(text).image
     last.clear()
     limits = {"MAX_JUMP_STEPS": MAX_STEPS, "MAX_REFINED_STEPS": MAX_STEPS}
-    with mock.patch.multiple(paths, Explorer=_Recording, **limits):
+    with mock.patch.multiple(paths, PathExplorer=_Recording, **limits):
         answer = paths.explore(image.program)
     answering = next(explorer for explorer in last if explorer.paths is answer)
     run = Run(not answer.tables and not answer.beyond and not answer.lost, len(last) > 1)

@@ -6,7 +6,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.pic.analysis.facts import Answer, Facts, Status
-from servogen.pic.analysis.paths import Explorer
+from servogen.pic.analysis.paths import PathExplorer
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
@@ -119,7 +119,7 @@ ROWS_AT = 13
 def test_the_index_of_a_table_is_followed_through_a_counter_and_another_table() -> None:
     """The states are more than are kept apart by all of their values, so that counters must be."""
     text = script_player(len(SCRIPT), SCRIPT)
-    plain = Explorer(assembled(text).image.program).explore()
+    plain = PathExplorer(assembled(text).image.program).explore()
     assert sorted(plain.tables) == [ROWS_AT + 6]
     answer = facts(text).followed()
     assert (answer.status, answer.findings) == (Status.HOLDS, ())
@@ -162,7 +162,7 @@ def player_that_goes_back(script: list[int]) -> str:
 
 def test_a_script_that_goes_back_by_a_distance_is_followed() -> None:
     """Its place is a counter from which a byte of the script is subtracted."""
-    assert Explorer(assembled(player_that_goes_back(BACK)).image.program).explore().tables
+    assert PathExplorer(assembled(player_that_goes_back(BACK)).image.program).explore().tables
     answer = facts(player_that_goes_back(BACK)).followed()
     assert (answer.status, answer.findings) == (Status.HOLDS, ())
     wrong = facts(player_that_goes_back([*BACK[:35], 5, *BACK[36:]])).followed()

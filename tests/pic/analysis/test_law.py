@@ -5,11 +5,11 @@ import random
 import numpy as np
 import pytest
 
-from servogen.pic.analysis.demand import Graph, Plan
+from servogen.pic.analysis.demand import Graph, SplitPlan
 from servogen.pic.analysis.facts import Facts, Status
-from servogen.pic.analysis.paths import Explorer
-from servogen.pic.analysis.times import Timing
-from servogen.simulator import Machine, Observation, Options
+from servogen.pic.analysis.paths import PathExplorer
+from servogen.pic.analysis.times import ProgramTimes
+from servogen.simulator import Machine, Observation, SimulatorOptions
 from servogen.simulator.machine import Packed
 from servogen.units import Clock
 from tests.pic.analysis.containment import compared
@@ -35,7 +35,7 @@ class Noise:
 def observed(facts_of: str, seed: int) -> tuple[Facts, Machine, Packed]:
     """Return the answers about a program, the chip after a run, and its (cycle, address) rows."""
     made = assembled(facts_of)
-    machine = Machine(made.image, CLOCK, Options(start_seed=seed), stimulus=Noise(seed))
+    machine = Machine(made.image, CLOCK, SimulatorOptions(start_seed=seed), stimulus=Noise(seed))
     rows = np.concatenate(
         [rows for _, rows in machine.observe(CYCLES, Observation(trace=np.zeros((4096, 4), dtype=np.int64)))]
     )
@@ -59,10 +59,10 @@ def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> N
     text = random_program(seed)
     _, _, rows = observed(text, seed)
     words = assembled(text).image.program
-    first = Explorer(words)
+    first = PathExplorer(words)
     first.explore()
     graph = Graph(first.words, first.visits)
-    paths = Explorer(words, Plan.of(graph, graph.indices(), pins=True)).explore()
+    paths = PathExplorer(words, SplitPlan.of(graph, graph.indices(), pins=True)).explore()
     assert set(rows[:, 1].tolist()) <= paths.executed
 
 
@@ -96,7 +96,7 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
         stack += machine.state().deepest_stack == levels
         allowed = {place for _, place in facts.paths.unwritten_reads if place >= 0x0C}
         unwritten += bool(allowed) and set(machine.state().read_unwritten) == allowed
-        timing = Timing(assembled(random_program(seed)).image.program, facts.paths)
+        timing = ProgramTimes(assembled(random_program(seed)).image.program, facts.paths)
         start, done = facts.mark("start"), facts.mark("done")
         span = timing.between(start, done, interrupts=False)
         measured = spans(rows, start[0], done[0])

@@ -23,7 +23,7 @@ from servogen.pic.analysis.state import (
     TMR0,
     TRISA,
     TRISB,
-    State,
+    AbstractState,
     at_reset,
     bit,
     execute,
@@ -74,7 +74,7 @@ def some_value(rng: random.Random, member: int) -> Value:
     return values.of_bits(~member & 0xFF | free, member | free)
 
 
-def drawn(rng: random.Random, chip: Chip) -> State:
+def drawn(rng: random.Random, chip: Chip) -> AbstractState:
     """Give the chip random registers, and return an abstract state that it lies in."""
     state = at_reset()
     chip.w, chip.fsr = rng.choice((0, 1, 0xFF, rng.randrange(256))), rng.choice(POINTERS)
@@ -113,7 +113,7 @@ def registers(chip: Chip) -> Iterator[tuple[int, int]]:
         yield address, chip.ram[address - 0x0C]
 
 
-def misfits(state: State, chip: Chip) -> list[tuple[int, int]]:
+def misfits(state: AbstractState, chip: Chip) -> list[tuple[int, int]]:
     """Return the places of the chip whose value the state rules out."""
     wrong = [(place, value) for place, value in registers(chip) if value not in state.get(place)]
     wrong += [(place, -1) for place, fact in state.facts.items() if not _holds(fact, chip, place)]
@@ -168,7 +168,7 @@ def test_a_step_of_any_chip_lies_within_the_step_of_its_state(first: int) -> Non
             assert misfits(state, chip) == [], where
 
 
-def after_some_steps(seed: int) -> tuple[State, Chip]:
+def after_some_steps(seed: int) -> tuple[AbstractState, Chip]:
     """Return a chip after a few instructions, and the state that follows from the one it lay in."""
     rng = random.Random(seed)
     words = [instruction(rng) for _ in range(STEPS)]
@@ -198,11 +198,11 @@ def test_a_split_keeps_every_chip_and_a_join_keeps_the_chips_of_both_states() ->
 
 
 def test_what_an_interrupt_changes_is_forgotten_with_its_copies_and_the_flags_that_tell_of_it() -> None:
-    def state() -> State:
+    def state() -> AbstractState:
         known = {W: 5, 0x20: 5, 0x21: 5, ZERO: 1, CARRY: 0}
         facts = {ZERO: (0x20, "==", 5), CARRY: (0x21, ">=", 9)}
         saved = {0x21: (FSR, False)}
-        return State(
+        return AbstractState(
             {place: values.constant(byte) for place, byte in known.items()}, 0, saved, facts, (0x20, 0x21)
         )
 
