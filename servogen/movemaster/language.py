@@ -124,7 +124,7 @@ _BOTH, _PROGRAM, _DIRECT = Where.BOTH, Where.PROGRAM, Where.DIRECT
 
 _ROWS = (
     Command("DP", (), _BOTH, "go to the next lower defined position number", 1),
-    Command("DW", _decimals("x y z"), _BOTH, "move the hand by x, y, z mm from where it is", 2),
+    Command("DW", _decimals("x y z"), _BOTH, "move the hand by x, y, z mm", 2),
     Command("HE", (_POSITION,), _BOTH, "store the current pose and hand state as position a", 3),
     Command("HO", (), _BOTH, "take the current pose as the reference position", 4),
     Command("IP", (), _BOTH, "go to the next higher defined position number", 5),
@@ -170,12 +170,12 @@ _ROWS = (
     Command("TI", (_whole("n", (0, 32767)),), _BOTH, "wait n tenths of a second"),
     Command("TL", (Parameter("n", ArgumentKind.DECIMAL, 0, 300),), _BOTH, "length of the tool in mm"),
     Command("CP", (_COUNTER,), _BOTH, "take counter a as the comparison value"),
-    Command("DC", (_COUNTER,), _BOTH, "count counter a down by one"),
+    Command("DC", (_COUNTER,), _BOTH, "decrement counter a"),
     Command("ED", (), _PROGRAM, "end of the program"),
     Command("EQ", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is a1"),
     Command("GS", (_LINE,), _PROGRAM, "call the subroutine at line a"),
     Command("GT", (_LINE,), _PROGRAM, "continue at line a"),
-    Command("IC", (_COUNTER,), _BOTH, "count counter a up by one"),
+    Command("IC", (_COUNTER,), _BOTH, "increment counter a"),
     Command("LG", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is larger than a1", 35),
     Command("NE", _COMPARED, _PROGRAM, "jump to line a2 if the comparison value is not a1", 36),
     Command("NW", (), _DIRECT, "delete program and positions", 37),
@@ -201,10 +201,10 @@ _ROWS = (
         "grip force, holding force, and the tenths of a second that the hand takes",
         47,
     ),
-    Command("ID", (), _BOTH, "read the input port at once as the comparison value", 48),
+    Command("ID", (), _BOTH, "read the input port immediately as the comparison value", 48),
     Command("IN", (), _BOTH, "wait for the input port's next strobe and read it", 49),
     Command("OB", (_BIT,), _BOTH, "set (+) or clear (-) one bit of the output port"),
-    Command("OD", (_PORT,), _BOTH, "write the output port at once"),
+    Command("OD", (_PORT,), _BOTH, "write the output port immediately"),
     Command("OT", (_PORT,), _BOTH, "write the output port with a strobe"),
     Command("TB", (_BIT, _whole("a2", LINES)), _PROGRAM, "jump to line a2 if a bit is on (+) or off (-)"),
     Command("RS", (), _DIRECT, "reset: an error would be cleared; there is none to clear here"),
@@ -217,7 +217,7 @@ NOT_HERE: Mapping[str, str] = MappingProxyType(
     {
         "CR": "it reads a counter over the serial line",
         "DA": "it ends an interrupt by an input bit: test the bit with ID and TB",
-        "DL": "it deletes program lines: leave them out of the file",
+        "DL": "it deletes program lines: omit them from the file",
         "DR": "it reads the input port over the serial line",
         "EA": "it arms an interrupt by an input bit: test the bit with ID and TB",
         "ER": "it reads the error state over the serial line",
@@ -228,7 +228,7 @@ NOT_HERE: Mapping[str, str] = MappingProxyType(
         "WR": "it writes an EPROM",
     }
 )
-"""Commands of the manufacturer's controller that speak with its terminal or its EPROM."""
+"""Commands of the manufacturer's controller for its terminal, its EPROM and its interrupts."""
 
 MISPRINTS: Mapping[str, str] = MappingProxyType({"RV": "RN", "52": "RT"})
 """What the source's table prints for the mnemonic of rows 40 and 41."""

@@ -192,7 +192,7 @@ def _number(text: str, file: str, row: int, column: int) -> int:
 
 def _command(word: str, number: int | None, place: Location) -> Command:
     if word in NOT_HERE:
-        raise InputError("bad-command", f"{word} is not offered: {NOT_HERE[word]}", place)
+        raise InputError("bad-command", f"{word} is not supported: {NOT_HERE[word]}", place)
     if word not in COMMANDS:
         raise InputError("bad-command", f"unknown command '{word}'", place, _nearest_command(word))
     command = COMMANDS[word]

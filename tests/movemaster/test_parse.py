@@ -224,7 +224,7 @@ def test_misprints_of_the_source_are_told(text: str, right: str) -> None:
 
 @pytest.mark.parametrize("mnemonic", sorted(NOT_HERE))
 def test_commands_of_the_terminal_are_refused_by_name(mnemonic: str) -> None:
-    assert f"{mnemonic} is not offered: it " in refusal(f"10 {mnemonic} 1")
+    assert f"{mnemonic} is not supported: it " in refusal(f"10 {mnemonic} 1")
 
 
 def test_a_file_is_read(tmp_path: Path) -> None:
