@@ -141,8 +141,8 @@ class Reporter:
         """Return all diagnostics in source order."""
         files: Mapping[str, int] = {file: number for number, file in enumerate(self.texts)}
 
-        def key(each: Diagnostic) -> tuple[int, int, int]:
-            place = each.location or Location()
+        def key(diagnostic: Diagnostic) -> tuple[int, int, int]:
+            place = diagnostic.location or Location()
             return files.get(place.file or "", len(files)), place.line or 0, place.column or 0
 
         return tuple(sorted(self._diagnostics, key=key))

@@ -137,7 +137,7 @@ def _binary(expr: Binary, full: Interval) -> Interval:
             ends = [x * y for x in a for y in b]
             return min(ends), max(ends)
         case "&" if b[0] >= 0 or a[0] >= 0:
-            bounds = [each[1] for each in (a, b) if each[0] >= 0]
+            bounds = [high for low, high in (a, b) if low >= 0]
             return 0, min(bounds)
         case "|" | "^" if a[0] >= 0 and b[0] >= 0:
             return 0, (1 << max(a[1], b[1]).bit_length()) - 1

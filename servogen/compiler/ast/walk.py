@@ -18,7 +18,7 @@ _LEAVES = frozenset(
 
 
 CHILD_FIELDS = {
-    kind: tuple(name for name, each in reversed(fields.items()) if each.type not in _LEAVES)
+    kind: tuple(name for name, member in reversed(fields.items()) if member.type not in _LEAVES)
     for kind in vars(tree).values()
     if getattr(kind, "__module__", "") == tree.__name__ and kind is not tree.Symbol
     if (fields := getattr(kind, "__dataclass_fields__", None)) is not None

@@ -133,9 +133,9 @@ def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -
     if isinstance(a, Imm):
         a, b = b, a
     if isinstance(a, Imm):
-        held = gen.temp()[0]
-        gen.move(held, a)
-        a = held
+        copy = gen.temp()[0]
+        gen.move(copy, a)
+        a = copy
     assert isinstance(b, Imm)
     gen.move(t, a)
     if b == Imm(0xFF):
@@ -152,11 +152,11 @@ def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -
         gen.emit("MOVLW", k=b.value + 1)
         gen.emit("ADDWF", t, 1)
     else:
-        held = gen.temp()[0]
-        gen.move(held, b)
-        gen.load(held)
+        copy = gen.temp()[0]
+        gen.move(copy, b)
+        gen.load(copy)
         gen.skip_if(C, False)
-        gen.emit("INCFSZ", held, 0)
+        gen.emit("INCFSZ", copy, 0)
         gen.emit("ADDWF", t, 1)
 
 
@@ -228,9 +228,9 @@ def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], ri
         _add_constant(gen, target, left, -constant)
         return
     if target == right and size > 2:
-        held: list[Loc] = gen.temp(size)
-        subtract(gen, held, left, right)
-        gen.move_all(target, list(held))
+        difference: list[Loc] = gen.temp(size)
+        subtract(gen, difference, left, right)
+        gen.move_all(target, list(difference))
         return
     for number, (t, a, b) in enumerate(zip(target, left, right, strict=True)):
         last = number == size - 1
@@ -339,7 +339,7 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
         _shift_byte(gen, live[0], sources[whole], rest, left=True)
         gen.move_all(target[:whole], imms(0, whole))
         return
-    if rest == 1 and not whole and not any(isinstance(each, Imm) for each in operand):
+    if rest == 1 and not whole and not any(isinstance(byte, Imm) for byte in operand):
         gen.emit("BCF", STATUS, b=C)
         for t, a in zip(target, operand, strict=True):
             assert not isinstance(a, Imm)
@@ -349,8 +349,8 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
     gen.move_all(target, sources)
     for _ in range(rest):
         gen.emit("BCF", STATUS, b=C)
-        for each in live:
-            gen.emit("RLF", each, 1)
+        for byte in live:
+            gen.emit("RLF", byte, 1)
 
 
 def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left: bool) -> None:
@@ -358,9 +358,9 @@ def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left
     towards = "RLF" if left else "RRF"
     away = "RRF" if left else "RLF"
     if isinstance(a, Imm):
-        held = gen.temp()[0]
-        gen.move(held, a)
-        a = held
+        copy = gen.temp()[0]
+        gen.move(copy, a)
+        a = copy
     if count == 7:  # one bit stays: it goes through the carry to the other end
         gen.emit(away, a, 0)
         gen.emit("CLRF", t)
@@ -404,7 +404,7 @@ def shift_right(
         _shift_byte(gen, target[0], operand[whole], rest, left=False)
         gen.move_all(target[1:], imms(0, size - 1))
         return
-    elif rest == 1 and not whole and not signed and not any(isinstance(each, Imm) for each in operand):
+    elif rest == 1 and not whole and not signed and not any(isinstance(byte, Imm) for byte in operand):
         gen.emit("BCF", STATUS, b=C)
         for t, a in zip(reversed(target), reversed(operand), strict=True):
             assert not isinstance(a, Imm)
@@ -436,11 +436,11 @@ def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
     """Return an operand that is 0x00 or 0xFF, depending on the sign of a byte."""
     if isinstance(top, Imm):
         return Imm(0xFF if isinstance(top.value, int) and top.value & 0x80 else 0)
-    held = gen.temp()[0]
-    gen.emit("CLRF", held)
+    sign = gen.temp()[0]
+    gen.emit("CLRF", sign)
     gen.skip_if(7, False, top)
-    gen.emit("COMF", held, 1)
-    return held
+    gen.emit("COMF", sign, 1)
+    return sign
 
 
 def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Operand]) -> None:
@@ -465,9 +465,9 @@ def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Opera
             gen.emit("MOVLW", k=b.value + 1)
         else:
             if isinstance(b, Imm):
-                held = gen.temp()[0]
-                gen.move(held, b)
-                b = held
+                copy = gen.temp()[0]
+                gen.move(copy, b)
+                b = copy
             b = load_twice(gen, b)
             gen.skip_if(C, True)
             gen.emit("INCFSZ", b, 0)
@@ -482,8 +482,8 @@ def biased(gen: InstructionBuilder, operands: list[Operand]) -> list[Operand]:
     top = operands[-1]
     if isinstance(top, Imm) and isinstance(top.value, int):
         return [*operands[:-1], Imm(top.value ^ 0x80)]
-    held = gen.temp()[0]
+    inverted = gen.temp()[0]
     gen.load(top)
     gen.emit("XORLW", k=0x80)
-    gen.store(held)
-    return [*operands[:-1], held]
+    gen.store(inverted)
+    return [*operands[:-1], inverted]

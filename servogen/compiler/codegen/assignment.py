@@ -21,7 +21,7 @@ from servogen.compiler.codegen.effects import (
 )
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.indirect import bit_source, field_byte, point_fsr
-from servogen.compiler.codegen.operands import is_direct, kept, operand_ready, operands_of, ref_locs
+from servogen.compiler.codegen.operands import is_direct, operand_ready, operands_of, preserved, ref_locs
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Operand, Reg, exposed
 
@@ -51,23 +51,23 @@ def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
             point_fsr(gen, target)
             gen.move(INDF, operands_of(gen, value, 1)[0])
             return
-        held = gen.temp()[0]
-        gen.lower.into(gen, value, [held])
+        temporary = gen.temp()[0]
+        gen.lower.into(gen, value, [temporary])
         point_fsr(gen, target)
-        gen.move(INDF, held)
+        gen.move(INDF, temporary)
         return
     operands = operands_of(gen, value, size) if value.type.scalar else _struct_value(gen, value)
     if has_effect(target) or calls_something(target):
-        operands = kept(gen, operands)
+        operands = preserved(gen, operands)
     assign_bytes(gen, target, operands)
 
 
 def _struct_value(gen: FunctionGenerator, value: Expr) -> list[Operand]:
     if isinstance(value, Ref) and is_direct(gen, value):
         return list(ref_locs(gen, value))
-    held: list[Loc] = gen.temp(value.type.size)
-    gen.lower.into(gen, value, held)
-    return list(held)
+    copy: list[Loc] = gen.temp(value.type.size)
+    gen.lower.into(gen, value, copy)
+    return list(copy)
 
 
 def _assign_direct(gen: FunctionGenerator, locs: list[Loc], target: Ref, value: Expr) -> None:
@@ -80,9 +80,9 @@ def _assign_direct(gen: FunctionGenerator, locs: list[Loc], target: Ref, value: 
         to_w(gen, value)
         gen.store(locs[0])
         return
-    held: list[Loc] = gen.temp(len(locs))
-    gen.lower.into(gen, value, held)
-    gen.move_all(locs, list(held))
+    temporary: list[Loc] = gen.temp(len(locs))
+    gen.lower.into(gen, value, temporary)
+    gen.move_all(locs, list(temporary))
 
 
 def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
@@ -156,10 +156,10 @@ def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right
         point_fsr(gen, target)
         gen.load(operands_of(gen, right, 1)[0])
     else:
-        held = gen.temp()[0]
-        gen.lower.into(gen, right, [held])
+        operand = gen.temp()[0]
+        gen.lower.into(gen, right, [operand])
         point_fsr(gen, target)
-        gen.load(held)
+        gen.load(operand)
     gen.emit(mnemonic, INDF, 1)
     return True
 
@@ -187,15 +187,15 @@ def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> No
             gen.emit("IORLW", k=(value.value & mask) << target.bit)
         gen.store(byte)
         return
-    held = gen.temp()
-    gen.lower.into(gen, value, held)
-    shift_left(gen, held, list(held), target.bit)
-    bitwise(gen, "&", held, list(held), [Imm(mask << target.bit & 0xFF)])
+    field = gen.temp()
+    gen.lower.into(gen, value, field)
+    shift_left(gen, field, list(field), target.bit)
+    bitwise(gen, "&", field, list(field), [Imm(mask << target.bit & 0xFF)])
     if pointed:
         point_fsr(gen, field_byte(gen, target))
     gen.emit("MOVF", byte, 0)
     gen.emit("ANDLW", k=~(mask << target.bit))
-    gen.emit("IORWF", held[0], 0)
+    gen.emit("IORWF", field[0], 0)
     gen.store(byte)
 
 
@@ -218,10 +218,10 @@ def _assign_bit(
         assert isinstance(value, Cast)
         value = value.operand if is_condition(value.operand) else value
     if pointed:
-        held = gen.temp()[0]
-        gen.lower.into(gen, value, [held])
+        temporary = gen.temp()[0]
+        gen.lower.into(gen, value, [temporary])
         point_fsr(gen, field_byte(gen, target))
-        source: Loc = held
+        source: Loc = temporary
         source_bit = 0
     else:
         inner = value

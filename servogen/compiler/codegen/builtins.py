@@ -45,8 +45,8 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
             gen.emit("CALL", target=function.name)
         case "eeprom_write" | "putchar" | "getchar":
             data = expr.data if isinstance(expr.data, tuple) else ()
-            function = gen.library(expr.name, tuple(int(each) for each in data))
-            operands = [operands_of(gen, each, 1) for each in expr.arguments]
+            function = gen.library(expr.name, tuple(int(parameter) for parameter in data))
+            operands = [operands_of(gen, argument, 1) for argument in expr.arguments]
             library_call(gen, function, operands)
     return []
 

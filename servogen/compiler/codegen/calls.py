@@ -14,7 +14,7 @@ from servogen.compiler.codegen.arithmetic import add, bitwise, imms, shift_left,
 from servogen.compiler.codegen.effects import calls_something
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Division, FunctionGenerator
-from servogen.compiler.codegen.operands import apart, kept, operands_of, pair, widen
+from servogen.compiler.codegen.operands import apart, operands_of, pair, preserved, widen
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.codegen.routines import halvings, is_byte, is_power_of_two, quotient
 from servogen.compiler.ir.function import Function
@@ -37,31 +37,31 @@ def _arguments(gen: FunctionGenerator, function: Function, arguments: list[Expr]
     parameters = function.parameters
     ready: list[list[Operand] | None] = [None] * len(arguments)
     for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
-        later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
+        later = any(calls_something(other) or has_effect(other) for other in arguments[number + 1 :])
         calls = calls_something(argument) and len(arguments) > 1
         if calls or (later and not isinstance(argument, Num)):
-            held: list[Loc] = gen.temp(parameter.size)
-            into(gen, argument, held)
-            ready[number] = list(held)
+            temporary: list[Loc] = gen.temp(parameter.size)
+            into(gen, argument, temporary)
+            ready[number] = list(temporary)
     w_number = None
     for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
         if parameter is function.w_parameter:
             w_number = number
             continue
-        target: list[Loc] = [Byte(parameter, each) for each in range(parameter.size)]
-        done = ready[number]
-        if done is not None:
-            gen.move_all(target, done)
+        target: list[Loc] = [Byte(parameter, index) for index in range(parameter.size)]
+        operands = ready[number]
+        if operands is not None:
+            gen.move_all(target, operands)
         elif len(arguments) == 1 and calls_something(argument):
-            held = gen.temp(parameter.size)
-            into(gen, argument, held)
-            gen.move_all(target, list(held))
+            temporary = gen.temp(parameter.size)
+            into(gen, argument, temporary)
+            gen.move_all(target, list(temporary))
         else:
             into(gen, argument, target)
     if w_number is not None:
-        done = ready[w_number]
-        if done is not None:
-            gen.load(done[0])
+        operands = ready[w_number]
+        if operands is not None:
+            gen.load(operands[0])
         else:
             _argument_to_w(gen, arguments[w_number])
 
@@ -71,9 +71,9 @@ def _argument_to_w(gen: FunctionGenerator, argument: Expr) -> None:
 
 
 def _bool_to_w(gen: FunctionGenerator, argument: Expr) -> None:
-    held = gen.temp()
-    into(gen, argument, held)
-    gen.load(held[0])
+    temporary = gen.temp()
+    into(gen, argument, temporary)
+    gen.load(temporary[0])
 
 
 def library_call(gen: FunctionGenerator, function: Function, operands: list[list[Operand]]) -> list[Loc]:
@@ -126,13 +126,13 @@ def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: l
         shift_left(gen, target, operand, bits[0])
         return True
     if len(bits) == 2 and bits[1] <= 3 and size <= 2:
-        operand = kept(gen, operands_of(gen, left, size))
-        held: list[Loc] = gen.temp(size)
-        shift_left(gen, held, operand, bits[1] - bits[0])
-        add(gen, held, list(held), operand)
+        operand = preserved(gen, operands_of(gen, left, size))
+        product: list[Loc] = gen.temp(size)
+        shift_left(gen, product, operand, bits[1] - bits[0])
+        add(gen, product, list(product), operand)
         if bits[0]:
-            shift_left(gen, held, list(held), bits[0])
-        gen.move_all(target, list(held))
+            shift_left(gen, product, list(product), bits[0])
+        gen.move_all(target, list(product))
         return True
     return False
 
@@ -153,7 +153,7 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
                 "&",
                 part,
                 operand,
-                [Imm(expr.right.value - 1 >> 8 * each & 0xFF) for each in range(size)],
+                [Imm(expr.right.value - 1 >> 8 * index & 0xFF) for index in range(size)],
             )
         if work is target:
             gen.move_all(target[size:], [Imm(0)] * (len(target) - size))
@@ -167,14 +167,14 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     holder = gen.library("divide", routines.divide(form))
     function = gen.library("sdivide", routines.divide_signed(form)) if signed else holder
     result_symbol = next(
-        each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
+        symbol for symbol in holder.own if symbol.name == ("quotient" if expr.op == "/" else "remainder")
     )
     one, two = pair(gen, expr.left, expr.right, size)
     if not _divided_already(gen, function, one, two):
         library_call(gen, function, [one, two])
         gen.division = Division(gen.function.blocks[-1].instructions[-1], one, two)
     have = min(len(target), result_symbol.size)
-    gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
+    gen.move_all(target[:have], [Byte(result_symbol, index) for index in range(have)])
     if len(target) > have:
         widen(gen, target, have, signed=signed)
 

@@ -185,9 +185,9 @@ def _equal_in_one_byte(gen: FunctionGenerator, variable: list[Operand], value: l
     """Set Z if `variable` equals `value`, of which all bytes but one are the constant 0."""
     pairs = sorted(zip(variable, value, strict=True), key=lambda one: one[1] == Imm(0))
     differ(gen, *pairs[0])
-    for each, _ in pairs[1:]:
-        assert not isinstance(each, Imm)
-        gen.emit("IORWF", each, 0)
+    for byte, _ in pairs[1:]:
+        assert not isinstance(byte, Imm)
+        gen.emit("IORWF", byte, 0)
 
 
 def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
@@ -287,9 +287,9 @@ def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) 
     """Jump on the lowest bit, which is all that a conversion to `bit` keeps."""
     byte = operands_of(gen, operand, 1)[0]
     if isinstance(byte, Imm):
-        held = gen.temp()[0]
-        gen.move_all([held], [byte])
-        byte = held
+        temporary = gen.temp()[0]
+        gen.move_all([temporary], [byte])
+        byte = temporary
     gen.goto_if(0, sense, label, bit_source(gen, byte))
 
 

@@ -106,7 +106,11 @@ def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
             here = symbol in symbols or (registers and symbol.kind == "fixed")
             return here or (index is not None and _touches(index, symbols, registers))
         case Deref(pointer):
-            return registers or any(each.pinned for each in symbols) or _touches(pointer, symbols, registers)
+            return (
+                registers
+                or any(watched.pinned for watched in symbols)
+                or _touches(pointer, symbols, registers)
+            )
         case AddressOf(target):
             return target.index is not None and _touches(target.index, symbols, registers)
         case Cast(operand) | Unary(_, operand):
@@ -114,14 +118,14 @@ def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
         case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
             return _touches(left, symbols, registers) or _touches(right, symbols, registers)
         case Choice(condition, yes, no):
-            return any(_touches(each, symbols, registers) for each in (condition, yes, no))
+            return any(_touches(part, symbols, registers) for part in (condition, yes, no))
         case Assign(target, value) | Update(_, target, value):
             return _touches(target, symbols, registers) or _touches(value, symbols, registers)
         case Call(_, arguments):
-            outside = registers or any(each.static or each.pinned for each in symbols)
-            return outside or any(_touches(each, symbols, registers) for each in arguments)
+            outside = registers or any(watched.static or watched.pinned for watched in symbols)
+            return outside or any(_touches(argument, symbols, registers) for argument in arguments)
         case Builtin(_, arguments):
-            return any(_touches(each, symbols, registers) for each in arguments)
+            return any(_touches(argument, symbols, registers) for argument in arguments)
     return True
 
 

@@ -60,9 +60,9 @@ def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
         to_w(gen, expr)
         gen.store(target[0])
     else:
-        held: list[Loc] = gen.temp(len(target))
-        _INTO[type(expr)](gen, expr, held)
-        gen.move_all(target, list(held))
+        temporary: list[Loc] = gen.temp(len(target))
+        _INTO[type(expr)](gen, expr, temporary)
+        gen.move_all(target, list(temporary))
     gen.place = before
 
 
@@ -230,9 +230,9 @@ def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> Non
         into(gen, there, target)
         return
     if there.width:
-        held: Expr = hold_value(gen, expr.value, there)
-        assign(gen, there, held)
-        into(gen, held, target)
+        stored: Expr = hold_value(gen, expr.value, there)
+        assign(gen, there, stored)
+        into(gen, stored, target)
         return
     ready: list[Loc] = gen.temp(there.type.size)
     into(gen, expr.value, ready)

@@ -30,7 +30,7 @@ from servogen.compiler.ir.instruction import STATUS, Byte, C, Loc, Z
 
 INFINITE = 0xFF
 """The exponent of infinities and of what is not a number."""
-LONGEST_SHIFT = 300
+MAX_SHIFT = 300
 """More than the rounds of any loop that moves a mantissa until its exponent is right."""
 
 
@@ -70,8 +70,8 @@ def shared(library: Library, size: int) -> Registers:
 
 def second_operand(library: Library, size: int) -> list[Loc]:
     """Return where the routines with two operands find the second one."""
-    other = next(each for each in library("float_unpack", (size,)).own if each.name == "other")
-    return [Byte(other, each) for each in range(size)]
+    other = next(symbol for symbol in library("float_unpack", (size,)).own if symbol.name == "other")
+    return [Byte(other, index) for index in range(size)]
 
 
 def _returns_value(gen: InstructionBuilder, registers: Registers) -> None:
@@ -122,16 +122,16 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     r = shared(library, size)
     _returns_value(gen, r)
     small, right, left, normal, compose, put = (
-        gen.new_label(each) for each in ("small", "right", "left", "normal", "compose", "put")
+        gen.new_label(name) for name in ("small", "right", "left", "normal", "compose", "put")
     )
     infinite, in_range = gen.new_label("infinite"), gen.new_label("in_range")
     _skip_unless_zero(gen, [*r.mantissa, r.guard])
     gen.goto(compose)
     gen.label(small)
-    gen.function.bounds[small] = LONGEST_SHIFT
+    gen.function.bounds[small] = MAX_SHIFT
     gen.goto_if(7, False, in_range, r.high)
     gen.label(right)
-    gen.function.bounds[right] = LONGEST_SHIFT
+    gen.function.bounds[right] = MAX_SHIFT
     one_right(gen, [r.guard, *r.mantissa], signed=False)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
@@ -144,7 +144,7 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.emit("MOVF", r.exponent, 1)
     gen.goto_if(Z, True, right)
     gen.label(left)
-    gen.function.bounds[left] = LONGEST_SHIFT
+    gen.function.bounds[left] = MAX_SHIFT
     gen.goto_if(7, True, normal, r.top)
     gen.emit("DECF", r.exponent, 0)
     gen.goto_if(Z, True, compose)
@@ -155,8 +155,8 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.emit("INCFSZ", r.exponent, 0)
     gen.goto(compose)
     gen.label(infinite)
-    for each in [r.guard, *r.mantissa]:
-        gen.emit("CLRF", each)
+    for byte in [r.guard, *r.mantissa]:
+        gen.emit("CLRF", byte)
     _put(gen, r.exponent, INFINITE)
     gen.goto(put)
     gen.label(compose)
@@ -175,8 +175,8 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.skip_if(C, True)
     gen.emit("RETURN")
     # a carry out of the mantissa makes the exponent one larger: the next value, be it normal or infinite
-    for each in r.value[:-1]:
-        gen.emit("INCF", each, 1)
+    for byte in r.value[:-1]:
+        gen.emit("INCF", byte, 1)
         gen.skip_if(Z, False)
     gen.emit("INCF", r.exponent, 1)
     gen.emit("RETURN")
@@ -279,7 +279,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
         gen.move(one[-1], two[-1])
         gen.label(after)
     gen.label(align)
-    gen.function.bounds[align] = LONGEST_SHIFT
+    gen.function.bounds[align] = MAX_SHIFT
     gen.load(other[-1])
     gen.emit("SUBWF", r.exponent, 0)
     gen.goto_if(Z, True, aligned)
@@ -328,8 +328,8 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     r, other = shared(library, size), second_operand(library, size)
     packing, nan = _begin(gen, size, library)
     multiplier = [*low, r.guard]
-    loop, skip, normalise, done, zero, infinite = (
-        gen.new_label(each) for each in ("loop", "skip", "normalise", "done", "zero", "infinite")
+    loop, skip, normalise, normalised, zero, infinite = (
+        gen.new_label(name) for name in ("loop", "skip", "normalise", "done", "zero", "infinite")
     )
     for operand in (r.value, other):
         _skip_unless_zero(gen, operand[:-1])
@@ -352,18 +352,18 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     gen.goto_if(0, False, skip, multiplier[0])
     add(gen, r.mantissa, list(r.mantissa), list(other[:-1]))
     gen.label(skip)
-    for each in reversed([*multiplier, *r.mantissa]):
-        gen.emit("RRF", each, 1)
+    for byte in reversed([*multiplier, *r.mantissa]):
+        gen.emit("RRF", byte, 1)
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
     gen.label(normalise)
     gen.function.bounds[normalise] = 16 * size
-    gen.goto_if(7, True, done, r.top)
+    gen.goto_if(7, True, normalised, r.top)
     one_left(gen, [*multiplier, *r.mantissa])
     gen.emit("MOVLW", k=1)
     _subtract_exponent(gen, r)
     gen.goto(normalise)
-    gen.label(done)
+    gen.label(normalised)
     _skip_unless_zero(gen, low)
     gen.goto(packing)
     gen.emit("BSF", r.guard, b=0)
@@ -373,8 +373,8 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     gen.skip_if(Z, True)
     gen.emit("COMF", other[-1], 0)
     gen.goto_if(Z, True, nan)
-    for each in r.mantissa:
-        gen.emit("CLRF", each)
+    for byte in r.mantissa:
+        gen.emit("CLRF", byte)
     gen.goto(packing)
     gen.label(infinite)
     _put(gen, r.exponent, INFINITE)
@@ -390,7 +390,7 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     packing, nan = _begin(gen, size, library)
     divisor = other[:-1]
     names = ("finite", "infinite", "no_dividend", "zero", "scale", "loop", "take", "bit", "done", "start")
-    finite, infinite, no_dividend, zero, scale, loop, take, bit, done, start = map(gen.new_label, names)
+    finite, infinite, no_dividend, zero, scale, loop, take, bit, complete, start = map(gen.new_label, names)
     gen.emit("COMF", r.exponent, 0)
     gen.goto_if(Z, False, finite)
     gen.emit("COMF", other[-1], 0)
@@ -403,8 +403,8 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     _skip_unless_zero(gen, divisor)
     gen.goto(nan)
     gen.label(zero)
-    for each in r.mantissa:
-        gen.emit("CLRF", each)
+    for byte in r.mantissa:
+        gen.emit("CLRF", byte)
     gen.goto(packing)
     gen.label(finite)
     gen.emit("COMF", other[-1], 0)
@@ -437,15 +437,15 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     subtract(gen, rest, list(rest), list(divisor))
     gen.emit("BSF", STATUS, b=C)
     gen.label(bit)
-    for each in (r.guard, *r.mantissa):
-        gen.emit("RLF", each, 1)
+    for byte in (r.guard, *r.mantissa):
+        gen.emit("RLF", byte, 1)
     gen.emit("MOVLW", k=1)
     _subtract_exponent(gen, r)
-    gen.goto_if(7, True, done, r.top)
+    gen.goto_if(7, True, complete, r.top)
     one_left(gen, rest)
     gen.goto_if(C, True, take)
     gen.goto(loop)
-    gen.label(done)
+    gen.label(complete)
     _skip_unless_zero(gen, rest)
     gen.goto(packing)
     gen.emit("BSF", r.guard, b=0)
@@ -508,13 +508,13 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.emit("SUBWF", count, 1)
     gen.goto_if(C, True, left)
     gen.label(right)
-    gen.function.bounds[right] = LONGEST_SHIFT
+    gen.function.bounds[right] = MAX_SHIFT
     one_right(gen, mantissa, signed=False)
     gen.emit("INCFSZ", count, 1)
     gen.goto(right)
     gen.goto(signed)
     gen.label(left)
-    gen.function.bounds[left] = LONGEST_SHIFT
+    gen.function.bounds[left] = MAX_SHIFT
     gen.emit("MOVF", count, 1)
     gen.goto_if(Z, True, signed)
     one_left(gen, integer)
@@ -554,16 +554,16 @@ def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library
         gen.label(positive)
     _put(gen, r.exponent, FLOAT_BIAS + 8 * integer_bytes - 1)
     if extra:
-        loop, done = gen.new_label("loop"), gen.new_label("done")
+        loop, normalised = gen.new_label("loop"), gen.new_label("done")
         _skip_unless_zero(gen, places)
         gen.goto(packing)
         gen.label(loop)
         gen.function.bounds[loop] = 8 * integer_bytes
-        gen.goto_if(7, True, done, r.top)
+        gen.goto_if(7, True, normalised, r.top)
         one_left(gen, places)
         gen.emit("DECF", r.exponent, 1)
         gen.goto(loop)
-        gen.label(done)
+        gen.label(normalised)
         _skip_unless_zero(gen, extra)
         gen.goto(packing)
         gen.emit("BSF", r.guard, b=0)
@@ -586,25 +586,25 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     root = [r.guard, *r.mantissa]
     bits = 8 * (size - 1) + 2
     finite, normalise, ready, start, loop, smaller = (
-        gen.new_label(each) for each in ("finite", "normalise", "ready", "start", "loop", "smaller")
+        gen.new_label(name) for name in ("finite", "normalise", "ready", "start", "loop", "smaller")
     )
     gen.load(r.exponent)
     gen.emit("ANDLW", k=0x7F)
-    for each in r.mantissa:
-        gen.emit("IORWF", each, 0)
+    for byte in r.mantissa:
+        gen.emit("IORWF", byte, 0)
     gen.skip_if(Z, False)
     gen.emit("RETURN")  # the root of a zero is that zero
     gen.goto_if(7, True, nan, r.exponent)
-    for each in (r.guard, r.high, r.sign):
-        gen.emit("CLRF", each)
+    for byte in (r.guard, r.high, r.sign):
+        gen.emit("CLRF", byte)
     gen.emit("RLF", r.top, 0)
     gen.emit("RLF", r.exponent, 1)
     gen.emit("COMF", r.exponent, 0)
     gen.goto_if(Z, False, finite)
     gen.load(r.top)
     gen.emit("ANDLW", k=0x7F)
-    for each in r.mantissa[:-1]:
-        gen.emit("IORWF", each, 0)
+    for byte in r.mantissa[:-1]:
+        gen.emit("IORWF", byte, 0)
     gen.goto_if(Z, False, nan)
     gen.goto(packing)
     gen.label(finite)
@@ -626,8 +626,8 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     for target, source in zip(radicand, r.mantissa, strict=True):
         gen.move(target, source)
         gen.emit("CLRF", source)
-    for each in rest:
-        gen.emit("CLRF", each)
+    for byte in rest:
+        gen.emit("CLRF", byte)
     # half the exponent; its lowest bit, now in `high`, says that the radicand counts twice
     gen.emit("RRF", r.high, 1)
     gen.emit("RRF", r.exponent, 1)
@@ -652,14 +652,14 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
         gen.emit("RLF", source, 0)
         gen.store(target)
     gen.emit("BSF", STATUS, b=C)
-    for each in trial:
-        gen.emit("RLF", each, 1)
+    for byte in trial:
+        gen.emit("RLF", byte, 1)
     compare_bytes(gen, list(rest), list(trial))
     gen.goto_if(C, False, smaller)
     subtract(gen, rest, list(rest), list(trial))
     gen.label(smaller)
-    for each in root:
-        gen.emit("RLF", each, 1)
+    for byte in root:
+        gen.emit("RLF", byte, 1)
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
     gen.emit("MOVLW", k=8 * size - bits)

@@ -71,9 +71,9 @@ def _evaluate_into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> Non
     if not calls_something(expr) or _is_operation(expr):
         into(gen, expr, target)
         return
-    held: list[Loc] = gen.temp(len(target))
-    into(gen, expr, held)
-    gen.move_all(target, list(held))
+    temporary: list[Loc] = gen.temp(len(target))
+    into(gen, expr, temporary)
+    gen.move_all(target, list(temporary))
 
 
 def _is_operation(expr: Expr) -> bool:
@@ -96,10 +96,10 @@ def _binary(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
         _evaluate_into(gen, second, place_of_second)
         into(gen, first, place_of_first)
     else:
-        held: list[Loc] = gen.temp(size)
-        into(gen, first, held)
+        temporary: list[Loc] = gen.temp(size)
+        into(gen, first, temporary)
         _evaluate_into(gen, second, place_of_second)
-        gen.move_all(place_of_first, list(held))
+        gen.move_all(place_of_first, list(temporary))
     if expr.name == "float_subtract":
         gen.emit("MOVLW", k=0x80)
         gen.emit("XORWF", place_of_second[-1], 1)

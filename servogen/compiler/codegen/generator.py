@@ -88,23 +88,23 @@ class Division:
         pointer, a write to an operand. A write to an element of an array changes nothing else.
         """
         operands = [*self.dividend, *self.divisor]
-        variables = [each.symbol for each in operands if isinstance(each, Byte)]
-        if any(isinstance(each, Reg) for each in operands):
+        variables = [operand.symbol for operand in operands if isinstance(operand, Byte)]
+        if any(isinstance(operand, Reg) for operand in operands):
             return False
-        if any(each.volatile or each.kind == "fixed" for each in variables):
+        if any(symbol.volatile or symbol.kind == "fixed" for symbol in variables):
             return False
-        element_written = False  # through FSR, further down than `each`
+        element_written = False  # through FSR, further down than `ins`
         for number in range(len(instructions) - 1, -1, -1):
-            each = instructions[number]
-            if each is self.call:
+            ins = instructions[number]
+            if ins is self.call:
                 return not element_written
-            if each.fixed or each.op in ("CALL", DELAY):
+            if ins.fixed or ins.op in ("CALL", DELAY):
                 return False
-            if each.writes_f and each.f in operands:
+            if ins.writes_f and ins.f in operands:
                 return False
-            if each.writes_f and each.f == INDF:
+            if ins.writes_f and ins.f == INDF:
                 element_written = True
-            elif each.writes_f and each.f == FSR and element_written:
+            elif ins.writes_f and ins.f == FSR and element_written:
                 array = _indexed(instructions[:number])
                 if array is None or array.kind == "fixed" or array in variables:
                     return False

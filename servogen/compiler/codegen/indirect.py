@@ -21,11 +21,11 @@ def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
         return target
     if isinstance(target, Deref) and is_direct(gen, target.pointer) and not has_effect(target.pointer):
         return target
-    held = gen.temp()
+    address = gen.temp()
     address_to_w(gen, target)
-    gen.store(held[0])
-    assert isinstance(held[0], Byte)
-    pointer = Ref(held[0].symbol, 0, None, PointerType(U8), target.place)
+    gen.store(address[0])
+    assert isinstance(address[0], Byte)
+    pointer = Ref(address[0].symbol, 0, None, PointerType(U8), target.place)
     return Deref(pointer, 0, target.type, target.place, target.bit, target.width)
 
 
@@ -109,7 +109,7 @@ def bit_source(gen: FunctionGenerator, loc: Loc) -> Loc:
     switch can follow a skip.
     """
     if isinstance(loc, Reg) and loc.address & 0x80:
-        held = gen.temp()[0]
-        gen.move(held, loc)
-        return held
+        copy = gen.temp()[0]
+        gen.move(copy, loc)
+        return copy
     return loc

@@ -197,12 +197,12 @@ def _is_same(expr: object, variable: Ref) -> bool:
 def _is_entered_in_the_middle(body: BlockStatement) -> bool:
     """Return whether a `goto`, assembly or a `case` may lead into a loop."""
     below = list(nodes(body))
-    if any(isinstance(each, (Asm, LabelStmt)) for each in below):
+    if any(isinstance(node, (Asm, LabelStmt)) for node in below):
         return True
-    for loop in [each for each in below if isinstance(each, Loop)]:
+    for loop in [node for node in below if isinstance(node, Loop)]:
         inside = list(nodes(loop.body))
-        own = {id(label) for each in inside if isinstance(each, Switch) for label in _labels(each)}
-        if any(isinstance(each, CaseLabel) and id(each) not in own for each in inside):
+        own = {id(label) for node in inside if isinstance(node, Switch) for label in _labels(node)}
+        if any(isinstance(node, CaseLabel) and id(node) not in own for node in inside):
             return True
     return False
 
@@ -231,10 +231,10 @@ def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
         return False
     assert function.body is not None
     own: set[int] = set()
-    for block in [each for each in nodes(function.body) if isinstance(each, BlockStatement)]:
+    for block in [node for node in nodes(function.body) if isinstance(node, BlockStatement)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             if isinstance(before, ExprStmt) and isinstance(loop, Loop) and _assigns(before.expr, symbol):
-                if loop is not counting.loop and any(each is counting.loop for each in nodes(loop)):
+                if loop is not counting.loop and any(node is counting.loop for node in nodes(loop)):
                     return False
                 own |= _uses(before, symbol) | _uses(loop, symbol)
     return _uses(function.body, symbol) <= own

@@ -32,9 +32,9 @@ def operands_of(gen: FunctionGenerator, expr: Expr, size: int) -> list[Operand]:
         case Cast(operand) if not isinstance(expr.type, (IntType, VoidType)) and operand.type.scalar:
             return extended(gen, _pointer_cast(gen, expr), expr, size)
     need = min(size, expr.type.size, width_of(*interval(expr))[0])
-    held: list[Loc] = gen.temp(need)
-    gen.lower.into(gen, expr, held)
-    return extended(gen, list(held), expr, size)
+    temporary: list[Loc] = gen.temp(need)
+    gen.lower.into(gen, expr, temporary)
+    return extended(gen, list(temporary), expr, size)
 
 
 def _pointer_cast(gen: FunctionGenerator, expr: Cast) -> list[Operand]:
@@ -100,22 +100,22 @@ def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[li
         return a, operands_of(gen, right, size)
     b_first = not has_effect(left) and not calls_something(left)
     if b_first:
-        b = kept(gen, operands_of(gen, right, size))
+        b = preserved(gen, operands_of(gen, right, size))
         return operands_of(gen, left, size), b
-    a = kept(gen, operands_of(gen, left, size))
+    a = preserved(gen, operands_of(gen, left, size))
     return a, operands_of(gen, right, size)
 
 
-def kept(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
+def preserved(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
     """Return operands in which variables are replaced by copies, so that nothing can change them."""
     variables = [
         operand for operand in operands if not isinstance(operand, Imm) and not _is_temp(gen, operand)
     ]
     if not variables:
         return operands
-    held: list[Loc] = gen.temp(len(operands))
-    gen.move_all(held, operands)
-    return list(held)
+    copies: list[Loc] = gen.temp(len(operands))
+    gen.move_all(copies, operands)
+    return list(copies)
 
 
 def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
@@ -125,10 +125,10 @@ def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
 def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) -> list[Operand]:
     """Return operands of which no byte is a target byte at another position."""
     for number, operand in enumerate(operands):
-        if any(operand == t and at != number for at, t in enumerate(target)):
-            held: list[Loc] = gen.temp(len(operands))
-            gen.move_all(held, operands)
-            return list(held)
+        if any(operand == t and position != number for position, t in enumerate(target)):
+            copies: list[Loc] = gen.temp(len(operands))
+            gen.move_all(copies, operands)
+            return list(copies)
     return operands
 
 

@@ -93,10 +93,10 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
         to_w(gen, in_w)
         gen.emit(mnemonic, operands_of(gen, in_memory, 1)[0], 0)  # type: ignore[arg-type]
         return
-    held = gen.temp()[0]
-    gen.lower.into(gen, left, [held])
+    temporary = gen.temp()[0]
+    gen.lower.into(gen, left, [temporary])
     to_w(gen, right)
-    gen.emit(mnemonic, held, 0)
+    gen.emit(mnemonic, temporary, 0)
 
 
 def _w_constant(gen: FunctionGenerator, op: str, value: int | AddressByte) -> None:
@@ -175,24 +175,24 @@ def right_shift(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None
 def _variable_shift(
     gen: FunctionGenerator, expr: Binary, target: list[Loc], size: int, *, left: bool, signed: bool
 ) -> None:
-    held: list[Loc] = gen.temp(size)
+    shifted: list[Loc] = gen.temp(size)
     count = gen.temp()[0]
     if has_effect(expr.left) or calls_something(expr.right) or has_effect(expr.right):
         a, b = pair(gen, expr.left, expr.right, size)
         gen.move(count, b[0])
-        gen.move_all(held, a)
+        gen.move_all(shifted, a)
     else:
         gen.lower.into(gen, expr.right, [count])
-        gen.lower.into(gen, expr.left, held)
+        gen.lower.into(gen, expr.left, shifted)
     loop, end = gen.new_label(), gen.new_label()
     gen.emit("MOVF", count, 1)
     gen.goto_if(Z, True, end)
     gen.label(loop)
     if left:
-        one_left(gen, held)
+        one_left(gen, shifted)
     else:
-        one_right(gen, held, signed=signed)
+        one_right(gen, shifted, signed=signed)
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
     gen.label(end)
-    gen.move_all(target, list(held))
+    gen.move_all(target, list(shifted))

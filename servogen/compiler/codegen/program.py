@@ -64,11 +64,11 @@ class ProgramGenerator:
             generate(generator)
         except RecursionError:
             raise self.reporter.too_deep(generator.place or definition.place) from None
-        made = sum(each.size for each in self.functions.values())
-        if made > INSTRUCTIONS:
+        size = sum(function.size for function in self.functions.values())
+        if size > INSTRUCTIONS:
             raise self.reporter.fatal(
                 "program-too-large",
-                f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
+                f"the program has {size} instructions up to here, the chip has {PROGRAM_WORDS} words",
                 definition.place,
             )
 

@@ -65,8 +65,8 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     product = variable(gen, "product", size)
     assert isinstance(product[0], Byte)
     gen.function.result = product[0].symbol
-    for each in product:
-        gen.emit("CLRF", each)
+    for byte in product:
+        gen.emit("CLRF", byte)
     loop, no_add = gen.new_label(), gen.new_label()
     gen.function.bounds[loop] = 8 * factor
     gen.label(loop)
@@ -76,8 +76,8 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.label(no_add)
     one_left(gen, a)
     gen.load(b[0])
-    for each in b[1:]:
-        gen.emit("IORWF", each, 0)
+    for byte in b[1:]:
+        gen.emit("IORWF", byte, 0)
     gen.goto_if(Z, False, loop)
     gen.emit("RETURN")
 
@@ -143,9 +143,9 @@ def divide_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Librar
     *unsigned, negative_divisor = key
     inner = library("divide", tuple(unsigned))
     dividend, divisor = inner.parameters
-    remainder = next(each for each in inner.own if each.name == "remainder")
+    remainder = next(symbol for symbol in inner.own if symbol.name == "remainder")
     a, b, rest = (
-        [Byte(symbol, each) for each in range(symbol.size)] for symbol in (dividend, divisor, remainder)
+        [Byte(symbol, index) for index in range(symbol.size)] for symbol in (dividend, divisor, remainder)
     )
     gen.function.parameters = [dividend, divisor]
     signs = variable(gen, "signs", 1)[0]
@@ -189,44 +189,44 @@ def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
     return at once.
     """
     (unit,) = key
-    least = least_units(unit)
-    gen.emit("ADDLW", k=-least)
+    minimum = min_units(unit)
+    gen.emit("ADDLW", k=-minimum)
     gen.skip_if(C, True)
     gen.emit("RETURN")
     loop = gen.new_label()
-    gen.function.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
+    gen.function.bounds[loop] = (255 - minimum >> {1: 2, 2: 1}.get(unit, 0)) + 1
     if unit in (1, 2):
-        held = variable(gen, "count", 1)[0]
-        gen.store(held)
+        count = variable(gen, "count", 1)[0]
+        gen.store(count)
         bits = (0, 1, 1) if unit == 1 else (0, 0)
         for bit in bits:  # two cycles when the bit is 0, three when it is 1
             after = gen.new_label()
-            gen.goto_if(bit, True, after, held)
+            gen.goto_if(bit, True, after, count)
             gen.label(after)
         if unit == 1:
-            gen.emit("RRF", held, 1)
-            gen.emit("RRF", held, 0)
+            gen.emit("RRF", count, 1)
+            gen.emit("RRF", count, 0)
             gen.emit("ANDLW", k=0x3F)
         else:
             gen.emit("NOP")
-            gen.emit("RRF", held, 0)
+            gen.emit("RRF", count, 0)
             gen.emit("ANDLW", k=0x7F)
         _count_w(gen, loop)
     elif unit == 4:
         _count_w(gen, loop)
     else:
-        held = variable(gen, "count", 1)[0]
-        gen.store(held)
-        gen.emit("INCF", held, 1)
+        count = variable(gen, "count", 1)[0]
+        gen.store(count)
+        gen.emit("INCF", count, 1)
         if unit == 3:
             gen.label(loop)
-            gen.emit("DECFSZ", held, 1)
+            gen.emit("DECFSZ", count, 1)
             gen.goto(loop)
         else:
             body = gen.new_label()
-            gen.delay(unit * least - 12)
+            gen.delay(unit * minimum - 12)
             gen.label(loop)
-            gen.emit("DECFSZ", held, 1)
+            gen.emit("DECFSZ", count, 1)
             gen.goto(body)
             gen.emit("RETURN")
             gen.label(body)
@@ -244,7 +244,7 @@ def _count_w(gen: InstructionBuilder, loop: str) -> None:
     gen.goto_if(Z, False, loop)
 
 
-def least_units(unit: int) -> int:
+def min_units(unit: int) -> int:
     """Return the minimum argument for which a variable delay with steps of `unit` cycles is exact."""
     return {1: 22, 2: 10, 3: 4, 4: 3}.get(unit, -(-12 // unit))
 

@@ -169,13 +169,13 @@ def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:
     SWAPF moves STATUS without changing its flags. Bank 0 is selected for the function itself.
     """
 
-    def kept(name: str) -> Byte:
+    def context_byte(name: str) -> Byte:
         symbol = Symbol(f"saved_{name}", U8, "temp", function=function.name, pinned=True)
         function.own.append(symbol)
         return Byte(symbol, 0)
 
     # the bank is unknown on entry, which is harmless: RAM is the same in both
-    w, status = kept("w"), kept("status")
+    w, status = context_byte("w"), context_byte("status")
     before = [
         Instruction("MOVWF", w),
         Instruction("SWAPF", STATUS, 0),
@@ -191,9 +191,9 @@ def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:
     ]
     for register, wanted in ((FSR, fsr), (PCLATH, pclath)):
         if wanted:
-            held = kept("fsr" if register == FSR else "pclath")
-            before += [Instruction("MOVF", register, 0), Instruction("MOVWF", held)]
-            after = [Instruction("MOVF", held, 0), Instruction("MOVWF", register), *after]
+            saved = context_byte("fsr" if register == FSR else "pclath")
+            before += [Instruction("MOVF", register, 0), Instruction("MOVWF", saved)]
+            after = [Instruction("MOVF", saved, 0), Instruction("MOVWF", register), *after]
     for ins in (*before, *after):
         ins.fixed = True
     body = list(function.lines())

@@ -35,7 +35,7 @@ from servogen.compiler.codegen.effects import width_of
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.inline_asm import assemble_line, program_label
-from servogen.compiler.codegen.operands import kept, operands_of
+from servogen.compiler.codegen.operands import operands_of, preserved
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function, LoopLines
 from servogen.compiler.ir.instruction import Byte, Imm, Z
@@ -133,9 +133,9 @@ def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
     """Record the location of a loop, so that the listing can name loops without a known bound."""
     places = [
         node.place,
-        *(each.place for each in islice(gen.function.instructions(), start, None) if each.place is not None),
+        *(ins.place for ins in islice(gen.function.instructions(), start, None) if ins.place is not None),
     ]
-    inside = [(each.line or 0, each.column or 0) for each in places]
+    inside = [(place.line or 0, place.column or 0) for place in places]
     gen.function.loops.append(LoopLines(node.kind, min(inside), max(inside)))
 
 
@@ -172,7 +172,7 @@ def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
             gen.goto_if(Z, True, gen.case_labels[label])
             before = value
         return
-    operands = kept(gen, operands_of(gen, node.value, size))
+    operands = preserved(gen, operands_of(gen, node.value, size))
     for value, label in possible:
         other = gen.new_label()
         for number, operand in enumerate(operands):
@@ -218,8 +218,8 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
                 and node.value.type.is_bool
                 and not isinstance(node.value, Num)
             ):
-                into(gen, node.value, held := gen.temp())
-                gen.load(held[0])
+                into(gen, node.value, temporary := gen.temp())
+                gen.load(temporary[0])
             else:
                 to_w(gen, node.value)
         else:

@@ -15,7 +15,7 @@ from servogen.compiler.codegen.arithmetic import add, count_up, imms
 from servogen.compiler.codegen.calls import library_call
 from servogen.compiler.codegen.expressions import into
 from servogen.compiler.codegen.generator import FunctionGenerator
-from servogen.compiler.codegen.operands import kept, negative_possible, operands_of, widen
+from servogen.compiler.codegen.operands import negative_possible, operands_of, preserved, widen
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import (
     PCL,
@@ -66,8 +66,8 @@ def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Sy
         if isinstance(byte, AddressByte)
     ]
     for name, symbol in called.items():
-        held = Symbol("index", U8, "temp", function=name)
-        functions[name] = Function(name, own=[held], table=symbol, w_parameter=held)
+        index = Symbol("index", U8, "temp", function=name)
+        functions[name] = Function(name, own=[index], table=symbol, w_parameter=index)
         tables.setdefault(symbol, data_label(name))
         waiting += pointed_to(symbol)
     while waiting:
@@ -101,19 +101,23 @@ def table_code(function: Function, address: int, *, only_first_page: bool) -> li
     last = address + len(data)
     if only_first_page:
         return [Instruction("ADDWF", PCL, 1), label, *data] if last < _PAGE else None
-    held = Byte(function.w_parameter, 0)
+    index_byte = Byte(function.w_parameter, 0)
     # The jump into the data is five words long; eight where the data cross a page of 256 words, because the
     # carry of index + start is then added to PCLATH. ADDWF PCL alone would lose it.
     start = address + 5
     crosses = start // _PAGE != (start + len(data) - 1) // _PAGE
     start = address + 8 if crosses else start
-    front = [Instruction("MOVWF", held), Instruction("MOVLW", k=start // _PAGE), Instruction("MOVWF", PCLATH)]
+    front = [
+        Instruction("MOVWF", index_byte),
+        Instruction("MOVLW", k=start // _PAGE),
+        Instruction("MOVWF", PCLATH),
+    ]
     if not crosses:
-        return [*front, Instruction("MOVF", held, 0), Instruction("ADDWF", PCL, 1), label, *data]
+        return [*front, Instruction("MOVF", index_byte, 0), Instruction("ADDWF", PCL, 1), label, *data]
     return [
         *front,
         Instruction("MOVLW", k=start % _PAGE),
-        Instruction("ADDWF", held, 0),
+        Instruction("ADDWF", index_byte, 0),
         Instruction("BTFSC", STATUS, b=C),
         Instruction("INCF", PCLATH, 1),
         Instruction("MOVWF", PCL),
@@ -124,15 +128,15 @@ def table_code(function: Function, address: int, *, only_first_page: bool) -> li
 
 def flash_byte(gen: FunctionGenerator, expr: Ref) -> None:
     """Load one byte of a table into W."""
-    held = _flash_index(gen, expr)
-    _flash_call(gen, expr.symbol, held, 0)
+    index = _flash_index(gen, expr)
+    _flash_call(gen, expr.symbol, index, 0)
 
 
 def _flash_index(gen: FunctionGenerator, expr: Ref) -> list[Operand]:
     """Return the index of a byte in its table: one operand byte, or two for large tables."""
     size = 1 if expr.symbol.size <= 256 else 2
     if expr.index is None:
-        return [Imm(expr.offset >> 8 * each & 0xFF) for each in range(size)]
+        return [Imm(expr.offset >> 8 * number & 0xFF) for number in range(size)]
     index = expr.index
     if expr.offset:
         kind = index.type
@@ -163,7 +167,7 @@ def from_flash(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
     size = min(len(target), expr.type.size)
     index = _flash_index(gen, expr)
     if size > 1:
-        index = kept(gen, index)
+        index = preserved(gen, index)
     for number in range(size):
         _flash_call(gen, expr.symbol, index, number)
         gen.store(target[number])

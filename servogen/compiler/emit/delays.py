@@ -31,13 +31,13 @@ from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, L
 _CALL_AND_RETURN = 4
 _GOTO = 2
 _OUTER_TURN = 1026
-_MOST_TURNS = 3
+_MAX_TURNS = 3
 """Outer counters, the most frequent ones, for which a routine that sets them is tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A way into a shared loop: how many counters it has, and the outer one's value if a routine sets it."""
+    """An entry into a shared loop: its counters, and the outer one's value where a routine sets it."""
 
     counters: int
     turns: int = 0
@@ -60,7 +60,7 @@ class _Entry:
 
     @property
     def site_words(self) -> int:
-        """Return the words of each delay that goes this way."""
+        """Return the words of each delay that uses this entry."""
         return 4 if self == _TWO else 2
 
     def fit(self, cycles: int) -> tuple[int, int, int] | None:
@@ -85,7 +85,7 @@ _ONE, _TWO = _Entry(1), _Entry(2)
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
+class _Route:
     """How delays of one length are implemented: by a shared loop or not, in a routine of their own or not."""
 
     entry: _Entry | None = None
@@ -106,19 +106,19 @@ class _Way:
         if self.entry is None:
             if inside < 0:
                 return None
-            each, nops = plan(inside).words + self.own, 0
+            words, nops = plan(inside).words + self.own, 0
         else:
-            found = self.entry.fit(inside)
-            if found is None:
+            fitted = self.entry.fit(inside)
+            if fitted is None:
                 return None
-            each, nops = self.entry.site_words, found[-1]
-        return (times + each if self.own else times * each), nops
+            words, nops = self.entry.site_words, fitted[-1]
+        return (times + words if self.own else times * words), nops
 
 
-_IN_PLACE = _Way()
+_IN_PLACE = _Route()
 
-_Costs = dict[int, list[tuple[int, int, _Way]]]
-"""(words, NOPs, way) of each way that reaches, by length."""
+_Costs = dict[int, list[tuple[int, int, _Route]]]
+"""(words, NOPs, route) of each route that can produce a delay, by its length."""
 
 
 @dataclass(slots=True)
@@ -127,7 +127,7 @@ class _Choice:
 
     words: int = 0
     merged: bool = True
-    ways: dict[int, _Way] = field(default_factory=dict)
+    routes: dict[int, _Route] = field(default_factory=dict)
     """By length; all others are expanded in place."""
     nops: dict[_Entry, int] = field(default_factory=dict)
     """The entries that are used, and how many NOPs precede each."""
@@ -157,7 +157,7 @@ def expand_delays(
                 for size in range(len(entries) + 1)
                 for used in combinations(entries, size)
             ]
-        best = min(options, key=lambda each: each.words)
+        best = min(options, key=lambda choice: choice.words)
         loops = _shared(best, suffix)
         for function in group:
             if function in with_room:
@@ -169,35 +169,35 @@ def expand_delays(
 
 def _lengths(function: Function, *, merged: bool) -> list[int]:
     """Return the delays of a function, with neighbours merged or each by itself."""
-    found: list[int] = []
+    lengths: list[int] = []
     before = False
     for ins in function.lines():
         if isinstance(ins, Instruction) and ins.op == DELAY:
             assert isinstance(ins.k, int)
             if before and merged:
-                found[-1] += ins.k
+                lengths[-1] += ins.k
             else:
-                found.append(ins.k)
+                lengths.append(ins.k)
         before = isinstance(ins, Instruction) and ins.op == DELAY
-    return found
+    return lengths
 
 
 def _entries(counts: Counter[int]) -> list[_Entry]:
     """Return the entries to try."""
     turns: Counter[int] = Counter()
     for cycles, times in counts.items():
-        found = _TWO.fit(cycles)
-        if found is not None:
-            turns[found[1]] += times
-    frequent = [_Entry(2, count) for count, times in turns.most_common(_MOST_TURNS) if times > 1]
+        fitted = _TWO.fit(cycles)
+        if fitted is not None:
+            turns[fitted[1]] += times
+    frequent = [_Entry(2, count) for count, times in turns.most_common(_MAX_TURNS) if times > 1]
     return [_ONE, _TWO, *frequent] if counts else []
 
 
 def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
-    """Return what the delays of each length cost, by the ways that reach."""
-    ways = [_Way(entry, own) for own in (True, False) for entry in (None, *entries)]
+    """Return what the delays of each length cost by each route that can produce them."""
+    routes = [_Route(entry, own) for own in (True, False) for entry in (None, *entries)]
     return {
-        cycles: [(*cost, way) for way in ways if (cost := way.cost(cycles, times)) is not None]
+        cycles: [(*cost, route) for route in routes if (cost := route.cost(cycles, times)) is not None]
         for cycles, times in counts.items()
     }
 
@@ -205,17 +205,17 @@ def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
 def _choose(costs: _Costs, used: Sequence[_Entry], *, merged: bool) -> _Choice:
     """Return the cheapest implementation of each length, given these entries; `words` is the total."""
     choice = _Choice(merged=merged)
-    for cycles, ways in costs.items():
-        words, nops, way = min(
-            (each for each in ways if each[2].entry is None or each[2].entry in used),
-            key=lambda each: each[0],
+    for cycles, priced in costs.items():
+        words, nops, route = min(
+            (row for row in priced if row[2].entry is None or row[2].entry in used),
+            key=lambda row: row[0],
         )
         choice.words += words
-        if way != _IN_PLACE:
-            choice.ways[cycles] = way
-        if way.entry is not None:
-            choice.nops[way.entry] = max(choice.nops.get(way.entry, 0), nops)
-            if way.entry.turns:
+        if route != _IN_PLACE:
+            choice.routes[cycles] = route
+        if route.entry is not None:
+            choice.nops[route.entry] = max(choice.nops.get(route.entry, 0), nops)
+            if route.entry.turns:
                 choice.nops.setdefault(_TWO, 0)
     choice.words += sum(entry.words + nops for entry, nops in choice.nops.items())
     return choice
@@ -279,13 +279,15 @@ def _expand(
         while choice.merged and number < len(lines) and (more := _cycles(lines[number])) is not None:
             cycles += more
             number += 1
-        made = _made(function, cycles, choice, loops, suffix, functions, f"{function.name}.delay{number}")
-        for each in made:
-            each.place = first.place
-        inside = [each for each in made if isinstance(each, Instruction)]
+        expansion = _implementation(
+            function, cycles, choice, loops, suffix, functions, f"{function.name}.delay{number}"
+        )
+        for line in expansion:
+            line.place = first.place
+        inside = [line for line in expansion if isinstance(line, Instruction)]
         if len(inside) > 2:
             function.delays.append((inside[0], inside[-1]))
-        out += made
+        out += expansion
     function.replace(out)
 
 
@@ -294,7 +296,7 @@ def _cycles(line: Line) -> int | None:
     return line.k if isinstance(line, Instruction) and line.op == DELAY and isinstance(line.k, int) else None
 
 
-def _made(
+def _implementation(
     function: Function,
     cycles: int,
     choice: _Choice,
@@ -304,52 +306,52 @@ def _made(
     label: str,
 ) -> Sequence[Line]:
     """Return the instructions of one delay, and create the routine for its length if it has one."""
-    way = choice.ways.get(cycles, _IN_PLACE)
-    if way.own:
+    route = choice.routes.get(cycles, _IN_PLACE)
+    if route.own:
         name = f"__delay_{cycles}{suffix}"
         if name not in functions:
-            functions[name] = _routine(name, way, cycles, loops)
+            functions[name] = _routine(name, route, cycles, loops)
         return [Instruction("CALL", target=name, fixed=True)]
-    if way.entry is None:
+    if route.entry is None:
         return _inline(function, cycles, label)
-    function.also_calls = (*function.also_calls, loops[way.entry].name)
-    return _enter("CALL", way.entry, cycles, loops)
+    function.also_calls = (*function.also_calls, loops[route.entry].name)
+    return _enter("CALL", route.entry, cycles, loops)
 
 
 def _enter(op: str, entry: _Entry, cycles: int, loops: dict[_Entry, Function]) -> list[Instruction]:
     """Return the instructions that go to a shared loop by a CALL or GOTO."""
-    found = entry.fit(cycles)
-    assert found is not None, cycles
-    inner, outer, rest = found
-    made: list[Instruction] = []
+    fitted = entry.fit(cycles)
+    assert fitted is not None, cycles
+    inner, outer, rest = fitted
+    entering: list[Instruction] = []
     if entry == _TWO:
         count = Byte(loops[_TWO].own[0], 0)
-        made += [Instruction("MOVLW", k=outer & 0xFF), Instruction("MOVWF", count)]
+        entering += [Instruction("MOVLW", k=outer & 0xFF), Instruction("MOVWF", count)]
     name = loops[entry].name
-    made += [
+    entering += [
         Instruction("MOVLW", k=inner & 0xFF),
         Instruction(op, target=f"{name}.{rest}" if rest else name),
     ]
-    for each in made:
-        each.fixed = True
-    return made
+    for ins in entering:
+        ins.fixed = True
+    return entering
 
 
-def _routine(name: str, way: _Way, cycles: int, loops: dict[_Entry, Function]) -> Function:
+def _routine(name: str, route: _Route, cycles: int, loops: dict[_Entry, Function]) -> Function:
     """Return the routine of the delays of one length."""
     function = Function(name)
-    if way.entry is None:
-        inside = _inline(function, way.inside(cycles), f"{name}.loop")
+    if route.entry is None:
+        inside = _inline(function, route.inside(cycles), f"{name}.loop")
         function.extend([*inside, Instruction("RETURN", fixed=True)])
     else:
-        function.extend(_enter("GOTO", way.entry, way.inside(cycles), loops))
-        function.also_jumps_to = (loops[way.entry].name,)
+        function.extend(_enter("GOTO", route.entry, route.inside(cycles), loops))
+        function.also_jumps_to = (loops[route.entry].name,)
     return function
 
 
 def _inline(function: Function, cycles: int, label: str) -> list[Line]:
-    found = plan(cycles)
-    return instructions(found, counters(function, found.bytes), label)
+    loops = plan(cycles)
+    return instructions(loops, counters(function, loops.bytes), label)
 
 
 def counters(function: Function, count: int) -> list[Loc]:

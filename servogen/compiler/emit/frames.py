@@ -26,11 +26,11 @@ def frame(function: Function) -> tuple[dict[Symbol, int], int]:
             if other in offsets
             for index in range(other.size)
         }
-        at = 0
-        while any(at + index in busy for index in range(symbol.size)):
-            at += 1
-        offsets[symbol] = at
-    return offsets, max((at + symbol.size for symbol, at in offsets.items()), default=0)
+        offset = 0
+        while any(offset + index in busy for index in range(symbol.size)):
+            offset += 1
+        offsets[symbol] = offset
+    return offsets, max((offset + symbol.size for symbol, offset in offsets.items()), default=0)
 
 
 def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:

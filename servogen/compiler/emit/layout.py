@@ -40,24 +40,24 @@ def allocate(
     """
     memory = MemoryMap()
     taken = {
-        symbol.address + each
+        symbol.address + index
         for symbol in statics
         if symbol.kind == "fixed" and symbol.address is not None
-        for each in range(symbol.size)
+        for index in range(symbol.size)
     }
     next_free = RAM_FIRST
 
     def place(size: int, start: int) -> int:
-        at = start
-        while any(at + index in taken for index in range(size)):
-            at += 1
-        return at
+        address = start
+        while any(address + index in taken for index in range(size)):
+            address += 1
+        return address
 
     for symbol in statics:
         if symbol.kind == "global":
-            at = place(symbol.size, next_free)
-            memory.addresses[symbol] = at
-            next_free = at + symbol.size
+            address = place(symbol.size, next_free)
+            memory.addresses[symbol] = address
+            next_free = address + symbol.size
         elif symbol.kind == "fixed" and symbol.address is not None:
             memory.addresses[symbol] = symbol.address
     top = next_free
@@ -69,21 +69,21 @@ def allocate(
         def reserve(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
             if name not in ends:
                 ends[name] = base  # guards against a loop of calls in assembly
-                at = max(
+                start = max(
                     [base, *(reserve(callee) for callee in functions[name].calls() if callee in functions)]
                 )
                 offsets, size = frame(functions[name])
-                at = place(size, at)
+                start = place(size, start)
                 for symbol, offset in offsets.items():
-                    memory.addresses[symbol] = at + offset
-                at += size
-                ends[name] = at
+                    memory.addresses[symbol] = start + offset
+                start += size
+                ends[name] = start
             return ends[name]
 
         reserve(root)
         top = max([top, *ends.values()])
-    fixed_ram = [each for each in taken if RAM_FIRST <= each & 0x7F <= RAM_LAST]
-    outside = [each for each in fixed_ram if each & 0x7F >= top]
+    fixed_ram = [address for address in taken if RAM_FIRST <= address & 0x7F <= RAM_LAST]
+    outside = [address for address in fixed_ram if address & 0x7F >= top]
     needed = top - RAM_FIRST + len(outside)
     memory.used = needed
     if needed > RAM_BYTES or top > RAM_LAST + 1:

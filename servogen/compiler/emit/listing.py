@@ -48,7 +48,9 @@ def make_listing(
 def _labels(layout: CodeLayout) -> tuple[tuple[str, int], ...]:
     """Return the labels of inline assembly by address, under the names that they have in the source."""
     named = [(source_label(name), address) for name, address in layout.labels.items()]
-    return tuple(sorted(((name, at) for name, at in named if name is not None), key=itemgetter(1, 0)))
+    return tuple(
+        sorted(((name, address) for name, address in named if name is not None), key=itemgetter(1, 0))
+    )
 
 
 def _variables(memory: MemoryMap) -> tuple[tuple[int, str, int], ...]:
@@ -63,7 +65,9 @@ def _variables(memory: MemoryMap) -> tuple[tuple[int, str, int], ...]:
         else:
             name = f"{symbol.function}.{symbol.name}" if symbol.function else symbol.name
             named.append((address, name, symbol.size))
-    runs = [(at, f"{name} (temporary)", size) for name, used in unnamed.items() for at, size in _runs(used)]
+    runs = [
+        (first, f"{name} (temporary)", size) for name, used in unnamed.items() for first, size in _runs(used)
+    ]
     return (*sorted(named), *sorted(runs))
 
 

@@ -80,26 +80,28 @@ def _name(
     program: TimedProgram,
 ) -> str:
     """Return a name in terms of the source for what has no bound: "while at line 12"."""
-    at = reason.addresses[0]
+    address = reason.addresses[0]
     match reason.kind:
         case "call":
-            return _at_line(f"call of {names.get(program.word(at).k, 'a subroutine')}", places.get(at))
+            return _at_line(
+                f"call of {names.get(program.word(address).k, 'a subroutine')}", places.get(address)
+            )
         case "loop":
             return _loop(function, reason.addresses, places)
         case "too many states":
             return f"{_loop(function, reason.addresses, places)}, too long to be counted"
-    return _at_line("SLEEP" if reason.kind == "sleep" else "a computed jump", places.get(at))
+    return _at_line("SLEEP" if reason.kind == "sleep" else "a computed jump", places.get(address))
 
 
-def _at_line(what: str, place: Location | None) -> str:
-    return f"{what} at line {place.line}" if place is not None and place.line else what
+def _at_line(description: str, place: Location | None) -> str:
+    return f"{description} at line {place.line}" if place is not None and place.line else description
 
 
 def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Location | None]) -> str:
     """Return the source loop that contains these words."""
     if function.waits_for:
         return f"waits for {function.waits_for}"
-    all_places = [places.get(at) for at in addresses]
+    all_places = [places.get(address) for address in addresses]
     inside = [(place.line, place.column or 0) for place in all_places if place is not None and place.line]
     if not inside:
         return "a loop"

@@ -81,7 +81,7 @@ class _Rewriter:
         self.reporter = reporter
         self.out = Rewritten()
         self.depth = 0
-        self.at = 0
+        self.index = 0
         self.serial = serial
         self.pending_address: FixedAddress | None = None
         self.pending_interrupt = False
@@ -89,15 +89,15 @@ class _Rewriter:
         """The depth of braces at which a declaration with `__eeprom` stands."""
 
     def text(self, ahead: int = 0) -> str:
-        index = self.at + ahead
+        index = self.index + ahead
         return self.tokens[index].text if index < len(self.tokens) else ""
 
     def emit(self, text: str, place: Location) -> None:
         self.out.tokens.append(PToken(text, place))
 
     def run(self) -> Rewritten:
-        while self.at < len(self.tokens):
-            token = self.tokens[self.at]
+        while self.index < len(self.tokens):
+            token = self.tokens[self.index]
             handler = _HANDLERS.get(token.text)
             if handler is None or not handler(self, token):
                 self.plain(token)
@@ -123,14 +123,14 @@ class _Rewriter:
             if token.text == ";":
                 self.pending_eeprom = None
         self.out.tokens.append(token)
-        self.at += 1
+        self.index += 1
 
     def arguments(self) -> list[PToken]:
-        """Return the tokens in the parentheses at `at`, and advance past them."""
+        """Return the tokens in the parentheses at `index`, and advance past them."""
         depth, inside = 0, []
-        while self.at < len(self.tokens):
-            token = self.tokens[self.at]
-            self.at += 1
+        while self.index < len(self.tokens):
+            token = self.tokens[self.index]
+            self.index += 1
             depth += {"(": 1, ")": -1}.get(token.text, 0)
             if depth == 0:
                 break
@@ -180,11 +180,11 @@ def _declared_name(tokens: list[PToken]) -> PToken | None:
 def _at_sign(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `name @ address`."""
     name = _declared_name(self.out.tokens)
-    self.at += 1
+    self.index += 1
     after_sign = []
-    while self.at < len(self.tokens) and self.text() not in (";", ",", "="):
-        after_sign.append(self.tokens[self.at])
-        self.at += 1
+    while self.index < len(self.tokens) and self.text() not in (";", ",", "="):
+        after_sign.append(self.tokens[self.index])
+        self.index += 1
     self.out.addresses[position((name or token).place)] = self.address(after_sign, token.place)
     return True
 
@@ -193,12 +193,12 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `__at(address)` or `__at address`, before or after the name."""
     if self.text(1) in ("", ";", "=", ","):
         return False
-    self.at += 1
+    self.index += 1
     if self.text() == "(":
         tokens = self.arguments()
     else:
-        tokens = [self.tokens[self.at]]
-        self.at += 1
+        tokens = [self.tokens[self.index]]
+        self.index += 1
     value = self.address(tokens, token.place)
     before = _declared_name(self.out.tokens)
     if self.text() in (";", "=", ",") and before is not None:
@@ -217,11 +217,11 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
         return False
     if self.depth:
         return False
-    self.at += 1
+    self.index += 1
     if self.text() == "(":
         self.arguments()
     elif self.text().isdigit():
-        self.at += 1
+        self.index += 1
     if self.out.tokens and self.out.tokens[-1].text == ")":
         self.out.interrupts.add(_name_before_parameters(self.out.tokens))
     else:
@@ -241,7 +241,7 @@ def _name_before_parameters(tokens: list[PToken]) -> str:
 def _code(self: _Rewriter, token: PToken) -> bool:
     """Rewrite SDCC's `__code` as const, because everything in flash is constant."""
     self.emit("const", token.place)
-    self.at += 1
+    self.index += 1
     return True
 
 
@@ -252,14 +252,14 @@ def _rom(self: _Rewriter, token: PToken) -> bool:
     words = [self.text(ahead) for ahead in range(1, 5)]
     star = words.index("*") if "*" in words else None
     self.emit("const", token.place)
-    self.at += 1
+    self.index += 1
     if star is not None and all(word in _TYPE_WORDS for word in words[:star]) and self.text(star + 2) == "=":
-        self.out.tokens += self.tokens[self.at : self.at + star]
-        name = self.tokens[self.at + star + 1]
+        self.out.tokens += self.tokens[self.index : self.index + star]
+        name = self.tokens[self.index + star + 1]
         self.out.tokens.append(name)
         self.emit("[", name.place)
         self.emit("]", name.place)
-        self.at += star + 2
+        self.index += star + 2
     return True
 
 
@@ -268,7 +268,7 @@ def _sfr(self: _Rewriter, token: PToken) -> bool:
     words = ["volatile", "unsigned", "char"] if token.text == "__sfr" else ["bit"]
     for word in words:
         self.emit(word, token.place)
-    self.at += 1
+    self.index += 1
     return True
 
 
@@ -276,7 +276,7 @@ def _eeprom(self: _Rewriter, token: PToken) -> bool:
     """Rewrite XC8's `__eeprom`: the variables of the declaration are in the EEPROM."""
     if self.text(1) in _AFTER_NAME:
         return False
-    self.at += 1
+    self.index += 1
     self.pending_eeprom = self.depth
     return True
 
@@ -285,14 +285,14 @@ def _naked(self: _Rewriter, token: PToken) -> bool:
     """Rewrite SDCC's `__naked` behind the parameters of a function."""
     if self.depth or not self.out.tokens or self.out.tokens[-1].text != ")":
         return False
-    self.at += 1
+    self.index += 1
     self.out.naked.add(_name_before_parameters(self.out.tokens))
     return True
 
 
 def _critical(self: _Rewriter, token: PToken) -> bool:
     """Rewrite SDCC's `__critical { … }`, and a function's body declared with it, as a labelled block."""
-    self.at += 1
+    self.index += 1
     if self.text() != "{":
         return self.text() == ";" and not self.depth  # a prototype
     self.serial += 1
@@ -301,18 +301,18 @@ def _critical(self: _Rewriter, token: PToken) -> bool:
         self.emit(label, token.place)
         self.emit(":", token.place)
         return True
-    closing = _matching_brace(self.tokens, self.at)
+    closing = _matching_brace(self.tokens, self.index)
     self.tokens.insert(closing, PToken("}", self.tokens[closing].place))
-    self.tokens.insert(self.at + 1, PToken("{", token.place))
-    self.tokens.insert(self.at + 1, PToken(":", token.place))
-    self.tokens.insert(self.at + 1, PToken(label, token.place))
+    self.tokens.insert(self.index + 1, PToken("{", token.place))
+    self.tokens.insert(self.index + 1, PToken(":", token.place))
+    self.tokens.insert(self.index + 1, PToken(label, token.place))
     return True
 
 
-def _matching_brace(tokens: list[PToken], at: int) -> int:
-    """Return the index of the brace that closes the one at `at`, or of the last token if none does."""
+def _matching_brace(tokens: list[PToken], opening: int) -> int:
+    """Return the index of the brace that closes the one at `opening`, or of the last token if none does."""
     depth = 0
-    for index in range(at, len(tokens)):
+    for index in range(opening, len(tokens)):
         depth += {"{": 1, "}": -1}.get(tokens[index].text, 0)
         if depth == 0:
             return index
@@ -322,7 +322,7 @@ def _matching_brace(tokens: list[PToken], at: int) -> int:
 def _drop(self: _Rewriter, token: PToken) -> bool:
     if self.depth and self.text(1) in ("=", ";", "(", ")", ","):
         return False
-    self.at += 1
+    self.index += 1
     return True
 
 
@@ -332,7 +332,7 @@ def _drop_with_arguments(self: _Rewriter, token: PToken) -> bool:
     """
     if self.text(1) != "(":
         return False
-    self.at += 1
+    self.index += 1
     self.arguments()
     return True
 
@@ -340,10 +340,10 @@ def _drop_with_arguments(self: _Rewriter, token: PToken) -> bool:
 def _asm_call(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `asm("…")`; adjacent strings are joined, as everywhere in C."""
     if self.text(1) in ("volatile", "__volatile__"):
-        self.at += 1
+        self.index += 1
     if self.text(1) != "(":
         return False
-    self.at += 1
+    self.index += 1
     strings = self.arguments()
     if (other := next((string for string in strings if string.text[0] != '"'), None)) is not None:
         self.reporter.error(
@@ -362,7 +362,7 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
 
 
 def _asm_block(self: _Rewriter, token: PToken) -> bool:
-    self.at += 1
+    self.index += 1
     number = int(self.arguments()[0].text)
     _asm_marker(self, token, number)
     return True
@@ -372,7 +372,7 @@ def _asm_marker(self: _Rewriter, token: PToken, number: int) -> None:
     if self.depth == 0:
         self.out.file_asm.append((number, token.place))
         if self.text() == ";":
-            self.at += 1
+            self.index += 1
         return
     for text in (MARKER, "(", str(number), ")"):
         self.emit(text, token.place)
@@ -386,7 +386,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
     """
     if self.text(1) != "(":
         return False
-    self.at += 1
+    self.index += 1
     inside = self.arguments()
     self.serial += 1
     closing = ["}", ";"]
@@ -408,7 +408,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
     target += inside
     target += [PToken(word, token.place) for word in closing]
     if self.text() == ";" and not self.depth:
-        self.at += 1
+        self.index += 1
     return True
 
 
@@ -416,13 +416,13 @@ def _bit_number(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `portb.7`, a member that is a number."""
     if self.text(1) == self.text(2) == ".":
         self.emit("...", token.place)
-        self.at += 3
+        self.index += 3
         return True
     if not re.fullmatch(r"\d\d?", self.text(1)):
         return False
     self.out.tokens.append(token)
-    self.emit(BIT_MEMBER + self.text(1), self.tokens[self.at + 1].place)
-    self.at += 2
+    self.emit(BIT_MEMBER + self.text(1), self.tokens[self.index + 1].place)
+    self.index += 2
     return True
 
 

@@ -115,8 +115,8 @@ class _Tokens:
         self.index = 0
 
     def peek(self, ahead: int = 1) -> c_lexer.Token | None:
-        at = self.index + ahead - 1
-        return self.tokens[at] if at < len(self.tokens) else None
+        index = self.index + ahead - 1
+        return self.tokens[index] if index < len(self.tokens) else None
 
     def next(self) -> c_lexer.Token | None:
         token = self.peek()
@@ -184,11 +184,11 @@ def parse(
     parser = _Parser(lexer=_NoLexer)
     parser.parenthesised = parenthesised
 
-    def fault(error: Exception, start: int, at: int) -> int:
+    def fault(error: Exception, start: int, stop: int) -> int:
         if isinstance(error, RecursionError):
-            raise reporter.too_deep(tokens[min(at, len(tokens) - 1)].place) from None
-        report_syntax(error, stream, tokens, start, at, reporter)
-        after = resume(tokens, start, max(at, start + 1))
+            raise reporter.too_deep(tokens[min(stop, len(tokens) - 1)].place) from None
+        report_syntax(error, stream, tokens, start, stop, reporter)
+        after = resume(tokens, start, max(stop, start + 1))
         reporter.lost |= declared(tokens[start:after])
         return after
 

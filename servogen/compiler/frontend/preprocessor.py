@@ -28,7 +28,7 @@ Resolver = Callable[[str, str], tuple[str, str] | None]
 """(name, including file) -> (file name to show, text), or None when there is no such file."""
 
 
-_LONGEST_MESSAGE = 200
+_MAX_MESSAGE_CHARACTERS = 200
 """Characters of the preprocessor's own messages, which quote the source."""
 
 
@@ -99,18 +99,18 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         """Evaluate the expression of an #if without LL suffixes, which pcpp does not know; its integers have
         64 bits anyway.
         """
-        kept: list[Any] = []
+        joined: list[Any] = []
         for tok in tokens:
-            if kept and kept[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
-                kept[-1] = copy.copy(kept[-1])
-                kept[-1].value = kept[-1].value.rstrip("lL") + ("" if tok.value in "lL" else "U")
+            if joined and joined[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
+                joined[-1] = copy.copy(joined[-1])
+                joined[-1].value = joined[-1].value.rstrip("lL") + ("" if tok.value in "lL" else "U")
             else:
-                kept.append(tok)
-        return self.evaluate(kept, **names)
+                joined.append(tok)
+        return self.evaluate(joined, **names)
 
     def on_error(self, file: str, line: int, msg: str) -> None:
-        if len(msg) > _LONGEST_MESSAGE:
-            msg = msg[:_LONGEST_MESSAGE] + "…"
+        if len(msg) > _MAX_MESSAGE_CHARACTERS:
+            msg = msg[:_MAX_MESSAGE_CHARACTERS] + "…"
         self.reporter.error("c-preprocessor", f"preprocessor: {msg}", Location(file or None, line or None))
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
@@ -302,7 +302,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
     """Return tokens without white space; a number and the letters that touch it are joined into one token
     again.
     """
-    held: PToken | None = None
+    pending: PToken | None = None
     name = ""
     last = Location()
     touching = False
@@ -312,21 +312,21 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
             touching = False
             continue
         last = _place(tok, starts, reporter, last)
-        if held is None:
-            held = PToken(text, last)
+        if pending is None:
+            pending = PToken(text, last)
         elif (
             touching
-            and (_belongs(held.text, text) or _begins_number(name, held.text, text))
-            and len(held.text) <= limits.TOKEN_CHARACTERS
+            and (_belongs(pending.text, text) or _begins_number(name, pending.text, text))
+            and len(pending.text) <= limits.TOKEN_CHARACTERS
         ):
-            held = PToken(held.text + text, held.place)
+            pending = PToken(pending.text + text, pending.place)
         else:
-            yield held
-            name = held.text
-            held = PToken(text, last)
+            yield pending
+            name = pending.text
+            pending = PToken(text, last)
         touching = True
-    if held is not None:
-        yield held
+    if pending is not None:
+        yield pending
 
 
 def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Location) -> Location:

@@ -126,13 +126,13 @@ class PragmaSettings:
             self.asm_config(values, place)
             return
         for offset, text in enumerate(values.split(",")):
-            value, at = assembler_number(text.strip()), (start or 0) + offset
+            value, address = assembler_number(text.strip()), (start or 0) + offset
             if value is None or not 0 <= value <= 0xFF:
                 self.reporter.error("c-pragma", f"#pragma DATA: '{text.strip()}' is not 0 to 255", place)
-            elif EEPROM_ADDRESS <= at < EEPROM_ADDRESS + EEPROM_BYTES:
-                self.eeprom[at - EEPROM_ADDRESS] = value
-            elif ID_ADDRESS <= at < ID_ADDRESS + ID_WORDS:
-                self.ids[at - ID_ADDRESS] = value
+            elif EEPROM_ADDRESS <= address < EEPROM_ADDRESS + EEPROM_BYTES:
+                self.eeprom[address - EEPROM_ADDRESS] = value
+            elif ID_ADDRESS <= address < ID_ADDRESS + ID_WORDS:
+                self.ids[address - ID_ADDRESS] = value
             else:
                 self.reporter.error(
                     "c-pragma",

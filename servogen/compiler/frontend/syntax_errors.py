@@ -36,13 +36,13 @@ def report_syntax(
     stream: list[c_lexer.Token],
     tokens: list[PToken],
     start: int,
-    at: int,
+    stop: int,
     reporter: Reporter,
 ) -> None:
     """Report one sentence at the location where the parser stopped."""
     message = str(error)
     coord = getattr(error, "coord", None)
-    index = _index_of(tokens, coord, start, at)
+    index = _index_of(tokens, coord, start, stop)
     if index > start and message.startswith("before:"):
         ended = index if _wants_semicolon(tokens, index) else _unended(tokens, start, index)
         if ended is not None:
@@ -69,13 +69,13 @@ def report_syntax(
     )
 
 
-def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:
+def _index_of(tokens: list[PToken], coord: Any, start: int, stop: int) -> int:
     place = place_of(coord)
     if place.line is not None:
-        for index in range(start, min(at + 2, len(tokens))):
+        for index in range(start, min(stop + 2, len(tokens))):
             if tokens[index].place == place:
                 return index
-    return at
+    return stop
 
 
 _ENDS = re.compile(r"[\w$)\]\"']$")
@@ -101,12 +101,12 @@ def _unended(tokens: list[PToken], start: int, index: int) -> int | None:
     terminated.
     """
     depth = 0
-    for at in range(start + 1, index):
-        before, here = tokens[at - 1], tokens[at]
+    for number in range(start + 1, index):
+        before, here = tokens[number - 1], tokens[number]
         depth += {"{": 1, "(": 1, "[": 1, "}": -1, ")": -1, "]": -1}.get(before.text, 0)
         named = re.fullmatch(r"\w+|]", before.text) and before.text not in _TYPE_WORDS
         if depth == 0 and named and here.text in _TYPE_WORDS and here.place.line != before.place.line:
-            return at
+            return number
     return None
 
 
@@ -140,7 +140,7 @@ def _open(tokens: list[PToken]) -> list[PToken]:
     return stack
 
 
-def resume(tokens: list[PToken], start: int, at: int) -> int:
+def resume(tokens: list[PToken], start: int, stop: int) -> int:
     """Return the token after the declaration that contains token `at`: after its closing brace or
     semicolon.
     """
@@ -152,13 +152,13 @@ def resume(tokens: list[PToken], start: int, at: int) -> int:
         elif text == "}":
             depth = max(0, depth - 1)
             ended = depth == 0
-            if ended and index >= at:
+            if ended and index >= stop:
                 return index + 1
-        elif text == ";" and depth == 0 and index >= at:
+        elif text == ";" and depth == 0 and index >= stop:
             return index + 1
         elif (
             depth
-            and index > at
+            and index > stop
             and tokens[index].place.column == 1
             and tokens[index - 1].text in ("}", ";")
             and text in ("void", "int", "char", "unsigned", "static", "main", "const")

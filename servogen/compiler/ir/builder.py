@@ -70,9 +70,9 @@ class InstructionBuilder:
         """Append an instruction and return it."""
         if isinstance(k, int):
             k &= 0xFF
-        made = Instruction(op, f, d, b, k, target, self.place, fixed)
-        self.function.append(made)
-        return made
+        ins = Instruction(op, f, d, b, k, target, self.place, fixed)
+        self.function.append(ins)
+        return ins
 
     @property
     def last(self) -> Instruction | None:
@@ -162,9 +162,9 @@ class InstructionBuilder:
         """Return an operand that can be read several times; for a volatile object, a copy."""
         if not exposed(operand):
             return operand
-        held = self.temp()[0]
-        self.move(held, operand)
-        return held
+        copy = self.temp()[0]
+        self.move(copy, operand)
+        return copy
 
     def read_unused(self, operands: list[Operand]) -> None:
         """Read the bytes of volatile objects on which the value does not depend."""
@@ -182,10 +182,10 @@ class InstructionBuilder:
                 if not any(pair[0] == other for t, other in pending if (t, other) != pair)
             ]
             if not free:
-                held = self.temp()[0]
+                copy = self.temp()[0]
                 target, operand = pending[0]
-                self.move(held, operand)
-                pending[0] = (target, held)
+                self.move(copy, operand)
+                pending[0] = (target, copy)
                 continue
             free.sort(key=lambda pair: repr(pair[1]) if isinstance(pair[1], Imm) else "")
             for target, operand in free:

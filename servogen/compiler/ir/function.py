@@ -183,7 +183,7 @@ class Function:
         return [*targets, *more]
 
 
-def is_skipped(lines: Sequence[Line], at: int) -> bool:
+def is_skipped(lines: Sequence[Line], index: int) -> bool:
     """Return whether a line directly follows a skip."""
-    before = lines[at - 1] if at else None
+    before = lines[index - 1] if index else None
     return isinstance(before, Instruction) and before.skips

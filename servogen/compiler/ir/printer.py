@@ -20,7 +20,7 @@ def text_of(function: Function) -> str:
     """Return the function as text."""
     size = f"; {counted(len(function.blocks), 'block')}, {counted(function.size, 'instruction')}"
     lines = [f"{function.name}:".ljust(36) + size]
-    number = {block: at for at, block in enumerate(function.blocks)}
+    number = {block: index for index, block in enumerate(function.blocks)}
     for block, successors in zip(function.blocks, function.successors(), strict=True):
         names = "".join(f" {label.name}:" for label in block.labels)
         lines.append(f"  block {number[block]}{names} -> {_edges(block, successors, number)}")

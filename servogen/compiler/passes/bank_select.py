@@ -156,9 +156,9 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
             run = _run(line, lines[number:], need)
             out += [_switch(need, line), *run, _switch(base, run[-1])]
             number += len(run) - 1
-    kept = _without_needless(out + behind)
-    changed = len(kept) != len(lines)
-    function.replace(kept)
+    needed = _without_needless(out + behind)
+    changed = len(needed) != len(lines)
+    function.replace(needed)
     return changed
 
 

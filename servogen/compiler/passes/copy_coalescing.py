@@ -79,20 +79,20 @@ def coalesce_copies(function: Function) -> bool:
         if not is_private(source) or not is_private(target) or not isinstance(target, Byte):
             continue
         if source.symbol.kind == "temp" and id(source.symbol) in own:
-            gone, kept = source, target
+            merged, representative = source, target
         elif target.symbol.kind == "temp" and id(target.symbol) in own:
-            gone, kept = target, source
+            merged, representative = target, source
         else:
             continue
         if against is None:
             against = interference(function, live)
-        if against[gone] & live.bit(kept):
+        if against[merged] & live.bit(representative):
             continue
-        if id(kept.symbol) not in own and not _safe_outside(function, live, gone, kept):
+        if id(representative.symbol) not in own and not _safe_outside(function, live, merged, representative):
             continue
         for other in function.instructions():
-            if other.f == gone:
-                other.f = kept
+            if other.f == merged:
+                other.f = representative
         return True
     return False
 
@@ -103,7 +103,7 @@ def _pairs(function: Function) -> Iterator[tuple[Instruction, Instruction]]:
         yield from pairwise(block.instructions)
 
 
-def _safe_outside(function: Function, live: Liveness, gone: Byte, kept: Byte) -> bool:
+def _safe_outside(function: Function, live: Liveness, merged: Byte, representative: Byte) -> bool:
     """Return whether a temporary may live in another function's byte.
 
     The frames of two functions that are called one after the other overlap: while a byte of one is still
@@ -112,15 +112,15 @@ def _safe_outside(function: Function, live: Liveness, gone: Byte, kept: Byte) ->
     own = {id(symbol) for symbol in function.own}
     others = 0
     for byte in live.number:
-        if id(byte.symbol) not in own and byte.symbol.function != kept.symbol.function:
+        if id(byte.symbol) not in own and byte.symbol.function != representative.symbol.function:
             others |= live.bit(byte)
-    mask = live.bit(gone)
+    mask = live.bit(merged)
     for ins in function.instructions():
         if ins.op == "CALL" and live.after[ins] & mask:
             return False
         if not ins.writes_f or not isinstance(ins.f, Byte) or ins.f not in live.number:
             continue
-        if ins.f == gone and live.after[ins] & others:
+        if ins.f == merged and live.after[ins] & others:
             return False
         if live.bit(ins.f) & others and live.after[ins] & mask:
             return False

@@ -22,26 +22,26 @@ def drop_unreachable(function: Function) -> bool:
     followers = dict(pairwise(blocks))
     start: dict[Block, int] = {}
     """Where each block that stays begins: the compiler's code before assembly may be unreachable."""
-    waiting = [(block, at) for block in blocks if (at := _first_fixed(block)) is not None] + [
+    waiting = [(block, index) for block in blocks if (index := _first_fixed(block)) is not None] + [
         (block, 0) for block in blocks[:1]
     ]
     while waiting:
-        block, at = waiting.pop()
-        if start.get(block, at + 1) <= at:
+        block, index = waiting.pop()
+        if start.get(block, index + 1) <= index:
             continue
-        start[block] = at
-        waiting += [(each, 0) for each in successors[block] if each is not None]
+        start[block] = index
+        waiting += [(successor, 0) for successor in successors[block] if successor is not None]
         if block.last is not None and block.last.fixed and block in followers:
             waiting.append((followers[block], 0))
     lines: list[Line] = []
     for block in blocks:
         if block in start:
             lines += [*block.labels, *block.instructions[start[block] :]]
-    used = {each.target for each in lines if isinstance(each, Instruction) and each.op in TARGETED}
-    kept = [each for each in lines if not isinstance(each, Label) or each.fixed or each.name in used]
-    changed = len(kept) != sum(1 for _ in function.lines())
+    used = {line.target for line in lines if isinstance(line, Instruction) and line.op in TARGETED}
+    remaining = [line for line in lines if not isinstance(line, Label) or line.fixed or line.name in used]
+    changed = len(remaining) != sum(1 for _ in function.lines())
     if changed:
-        function.replace(kept)
+        function.replace(remaining)
     return changed
 
 
@@ -51,7 +51,7 @@ def _first_fixed(block: Block) -> int | None:
     """
     if any(label.fixed for label in block.labels):
         return 0
-    return next((at for at, ins in enumerate(block.instructions) if ins.fixed), None)
+    return next((index for index, ins in enumerate(block.instructions) if ins.fixed), None)
 
 
 def drop_dead(function: Function) -> bool:

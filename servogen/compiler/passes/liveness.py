@@ -142,12 +142,12 @@ class Liveness:
         after_each: dict[Instruction, int] = {}
         if not blocks:
             return after_each, self._exit
-        facts = [[self._uses_and_kills(each) for each in block.instructions] for block in blocks]
+        facts = [[self._uses_and_kills(ins) for ins in block.instructions] for block in blocks]
         # summarise each block, so that the iteration below works on blocks instead of instructions
         summary = []
-        for each in facts:
+        for block_facts in facts:
             needed, overwritten = 0, 0
-            for uses, kills in reversed(each):
+            for uses, kills in reversed(block_facts):
                 needed = uses | needed & ~kills
                 overwritten |= kills
             summary.append((needed, overwritten))

@@ -21,7 +21,7 @@ from servogen.compiler.passes.call_depth import room_for_calls
 from servogen.compiler.passes.tail_merging import is_timed
 from servogen.pic.device import PROGRAM_WORDS
 
-_LONGEST = 40
+_MAX_RUN = 40
 _MAX_WORDS = 3 * PROGRAM_WORDS
 """A larger program does not fit the chip whatever is shared, and searching it takes long."""
 _Run = tuple[int, ...]
@@ -63,9 +63,9 @@ def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) ->
             continue
         places: list[_Place] = []
         # overlapping occurrences within one function count once
-        for (name, at), _ in every:
-            if not places or places[-1][0] != name or at >= places[-1][1] + len(run):
-                places.append((name, at))
+        for (name, index), _ in every:
+            if not places or places[-1][0] != name or index >= places[-1][1] + len(run):
+                places.append((name, index))
         ends = every[0][1]
         # each place shrinks to one word; the subroutine takes the run and, unless that ends itself, a RETURN
         saved = len(places) * (len(run) - 1) - len(run) - (0 if ends else 1)
@@ -90,7 +90,7 @@ def _runs(
             for start in range(len(stretch) - 1):
                 if is_skipped(lines, first + start):
                     continue
-                for end in range(start + 2, min(len(stretch), start + _LONGEST) + 1):
+                for end in range(start + 2, min(len(stretch), start + _MAX_RUN) + 1):
                     # a skip at the end of a run would guard the RETURN
                     if not stretch[end - 1].skips:
                         run = tuple(keys[start:end])
@@ -108,24 +108,26 @@ def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, lis
     cuts: list[tuple[int, int, bool]] = []
     """Between labels and jumps: (first, behind last, whether a delay is in it)."""
     first = 0
-    for at, line in enumerate(lines):
-        leaves = isinstance(line, Instruction) and line.op in ENDS and not is_skipped(lines, at)
-        if isinstance(line, Label) or leaves or at + 1 == len(lines):
-            inside = [each for each in lines[first : at + 1] if isinstance(each, Instruction)]
-            cuts.append((first, at + 1, any(map(is_timed, inside))))
-            first = at + 1
+    for index, line in enumerate(lines):
+        leaves = isinstance(line, Instruction) and line.op in ENDS and not is_skipped(lines, index)
+        if isinstance(line, Label) or leaves or index + 1 == len(lines):
+            inside = [ins for ins in lines[first : index + 1] if isinstance(ins, Instruction)]
+            cuts.append((first, index + 1, any(map(is_timed, inside))))
+            first = index + 1
     for number, (first, behind, _) in enumerate(cuts):
         # moving a stretch next to a delay would change the time between pin changes
         if any(timed for _, _, timed in cuts[max(0, number - 1) : number + 2]):
             continue
         start, stretch = first, list[Instruction]()
-        for at in range(first, behind):
-            line = lines[at]
-            if isinstance(line, Instruction) and _movable(line, labels, own, skipped=is_skipped(lines, at)):
+        for index in range(first, behind):
+            line = lines[index]
+            if isinstance(line, Instruction) and _movable(
+                line, labels, own, skipped=is_skipped(lines, index)
+            ):
                 stretch.append(line)
                 continue
             yield start, stretch
-            start, stretch = at + 1, []
+            start, stretch = index + 1, []
         yield start, stretch
 
 
@@ -152,15 +154,15 @@ def _apply(shared: _Candidate, functions: dict[str, Function], roots: list[str])
     """Create the subroutine; return False, with nothing changed, if the stack has no level for it."""
     before = {name: list(functions[name].lines()) for name, _ in shared.places}
     room = room_for_calls(functions, roots)
-    first_name, at = shared.places[0]
-    run = before[first_name][at : at + len(shared.run)]
-    body = [each.copy() for each in run if isinstance(each, Instruction)]
+    first_name, start = shared.places[0]
+    run = before[first_name][start : start + len(shared.run)]
+    body = [line.copy() for line in run if isinstance(line, Instruction)]
     ends = body[-1].op in ENDS
     if _ends_in_call(body):
         body[-1].op = "GOTO"
     elif not ends:
         body.append(Instruction("RETURN", place=body[-1].place))
-    name = f"__shared_{1 + sum(each.startswith('__shared_') for each in functions)}"
+    name = f"__shared_{1 + sum(existing.startswith('__shared_') for existing in functions)}"
     for user, lines in before.items():
         functions[user].replace(_replaced(user, lines, shared, name, "GOTO" if ends else "CALL"))
     functions[name] = Function(name)
@@ -168,7 +170,7 @@ def _apply(shared: _Candidate, functions: dict[str, Function], roots: list[str])
     # functions with delays keep the level of the stack that shared delay routines need
     after = room_for_calls(functions, roots)
     if after is None or any(
-        (room or {}).get(each) and not fits and _has_delay(functions[each]) for each, fits in after.items()
+        (room or {}).get(name) and not fits and _has_delay(functions[name]) for name, fits in after.items()
     ):
         del functions[name]
         for user, lines in before.items():
@@ -184,9 +186,9 @@ def _has_delay(function: Function) -> bool:
 def _replaced(user: str, lines: list[Line], shared: _Candidate, name: str, op: str) -> list[Line]:
     """Return a function's lines with a call in place of each run."""
     out: list[Line] = []
-    done = 0
-    for function, at in shared.places:
+    copied = 0
+    for function, start in shared.places:
         if function == user:
-            out += [*lines[done:at], Instruction(op, target=name, place=lines[at].place)]
-            done = at + len(shared.run)
-    return out + lines[done:]
+            out += [*lines[copied:start], Instruction(op, target=name, place=lines[start].place)]
+            copied = start + len(shared.run)
+    return out + lines[copied:]

@@ -23,18 +23,18 @@ def peephole(function: Function) -> bool:
     changed = False
     for block in function.blocks:
         out: list[Instruction] = []
-        at = 0
-        while at < len(block.instructions):
-            found = _match(block.instructions[at : at + 3], live)
-            if found is None:
-                out.append(block.instructions[at])
-                at += 1
+        index = 0
+        while index < len(block.instructions):
+            match = _match(block.instructions[index : index + 3], live)
+            if match is None:
+                out.append(block.instructions[index])
+                index += 1
                 continue
-            new, count = found
-            for each in new:
-                each.place = block.instructions[at].place
+            new, count = match
+            for ins in new:
+                ins.place = block.instructions[index].place
             out += new
-            at += count
+            index += count
             changed = True
         block.instructions = out
     if changed:
@@ -67,8 +67,8 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
         return [Instruction("RETLW", k=one.k)], 2
     three = window[2] if len(window) > 2 else None
     if three is not None and not three.fixed and _swaps(one, two, three):
-        held = live.bit(one.f)  # type: ignore[arg-type]
-        if not live.after[three] & held:
+        needed = live.bit(one.f)  # type: ignore[arg-type]
+        if not live.after[three] & needed:
             return [Instruction(three.op, two.f, 0)], 3
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[three] & W_BIT:
         if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:

@@ -38,10 +38,10 @@ class RuleInstruction:
     @classmethod
     def parse(cls, text: str) -> RuleInstruction:
         """Return the instruction of a rule's text, such as "ADDWF a,F", "MOVLW 3", "BTFSC C", "BSF a.7"."""
-        found = _TEXT.fullmatch(text)
-        if found is None:
+        match = _TEXT.fullmatch(text)
+        if match is None:
             raise ValueError(f"'{text}' is not an instruction of a rule")
-        op, f, d, b, k = found.group("op", "f", "d", "b", "k")
+        op, f, d, b, k = match.group("op", "f", "d", "b", "k")
         return cls(op, f or "", int(d == "F"), int(b or 0), int(k) if k and k != "k" else k)
 
     def __str__(self) -> str:
@@ -70,12 +70,12 @@ class Rule:
 def rules() -> tuple[Rule, ...]:
     """Return all rules, those that save most first."""
     data = json.loads((files("servogen.compiler.passes") / "rules.json").read_text())
-    found = [
+    parsed = [
         Rule(
-            tuple(map(RuleInstruction.parse, each["from"])),
-            tuple(map(RuleInstruction.parse, each["to"])),
-            frozenset(each["dead"]),
+            tuple(map(RuleInstruction.parse, row["from"])),
+            tuple(map(RuleInstruction.parse, row["to"])),
+            frozenset(row["dead"]),
         )
-        for each in data
+        for row in data
     ]
-    return tuple(sorted(found, key=lambda rule: (len(rule.new) - len(rule.old), len(rule.old))))
+    return tuple(sorted(parsed, key=lambda rule: (len(rule.new) - len(rule.old), len(rule.old))))

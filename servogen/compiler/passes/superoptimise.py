@@ -70,64 +70,64 @@ def rule_instruction(ins: Instruction, names: Names) -> RuleInstruction | None:
 def superoptimise(function: Function) -> bool:
     """Run the pass once; return whether something changed."""
     tree = _tree()
-    first = {each.op for each in tree.following}
+    first = {pattern.op for pattern in tree.following}
     live = cache(lambda: Liveness(function))  # most functions have no place for any rule
     lines = list(function.lines())
     out: list[Line] = []
-    at, changed = 0, False
-    while at < len(lines):
-        line = lines[at]
-        found = None
+    index, changed = 0, False
+    while index < len(lines):
+        line = lines[index]
+        match = None
         if isinstance(line, Instruction) and line.op in first:
-            found = best_match(lines, at, tree, live)
-        if found is not None:
+            match = best_match(lines, index, tree, live)
+        if match is not None:
             assert isinstance(line, Instruction)
-            out += [_instruction(each, found, line) for each in found.rule.new]
-            at += len(found.rule.old)
+            out += [_instruction(pattern, match, line) for pattern in match.rule.new]
+            index += len(match.rule.old)
             changed = True
         # liveness behind a match is as before, within it is not: the next match begins one line later
-        out += lines[at : at + 1]
-        at += 1
+        out += lines[index : index + 1]
+        index += 1
     if changed:
         function.replace(out)
     return changed
 
 
-def best_match(lines: Sequence[Line], at: int, tree: _Node, live: Callable[[], Liveness]) -> Match | None:
+def best_match(lines: Sequence[Line], index: int, tree: _Node, live: Callable[[], Liveness]) -> Match | None:
     """Return the rule that saves most of the lines from `at` on.
 
     What it replaces contains no label, is not entered or left by a skip, and others cannot see it.
     """
-    if is_skipped(lines, at):
+    if is_skipped(lines, index):
         return None
     best: Match | None = None
     names: Names = {}
     reached: list[tuple[_Node, int | None]] = [(tree, None)]
-    while reached and at < len(lines):
-        line = lines[at]
-        if not isinstance(line, Instruction) or (each := rule_instruction(line, names)) is None:
+    while reached and index < len(lines):
+        line = lines[index]
+        if not isinstance(line, Instruction) or (pattern := rule_instruction(line, names)) is None:
             break
-        reached = list(_steps(reached, each))
+        reached = list(_steps(reached, pattern))
         for node, literal in reached:
             for rule in node.rules:
                 better = best is None or _saved(rule) > _saved(best.rule)
                 if better and rule.dead <= dead_after(line, names, live()):
                     best = Match(rule, dict(names), literal)
-        at += 1
+        index += 1
     return best
 
 
 def _steps(
-    reached: Iterable[tuple[_Node, int | None]], each: RuleInstruction
+    reached: Iterable[tuple[_Node, int | None]], pattern: RuleInstruction
 ) -> Iterator[tuple[_Node, int | None]]:
     """Yield where an instruction leads in the tree, and what `k` then stands for."""
     for node, literal in reached:
-        if each in node.following:
-            yield node.following[each], literal
-        if isinstance(each.k, int) and literal in (None, each.k):
-            general = RuleInstruction(each.op, k="k")
+        if pattern in node.following:
+            yield node.following[pattern], literal
+        if isinstance(pattern.k, int) and literal in (None, pattern.k):
+            general = RuleInstruction(pattern.op, k="k")
             if general in node.following:
-                yield node.following[general], each.k
+                yield node.following[general], pattern.k
 
 
 def _saved(rule: Rule) -> int:
@@ -141,15 +141,15 @@ def dead_after(last: Instruction, names: Names, live: Liveness) -> set[str]:
     return dead | {name for byte, name in names.items() if is_private(byte) and not after & live.bit(byte)}
 
 
-def _instruction(each: RuleInstruction, match: Match, first: Instruction) -> Instruction:
+def _instruction(pattern: RuleInstruction, match: Match, first: Instruction) -> Instruction:
     """Return an instruction of a rule for the bytes and the literal of a match."""
-    f = next((byte for byte, name in match.names.items() if name == each.f), None)
-    k = match.literal if each.k == "k" else each.k
+    f = next((byte for byte, name in match.names.items() if name == pattern.f), None)
+    k = match.literal if pattern.k == "k" else pattern.k
     return Instruction(
-        each.op,
-        STATUS if each.f in FLAGS else f,
-        each.d,
-        FLAGS.get(each.f, each.b),
+        pattern.op,
+        STATUS if pattern.f in FLAGS else f,
+        pattern.d,
+        FLAGS.get(pattern.f, pattern.b),
         int(k or 0),
         place=first.place,
     )
@@ -161,7 +161,7 @@ def _tree() -> _Node:
     root = _Node()
     for rule in rules():
         node = root
-        for each in rule.old:
-            node = node.following.setdefault(each, _Node())
+        for pattern in rule.old:
+            node = node.following.setdefault(pattern, _Node())
         node.rules.append(rule)
     return root

@@ -33,21 +33,21 @@ def merge_tails(function: Function) -> bool:
     merged.
     """
     lines = list(function.lines())
-    where = {each.name: at for at, each in enumerate(lines) if isinstance(each, Label)}
+    where = {line.name: index for index, line in enumerate(lines) if isinstance(line, Label)}
     jumps = {
-        at: each
-        for at, each in enumerate(lines)
-        if isinstance(each, Instruction)
-        and each.op == "GOTO"
-        and not each.fixed
-        and not is_skipped(lines, at)
+        index: line
+        for index, line in enumerate(lines)
+        if isinstance(line, Instruction)
+        and line.op == "GOTO"
+        and not line.fixed
+        and not is_skipped(lines, index)
     }
     # a merge invalidates these positions, so one call makes at most one
-    for at, jump in jumps.items():
+    for index, jump in jumps.items():
         target = where.get(jump.target)
         if target is None:
             continue
-        rivals = [other for other, each in jumps.items() if other < at and each.target == jump.target]
+        rivals = [place for place, rival in jumps.items() if place < index and rival.target == jump.target]
         # the code that falls into the label ends there too
         before = target
         while before and isinstance(lines[before - 1], Label):
@@ -55,13 +55,13 @@ def merge_tails(function: Function) -> bool:
         if before and not _ends(lines[before - 1]):
             rivals.append(before)
         for rival in rivals:
-            length = _common(lines, at, rival)
-            if length and not _timed_run(lines, at - length, at):
-                _merge(function, lines, jump, at, rival, length)
+            length = _common(lines, index, rival)
+            if length and not _timed_run(lines, index - length, index):
+                _merge(function, lines, jump, index, rival, length)
                 return True
             # where one of the two must keep its distance from a delay, the other one jumps to it
             if length and rival in jumps and not _timed_run(lines, rival - length, rival):
-                _merge(function, lines, jumps[rival], rival, at, length)
+                _merge(function, lines, jumps[rival], rival, index, length)
                 return True
     return False
 
@@ -74,13 +74,13 @@ def _timed_run(lines: list[Line], first: int, last: int) -> bool:
     """Return whether a run of instructions accesses a register and a delay leads into it without a branch, so
     that its distance from the delay must not change.
     """
-    run = [each for each in lines[first:last] if isinstance(each, Instruction)]
-    if not any(isinstance(each.f, Reg) or each.op == "CALL" for each in run):
+    run = [line for line in lines[first:last] if isinstance(line, Instruction)]
+    if not any(isinstance(ins.f, Reg) or ins.op == "CALL" for ins in run):
         return False
-    at = first
-    while at:
-        at -= 1
-        line = lines[at]
+    index = first
+    while index:
+        index -= 1
+        line = lines[index]
         if isinstance(line, Label):
             continue
         if is_timed(line):
@@ -121,7 +121,7 @@ def _same(one: Line, two: Line) -> bool:
 
 
 def _merge(
-    function: Function, lines: list[Line], jump: Instruction, at: int, rival: int, length: int
+    function: Function, lines: list[Line], jump: Instruction, index: int, rival: int, length: int
 ) -> None:
     """Remove the instructions before the jump at `at` and redirect it to the equal ones before `rival`."""
     used = {line.name for line in lines if isinstance(line, Label)}
@@ -130,10 +130,10 @@ def _merge(
     label = Label(name, jump.place)
     jump.target = name
     start = rival - length
-    if start < at:
-        del lines[at - length : at]
+    if start < index:
+        del lines[index - length : index]
         lines.insert(start, label)
     else:
         lines.insert(start, label)
-        del lines[at - length : at]
+        del lines[index - length : index]
     function.replace(lines)

@@ -131,7 +131,7 @@ class _Tracker:
             return
         if op == "CALL":
             # the callee may change everything except the private bytes of this function
-            for loc in [each for each in state if not (is_private(each) and id(each.symbol) in self.own)]:  # type: ignore[attr-defined]
+            for loc in [key for key in state if not (is_private(key) and id(key.symbol) in self.own)]:  # type: ignore[attr-defined]
                 del state[loc]
             return
         # the loop that a delay is expanded to may count in W

@@ -79,17 +79,17 @@ def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
         return Comma(_stored(target, value), stored, target.type.plain(), place)
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
-    held = Symbol(
+    symbol = Symbol(
         f"stored{len(analyser.function.locals)}",
         target.type.plain(),
         "local",
         place,
         function=analyser.function.name,
     )
-    analyser.function.locals.append(held)
-    kept = Ref(held, 0, None, held.type, place)
-    steps = Comma(Assign(kept, value, held.type, place), _stored(target, kept), VOID, place)
-    now = load(analyser, target) if isinstance(target, WideField) else kept
+    analyser.function.locals.append(symbol)
+    copy = Ref(symbol, 0, None, symbol.type, place)
+    steps = Comma(Assign(copy, value, symbol.type, place), _stored(target, copy), VOID, place)
+    now = load(analyser, target) if isinstance(target, WideField) else copy
     return Comma(steps, now, now.type.plain(), place)
 
 
@@ -111,9 +111,9 @@ def _stored(target: Accessor, value: Num | Ref) -> Expr:
         assert stored is not None
         return stored
     mask = (1 << target.width) - 1
-    kept = Binary("&", target.container, Num(0xFFFF & ~mask, U16, place), U16, place)
+    unchanged = Binary("&", target.container, Num(0xFFFF & ~mask, U16, place), U16, place)
     given = Binary("&", Cast(value, U16, place), Num(mask, U16, place), U16, place)
-    return Assign(target.container, Binary("|", kept, given, U16, place), U16, place)
+    return Assign(target.container, Binary("|", unchanged, given, U16, place), U16, place)
 
 
 def _part(value: Num | Ref, number: int) -> Expr:

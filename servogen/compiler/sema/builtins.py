@@ -410,8 +410,8 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
 
 def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     """Return the expression for a function of <math.h> that needs no routine."""
-    what = f"the argument of '{name.strip('_')}'"
-    value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, what)
+    role = f"the argument of '{name.strip('_')}'"
+    value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, role)
     function = without_sign if name == "__fabs" else square_root
     return function(value, analyser.place(node))
 

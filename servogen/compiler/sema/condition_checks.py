@@ -213,25 +213,27 @@ def enumerated_names(units: list[Any]) -> dict[str, list[str]]:
     """Return the enumerators of each variable, parameter and member that a file declares with an `enum`."""
     known: dict[str, list[str]] = {}
     variables: dict[str, list[str]] = {}
-    for node in (each for unit in units for each in syntax_nodes(unit)):
+    below = [node for unit in units for node in syntax_nodes(unit)]
+    for node in below:
         if isinstance(node, c_ast.Enum) and node.values is not None and node.name:
-            known[f"enum {node.name}"] = [each.name for each in node.values.enumerators]
-    for node in (each for unit in units for each in syntax_nodes(unit)):
+            known[f"enum {node.name}"] = _enumerators(node)
+    for node in below:
         if not isinstance(node, (c_ast.Decl, c_ast.Typedef)) or not isinstance(node.type, c_ast.TypeDecl):
             continue
         kind = node.type.type
         values: list[str] | None = None
         if isinstance(kind, c_ast.Enum):
-            values = (
-                [each.name for each in kind.values.enumerators]
-                if kind.values is not None
-                else known.get(f"enum {kind.name}")
-            )
+            values = _enumerators(kind) if kind.values is not None else known.get(f"enum {kind.name}")
         elif isinstance(kind, c_ast.IdentifierType) and len(kind.names) == 1:
             values = known.get(kind.names[0])
         if values is not None and node.name:
             (known if isinstance(node, c_ast.Typedef) else variables)[node.name] = values
     return variables
+
+
+def _enumerators(enum: Any) -> list[str]:
+    """Return the names that an enumeration defines."""
+    return [enumerator.name for enumerator in enum.values.enumerators]
 
 
 def _missing_cases(analyser: Analyser, node: Any) -> None:

@@ -133,7 +133,7 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
     return Cast(expr, kind, expr.place)
 
 
-def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
+def convert(analyser: Analyser, expr: Expr, kind: CType, role: str) -> Expr:
     """Return the implicit conversion of an assignment, argument, initialiser or result."""
     expr = rvalue(analyser, expr)
     kind = kind.plain()
@@ -144,7 +144,7 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
         warn_inexact(analyser, expr, kind)
         return cast(analyser, expr, kind)
     if isinstance(kind, PointerType):
-        return _to_pointer(analyser, expr, kind, what)
+        return _to_pointer(analyser, expr, kind, role)
     if isinstance(kind, StructType) and same(kind, expr.type):
         return expr
     if isinstance(kind, IntType) and isinstance(expr.type, PointerType):
@@ -152,14 +152,14 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
             return cast(analyser, expr, kind)
         analyser.reporter.warn(
             "c-conversion",
-            f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast",
+            f"{role} makes '{kind}' of the pointer '{expr.type}' without a cast",
             expr.place,
             hint="to call a function, write its name and parentheses"
             if isinstance(expr.type.target, FuncType)
             else None,
         )
         return cast(analyser, expr, kind)
-    raise analyser.fail("c-type", f"{what} needs '{kind}', this is '{expr.type}'", expr)
+    raise analyser.fail("c-type", f"{role} needs '{kind}', this is '{expr.type}'", expr)
 
 
 def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
@@ -180,32 +180,32 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
         )
 
 
-def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, what: str) -> Expr:
+def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, role: str) -> Expr:
     if isinstance(expr, Num) and isinstance(expr.type, IntType):
         if expr.value != 0:
             analyser.reporter.warn(
                 "c-conversion",
-                f"{what} makes a pointer of the number {expr.value} without a cast",
+                f"{role} makes a pointer of the number {expr.value} without a cast",
                 expr.place,
             )
         return cast(analyser, expr, kind)
     if not isinstance(expr.type, PointerType):
         if isinstance(expr.type, IntType):
             analyser.reporter.warn(
-                "c-conversion", f"{what} makes a pointer of '{expr.type}' without a cast", expr.place
+                "c-conversion", f"{role} makes a pointer of '{expr.type}' without a cast", expr.place
             )
             return cast(analyser, expr, kind)
-        raise analyser.fail("c-type", f"{what} needs '{kind}', this is '{expr.type}'", expr)
-    keep_const(analyser, expr, kind, what)
+        raise analyser.fail("c-type", f"{role} needs '{kind}', this is '{expr.type}'", expr)
+    keep_const(analyser, expr, kind, role)
     source, target = expr.type.target, kind.target
     if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
         analyser.reporter.warn(
-            "c-conversion", f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place
+            "c-conversion", f"{role} makes '{kind}' of '{expr.type}' without a cast", expr.place
         )
     return cast(analyser, expr, kind)
 
 
-def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
+def keep_const(analyser: Analyser, expr: Expr, kind: CType, role: str) -> None:
     """Reject the conversion of a pointer that may lead to flash to one that reaches only RAM, also where such
     pointers, or functions that take or return them, are what is pointed to: their sizes differ.
     """
@@ -214,14 +214,14 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
     if expr.type.size > kind.size:
         raise analyser.fail(
             "c-const",
-            f"{what} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
+            f"{role} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
             expr,
             hint="declare the pointer as a pointer to const",
         )
     if differs_in_const(expr.type.target, kind.target):
         raise analyser.fail(
             "c-const",
-            f"{what} makes '{kind}' of '{expr.type}': a pointer to const has two bytes, another one byte",
+            f"{role} makes '{kind}' of '{expr.type}': a pointer to const has two bytes, another one byte",
             expr,
             hint="declare both with the same const",
         )

@@ -199,35 +199,35 @@ def _float_update(
         target = _settled(analyser, target, before)
     now = rvalue(analyser, target)
     if post:
-        held = _held(analyser, now, before)
-        now = held
+        previous = _in_temporary(analyser, now, before)
+        now = previous
     result = cast(analyser, _float_binary(analyser, op, now, value, place), kind)
     if isinstance(target, (WideField, EepromObject)):
         update = store(analyser, target, result)
     else:
         update = Assign(target, result, kind, place)
     if post:
-        update = Comma(update, held, kind, place)
+        update = Comma(update, previous, kind, place)
     for step in reversed(before):
         update = Comma(step, update, kind, place)
     return update
 
 
-def _held(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
+def _in_temporary(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
     """Return a new variable, and add the assignment of a value to it to `before`."""
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
-    held = Symbol(
+    symbol = Symbol(
         f"held{len(analyser.function.locals)}",
         value.type.plain(),
         "local",
         value.place,
         function=analyser.function.name,
     )
-    analyser.function.locals.append(held)
-    kept = Ref(held, 0, None, held.type, value.place)
-    before.append(Assign(kept, value, held.type, value.place))
-    return kept
+    analyser.function.locals.append(symbol)
+    temporary = Ref(symbol, 0, None, symbol.type, value.place)
+    before.append(Assign(temporary, value, symbol.type, value.place))
+    return temporary
 
 
 def _settled(analyser: Analyser, target: Ref | Deref, before: list[Expr]) -> Ref | Deref:
@@ -237,10 +237,10 @@ def _settled(analyser: Analyser, target: Ref | Deref, before: list[Expr]) -> Ref
     place_of_object = target.pointer if isinstance(target, Deref) else target.index
     if place_of_object is None or not has_effect(place_of_object):
         return target
-    held = _held(analyser, place_of_object, before)
+    temporary = _in_temporary(analyser, place_of_object, before)
     if isinstance(target, Deref):
-        return replace(target, pointer=held)
-    return replace(target, index=held)
+        return replace(target, pointer=temporary)
+    return replace(target, index=temporary)
 
 
 def _signs(analyser: Analyser, left: Expr, right: Expr, place: Location) -> None:
@@ -275,22 +275,22 @@ def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location
 def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
     if isinstance(left, Num) and isinstance(right, Num):
         return analyser.number(int(compare(op, left.value, right.value)), analyser.int_type, place)
-    (low, high), (least, most) = interval(left), interval(right)
+    (low, high), (right_low, right_high) = interval(left), interval(right)
     always: bool | None = None
     if op in ("<", ">="):
-        always = True if high < least else False if low >= most else None
+        always = True if high < right_low else False if low >= right_high else None
         always = always if op == "<" or always is None else not always
     elif op in (">", "<="):
-        always = True if low > most else False if high <= least else None
+        always = True if low > right_high else False if high <= right_low else None
         always = always if op == ">" or always is None else not always
-    elif high < least or low > most:
+    elif high < right_low or low > right_high:
         always = op == "!="
     if always is not None:
         analyser.reporter.warn(
             "c-comparison",
             f"this comparison is always {'true' if always else 'false'}",
             place,
-            hint=f"the left side lies in {low} … {high}, the right side in {least} … {most}",
+            hint=f"the left side lies in {low} … {high}, the right side in {right_low} … {right_high}",
         )
         if not has_effect(left) and not has_effect(right):
             return analyser.number(int(always), analyser.int_type, place)

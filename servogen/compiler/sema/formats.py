@@ -46,14 +46,14 @@ class FormatPart:
 
 def parts(text: bytes) -> Iterator[FormatPart]:
     """Yield the parts of a format. A part with a `problem` says what is not supported."""
-    at, plain = 0, b""
-    while at < len(text):
-        match = _CONVERSION.match(text, at)
+    position, plain = 0, b""
+    while position < len(text):
+        match = _CONVERSION.match(text, position)
         if match is None:
-            plain += text[at : at + 1]
-            at += 1
+            plain += text[position : position + 1]
+            position += 1
             continue
-        at = match.end()
+        position = match.end()
         if match.group() == b"%%":
             plain += b"%"
             continue

@@ -37,7 +37,7 @@ from servogen.errors import Location
 class Leaf(NamedTuple):
     """A scalar of an initialiser: its offset, its type, the expression or byte; for a bit-field, its bits."""
 
-    at: int
+    offset: int
     type: CType
     value: Any
     bit: int | None = None
@@ -52,14 +52,14 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     if isinstance(init, c_ast.InitList) and kind.element.scalar and len(init.exprs) == 1:
         init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
     if isinstance(init, c_ast.InitList):
-        length, at = 0, 0
+        length, index = 0, 0
         for item in init.exprs:
             if isinstance(item, c_ast.NamedInitializer):
                 designator = item.name[0]
                 inner = getattr(designator, "expr", designator)
-                at = constant(analyser, inner, "an index")
-            at += 1
-            length = max(length, at)
+                index = constant(analyser, inner, "an index")
+            index += 1
+            length = max(length, index)
         if (
             isinstance(kind.element, ArrayType)
             and init.exprs
@@ -79,18 +79,17 @@ def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int
     """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
     leaves: list[Leaf] = []
     _leaves(analyser, kind, init, offset, leaves)
-    given = {each.at: each for each in leaves if not each.width}
+    given = {leaf.offset: leaf for leaf in leaves if not leaf.width}
     behind = offset
-    for at, scalar in _scalars(kind, offset):
-        if at < behind:
+    for start, scalar in _scalars(kind, offset):
+        if start < behind:
             continue  # a byte of a member that one expression initialises as a whole
-        given_leaf = given.get(at)
-        leaf = given_leaf.type if given_leaf else scalar
-        behind = at + leaf.size
-        _assign(analyser, symbol, given_leaf or Leaf(at, leaf, 0), place)
-    for each in leaves:
-        if each.width:
-            _assign(analyser, symbol, each, place)
+        leaf = given.get(start) or Leaf(start, scalar, 0)
+        behind = start + leaf.type.size
+        _assign(analyser, symbol, leaf, place)
+    for field in leaves:
+        if field.width:
+            _assign(analyser, symbol, field, place)
 
 
 def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> None:
@@ -101,11 +100,11 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> 
         place = analyser.place(leaf.value)
         value = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
     if leaf.width > 8:
-        container = Ref(symbol, leaf.at, None, kind, place)
+        container = Ref(symbol, leaf.offset, None, kind, place)
         field = WideField(container, leaf.width, kind, place)
         analyser.pending.append(ExprStmt(store(analyser, field, value)))
         return
-    target = Ref(symbol, leaf.at, None, kind, place, leaf.bit, leaf.width)
+    target = Ref(symbol, leaf.offset, None, kind, place, leaf.bit, leaf.width)
     analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
 
 
@@ -115,7 +114,7 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
     _leaves(analyser, kind, init, offset, leaves)
     for leaf in leaves:
         if isinstance(leaf.value, int):
-            data[leaf.at] = leaf.value & 0xFF
+            data[leaf.offset] = leaf.value & 0xFF
             continue
         expr = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
         content = _bytes(analyser, expr, leaf.type.size, leaf.value)
@@ -123,17 +122,17 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
             _set_field(analyser, data, leaf, content)
             continue
         for number, byte in enumerate(content):
-            data[leaf.at + number] = byte
+            data[leaf.offset + number] = byte
 
 
 def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: list[Data]) -> None:
     """Insert the value of a bit-field between those of its neighbours."""
     for number, byte in enumerate(value[: -(-leaf.width // 8)]):
-        before = data.get(leaf.at + number, 0)
+        before = data.get(leaf.offset + number, 0)
         if not isinstance(byte, int) or not isinstance(before, int):
             raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.value)
         mask = (1 << min(leaf.width - 8 * number, 8)) - 1
-        data[leaf.at + number] = before | (byte & mask) << (leaf.bit or 0)
+        data[leaf.offset + number] = before | (byte & mask) << (leaf.bit or 0)
 
 
 def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
@@ -176,7 +175,9 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
                 raise analyser.fail(
                     "c-initialiser", f"the string of {len(values)} characters does not fit {length}", inner
                 )
-            out += [Leaf(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])]
+            out += [
+                Leaf(offset + index, kind.element, value) for index, value in enumerate([*values, 0][:length])
+            ]
             return
     if isinstance(kind, (ArrayType, StructType)):
         if not isinstance(init, c_ast.InitList):
@@ -209,30 +210,30 @@ def _aggregate(
     parts = kind.layout.parts if isinstance(kind, StructType) else []
     if isinstance(kind, StructType) and kind.layout.union:
         slots = slots[:1]
-    at = 0
-    done: set[int] = set()
+    position = 0
+    initialised: set[int] = set()
     by_name = False
     first = items[0] if items else None
-    while items and (at < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
+    while items and (position < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
         item = items[0]
         if isinstance(item, c_ast.NamedInitializer):
             if not braced:
                 return
-            at = _designated(analyser, kind, item)
+            position = _designated(analyser, kind, item)
             by_name = True
             slots = _elements(kind)
-            if at >= len(slots):
+            if position >= len(slots):
                 raise analyser.fail("c-initialiser", "this element does not exist", item.expr)
             if len(item.name) > 1:
                 raise analyser.fail("c-unsupported", "nested designators are not supported", item.expr)
-            inside = bool(parts) and not parts[at].name
+            inside = bool(parts) and not parts[position].name
             items[0] = item = c_ast.InitList([item]) if inside else item.expr
             if inside:
-                done.discard(at)  # another member of the unnamed one
-        if at in done:
+                initialised.discard(position)  # another member of the unnamed one
+        if position in initialised:
             analyser.reporter.warn("c-initialiser", "this element has a value already", analyser.place(item))
-        where, element = slots[at]
-        member = parts[at] if parts else None
+        where, element = slots[position]
+        member = parts[position] if parts else None
         if (
             isinstance(element, (ArrayType, StructType))
             and not isinstance(item, c_ast.InitList)
@@ -245,13 +246,13 @@ def _aggregate(
                 out.append(Leaf(offset + where, element, item, member.bit, member.width))
             else:
                 _leaves(analyser, element, item, offset + where, out)
-        done.add(at)
-        at += 1
-    zero = isinstance(first, c_ast.Constant) and first.value == "0" and at == 1  # `{ 0 }`: all zero
-    if parts and braced and not by_name and 0 < at < len(slots) and not zero and not items:
+        initialised.add(position)
+        position += 1
+    zero = isinstance(first, c_ast.Constant) and first.value == "0" and position == 1  # `{ 0 }`: all zero
+    if parts and braced and not by_name and 0 < position < len(slots) and not zero and not items:
         analyser.reporter.warn(
             "c-initialiser",
-            f"the member '{parts[at].name}' has no value and starts with 0",
+            f"the member '{parts[position].name}' has no value and starts with 0",
             analyser.place(first),
         )
 
@@ -263,10 +264,10 @@ def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
     designator = item.name[0]
     inner = getattr(designator, "expr", designator)
     if isinstance(kind, StructType):
-        for at, part in enumerate(kind.layout.parts):
+        for index, part in enumerate(kind.layout.parts):
             within = part.type.layout.members if isinstance(part.type, StructType) else {}
             if isinstance(inner, c_ast.ID) and inner.name in (within if not part.name else (part.name,)):
-                return at
+                return index
         raise analyser.fail("c-undeclared", f"'{kind}' has no such member", item.expr)
     return constant(analyser, inner, "an index")
 
@@ -285,5 +286,5 @@ def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
     if isinstance(kind, StructType) and kind.layout.union:
         return [(offset + index, U8) for index in range(kind.size)]
     if isinstance(kind, (ArrayType, StructType)):
-        return [leaf for at, element in _elements(kind) for leaf in _scalars(element, offset + at)]
+        return [leaf for start, element in _elements(kind) for leaf in _scalars(element, offset + start)]
     return [(offset, kind)]

@@ -215,8 +215,8 @@ def check_statics(analyser: Analyser, units: list[Any]) -> None:
         in_header = (place.file or "").lower().endswith(".h") or "inline" in (decl.funcspec or [])
         defined = isinstance(unit, c_ast.FuncDef) or not function
         if defined and not wanted and not in_header and f"_{decl.name}" not in assembly:
-            done = "called" if function else "used"
-            analyser.reporter.warn("c-unused", f"'{decl.name}' is never {done}", place)
+            verb = "called" if function else "used"
+            analyser.reporter.warn("c-unused", f"'{decl.name}' is never {verb}", place)
 
 
 def used_names(node: Any) -> set[str]:

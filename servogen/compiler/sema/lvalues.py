@@ -211,10 +211,10 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
         return _member(analyser, base, member, place)
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "a function cannot be called outside functions", node)
-    held = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
-    held.function, held.pinned = analyser.function.name, True
-    analyser.function.locals.append(held)
-    target = Ref(held, 0, None, base.type, place)
+    result = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
+    result.function, result.pinned = analyser.function.name, True
+    analyser.function.locals.append(result)
+    target = Ref(result, 0, None, base.type, place)
     value = _member(analyser, target, member, place)
     return Comma(Assign(target, base, base.type, place), value, value.type, place)
 
@@ -271,12 +271,12 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
                 node,
                 hint="of <math.h> it has fabs, sqrt, floor and ceil",
             )
-        known = [
-            each
-            for each, what in analyser.scopes.stack[0].names.items()
-            if isinstance(what, FunctionDefinition)
+        functions = [
+            declared
+            for declared, its_meaning in analyser.scopes.stack[0].names.items()
+            if isinstance(its_meaning, FunctionDefinition)
         ]
-        hint = did_you_mean(name, known + analyser.dispatch.builtin_names(analyser))
+        hint = did_you_mean(name, functions + analyser.dispatch.builtin_names(analyser))
         if header := library.declared_in(name):
             hint = f"did you forget #include <{header}>?"
         raise analyser.fail(
@@ -374,8 +374,8 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
             analyser, rvalue(analyser, target.pointer), target.offset, PointerType(target.type)
         )
     if not isinstance(target, Ref) or target.width:
-        what = "a bit" if isinstance(target, (Ref, Deref)) else "this"
-        raise analyser.fail("c-lvalue", f"{what} has no address", node)
+        subject = "a bit" if isinstance(target, (Ref, Deref)) else "this"
+        raise analyser.fail("c-lvalue", f"{subject} has no address", node)
     return address(analyser, target, PointerType(target.type))
 
 

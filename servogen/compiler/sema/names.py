@@ -76,16 +76,16 @@ _ESCAPES = {
 def expression(analyser: Analyser, node: Any) -> Expr:
     handler = analyser.dispatch.expressions.get(type(node))
     if handler is None:
-        what = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
-        raise analyser.fail("c-unsupported", f"a {what} is not supported", node)
+        construct = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
+        raise analyser.fail("c-unsupported", f"a {construct} is not supported", node)
     return handler(analyser, node)
 
 
-def constant(analyser: Analyser, node: Any, what: str) -> int:
+def constant(analyser: Analyser, node: Any, role: str) -> int:
     """Return the value of a constant expression."""
     expr = arithmetic(analyser, expression(analyser, node))
     if not isinstance(expr, Num):
-        raise analyser.fail("c-not-constant", f"{what} must be a constant", node)
+        raise analyser.fail("c-not-constant", f"{role} must be a constant", node)
     return expr.value
 
 

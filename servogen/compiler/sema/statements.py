@@ -151,7 +151,7 @@ def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
     if analyser.function is not None:
         for scope in analyser.scopes.stack[1:]:
             names.update(
-                {f"_{name}": what for name, what in scope.names.items() if hasattr(what, "asm_name")}
+                {f"_{name}": meaning for name, meaning in scope.names.items() if hasattr(meaning, "asm_name")}
             )
     return Asm(lines, names, list(_asm_calls(analyser, lines)), place)
 
@@ -203,9 +203,9 @@ def nested(analyser: Analyser, node: Any) -> Stmt:
     return out[0] if len(out) == 1 else BlockStatement(out)
 
 
-def _leaves(made: Stmt) -> bool:
+def _leaves(statement: Stmt) -> bool:
     """Return whether the code after a statement can only be reached through a label."""
-    match made:
+    match statement:
         case Return() | Jump():
             return True
         case BlockStatement(body):
@@ -360,7 +360,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
         f"intcon{len(analyser.function.locals)}", U8, "local", place, function=analyser.function.name
     )
     analyser.function.locals.append(before)
-    held = analyser.body.loops, analyser.body.breakable
+    outer = analyser.body.loops, analyser.body.breakable
     analyser.body.loops = analyser.body.breakable = 0
     analyser.body.critical.append(before)
     gie = chip_bit(analyser, "GIE", place)
@@ -371,7 +371,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
         _allow_again(analyser, before, place),
     ]
     analyser.body.critical.pop()
-    analyser.body.loops, analyser.body.breakable = held
+    analyser.body.loops, analyser.body.breakable = outer
     return BlockStatement(out)
 
 
@@ -390,11 +390,11 @@ def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
     return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
 
 
-def _no_way_out(analyser: Analyser, word: str, what: str, node: Any) -> Fatal:
+def _no_way_out(analyser: Analyser, word: str, enclosing: str, node: Any) -> Fatal:
     inside = (
-        f" in a critical block cannot leave {what} around it"
+        f" in a critical block cannot leave {enclosing} around it"
         if analyser.body.critical
-        else f" outside {what}"
+        else f" outside {enclosing}"
     )
     return analyser.fail("c-jump", f"'{word}'{inside}", node)
 
@@ -452,11 +452,11 @@ def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:
     allow = _allow_again(analyser, analyser.body.critical[0], place)
     if value is None or isinstance(value, Num):
         return BlockStatement([allow, Return(value, place)])
-    held = Symbol(
+    symbol = Symbol(
         f"result{len(analyser.function.locals)}", value.type, "local", place, function=analyser.function.name
     )
-    analyser.function.locals.append(held)
-    target = Ref(held, 0, None, value.type, place)
+    analyser.function.locals.append(symbol)
+    target = Ref(symbol, 0, None, value.type, place)
     return BlockStatement([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
 
 

@@ -179,14 +179,14 @@ class _Pointers:
     def initialise(self, key: Key, value: Any) -> None:
         match value:
             case c_ast.InitList():
-                for each in value.exprs:
-                    self.initialise(key, each)
+                for item in value.exprs:
+                    self.initialise(key, item)
             case c_ast.NamedInitializer():
-                names = [each.name for each in value.name if isinstance(each, c_ast.ID)]
+                names = [designator.name for designator in value.name if isinstance(designator, c_ast.ID)]
                 self.initialise((_MEMBER, names[-1]) if names else key, value.expr)
             case _:
                 self.flow(value, key)
-                for member in [each for each in self.targets if each[0] == _MEMBER]:
+                for member in [target for target in self.targets if target[0] == _MEMBER]:
                     if key not in self.targets and isinstance(value, c_ast.Constant):
                         self.flow(value, member)
 

@@ -87,13 +87,13 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
                 hint="fill the rest with 0",
             )
         for value in (symbol.initial or {}).values():
-            at = len(analyser.program.eeprom)
-            if at >= EEPROM_BYTES:
+            address = len(analyser.program.eeprom)
+            if address >= EEPROM_BYTES:
                 analyser.reporter.error(
                     "c-initialiser", f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place
                 )
                 break
-            analyser.program.eeprom[at] = value if isinstance(value, int) else 0
+            analyser.program.eeprom[address] = value if isinstance(value, int) else 0
     for symbol in [other for other in analyser.program.symbols if other.kind == "eeprom"]:
         analyser.program.symbols.remove(symbol)
         end = (symbol.address or 0) + symbol.size
@@ -176,10 +176,10 @@ def _declare_in_parentheses(analysis: Analyser, unit: Any) -> None:
     """
     kind = unit.decl.type
     names = kind.args.params if isinstance(kind, c_ast.FuncDecl) and kind.args is not None else []
-    declared = {each.name: each for each in unit.param_decls}
-    for number, each in enumerate(names):
-        if isinstance(each, c_ast.ID) and each.name in declared:
-            names[number] = declared.pop(each.name)
+    declared = {decl.name: decl for decl in unit.param_decls}
+    for number, parameter in enumerate(names):
+        if isinstance(parameter, c_ast.ID) and parameter.name in declared:
+            names[number] = declared.pop(parameter.name)
     for name, decl in declared.items():
         analysis.reporter.error(
             "c-undeclared", f"'{name}' is not a parameter of '{unit.decl.name}'", analysis.place(decl)

@@ -163,9 +163,9 @@ def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None
         if is_field:
             if not isinstance(kind, IntType) or not 0 <= width <= min(MAX_FIELD, 8 * kind.size):
                 # the structure is read to its end, so that its members are known
-                most = min(MAX_FIELD, 8 * kind.size) if isinstance(kind, IntType) else MAX_FIELD
+                widest = min(MAX_FIELD, 8 * kind.size) if isinstance(kind, IntType) else MAX_FIELD
                 analyser.reporter.error(
-                    "c-bit", f"a bit-field has 1 to {most} bits of an integer type", analyser.place(decl)
+                    "c-bit", f"a bit-field has 1 to {widest} bits of an integer type", analyser.place(decl)
                 )
                 kind, width = U8, 8
             if width > 8:
