@@ -90,6 +90,7 @@ class Reporter:
         """Names whose declarations have errors: that they are missing is not reported again."""
 
     def add_source(self, file: str, text: str) -> None:
+        """Register the text of a file, so that diagnostics can quote its lines."""
         self.texts[file] = text
         self._lines[file] = text.splitlines()
 
@@ -107,12 +108,14 @@ class Reporter:
         self._diagnostics[Diagnostic(severity, code, message, place, hint)] = None
 
     def error(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
+        """Report an error; raise CompileError once there are too many to be useful."""
         self._add("error", code, message, place, hint)
         self._errors += 1
         if self._errors >= ERRORS:
             raise self.failure()
 
     def warn(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
+        """Report a warning, unless it is unwanted or about the compiler's own files."""
         if not is_own_file(place) and code not in self.unwanted:
             self._add("warning", code, message, place, hint)
 

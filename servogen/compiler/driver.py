@@ -111,9 +111,13 @@ def _reported(sources: Sequence[Source], options: Options) -> Compilation:
 
 
 def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) -> Compilation:
+    """Run all stages over a program and return its compilation; errors end it after the stage that reports
+    them.
+    """
     settings = PragmaSettings(options.device, reporter)
     blocks: list[AsmBlock] = []
     files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
+    # delays need the clock, so that the pragmas and macros of all files are read before the analysis
     all_macros: dict[str, Any] = {}
     for preprocessed, _ in files:
         all_macros.update(preprocessed.macros)
@@ -138,10 +142,13 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     )
     reporter.stop_on_error()
     graph = call_graph(analysis.program)
+    # recursion is reported first: what follows walks the calls without looking for cycles
     check_calls(graph, reporter)
     reporter.stop_on_error()
     check_program(graph, reporter)
     check_chip(graph, reporter, watchdog=bool(settings.config_word(clock) & CONFIG_WATCHDOG_ON))
+    # before code is generated: `volatile` is what keeps the passes from assuming that main alone changes
+    # these
     _mark_shared(graph)
     dump = _Dump(options.dump_ir)
     manager = PassManager(options.verify_ir, dump.keep)
@@ -155,11 +162,13 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     arrangement = arrange(generator, analysis.program, settings, reporter)
     manager.finished_all("startup", functions)
     _transform(functions, arrangement.roots, options, manager)
+    # before delays are expanded: one may become a call only where a level of the stack is free
     room = check_stack(functions, arrangement.roots, reporter)
     reporter.stop_on_error()
     in_interrupt = reached(functions, arrangement.roots[1:])
     expand_delays(functions, room, in_interrupt)
     manager.finished_all("delays", functions)
+    # last, since expanding delays adds counters to the functions' frames
     memory = allocate(arrangement.roots, functions, arrangement.statics, reporter)
     layout = lay_out(
         arrangement.order(functions), memory, reporter, arrangement.tables, small=options.optimise == "size"
@@ -193,6 +202,7 @@ def _transform(
     if options.optimise != "none":
         for function in functions.values():
             manager.optimise(function)
+    # after the passes that move instructions; outlining may share switches like any other code
     reaching = banked(functions)
     leaving = exit_banks(functions, reaching)
     for function in functions.values():
@@ -223,6 +233,7 @@ class _Dump:
 def _read(
     source: Source, options: Options, reporter: Reporter, blocks: list[AsmBlock], number: int
 ) -> tuple[Preprocessed, Rewritten]:
+    """Preprocess a file and rewrite the dialect's extensions; `number` keeps generated names distinct."""
     preprocessed = preprocess(
         source.text,
         source.file,

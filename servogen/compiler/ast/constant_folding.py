@@ -58,6 +58,7 @@ def fold(op: str, left: int, right: int, kind: IntType) -> int | None:
 
 
 def compare(op: str, left: int, right: int) -> bool:
+    """Return whether `left op right` holds."""
     match op:
         case "==":
             return left == right
@@ -74,6 +75,9 @@ def compare(op: str, left: int, right: int) -> bool:
 
 
 def type_interval(kind: object) -> Interval:
+    """Return the minimum and maximum value of a type; pointers and floating-point values count as their
+    bytes.
+    """
     if isinstance(kind, IntType):
         return kind.low, kind.high
     if isinstance(kind, (PointerType, FloatType)):
@@ -117,16 +121,19 @@ def interval(expr: Expr) -> Interval:
 
 
 def _field(expr: Ref | Deref, width: int) -> Interval:
+    """Return the values that a bit-field can hold."""
     if isinstance(expr.type, IntType) and expr.type.signed:
         return -(1 << width - 1), (1 << width - 1) - 1
     return 0, (1 << width) - 1
 
 
 def _fits(values: Interval, full: Interval) -> Interval:
+    """Return the exact interval of a result; the type's own where the result may wrap."""
     return values if full[0] <= values[0] and values[1] <= full[1] else full
 
 
 def _binary(expr: Binary, full: Interval) -> Interval:
+    """Return the interval of a binary operator's result before it wraps; `full` where it is unknown."""
     a, b = interval(expr.left), interval(expr.right)
     match expr.op:
         case "+":

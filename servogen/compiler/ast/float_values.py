@@ -33,6 +33,7 @@ def not_a_number(kind: FloatType) -> int:
 
 
 def is_nan(bits: int, kind: FloatType) -> bool:
+    """Return whether the bytes are those of a NaN: the greatest exponent with a mantissa other than 0."""
     return bits & kind.sign_bit - 1 > infinity(kind)
 
 

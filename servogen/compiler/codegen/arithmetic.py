@@ -26,6 +26,7 @@ def const(operands: list[Operand]) -> int | None:
 
 
 def imms(value: int, size: int) -> list[Operand]:
+    """Return a number as constant operand bytes, low byte first."""
     return [Imm(value >> 8 * index & 0xFF) for index in range(size)]
 
 
@@ -35,11 +36,14 @@ def destination_bit(gen: InstructionBuilder, target: Loc, left: Operand) -> int:
 
 
 def store_result(gen: InstructionBuilder, target: Loc, left: Operand) -> None:
+    """Store W, unless the instruction before has left the result in the target itself."""
     if target != left:
         gen.store(target)
 
 
 def add(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: list[Operand]) -> None:
+    """Emit target = left + right."""
+    # a sum commutes: the constant, or the operand that is not the target, goes on the right
     if isinstance(left[0], Imm) or (target == right and target != left):
         left, right = right, left
     constant = const(right)
@@ -51,11 +55,14 @@ def add(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: 
         last = number == size - 1
         if number == 0:
             _add_first(gen, t, a, b)
+        # no carry out of the top byte is needed, so that the operand plus carry may wrap
         elif last and isinstance(b, Imm):
             _carry_last(gen, t, a, b)
         elif isinstance(b, Imm) or isinstance(a, Imm):
             _carry_middle_imm(gen, t, a, b)
         elif t == a:
+            # b plus carry of 256 adds nothing and carries again: skipping ADDWF keeps the byte and C as they
+            # are
             b = load_twice(gen, b)
             gen.skip_if(C, False)
             gen.emit("INCFSZ", b, 0)
@@ -88,6 +95,7 @@ def load_twice(gen: InstructionBuilder, operand: Operand) -> Loc:
 
 
 def _add_first(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
+    """Add the lowest bytes, with no carry in."""
     if isinstance(a, Imm):
         a, b = b, a
     gen.load(b)
@@ -111,16 +119,19 @@ def _carry_last(gen: InstructionBuilder, t: Loc, a: Operand, b: Imm) -> None:
     elif b == Imm(0) and t == a:
         gen.skip_if(C, False)
         gen.emit("INCF", a, 1)
+    # 255 and a carry add 0 to a byte, 255 alone subtracts 1
     elif b == Imm(0xFF) and t == a:
         gen.skip_if(C, True)
         gen.emit("DECF", a, 1)
     elif isinstance(b.value, int):
+        # MOVLW leaves C alone: the skip chooses between the constant and the constant plus carry
         gen.emit("MOVLW", k=b.value)
         gen.skip_if(C, False)
         gen.emit("MOVLW", k=b.value + 1)
         gen.emit("ADDWF", a, destination_bit(gen, t, a))
         store_result(gen, t, a)
     else:
+        # only the layout knows the byte of an address: the carry is added to the variable instead
         gen.load(a)
         gen.skip_if(C, False)
         gen.emit("ADDLW", k=1)
@@ -139,14 +150,17 @@ def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -
     assert isinstance(b, Imm)
     gen.move(t, a)
     if b == Imm(0xFF):
+        # with a carry 256 is added: the byte stays, and so does C
         gen.emit("MOVLW", k=0xFF)
         gen.skip_if(C, True)
         gen.emit("ADDWF", t, 1)
     elif b == Imm(0):
+        # without a carry nothing is added, and C stays 0
         gen.emit("MOVLW", k=1)
         gen.skip_if(C, False)
         gen.emit("ADDWF", t, 1)
     elif isinstance(b.value, int):
+        # the constant plus carry is at most 255, so that ADDWF gives the right carry
         gen.emit("MOVLW", k=b.value)
         gen.skip_if(C, False)
         gen.emit("MOVLW", k=b.value + 1)
@@ -161,10 +175,12 @@ def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -
 
 
 def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand], value: int) -> None:
+    """Emit target = left + value: counting up or down where that is an addition of 1 or -1."""
     size = len(target)
     mask = (1 << 8 * size) - 1
     value &= mask
     start = 0
+    # bytes of the constant that are 0 change nothing below the first other one, and give no carry
     while start < size and not value >> 8 * start & 0xFF:
         gen.move(target[start], left[start])
         start += 1
@@ -182,6 +198,7 @@ def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand
     bytes_ = imms(value, len(t))
     low = value & 0xFF
     if len(t) == 1 and not isinstance(a[0], Imm) and low in (1, 0xFF):
+        # INCF and DECF do not change C, which nobody reads after the top byte
         op = "INCF" if low == 1 else "DECF"
         gen.emit(op, a[0], destination_bit(gen, t[0], a[0]))
         store_result(gen, t[0], a[0])
@@ -196,22 +213,27 @@ def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand
 
 
 def count_up(gen: InstructionBuilder, t: list[Loc]) -> None:
+    """Emit t = t + 1 in place."""
     for number, byte in enumerate(t):
+        # INCF sets Z exactly where the byte wraps to 0, which is its carry
         if number:
             gen.skip_if(Z, False)
         gen.emit("INCF", byte, 1)
 
 
 def _count_down(gen: InstructionBuilder, t: list[Loc]) -> None:
+    """Emit t = t - 1 in place."""
     if len(t) == 1:
         gen.emit("DECF", t[0], 1)
         return
     if len(t) == 2 and not exposed(t[0]):
+        # DECF gives no borrow: the high byte counts down if the low byte is 0 before it does
         gen.emit("MOVF", t[0], 1)
         gen.skip_if(Z, False)
         gen.emit("DECF", t[1], 1)
         gen.emit("DECF", t[0], 1)
         return
+    # W stays 1; the first byte without a borrow leaves C set, and all later SUBWF are skipped
     gen.emit("MOVLW", k=1)
     gen.emit("SUBWF", t[0], 1)
     for byte in t[1:-1]:
@@ -222,11 +244,13 @@ def _count_down(gen: InstructionBuilder, t: list[Loc]) -> None:
 
 
 def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: list[Operand]) -> None:
+    """Emit target = left - right. On this chip C is the inverted borrow (DS35007 register 2-1)."""
     constant = const(right)
     size = len(target)
     if constant is not None and const(left) is None:
         _add_constant(gen, target, left, -constant)
         return
+    # a middle byte of the target is first loaded with the minuend, which would overwrite the subtrahend
     if target == right and size > 2:
         difference: list[Loc] = gen.temp(size)
         subtract(gen, difference, left, right)
@@ -237,6 +261,8 @@ def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], ri
         if number == 0 or (last and t != a) or (last and isinstance(b, Imm)):
             gen.load(b)
             if number:
+                # a borrow adds 1 to the subtrahend; where that wraps, the difference is right and only C is
+                # not
                 gen.skip_if(C, True)
                 gen.emit("ADDLW", k=1)
             if isinstance(a, Imm):
@@ -251,6 +277,7 @@ def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], ri
             gen.move(held_b, b)
             b = held_b
         gen.move(t, a)
+        # b plus borrow of 256 subtracts nothing and borrows again: skipping SUBWF keeps the byte and C
         b = load_twice(gen, b)
         gen.skip_if(C, True)
         gen.emit("INCFSZ", b, 0)
@@ -258,11 +285,14 @@ def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], ri
 
 
 def negate(gen: InstructionBuilder, target: list[Loc], operand: list[Operand]) -> None:
+    """Emit target = -operand."""
     if len(target) == 1:
         if target == operand:
+            # -x is ~x + 1
             gen.emit("COMF", target[0], 1)
             gen.emit("INCF", target[0], 1)
         else:
+            # SUBLW computes its literal minus W
             gen.load(operand[0])
             gen.emit("SUBLW", k=0)
             gen.store(target[0])
@@ -272,6 +302,7 @@ def negate(gen: InstructionBuilder, target: list[Loc], operand: list[Operand]) -
 
 
 def complement(gen: InstructionBuilder, target: list[Loc], operand: list[Operand]) -> None:
+    """Emit target = ~operand."""
     for t, a in zip(target, operand, strict=True):
         if isinstance(a, Imm):
             gen.emit("MOVLW", k=a.value)
@@ -285,6 +316,7 @@ def complement(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
 def bitwise(
     gen: InstructionBuilder, op: str, target: list[Loc], left: list[Operand], right: list[Operand]
 ) -> None:
+    """Emit target = left op right for `&`, `|` or `^`, byte by byte."""
     for t, a, b in zip(target, left, right, strict=True):
         if isinstance(a, Imm) or (t == b and t != a):
             a, b = b, a
@@ -292,6 +324,7 @@ def bitwise(
 
 
 def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Operand) -> None:
+    """Emit one byte of a bitwise operation, by the shortest instruction for its constant."""
     value = b.value if isinstance(b, Imm) and isinstance(b.value, int) else None
     mnemonic = {"&": "AND", "|": "IOR", "^": "XOR"}[op]
     if value is not None and not isinstance(a, Imm):
@@ -299,6 +332,7 @@ def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Opera
             gen.move(t, a)
             return
         if (op, value) in (("&", 0), ("|", 0xFF)):
+            # the value of a volatile byte does not matter here, but C wants it read (ISO C 5.1.2.3)
             gen.read_unused([a])
             gen.move(t, Imm(value))
             return
@@ -306,6 +340,7 @@ def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Opera
             gen.emit("COMF", a, destination_bit(gen, t, a))
             store_result(gen, t, a)
             return
+        # one bit is set or cleared in one instruction, without W
         if t == a and op == "|" and value.bit_count() == 1:
             gen.emit("BSF", t, b=value.bit_length() - 1)
             return
@@ -327,8 +362,10 @@ def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Opera
 
 
 def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand], count: int) -> None:
+    """Emit target = operand << count: whole bytes by moves, the rest by rotations through C."""
     size = len(target)
     whole, rest = divmod(count, 8)
+    # the bytes that are shifted out are read all the same if they are volatile
     gen.read_unused(operand[max(0, size - whole) :])
     if whole >= size:
         gen.move_all(target, imms(0, size))
@@ -341,6 +378,7 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
         return
     if rest == 1 and not whole and not any(isinstance(byte, Imm) for byte in operand):
         gen.emit("BCF", STATUS, b=C)
+        # the MOVWF between two rotations leaves C alone, so that the bits pass from byte to byte
         for t, a in zip(target, operand, strict=True):
             assert not isinstance(a, Imm)
             gen.emit("RLF", a, destination_bit(gen, t, a))
@@ -366,6 +404,7 @@ def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left
         gen.emit("CLRF", t)
         gen.emit(away, t, 1)
     elif count >= 4:
+        # SWAPF rotates by four bits at once; the mask removes those that came round
         gen.emit("SWAPF", a, 0)
         gen.emit("ANDLW", k=0xF0 if left else 0x0F)
         gen.store(t)
@@ -380,6 +419,7 @@ def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left
 
 
 def _repeat(gen: InstructionBuilder, op: str, t: Loc, count: int) -> None:
+    """Emit a shift by `count` bits in place."""
     for _ in range(count):
         gen.emit("BCF", STATUS, b=C)
         gen.emit(op, t, 1)
@@ -388,7 +428,9 @@ def _repeat(gen: InstructionBuilder, op: str, t: Loc, count: int) -> None:
 def shift_right(
     gen: InstructionBuilder, target: list[Loc], operand: list[Operand], count: int, *, signed: bool
 ) -> None:
+    """Emit target = operand >> count, filling with zeros or, if `signed`, with the sign."""
     size = len(target)
+    # beyond that, every bit of a signed value is its sign
     count = min(count, 8 * size - 1) if signed else count
     whole, rest = divmod(count, 8)
     gen.read_unused(operand[:whole])
@@ -418,6 +460,7 @@ def shift_right(
 
 
 def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> None:
+    """Emit a shift by one bit to the right in place; the lowest bit goes to C."""
     if signed:
         gen.emit("RLF", target[-1], 0)  # the sign into C
     else:
@@ -427,6 +470,7 @@ def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> No
 
 
 def one_left(gen: InstructionBuilder, target: list[Loc]) -> None:
+    """Emit a shift by one bit to the left in place; the highest bit goes to C."""
     gen.emit("BCF", STATUS, b=C)
     for byte in target:
         gen.emit("RLF", byte, 1)
@@ -437,6 +481,7 @@ def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
     if isinstance(top, Imm):
         return Imm(0xFF if isinstance(top.value, int) and top.value & 0x80 else 0)
     sign = gen.temp()[0]
+    # the complement of 0x00 is 0xFF
     gen.emit("CLRF", sign)
     gen.skip_if(7, False, top)
     gen.emit("COMF", sign, 1)
@@ -447,6 +492,7 @@ def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Opera
     """Set C to not (left < right), compared as unsigned."""
     constant = const(right)
     start = 0
+    # low bytes of the bound that are 0 give no borrow, whatever is compared with them
     if constant is not None:
         while start < len(right) - 1 and right[start] == Imm(0):
             start += 1
@@ -457,6 +503,7 @@ def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Opera
             gen.load(b)
         elif isinstance(b, Imm) and isinstance(b.value, int) and not isinstance(a, Imm):
             gen.emit("MOVLW", k=b.value)
+            # 255 plus borrow is 256: every byte is less, and C, which is 0 already, stays so without SUBWF
             if b.value == 0xFF:
                 gen.skip_if(C, False)
                 gen.emit("SUBWF", a, 0)
@@ -468,6 +515,7 @@ def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Opera
                 copy = gen.temp()[0]
                 gen.move(copy, b)
                 b = copy
+            # the same holds here: INCFSZ skips the SUBWF where b plus borrow is 256
             b = load_twice(gen, b)
             gen.skip_if(C, True)
             gen.emit("INCFSZ", b, 0)

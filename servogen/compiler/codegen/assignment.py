@@ -39,6 +39,7 @@ def assign_bytes(gen: FunctionGenerator, target: Ref | Deref, value: list[Operan
 
 
 def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
+    """Emit target = value, for an object of any size and place."""
     if target.width:
         assign_field(gen, target, value)
         return
@@ -57,12 +58,14 @@ def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
         gen.move(INDF, temporary)
         return
     operands = operands_of(gen, value, size) if value.type.scalar else _struct_value(gen, value)
+    # computing the target's address must not change the value
     if has_effect(target) or calls_something(target):
         operands = preserved(gen, operands)
     assign_bytes(gen, target, operands)
 
 
 def _struct_value(gen: FunctionGenerator, value: Expr) -> list[Operand]:
+    """Return the bytes of a structure: its own, or copies."""
     if isinstance(value, Ref) and is_direct(gen, value):
         return list(ref_locs(gen, value))
     copy: list[Loc] = gen.temp(value.type.size)
@@ -115,6 +118,7 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
 
 
 def same_bytes(gen: FunctionGenerator, expr: Expr, locs: list[Loc]) -> bool:
+    """Return whether an expression is the variable that lies at `locs`."""
     inner = stripped(expr)
     return is_direct(gen, inner) and ref_locs(gen, inner)[: len(locs)] == locs  # type: ignore[arg-type]
 
@@ -149,6 +153,7 @@ def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right
         return False
     if isinstance(right, Num) and op in "+-" and right.value & 0xFF in (1, 0xFF):
         point_fsr(gen, target)
+        # INCF and DECF need no operand in W
         up = (right.value & 0xFF == 1) == (op == "+")
         gen.emit("INCF" if up else "DECF", INDF, 1)
         return True
@@ -193,6 +198,7 @@ def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> No
     bitwise(gen, "&", field, list(field), [Imm(mask << target.bit & 0xFF)])
     if pointed:
         point_fsr(gen, field_byte(gen, target))
+    # the byte is read once and written once, so that no pin of a port changes in between
     gen.emit("MOVF", byte, 0)
     gen.emit("ANDLW", k=~(mask << target.bit))
     gen.emit("IORWF", field[0], 0)
@@ -202,6 +208,7 @@ def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> No
 def _assign_bit(
     gen: FunctionGenerator, target: Ref | Deref, byte: Loc, value: Expr, *, pointed: bool
 ) -> None:
+    """Emit the assignment of a truth value to one bit, which is in `byte`, or behind FSR if `pointed`."""
     bit = target.bit or 0
     turned = _negated(value)
     if isinstance(target, Ref) and isinstance(turned, Ref) and turned.width == 1:
@@ -237,6 +244,7 @@ def _assign_bit(
         if exposed(source) or source == byte:  # what may change is read once
             _set_by_jumps(gen, byte, bit, inner)
             return
+    # two skips take as long for 0 as for 1, and the bit is written once
     gen.skip_if(source_bit, False, source)
     gen.emit("BSF", byte, b=bit)
     gen.skip_if(source_bit, True, source)
@@ -244,6 +252,7 @@ def _assign_bit(
 
 
 def _set_by_jumps(gen: FunctionGenerator, byte: Loc, bit: int, value: Expr) -> None:
+    """Set or clear a bit by the truth of a value; each path writes it once."""
     no, end = gen.new_label(), gen.new_label()
     gen.lower.jump(gen, value, False, no)
     gen.emit("BSF", byte, b=bit)

@@ -31,6 +31,7 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
             assert isinstance(expr.data, tuple)
             watched_delay(gen, *expr.data)
         case "restart":
+            # writing PCL jumps, and takes the high bits of the address from PCLATH (DS35007 section 2.4)
             gen.emit("CLRF", PCLATH, fixed=True)
             gen.emit("CLRF", PCL, fixed=True)
         case "delay_variable":

@@ -22,6 +22,7 @@ from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
 
 
 def call(gen: FunctionGenerator, expr: Call) -> Function:
+    """Emit a call and return the callee, which says where its result is."""
     name = expr.function
     function = gen.signature(name)
     _arguments(gen, function, expr.arguments)
@@ -58,6 +59,7 @@ def _arguments(gen: FunctionGenerator, function: Function, arguments: list[Expr]
             gen.move_all(target, list(temporary))
         else:
             into(gen, argument, target)
+    # W comes last, because evaluating another argument would overwrite it
     if w_number is not None:
         operands = ready[w_number]
         if operands is not None:
@@ -96,12 +98,14 @@ def library_call(gen: FunctionGenerator, function: Function, operands: list[list
 
 
 def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    """Emit target = left * right: by shifts for some constants, otherwise by a library routine."""
     size = len(target)
     left, right = expr.left, expr.right
     if isinstance(left, Num):
         left, right = right, left
     if isinstance(right, Num) and _multiply_constant(gen, left, right.value, target):
         return
+    # the routine takes one turn for each bit of its second factor
     if is_byte(left) and not is_byte(right):
         left, right = right, left
     function = gen.library("mul", gen.context.routines.multiply(left, right, size))
@@ -138,8 +142,10 @@ def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: l
 
 
 def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    """Emit target = left / right or left % right (ISO C 6.5.5: rounded towards zero)."""
     form = quotient(expr)
     size, signed = form.size, form.signed
+    # for unsigned values a power of two divides by a shift, and leaves its remainder in the low bits
     if isinstance(expr.right, Num) and not signed and is_power_of_two(expr.right):
         shift = expr.right.value.bit_length() - 1
         work = target if len(target) >= size else gen.temp(size)
@@ -170,6 +176,7 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         symbol for symbol in holder.own if symbol.name == ("quotient" if expr.op == "/" else "remainder")
     )
     one, two = pair(gen, expr.left, expr.right, size)
+    # x / n and x % n side by side need one call: the routine leaves both results
     if not _divided_already(gen, function, one, two):
         library_call(gen, function, [one, two])
         gen.division = Division(gen.function.blocks[-1].instructions[-1], one, two)

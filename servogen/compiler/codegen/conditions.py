@@ -36,6 +36,7 @@ _MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
 
 
 def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> None:
+    """Jump to `label` if the truth of a comparison is `sense`."""
     left, right, op = expr.left, expr.right, expr.op
     if isinstance(left, Num) and not isinstance(right, Num):
         left, right, op = right, left, _MIRRORED[op]
@@ -45,6 +46,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
         return
     if isinstance(right, Num):
         bound, op = right.value, op
+        # left > n is left >= n + 1; the width is chosen anew for that bound, so that it cannot wrap
         if op == ">":
             bound, op = bound + 1, ">="
         elif op == "<=":
@@ -62,6 +64,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
 
 
 def _width(gen: FunctionGenerator, left: Expr, right: Expr) -> tuple[int, bool]:
+    """Return (bytes, signed) in which two operands are compared: as few as hold the values of both."""
     if not isinstance(left.type, IntType) or not isinstance(right.type, IntType):
         return max(left.type.size, right.type.size), False
     (a, b), (c, d) = interval(left), interval(right)
@@ -81,6 +84,7 @@ def _against_constant(
             gen.goto(label)
         return
     size, signed = width_of(min(low, bound), max(high, bound))
+    # the sign bit alone tells whether a value is at least 0
     if signed and bound == 0:
         top = operands_of(gen, left, size)[-1]
         if isinstance(top, (Byte, Reg)):
@@ -89,12 +93,15 @@ def _against_constant(
     if size == 1:
         if signed:
             to_w(gen, left)
+            # inverting the sign bit turns the signed order into the unsigned one
             gen.emit("XORLW", k=0x80)
             gen.emit("ADDLW", k=0x100 - (bound + 0x80))
+        # an unsigned value is at least 1 if it is not 0
         elif bound == 1:
             to_w_with_zero(gen, left)
             gen.goto_if(Z, not at_least, label)
             return
+        # an unsigned value is at least 128 if its top bit is set
         elif bound == 0x80 and is_direct(gen, stripped(left)):
             top = operands_of(gen, left, 1)[0]
             assert not isinstance(top, Imm)
@@ -104,6 +111,7 @@ def _against_constant(
             operand = operands_of(gen, left, 1)[0]
             assert not isinstance(operand, Imm)
             if bound == 0xFF:
+                # only 255 plus 1 is 0
                 gen.emit("INCF", operand, 0)
                 gen.goto_if(Z, at_least, label)
                 return
@@ -111,6 +119,7 @@ def _against_constant(
             gen.emit("SUBWF", operand, 0)
         else:
             to_w(gen, left)
+            # the sum carries exactly where W is at least the bound; SUBLW would subtract the other way round
             gen.emit("ADDLW", k=0x100 - bound)
         gen.goto_if(C, at_least, label)
         return
@@ -136,6 +145,7 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
             if _all_set(gen, left, value):
                 gen.goto_if(Z, equal, label)
                 return
+            # W ^ n is 0 exactly where W is n
             to_w(gen, left)
             gen.emit("XORLW", k=value)
             gen.goto_if(Z, equal, label)
@@ -176,6 +186,7 @@ def _all_set(gen: FunctionGenerator, expr: Expr, mask: int) -> bool:
     operand = operands_of(gen, left, 1)[0]
     if isinstance(operand, Imm):
         return False
+    # no bit of the mask is left of the complement if all are set in the byte
     gen.emit("COMF", operand, 0)
     gen.emit("ANDLW", k=mask)
     return True
@@ -217,6 +228,7 @@ def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
     sets_zero = last is not None and last.op in SETS_Z and last.d == 0 and last.writes_w
     if sets_zero and not gen.last_may_be_skipped:
         return
+    # MOVLW, calls and the like do not set Z
     gen.emit("IORLW", k=0)
 
 
@@ -307,6 +319,7 @@ def _same_truth(gen: FunctionGenerator, expr: Cast) -> bool:
 def _logic_jump(
     gen: FunctionGenerator, either: bool, left: Expr, right: Expr, sense: bool, label: str
 ) -> None:
+    """Jump on `&&` or `||`; the right operand is evaluated only if the left one decides nothing."""
     if either == sense:
         jump(gen, left, sense, label)
         jump(gen, right, sense, label)
@@ -318,6 +331,7 @@ def _logic_jump(
 
 
 def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> None:
+    """Jump on one bit of memory."""
     assert expr.bit is not None
     if in_flash(expr):
         to_w(gen, field_byte(gen, expr))
@@ -358,6 +372,7 @@ def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> b
     if isinstance(target.type, IntType) and target.type.is_bool:
         return False
     loc = ref_locs(gen, target)[0]
+    # no bank switch can stand between a skip and what it skips
     if isinstance(loc, Reg) and loc.address & 0x80:
         return False
     if expr.post:
@@ -365,6 +380,7 @@ def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> b
             return False
         gen.emit("DECF", loc, 1)
         if sense:
+            # n-- has the value from before: the new one plus 1, which is 0 where the jump is not taken
             gen.emit("INCFSZ", loc, 0)
             gen.goto(label)
         else:
@@ -381,6 +397,7 @@ def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> b
 
 
 def _nonzero(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
+    """Jump on any value: whether it is other than 0."""
     size = expr.type.size
     if isinstance(expr.type, IntType):
         size = min(size, width_of(*interval(expr))[0])

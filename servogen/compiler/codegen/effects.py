@@ -122,6 +122,7 @@ def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
         case Assign(target, value) | Update(_, target, value):
             return _touches(target, symbols, registers) or _touches(value, symbols, registers)
         case Call(_, arguments):
+            # a callee reaches what is static or has its address taken, and its arguments
             outside = registers or any(watched.static or watched.pinned for watched in symbols)
             return outside or any(_touches(argument, symbols, registers) for argument in arguments)
         case Builtin(_, arguments):
@@ -139,6 +140,7 @@ def stripped(expr: Expr) -> Expr:
 
 
 def is_condition(expr: Expr) -> bool:
+    """Return whether the value of an expression is 0 or 1, best computed by jumps or a bit test."""
     if isinstance(expr, Logic) or (isinstance(expr, Unary) and expr.op == "!"):
         return True
     if isinstance(expr, (Ref, Deref)) and expr.width == 1 and isinstance(expr.type, IntType):

@@ -84,6 +84,7 @@ def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
 
 
 def _operator_stores_once(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> bool:
+    """Return whether an operator's code stores each byte of its target at most once."""
     size = len(target)
     need = min(size, expr.type.size, width_of(*interval(expr))[0])
     if need < size and negative_possible(gen, expr):
@@ -178,6 +179,7 @@ def _into_logic(gen: FunctionGenerator, expr: Logic, target: list[Loc]) -> None:
 def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
     """Store 0 or 1 according to a condition."""
     if target and not exposed(target[0]) and not touches(expr, target):
+        # clearing first saves a jump, but the condition must not read the target
         gen.move_all(target, imms(0, len(target)))
         end = gen.new_label()
         gen.lower.jump(gen, expr, False, end)
@@ -190,6 +192,7 @@ def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
 
 
 def condition_to_w(gen: FunctionGenerator, expr: Expr) -> None:
+    """Load 1 into W if a condition holds, otherwise 0."""
     no, end = gen.new_label(), gen.new_label()
     gen.lower.jump(gen, expr, False, no)
     gen.emit("MOVLW", k=1)
@@ -253,6 +256,7 @@ def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
 
 
 def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> None:
+    """Update an object, and store the value that the expression has: the new one, or the previous one."""
     direct = isinstance(expr.target, Ref) and is_direct(gen, expr.target)
     # the address is evaluated once: an index or pointer with effects must not run twice
     source = expr.target if direct else settled(gen, expr.target)
@@ -275,6 +279,7 @@ def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, 
 
 
 def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    """Compute an operator in as many bytes as its values need, and extend the result."""
     if expr.op in COMPARISONS:
         boolean(gen, expr, target)
         return
@@ -328,6 +333,7 @@ def effect(gen: FunctionGenerator, expr: Expr) -> None:
 
 
 def _evaluate(gen: FunctionGenerator, expr: Expr) -> None:
+    """Evaluate an expression for its effect, and of its operands only those that have one."""
     match expr:
         case Assign(target, value):
             assign(gen, target, value)

@@ -75,6 +75,7 @@ def second_operand(library: Library, size: int) -> list[Loc]:
 
 
 def _returns_value(gen: InstructionBuilder, registers: Registers) -> None:
+    """Declare the shared value as the parameter and the result of a routine."""
     symbol = registers.value[0]
     assert isinstance(symbol, Byte)
     gen.function.result = symbol.symbol
@@ -96,6 +97,7 @@ def _keep_sticky(gen: InstructionBuilder, guard: Loc) -> None:
 
 
 def _put(gen: InstructionBuilder, target: Loc, value: int) -> None:
+    """Store a constant."""
     gen.emit("MOVLW", k=value)
     gen.store(target)
 
@@ -108,6 +110,7 @@ def _add_exponent(gen: InstructionBuilder, registers: Registers) -> None:
 
 
 def _subtract_exponent(gen: InstructionBuilder, registers: Registers) -> None:
+    """Subtract W from the exponent of two bytes."""
     gen.emit("SUBWF", registers.exponent, 1)
     gen.skip_if(C, True)
     gen.emit("DECF", registers.high, 1)
@@ -125,8 +128,10 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
         gen.new_label(name) for name in ("small", "right", "left", "normal", "compose", "put")
     )
     infinite, in_range = gen.new_label("infinite"), gen.new_label("in_range")
+    # nothing is left of the mantissa: a zero with its sign, whatever the exponent says
     _skip_unless_zero(gen, [*r.mantissa, r.guard])
     gen.goto(compose)
+    # below the exponent 1 the mantissa moves right until the exponent is 1: a denormal
     gen.label(small)
     gen.function.bounds[small] = MAX_SHIFT
     gen.goto_if(7, False, in_range, r.high)
@@ -143,6 +148,7 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.goto_if(Z, False, infinite)
     gen.emit("MOVF", r.exponent, 1)
     gen.goto_if(Z, True, right)
+    # the hidden bit is missing: the mantissa moves left, but not below the exponent 1
     gen.label(left)
     gen.function.bounds[left] = MAX_SHIFT
     gen.goto_if(7, True, normal, r.top)
@@ -163,6 +169,8 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.skip_if(7, True, r.top)
     gen.emit("CLRF", r.exponent)
     gen.label(put)
+    # the hidden bit rotates out; sign and exponent rotate right, and the exponent's lowest bit takes its
+    # place
     gen.emit("RLF", r.top, 1)
     gen.emit("RLF", r.sign, 0)
     gen.emit("RRF", r.exponent, 1)
@@ -183,6 +191,7 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
 
 
 def not_a_number(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit the routine that returns the NaN, with exponent 255 and the highest bit of the mantissa set."""
     r = shared(library, key[0])
     _returns_value(gen, r)
     gen.function.also_calls = (library("float_pack", key).name,)
@@ -204,9 +213,11 @@ def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
     gen.emit("XORWF", r.value[-1], 0)
     gen.store(r.sign)
     for operand in (r.value, other):
+        # the lowest bit of the exponent is stored in the byte below; the sign rotates out
         gen.emit("RLF", operand[-2], 0)
         gen.emit("RLF", operand[-1], 1)
         gen.emit("BSF", operand[-2], b=7)
+        # a stored exponent of 0 has no hidden bit and counts as 1; BCF leaves Z alone
         gen.emit("MOVF", operand[-1], 1)
         gen.skip_if(Z, False)
         gen.emit("BCF", operand[-2], b=7)
@@ -227,6 +238,7 @@ def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
         gen.emit("ANDLW", k=0x7F)
         for byte in operand[:-2]:
             gen.emit("IORWF", byte, 0)
+        # 255 plus a byte carries unless that is 0: C says that the value is not a number
         gen.emit("ADDLW", k=0xFF)
         if operand is r.value:
             gen.skip_if(C, False)
@@ -248,6 +260,9 @@ def _begin(gen: InstructionBuilder, size: int, library: Library) -> tuple[str, s
 
 
 def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit an addition: the mantissa of the smaller exponent is shifted right until the exponents agree;
+    signs that differ make it a subtraction.
+    """
     (size,) = key
     r, other = shared(library, size), second_operand(library, size)
     first_sign, other_guard = variable(gen, "first_sign", 1)[0], variable(gen, "other_guard", 1)[0]
@@ -268,6 +283,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.emit("COMF", other[-1], 0)
     gen.goto_if(Z, False, of_first)
     gen.goto_if(7, False, of_first, r.sign)
+    # infinity minus infinity
     gen.goto(nan)
     gen.label(finite)
     for one, two in ((r.value, other), (other, r.value)):  # a zero need not be shifted
@@ -284,6 +300,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.emit("SUBWF", r.exponent, 0)
     gen.goto_if(Z, True, aligned)
     gen.goto_if(C, True, shift_other)
+    # C is 0 here, since SUBWF has borrowed, and enters at the top
     for byte in reversed(wide):
         gen.emit("RRF", byte, 1)
     _keep_sticky(gen, r.guard)
@@ -299,6 +316,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.goto_if(7, True, differ, r.sign)
     add(gen, wide, list(wide), list(wide_other))
     gen.goto_if(C, False, of_first)
+    # the carry of the sum becomes its top bit
     for byte in reversed(wide):
         gen.emit("RRF", byte, 1)
     _keep_sticky(gen, r.guard)
@@ -307,6 +325,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.label(differ)
     subtract(gen, wide, list(wide), list(wide_other))
     gen.goto_if(C, True, larger)
+    # the second operand was the greater one: the difference has its sign
     negate(gen, wide, list(wide))
     gen.label(of_second)
     gen.load(r.sign)
@@ -338,6 +357,7 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     gen.skip_if(Z, True)
     gen.emit("COMF", other[-1], 0)
     gen.goto_if(Z, True, infinite)
+    # both exponents contain the bias, of which the product's has one
     gen.load(other[-1])
     _add_exponent(gen, r)
     gen.emit("MOVLW", k=FLOAT_BIAS - 1)
@@ -352,6 +372,7 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     gen.goto_if(0, False, skip, multiplier[0])
     add(gen, r.mantissa, list(r.mantissa), list(other[:-1]))
     gen.label(skip)
+    # the carry of the addition, or the 0 from before it, enters at the top
     for byte in reversed([*multiplier, *r.mantissa]):
         gen.emit("RRF", byte, 1)
     gen.emit("DECFSZ", count, 1)
@@ -364,10 +385,12 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     _subtract_exponent(gen, r)
     gen.goto(normalise)
     gen.label(normalised)
+    # what lies below the guard byte only matters as being there or not
     _skip_unless_zero(gen, low)
     gen.goto(packing)
     gen.emit("BSF", r.guard, b=0)
     gen.goto(packing)
+    # zero times infinity is not a number
     gen.label(zero)
     gen.emit("COMF", r.exponent, 0)
     gen.skip_if(Z, True)
@@ -417,6 +440,7 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     _subtract_exponent(gen, r)
     gen.emit("MOVLW", k=FLOAT_BIAS + 8 * size)
     _add_exponent(gen, r)
+    # a denormal divisor is normalised, so that each turn gives one bit of the quotient
     gen.label(scale)
     gen.function.bounds[scale] = 8 * size
     gen.goto_if(7, True, start, divisor[-1])
@@ -435,6 +459,7 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.label(take)
     gen.function.bounds[take] = 16 * size
     subtract(gen, rest, list(rest), list(divisor))
+    # the bit of the quotient; where the remainder had overflowed, subtract has not set C
     gen.emit("BSF", STATUS, b=C)
     gen.label(bit)
     for byte in (r.guard, *r.mantissa):
@@ -446,6 +471,7 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.goto_if(C, True, take)
     gen.goto(loop)
     gen.label(complete)
+    # a remainder makes the guard byte sticky
     _skip_unless_zero(gen, rest)
     gen.goto(packing)
     gen.emit("BSF", r.guard, b=0)
@@ -473,6 +499,7 @@ def comparison(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.emit("RETLW", k=LESS)
     gen.emit("RETLW", k=GREATER)
     gen.label(same)
+    # equal signs: the unpacked bytes are in the order of the values, the exponent first
     for one, two in zip(reversed(r.value), reversed(other), strict=True):
         gen.load(two)
         gen.emit("SUBWF", one, 0)
@@ -504,9 +531,11 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.emit("BSF", mantissa[-1], b=7)
     for byte in integer[size - 1 :]:
         gen.emit("CLRF", byte)
+    # the mantissa as an integer has this exponent; the difference is the shift
     gen.emit("MOVLW", k=FLOAT_BIAS + 8 * (size - 1) - 1)
     gen.emit("SUBWF", count, 1)
     gen.goto_if(C, True, left)
+    # a negative difference is 256 minus the shift: INCFSZ counts it up to 0
     gen.label(right)
     gen.function.bounds[right] = MAX_SHIFT
     one_right(gen, mantissa, signed=False)

@@ -36,12 +36,14 @@ def float_operation(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
 
 
 def _size(expr: Builtin) -> int:
+    """Return the size of the floating-point values of an operation, whose operand or result is one."""
     return next(
         operand.type.size for operand in (expr, *expr.arguments) if isinstance(operand.type, FloatType)
     )
 
 
 def _called(gen: FunctionGenerator, routine: Function) -> list[Loc]:
+    """Call a routine and return the bytes of its result."""
     gen.emit("CALL", target=routine.name)
     if routine.result is None:
         return []
@@ -49,6 +51,7 @@ def _called(gen: FunctionGenerator, routine: Function) -> list[Loc]:
 
 
 def _to_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit the conversion to an integer and return its bytes."""
     routine = gen.library(expr.name, (_size(expr),))
     parameter = routine.parameters[0]
     _evaluate_into(gen, expr.arguments[0], [Byte(parameter, index) for index in range(parameter.size)])
@@ -56,6 +59,7 @@ def _to_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
 
 
 def _from_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit the conversion of an integer, evaluated into the place where the routine finds its mantissa."""
     size = _size(expr)
     signed, integer = bool(expr.data), expr.arguments[0]
     routine = gen.library(expr.name, (size, integer.type.size, int(signed)))
@@ -82,6 +86,7 @@ def _is_operation(expr: Expr) -> bool:
 
 
 def _binary(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit an operation with two operands, evaluated in the order that needs the fewest copies."""
     size = _size(expr)
     routine = gen.library("float_add" if expr.name == "float_subtract" else expr.name, (size,))
     value, other = shared(gen.library, size).value, second_operand(gen.library, size)

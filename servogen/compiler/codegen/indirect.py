@@ -63,6 +63,7 @@ def one_byte_indirect(gen: FunctionGenerator, expr: Ref | Deref) -> bool:
 
 
 def indirect_load(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> None:
+    """Store a value that is read through FSR and INDF (DS35007 section 2.5)."""
     size = min(len(target), expr.type.size)
     point_fsr(gen, expr)
     for number in range(size):
@@ -75,6 +76,7 @@ def indirect_load(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) 
 
 
 def into_field(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> None:
+    """Store the value of a bit-field: its byte, shifted and masked."""
     assert expr.bit is not None
     signed = isinstance(expr.type, IntType) and expr.type.signed
     if expr.width == 1 and not signed:
@@ -92,6 +94,7 @@ def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -
     """Reduce a value to the bits that a bit-field holds, and extend its sign."""
     bitwise(gen, "&", value, list(value), [Imm((1 << field.width) - 1)])
     if isinstance(field.type, IntType) and field.type.signed:
+        # (x ^ s) - s copies the sign bit s to all bits above it
         gen.emit("MOVLW", k=1 << field.width - 1)
         gen.emit("XORWF", value[0], 1)
         gen.emit("SUBWF", value[0], 1)

@@ -89,6 +89,7 @@ def _selected_bank(word: str, name: str, place: Location, names: Names) -> list[
 
 
 def _instruction(parsed: ParsedInstruction, names: Names, label: Labels) -> Instruction:
+    """Return a parsed instruction with its operands resolved."""
     ins = Instruction(parsed.mnemonic, place=parsed.place, fixed=True)
     if parsed.f is not None:
         ins.f = _file(parsed.f, names)
@@ -131,6 +132,7 @@ def _constant(expression: Expression, known: _ChipNames) -> int | None:
 
 
 def _has_here(expression: Expression) -> bool:
+    """Return whether an expression contains `$`, the address of the instruction."""
     match expression:
         case Here():
             return True
@@ -181,6 +183,7 @@ def _target(expression: Expression, label: Labels) -> str:
 
 
 def _file(expression: Expression, names: Names) -> Loc:
+    """Return the register or variable byte that an operand names."""
     location = _with_offset(expression, names)
     if location is not None:
         symbol, offset = _used(location[0]), location[1]
@@ -199,6 +202,7 @@ def _file(expression: Expression, names: Names) -> Loc:
 
 
 def _destination(expression: Expression) -> int:
+    """Return the destination bit of an operand: W or F, 0 or 1."""
     value = _constant(expression, _ChipNames(registers=False))
     if value not in (0, 1):
         raise SourceError("c-asm", f"the destination is W or F, not '{spelling(expression)}'")
@@ -206,6 +210,7 @@ def _destination(expression: Expression) -> int:
 
 
 def _bit(expression: Expression) -> int:
+    """Return the bit number of an operand."""
     value = _constant(expression, _ChipNames(registers=False, bits=True))
     if value is None or not 0 <= value <= 7:
         raise SourceError("c-asm", f"'{spelling(expression)}' is not a bit, 0 to 7")

@@ -69,6 +69,7 @@ def simplify_counters(function: FunctionDefinition) -> None:
 
 
 def _rewrite(function: FunctionDefinition, counting: _Counting) -> None:
+    """Rewrite a counting loop in the shortest of the forms in the module's description that applies."""
     before, loop, variable = counting.before, counting.loop, counting.variable
     low = Ref(variable.symbol, variable.offset, None, U8, variable.place)
     one, place = Num(1, U8, loop.place), loop.place
@@ -105,6 +106,7 @@ def _count_down_two_bytes(counting: _Counting, trips: int) -> None:
     """Count down as `--low || --high` does, with two DECFSZ; the high byte is rounded up."""
     variable, loop = counting.variable, counting.loop
     place = loop.place
+    # `--low` is 0 once in 256 turns: the high byte counts these, and the first round may be shorter
     low, high = trips % MAX_TRIPS, -(-trips // MAX_TRIPS)
     whole = Ref(variable.symbol, variable.offset, None, U16, variable.place)
     counting.before.expr = Assign(whole, Num(high * MAX_TRIPS + low, U16, place), U16, place)
@@ -186,6 +188,7 @@ def _reads(expr: Expr, variable: Ref) -> bool:
 
 
 def _is_same(expr: object, variable: Ref) -> bool:
+    """Return whether an expression names a variable as a whole."""
     return (
         isinstance(expr, Ref)
         and expr.symbol is variable.symbol
@@ -217,6 +220,7 @@ def _may_change(counting: _Counting) -> bool:
 
 
 def _labels(switch: Switch) -> list[CaseLabel]:
+    """Return the labels of a switch, the default's among them."""
     labels = [label for _, label in switch.cases]
     return labels if switch.default is None else [*labels, switch.default]
 

@@ -43,6 +43,7 @@ def _pointer_cast(gen: FunctionGenerator, expr: Cast) -> list[Operand]:
 
 
 def address_operands(gen: FunctionGenerator, target: Ref, have: int, size: int) -> list[Operand]:
+    """Return the bytes of an object's address as constants, extended with zeros to `size`."""
     symbol = gen.symbol(target.symbol)
     address: list[Operand] = [
         Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))
@@ -76,11 +77,13 @@ def widen(gen: FunctionGenerator, target: list[Loc], size: int, *, signed: bool)
 
 
 def widen_result(gen: FunctionGenerator, expr: Expr, target: list[Loc], size: int) -> None:
+    """Extend a result of `size` bytes that lies in `target`."""
     if len(target) > size:
         widen(gen, target, size, signed=negative_possible(gen, expr))
 
 
 def negative_possible(gen: FunctionGenerator, expr: Expr) -> bool:
+    """Return whether the value of an expression may be negative, so that extending it must copy the sign."""
     return isinstance(expr.type, IntType) and expr.type.signed and interval(expr)[0] < 0
 
 
@@ -133,6 +136,7 @@ def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) ->
 
 
 def is_constant(gen: FunctionGenerator, expr: Expr) -> bool:
+    """Return whether the low byte of an expression is a constant, or part of an address."""
     return isinstance(stripped(expr), Num) or (
         isinstance(stripped(expr), AddressOf) and stripped(expr).target.index is None  # type: ignore[union-attr]
     )
@@ -144,4 +148,5 @@ def is_simple_operand(gen: FunctionGenerator, expr: Expr) -> bool:
 
 
 def operand_ready(gen: FunctionGenerator, value: Expr) -> bool:
+    """Return whether the low byte of a value is an operand already, without code to compute it."""
     return is_constant(gen, value) or is_simple_operand(gen, value)

@@ -32,6 +32,7 @@ from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand, Z
 
 
 def simple(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    """Emit target = left op right for a sum, a difference or a bitwise operation."""
     size = len(target)
     if size == 1 and _through_w(gen, expr, target[0]):
         return
@@ -64,6 +65,7 @@ def _through_w(gen: FunctionGenerator, expr: Binary, target: Loc) -> bool:
 def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
     """Load the low byte of a sum, difference or bitwise operation into W."""
     left, right, op = expr.left, expr.right, expr.op
+    # where the order is free, the operand that needs code is computed in W, the other one read from memory
     if (op != "-" and is_simple_operand(gen, left) and not is_simple_operand(gen, right)) or (
         op != "-" and is_constant(gen, left)
     ):
@@ -74,6 +76,7 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
         if op == "-":
             if isinstance(value.value, int):
                 to_w(gen, left)
+                # x - n is x + (256 - n)
                 _w_constant(gen, "+", -value.value & 0xFF)
                 return
         else:
@@ -100,6 +103,7 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
 
 
 def _w_constant(gen: FunctionGenerator, op: str, value: int | AddressByte) -> None:
+    """Combine W with a constant, unless that leaves it as it is."""
     mnemonic = {"+": "ADDLW", "&": "ANDLW", "|": "IORLW", "^": "XORLW"}[op]
     neutral = 0xFF if op == "&" else 0
     if value != neutral:
@@ -133,6 +137,7 @@ def to_w(gen: FunctionGenerator, expr: Expr) -> None:
 
 
 def _unary_w(gen: FunctionGenerator, expr: Unary) -> None:
+    """Load the low byte of `-x` or `~x` into W."""
     operand = stripped(expr.operand)
     if expr.op == "~":
         if is_direct(gen, operand):
@@ -146,6 +151,7 @@ def _unary_w(gen: FunctionGenerator, expr: Unary) -> None:
 
 
 def shift(gen: FunctionGenerator, expr: Binary, target: list[Loc], *, left: bool) -> None:
+    """Emit a shift to the left, or one by a variable count."""
     size = len(target)
     count = expr.right
     if isinstance(count, Num):
@@ -157,6 +163,7 @@ def shift(gen: FunctionGenerator, expr: Binary, target: list[Loc], *, left: bool
 
 
 def right_shift(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    """Emit a shift to the right, in the bytes that the values of its left operand need."""
     low, high = interval(expr.left)
     size, signed = width_of(low, high)
     size = min(size, expr.left.type.size)
@@ -175,6 +182,7 @@ def right_shift(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None
 def _variable_shift(
     gen: FunctionGenerator, expr: Binary, target: list[Loc], size: int, *, left: bool, signed: bool
 ) -> None:
+    """Emit a shift by a variable count as a loop over one-bit shifts of a copy."""
     shifted: list[Loc] = gen.temp(size)
     count = gen.temp()[0]
     if has_effect(expr.left) or calls_something(expr.right) or has_effect(expr.right):
@@ -185,6 +193,7 @@ def _variable_shift(
         gen.lower.into(gen, expr.right, [count])
         gen.lower.into(gen, expr.left, shifted)
     loop, end = gen.new_label(), gen.new_label()
+    # a count of 0 shifts nothing; DECFSZ would take it for 256
     gen.emit("MOVF", count, 1)
     gen.goto_if(Z, True, end)
     gen.label(loop)

@@ -42,6 +42,7 @@ class ProgramGenerator:
         self._clones: dict[Symbol, Symbol] = {}
 
     def generate(self) -> dict[str, Function]:
+        """Return the functions that main and the interrupt reach, with the routines that they need."""
         for name in self.graph.main:
             self._function(name, isr=False)
         for name in self.graph.isr:
@@ -49,6 +50,7 @@ class ProgramGenerator:
         return self.functions
 
     def _function(self, name: str, *, isr: bool) -> None:
+        """Generate the code of one function; raise if the program has become hopelessly large."""
         definition = self.program.functions[name]
         context = Context(
             signature=lambda called_name: self.signature(called_name, isr=isr),
@@ -114,6 +116,7 @@ class ProgramGenerator:
         return self.functions[full]
 
     def _library(self, kind: str, key: tuple[int, ...], *, isr: bool) -> Function:
+        """Return a library routine; the interrupt has its own copy, since it may interrupt main's."""
         name = "__" + "_".join([kind, *map(str, key)]) + (ISR_SUFFIX if isr else "")
         if name not in self.functions:
             function = Function(name)

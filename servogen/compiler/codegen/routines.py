@@ -39,6 +39,7 @@ class Quotient(NamedTuple):
 def quotient(expr: Binary) -> Quotient:
     """Return how a division or a remainder is computed."""
     (a, b), (c, d) = interval(expr.left), interval(expr.right)
+    # -128 / -1 is 128: a signed quotient may need a byte more than its operands
     full = width_of(*interval(expr))[0] if min(a, c) < 0 else 1
     size, signed = width_of(min(a, c), max(b, d))
     size = min(max(size, full), expr.type.size)
@@ -86,6 +87,7 @@ class Routines:
                     self._count(expr)
 
     def _count(self, expr: Binary) -> None:
+        """Widen the routine of a division's size to its divisor, unless the division becomes shifts."""
         one = quotient(expr)
         if (not one.signed and is_power_of_two(expr.right)) or (one.signed and halvings(expr, one.size)):
             return

@@ -75,6 +75,7 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     add(gen, product, list(product), list(a))
     gen.label(no_add)
     one_left(gen, a)
+    # the loop ends as soon as no bit of the factor is left
     gen.load(b[0])
     for byte in b[1:]:
         gen.emit("IORWF", byte, 0)
@@ -121,7 +122,9 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
     gen.store(count)
     loop, take_away, after = gen.new_label(), gen.new_label(), gen.new_label()
     gen.label(loop)
+    # the top bit of the dividend moves into the remainder; a bit of the quotient takes its place
     one_left(gen, [*a, *rest])
+    # a remainder that has lost its top bit is greater than any divisor
     if carry:
         gen.goto_if(C, True, take_away)
     compare_less(gen, list(rest), list(b))
@@ -150,6 +153,7 @@ def divide_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Librar
     gen.function.parameters = [dividend, divisor]
     signs = variable(gen, "signs", 1)[0]
     gen.emit("CLRF", signs)
+    # bit 0 is the quotient's sign, bit 1 the remainder's, which is the dividend's (ISO C 6.5.5)
     for operand, mask in ((a, 3), (b, 1)) if negative_divisor else ((a, 3),):
         positive = gen.new_label()
         gen.goto_if(7, False, positive, operand[-1])
@@ -283,6 +287,7 @@ def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     gen.emit("BSF", INTCON, b=_GIE)
     wait = gen.new_label()
     gen.label(wait)
+    # EECON1 is in bank 1, and no bank switch can follow a skip: the bit is tested in W
     gen.emit("MOVF", _EECON1, 0)
     gen.emit("ANDLW", k=1 << _WR)
     gen.goto_if(Z, False, wait)
@@ -307,6 +312,7 @@ def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
     gen.emit("BSF", STATUS, b=C)
     gen.emit("RRF", value, 1)
     gen.goto_if(C, True, high)
+    # both paths write the pin at the same cycle of the bit
     gen.emit("NOP")
     gen.emit(zero, port, b=pin)
     gen.goto(after)
@@ -332,6 +338,7 @@ def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
     gen.goto_if(pin, not inverted, wait, port)
     gen.emit("MOVLW", k=8)
     gen.store(count)
+    # the middle of the first data bit is one and a half bits behind the edge of the start bit
     gen.delay(cycles + cycles // 2 - 6)
     gen.label(loop)
     gen.emit("BSF" if inverted else "BCF", STATUS, b=C)
@@ -364,6 +371,7 @@ def _flash_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     gen.label(flash)
     gen.store(low)
     gen.load(high)
+    # bit 7 marks flash; PCLATH has five bits and drops it. The RETLW returns to the caller
     gen.store(PCLATH)
     gen.load(low)
     gen.store(PCL)

@@ -113,6 +113,7 @@ def _initialise(function: Function, statics: list[Symbol]) -> None:
         data: dict[int, Data] = symbol.initial or {}
         bytes_ = [(data.get(offset, 0), offset) for offset in range(symbol.size)]
         loaded: Data | None = None
+        # zeros first, then equal values together, so that each value is loaded once
         for value, offset in sorted(bytes_, key=lambda pair: (pair[0] != 0, repr(pair[0]), pair[1])):
             if value == 0:
                 function.append(Instruction("CLRF", Byte(symbol, offset)))

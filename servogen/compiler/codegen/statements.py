@@ -43,6 +43,7 @@ from servogen.errors import InputError
 
 
 def generate(gen: FunctionGenerator) -> Function:
+    """Generate the body of a function, and its return."""
     definition = gen.definition
     assert definition.body is not None
     gen.place = definition.place
@@ -65,6 +66,9 @@ def statement(gen: FunctionGenerator, node: Stmt) -> None:
 
 
 def _stmt_block(gen: FunctionGenerator, node: BlockStatement) -> None:
+    """Generate the statements of a block; a loop whose test holds after the statement before it is entered
+    without the test.
+    """
     before: Stmt | None = None
     for item in node.body:
         if isinstance(item, Loop) and not item.post and before is not None and _holds_at_first(item, before):
@@ -119,6 +123,7 @@ def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
     if node.step is not None:
         effect(gen, node.step)
     gen.place = node.place
+    # a test at the end costs one jump in each round instead of two
     if node.condition is not None and not in_front:
         jump(gen, node.condition, True, top)
     else:
@@ -140,6 +145,7 @@ def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
 
 
 def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
+    """Generate a switch: jumps to the cases, then the body with their labels."""
     gen.place = node.place
     end = gen.new_label()
     for _, label in node.cases:
@@ -155,6 +161,7 @@ def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
 
 
 def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
+    """Emit the comparisons of a switch with its cases."""
     low, high = interval(node.value)
     possible = [(value, label) for value, label in node.cases if low <= value <= high]
     size, _ = width_of(low, high)
@@ -163,6 +170,7 @@ def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
         return
     if size == 1:
         to_w(gen, node.value)
+        # W holds the value ^ the case before; XORLW of both cases makes it 0 for this one, without a reload
         before = 0
         for value, label in possible:
             if (value ^ before) & 0xFF:
@@ -208,6 +216,7 @@ def _stmt_label_stmt(gen: FunctionGenerator, node: LabelStmt) -> None:
 
 
 def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
+    """Put the result where callers expect it, and jump to the function's end."""
     gen.place = node.place
     if node.value is not None:
         if isinstance(node.value.type, VoidType):
@@ -230,6 +239,7 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
 
 
 def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
+    """Assemble the lines of an assembly statement; errors are reported at their lines."""
     gen.function.inline_asm = True
     labels: dict[str, str] = {}
     for place, text in node.lines:
@@ -245,6 +255,8 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
 
 
 def _asm_name(gen: FunctionGenerator, node: Asm) -> Callable[[str], Symbol | None]:
+    """Return what resolves C names in assembly: locals of the block first, then the program's."""
+
     def find(name: str) -> Symbol | None:
         symbol = node.names.get(name) or node.names.get("_" + name) or gen.context.asm_symbols.get(name)
         return gen.symbol(symbol) if symbol is not None else None

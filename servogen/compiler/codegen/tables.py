@@ -164,6 +164,7 @@ def _read_pointer(gen: FunctionGenerator, pointer: list[Loc]) -> None:
 
 
 def from_flash(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
+    """Store a value that lies in flash, byte by byte."""
     size = min(len(target), expr.type.size)
     index = _flash_index(gen, expr)
     if size > 1:
@@ -176,6 +177,7 @@ def from_flash(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
 
 
 def wide_load(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
+    """Store a value behind a pointer that may lead to flash or to RAM; the routine distinguishes them."""
     size = min(len(target), expr.type.size)
     pointer: list[Loc] = gen.temp(2)
     into(gen, expr.pointer, pointer)

@@ -60,6 +60,9 @@ def plan(cycles: int) -> LoopNest:
 
 
 def _loops(cycles: int, levels: int, in_w: bool) -> LoopNest | None:
+    """Return nested loops of `levels` counters for a delay; None if it is too short, or leaves too many
+    cycles over.
+    """
     step = 4 if in_w else 3
     setup = 2 * levels - in_w
     full = step * 256 - 1

@@ -266,6 +266,7 @@ def _expand(
     suffix: str,
     functions: dict[str, Function],
 ) -> None:
+    """Replace the delays of one function, those that follow one another together if the choice says so."""
     out: list[Line] = []
     number = 0
     lines = list(function.lines())

@@ -170,6 +170,7 @@ def _place(order: list[Function], *, only_first_page: bool) -> CodeLayout | None
 def _encode(
     word: PlacedWord, labels: dict[str, int], memory: MemoryMap, tables: dict[Symbol, str], reporter: Reporter
 ) -> int:
+    """Return the word of an instruction."""
     ins = word.ins
     fields: dict[str, int] = {}
     operands = by_mnemonic()[ins.op].operands
@@ -185,6 +186,7 @@ def _encode(
 
 
 def file_address(ins: Instruction, memory: MemoryMap) -> int:
+    """Return the data memory address of an instruction's file register."""
     match ins.f:
         case Byte(symbol, offset):
             return memory.addresses[symbol] + offset
@@ -196,6 +198,7 @@ def file_address(ins: Instruction, memory: MemoryMap) -> int:
 def _literal(
     word: PlacedWord, labels: dict[str, int], memory: MemoryMap, tables: dict[Symbol, str], reporter: Reporter
 ) -> int:
+    """Return the literal of an instruction: a number, a byte of an address, or the target of a jump."""
     ins = word.ins
     if ins.op in TARGETED:
         if ins.target.startswith("$"):

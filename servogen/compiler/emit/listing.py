@@ -87,6 +87,7 @@ def _times(times: FunctionTimes | None) -> tuple[int | None, int | None, tuple[s
 
 
 def _row(word: PlacedWord, memory: MemoryMap) -> ListingRow:
+    """Return the listing's row of a word."""
     ins = word.ins
     row = by_mnemonic()[ins.op]
     parts = []
@@ -114,6 +115,7 @@ def _row(word: PlacedWord, memory: MemoryMap) -> ListingRow:
 
 
 def _register_name(address: int) -> str:
+    """Return the name of a special function register, or the address of a variable."""
     if RAM_FIRST <= address & 0x7F <= RAM_LAST:
         return f"0x{address & 0x7F:02X}"
     for register in registers().values():

@@ -43,6 +43,7 @@ class _Lines:
         self.position, self.line = 0, 1
 
     def at(self, position: int) -> int:
+        """Return the line number of a position, which must not precede the last one asked for."""
         self.line += self.text.count("\n", self.position, position)
         self.position = position
         return self.line
@@ -102,6 +103,7 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
 
 
 def _hexadecimal(constant: str) -> str:
+    """Return a binary constant as a hexadecimal one, padded to the same width."""
     bare = constant.rstrip("uUlL")
     digits = bare[2:] if bare[1:2] in "bB" and len(bare) > 2 else bare[:-1]
     value = int(digits, 2)
@@ -110,6 +112,7 @@ def _hexadecimal(constant: str) -> str:
 
 
 def _marker(blocks: list[AsmBlock], file: str, start: int, inside: str) -> str:
+    """Add a block of assembly, and return the marker that stands for it."""
     lines = tuple(
         (start + number, line) for number, line in enumerate(inside.split("\n")) if _code(line).strip()
     )

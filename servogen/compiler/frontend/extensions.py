@@ -89,6 +89,7 @@ class _Rewriter:
         """The depth of braces at which a declaration with `__eeprom` stands."""
 
     def text(self, ahead: int = 0) -> str:
+        """Return the text of the token so many places ahead; empty behind the end."""
         index = self.index + ahead
         return self.tokens[index].text if index < len(self.tokens) else ""
 
@@ -96,6 +97,7 @@ class _Rewriter:
         self.out.tokens.append(PToken(text, place))
 
     def run(self) -> Rewritten:
+        """Rewrite all tokens; what was moved out of functions follows at the end."""
         while self.index < len(self.tokens):
             token = self.tokens[self.index]
             handler = _HANDLERS.get(token.text)
@@ -105,6 +107,7 @@ class _Rewriter:
         return self.out
 
     def plain(self, token: PToken) -> None:
+        """Copy a token; attach a pending address, interrupt or `__eeprom` to the name that it declares."""
         if token.text == "{":
             self.depth += 1
         elif token.text == "}":
@@ -230,6 +233,7 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
 
 
 def _name_before_parameters(tokens: list[PToken]) -> str:
+    """Return the name in front of the parentheses that the tokens end with."""
     depth = 0
     for index in reversed(range(1, len(tokens))):
         depth += {")": 1, "(": -1}.get(tokens[index].text, 0)
@@ -320,6 +324,7 @@ def _matching_brace(tokens: list[PToken], opening: int) -> int:
 
 
 def _drop(self: _Rewriter, token: PToken) -> bool:
+    """Drop a qualifier that has no meaning on this chip, unless the program uses the word as a name."""
     if self.depth and self.text(1) in ("=", ";", "(", ")", ","):
         return False
     self.index += 1
@@ -362,6 +367,7 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
 
 
 def _asm_block(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite the marker of a block of assembly."""
     self.index += 1
     number = int(self.arguments()[0].text)
     _asm_marker(self, token, number)
@@ -369,6 +375,7 @@ def _asm_block(self: _Rewriter, token: PToken) -> bool:
 
 
 def _asm_marker(self: _Rewriter, token: PToken, number: int) -> None:
+    """Emit the marker of a block as a statement, or note it if it stands outside functions."""
     if self.depth == 0:
         self.out.file_asm.append((number, token.place))
         if self.text() == ";":

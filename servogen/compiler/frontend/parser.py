@@ -27,6 +27,7 @@ _INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
 
 @cache
 def _punctuators() -> dict[str, str]:
+    """Return pycparser's token type for each punctuator."""
     lexer = c_lexer.CLexer(_no_error)
     kinds = {}
     for text in [
@@ -89,6 +90,7 @@ def _no_error(message: str, line: int, column: int) -> None:
 
 @cache
 def _keywords() -> dict[str, str]:
+    """Return pycparser's token types of the keywords that this compiler knows."""
     unwanted = {"offsetof", "_Complex", "_Atomic", "_Thread_local", "__int128", "__builtin_va_arg"}
     return {
         word: kind for word, kind in c_lexer.CLexer(_no_error)._keyword_map.items() if word not in unwanted

@@ -114,6 +114,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.reporter.error("c-preprocessor", f"preprocessor: {msg}", Location(file or None, line or None))
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
+        """Handle the directives that pcpp leaves to its user: #pragma, #error, #warning, #line."""
         words = "".join(tok.value for tok in toks)
         place = Location(directive.source, directive.lineno)
         if directive.value == "pragma":
@@ -136,6 +137,9 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         return False
 
     def include(self, tokens: list[Any], original_line: list[Any]) -> Iterator[Any]:
+        """Yield the tokens of an included file: the compiler's own header, or what the resolver gives (ISO C
+        6.10.2).
+        """
         tokens = self.tokenstrip(tokens)
         written = "".join(tok.value for tok in tokens)
         place = Location(original_line[0].source, original_line[0].lineno)
@@ -330,6 +334,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
 
 
 def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Location) -> Location:
+    """Return the location of a token; of one from a macro, that of the macro's name in the line."""
     file, line = tok.source, tok.lineno
     lines = reporter.lines(file)
     expanded = getattr(tok, "expanded_from", None)

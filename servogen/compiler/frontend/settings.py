@@ -86,6 +86,7 @@ class PragmaSettings:
                 self.reporter.warn("c-pragma", f"unknown #pragma {name}", pragma.place)
 
     def _config(self, rest: str, place: Location) -> None:
+        """Read `#pragma config NAME = VALUE, …`."""
         for item in rest.split(","):
             match = re.fullmatch(r"\s*(\w+)\s*=\s*(\w+)\s*", item)
             if not match:

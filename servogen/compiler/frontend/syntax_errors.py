@@ -70,6 +70,9 @@ def report_syntax(
 
 
 def _index_of(tokens: list[PToken], coord: Any, start: int, stop: int) -> int:
+    """Return the index of the token at pycparser's coordinate; `stop`, where the parser stands, if there is
+    none.
+    """
     place = place_of(coord)
     if place.line is not None:
         for index in range(start, min(stop + 2, len(tokens))):
@@ -89,6 +92,9 @@ _STATEMENT_WORDS = _TYPE_WORDS | frozenset((
 
 
 def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
+    """Return whether a `;` is missing before a token: the text before it can end a statement, and it begins
+    one.
+    """
     before, here = tokens[index - 1], tokens[index] if index < len(tokens) else None
     if here is None or not _ENDS.search(before.text) or before.text in _STATEMENT_WORDS:
         return False

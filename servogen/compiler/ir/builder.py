@@ -81,6 +81,7 @@ class InstructionBuilder:
 
     @property
     def last_may_be_skipped(self) -> bool:
+        """Return whether the last instruction is skipped on one path, where its flags do not hold."""
         blocks = self.function.blocks
         return len(blocks) > 1 and len(blocks[-1].instructions) == 1 and blocks[-2].skips
 
@@ -92,6 +93,7 @@ class InstructionBuilder:
         self.function.append(Label(name, self.place))
 
     def new_label(self, hint: str = "L") -> str:
+        """Return the name of a new label of the function; `hint` says in the listing what it is for."""
         self._labels += 1
         return f"{self.function.name}.{hint}.{self._labels}"
 
@@ -99,6 +101,7 @@ class InstructionBuilder:
         self.emit("GOTO", target=label)
 
     def skip_if(self, bit: int, value: bool, f: Loc = STATUS) -> None:
+        """Skip the next instruction if a bit has a value; the default register is STATUS."""
         self.emit("BTFSS" if value else "BTFSC", f, b=bit)
 
     def goto_if(self, bit: int, value: bool, label: str, f: Loc = STATUS) -> None:
@@ -128,6 +131,9 @@ class InstructionBuilder:
         return [Byte(symbol, number) for number in range(size)]
 
     def loc(self, symbol: Symbol, offset: int) -> Loc:
+        """Return a byte of a variable; a variable at the address of a special function register is that
+        register.
+        """
         symbol = self.symbol(symbol)
         if symbol.kind == "fixed" and symbol.address is not None:
             address = symbol.address + offset
@@ -150,6 +156,7 @@ class InstructionBuilder:
         self.emit("MOVWF", target)
 
     def move(self, target: Loc, operand: Operand) -> None:
+        """Copy one byte; nothing is emitted for a copy to itself."""
         if operand == target:
             return
         if operand == Imm(0):

@@ -143,6 +143,7 @@ class Function:
         return sum(len(block.instructions) for block in self.blocks)
 
     def by_label(self) -> dict[str, Block]:
+        """Return the block that each label of the function leads to."""
         return {label.name: block for block in self.blocks for label in block.labels}
 
     def successors(self) -> list[tuple[Block | None, ...]]:

@@ -171,6 +171,7 @@ class Instruction:
 
 
 def operand_text(operand: object) -> str:
+    """Return an operand as assembly writes it, with the names of variables in place of addresses."""
     match operand:
         case Byte(symbol, offset):
             return symbol.name + (f"+{offset}" if offset else "")

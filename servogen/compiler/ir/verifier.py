@@ -42,6 +42,7 @@ def faults(function: Function) -> Iterator[str]:
 
 
 def _flow_faults(function: Function, number: int, block: Block, labels: set[str]) -> Iterator[str]:
+    """Yield the faults of a block among its neighbours."""
     skipped = number > 0 and function.blocks[number - 1].skips
     last_block = number == len(function.blocks) - 1
     if not block.instructions and not last_block:
@@ -75,6 +76,7 @@ def _is_skipped(function: Function, number: int) -> bool:
 
 
 def _operand_faults(ins: Instruction) -> Iterator[str]:
+    """Yield the operands of an instruction that its row in `pic.isa` does not have, or out of range."""
     if ins.op == DELAY:
         if not isinstance(ins.k, int) or ins.k < 0:
             yield f"a delay of {ins.k} cycles"

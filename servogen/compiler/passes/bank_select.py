@@ -201,6 +201,7 @@ def _without_needless(lines: list[Line]) -> list[Line]:
 
 
 def _is_overruled(lines: list[Line], number: int) -> bool:
+    """Return whether another switch follows before anything depends on the one at `number`."""
     for line in lines[number + 1 :]:
         if isinstance(line, Label):
             return False

@@ -39,6 +39,7 @@ def short_branches(function: Function) -> bool:
         if block not in skipped and _choice(function.blocks[number : number + 5], named):
             function.rebuild()
             return True
+    # one change at a time: it invalidates the blocks, and the liveness computed from them
     if any(block not in skipped and _same_start(arms) for block, arms in _all_arms(function, named)):
         function.rebuild()
         return True
@@ -120,6 +121,7 @@ def _one_differs(arms: _Arms, live: Liveness) -> bool:
         or other.op == DELAY
     ):
         return False
+    # the rewritten code leaves the result in W, where the second arm left W alone
     if live.after[same] & W_BIT or not _passes(arms.test, begin):
         return False
     skip = _turned(arms.test)
@@ -145,6 +147,7 @@ def _two_constants(arms: _Arms, live: Liveness) -> bool:
     if [ins.op for ins in stores] != ["MOVLW", "MOVWF"] or [ins.op for ins in clears] != ["CLRF"]:
         return False
     clear, (load, store) = clears[0], stores
+    # CLRF leaves W alone and sets Z; the new code loads W and does not
     if clear.f != store.f or isinstance(store.f, Reg) or live.after[clear] & (W_BIT | Z_BIT):
         return False
     zero = Instruction("MOVLW", k=0, place=clear.place)
@@ -218,6 +221,7 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
 
 
 def _turned(test: Instruction) -> Instruction:
+    """Return the opposite of a skip."""
     inverted = test.copy()
     inverted.op = INVERSE[test.op]
     return inverted
@@ -255,6 +259,7 @@ def _count_down(function: Function) -> bool:
         test, jump = block.last, after.last
         if test is None or jump is None or test.fixed or jump.fixed or after.labels or jump.op != "GOTO":
             continue
+        # DECFSZ does not set Z
         if (test.op, test.f, test.b) != ("BTFSS", STATUS, Z) or live.after[test] & Z_BIT:
             continue
         behind = 1

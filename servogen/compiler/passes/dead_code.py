@@ -64,6 +64,7 @@ def drop_dead(function: Function) -> bool:
             continue
         if _writes_dead(ins, live) and not _observable_read(ins):
             dead.add(ins)
+    # a store that nobody reads but whose flags are needed goes to W instead
     for ins in function.instructions():
         if ins in dead or ins.fixed or ins.d != 1 or ins.op not in PURE or not isinstance(ins.f, Byte):
             continue
@@ -78,6 +79,7 @@ def drop_dead(function: Function) -> bool:
 
 
 def _flags_needed(ins: Instruction, needed: int) -> bool:
+    """Return whether a flag that an instruction changes is read later; a write to STATUS always counts."""
     if ins.f == STATUS:
         return True
     return any(needed & FLAG_LETTERS[letter] for letter in ins.flags)

@@ -123,6 +123,7 @@ def _skip_instead(function: Function, number: int) -> bool:
     goes_there = len(rest) == 1 and rest[0].same(leave)
     if not (goes_on or goes_there):
         return False
+    # the inverted test skips the one instruction, where the jump used to lead over it
     test.op = INVERSE[test.op]
     function.blocks.remove(jump)
     function.rebuild()  # the skip leads over the first instruction only

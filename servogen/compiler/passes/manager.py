@@ -101,8 +101,11 @@ class PassManager:
             changed = self.run(JUMPS, function, settled)
             if follows_values:
                 changed |= self.run(VALUES, function, settled)
+            # tails are merged once nothing else changes: more is known where a path has its end to itself
             if not changed and not (follows_values and self.run(TAILS, function, settled)):
                 break
+        # last, because a GOTO out of the function hides from liveness what the callee needs; main never
+        # returns
         if follows_values and function.name != "main":
             self.run(RETURNS, function, settled)
 

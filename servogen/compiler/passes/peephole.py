@@ -51,18 +51,23 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
     one, two = window[:2]
     after_two = live.after[two]
     if two.op == "MOVWF" and not after_two & W_BIT:
+        # OP f,W; MOVWF f: the same in place, where W is not needed afterwards
         if one.op in IN_PLACE and one.d == 0 and one.f == two.f:
             return [Instruction(one.op, one.f, 1)], 2
+        # MOVLW 0; MOVWF f: CLRF does not load W, but sets Z
         if one.op == "MOVLW" and one.k == 0 and not after_two & Z_BIT:
             return [Instruction("CLRF", two.f)], 2
+        # MOVF f,W; MOVWF f: nothing but Z is changed
         copied = one.op == "MOVF" and one.d == 0 and one.f == two.f
         if copied and not exposed(one.f) and not after_two & Z_BIT:
             return [], 2
     if not after_two & (C_BIT | D_BIT):
+        # adding 1 or -1: INCF and DECF do not set C and DC
         if one.op == "MOVLW" and one.k in _COUNTS and two.op == "ADDWF" and not (two.d and after_two & W_BIT):
             return [Instruction(_COUNTS[one.k], two.f, two.d)], 2
         if one.op == "MOVF" and one.d == 0 and two.op == "ADDLW" and two.k in _COUNTS:
             return [Instruction(_COUNTS[two.k], one.f)], 2
+    # MOVLW k; RETURN
     if one.op == "MOVLW" and two.op == "RETURN":
         return [Instruction("RETLW", k=one.k)], 2
     three = window[2] if len(window) > 2 else None
@@ -71,8 +76,10 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
         if not live.after[three] & needed:
             return [Instruction(three.op, two.f, 0)], 3
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[three] & W_BIT:
+        # MOVF f,W; ANDLW k; MOVWF f: with the constant in W, in place
         if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:
             return [Instruction("MOVLW", k=two.k), Instruction(_COMMUTING[two.op], one.f, 1)], 3
+        # MOVF f,W; ANDWF g,W; MOVWF g: the result goes to g directly
         if (
             one.op == "MOVF"
             and one.d == 0
@@ -81,6 +88,7 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
             and two.d == 0
         ):
             return [one, Instruction(two.op, two.f, 1)], 3
+        # MOVF f,W; ANDWF g,W; MOVWF f: the operation commutes, so that f can be its target
         if (
             one.op == "MOVF"
             and one.d == 0

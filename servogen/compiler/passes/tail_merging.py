@@ -115,6 +115,7 @@ def _common(lines: list[Line], one: int, two: int) -> int:
 
 
 def _same(one: Line, two: Line) -> bool:
+    """Return whether two lines are the same instruction, and one that may be shared."""
     if isinstance(one, Label) or isinstance(two, Label) or one.fixed or two.fixed:
         return False
     return one.op != DELAY and one.op not in ENDS and one.key == two.key

@@ -62,6 +62,9 @@ class _Tracker:
         self.seen: dict[str, int] = {}
 
     def run(self) -> bool:
+        """Visit the blocks in order, each with what holds on the edges that lead to it; return whether
+        something changed.
+        """
         blocks = self.function.blocks
         sources = Counter(ins.target for ins in self.function.instructions() if ins.op == "GOTO")
         skipped = self.function.skipped()
@@ -99,11 +102,13 @@ class _Tracker:
                 state.clear()  # assembly may reach variables by their addresses
 
     def _join(self, one: State | None, two: State | None) -> State | None:
+        """Return what holds on both of two edges; None is an edge that control does not take."""
         if one is None or two is None:
             return two if one is None else one
         return _common(one, two)
 
     def _meet(self, label: str, sources: int, state: State | None) -> State | None:
+        """Return what holds at a label: on all jumps to it and on the path that falls into it."""
         if self.seen.get(label, 0) < sources:
             return {}  # a jump back leads here, and its state is not known yet
         states = [arriving for arriving in [*self.arriving.get(label, []), state] if arriving is not None]
@@ -119,6 +124,7 @@ class _Tracker:
         return self.next
 
     def value(self, state: State, loc: object) -> Value:
+        """Return the value of a location, numbered anew if nothing is known about it."""
         if loc not in state:
             state[loc] = self.fresh()
         return state[loc]
@@ -126,6 +132,7 @@ class _Tracker:
     # what an instruction changes
 
     def _apply(self, ins: Instruction, state: State) -> None:
+        """Update the state by the effect of an instruction."""
         op = ins.op
         if op in IDLE or op in ENDS:
             return
@@ -178,6 +185,9 @@ class _Tracker:
         return self.results.setdefault((ins.op[:3], self.value(state, _W), other), self.fresh())
 
     def _store(self, loc: Loc | None, value: Value, state: State) -> None:
+        """Record the value of a location that is written; a write through INDF may change any byte but
+        private ones.
+        """
         if loc == INDF:
             for other in [other for other in state if not is_private(other) and other not in (_W, FSR)]:
                 del state[other]
@@ -198,6 +208,7 @@ class _Tracker:
     # what an instruction can become
 
     def _rewrite(self, ins: Instruction, state: State) -> None:
+        """Replace an instruction by a cheaper one, or mark it as dead, where the state allows that."""
         if ins.fixed:
             return
         z_free = not self.live.after[ins] & Z_BIT
@@ -261,4 +272,5 @@ class _Tracker:
 
 
 def _common(one: State, two: State) -> State:
+    """Return what two states agree on."""
     return {loc: value for loc, value in one.items() if two.get(loc) == value}

@@ -102,6 +102,9 @@ def _wrapped(target: Accessor, value: int) -> int:
 
 
 def _stored(target: Accessor, value: Num | Ref) -> Expr:
+    """Return the expression that writes a value: the bytes of the EEPROM, or the field between its
+    neighbours.
+    """
     place = target.place
     if isinstance(target, EepromObject):
         stored: Expr | None = None

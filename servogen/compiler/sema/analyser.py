@@ -146,9 +146,11 @@ class Analyser:
         return C2C_SIGNED if self.c2c else S16
 
     def fail(self, code: str, message: str, node: Any, hint: str | None = None) -> Fatal:
+        """Report an error at a node; the caller raises the exception that is returned."""
         return self.reporter.fatal(code, message, self.place(node), hint)
 
     def place(self, node: Any) -> Location:
+        """Return the location of a node of either tree."""
         if isinstance(node, Location):
             return node
         return getattr(node, "place", None) or place_of(getattr(node, "coord", None))

@@ -170,6 +170,7 @@ XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000, "__delaywdt_us": 1, "__dela
 
 
 def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return the meaning of set_bit, clear_bit, toggle_bit or test_bit."""
     place = analyser.place(node)
     target = bit_target(analyser, arguments[0], arguments[1], node)
     if isinstance(target, tuple):
@@ -248,6 +249,7 @@ def instruction(analyser: Analyser, name: str, node: Any, arguments: list[Any]) 
 
 
 def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return a delay of BoostC: constant, or a routine's with a variable argument of 8 bits."""
     place = analyser.place(node)
     unit = UNITS_US[name]
     value = constant_us(analyser, arguments[0])
@@ -372,6 +374,7 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
 
 
 def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, argument: Any) -> Expr:
+    """Return the argument of a conversion as the library function of its kind takes it."""
     value = rvalue(analyser, expression(analyser, argument))
     wanted = 4 if part.function == "long" else 2
     if (
@@ -399,6 +402,7 @@ def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, ar
 
 
 def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: Any) -> Expr:
+    """Return the call of a library function on converted arguments."""
     function = analyser.dispatch.library(analyser, name)
     analyser.called.add(function.name)
     converted = [
@@ -417,6 +421,7 @@ def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> 
 
 
 def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return the meaning of putchar or getchar, on the pin and at the rate that `#pragma RS232_…` gives."""
     wanted = ("TXPORT", "TXPIN", "BAUD") if name == "putchar" else ("RXPORT", "RXPIN", "BAUD")
     for function in wanted:
         if function not in analyser.serial_settings:
@@ -448,6 +453,7 @@ def serial_number(analyser: Analyser, name: str, node: Any) -> int:
 
 
 def bit_cycles(analyser: Analyser, baud: int, node: Any) -> int:
+    """Return the cycles of one bit at a baud rate."""
     if analyser.clock is None:
         delay_cycles(analyser, Fraction(1), node)
     assert analyser.clock is not None
@@ -464,6 +470,7 @@ def builtin_names(analyser: Analyser) -> list[str]:
 
 
 def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr | None:
+    """Return the meaning of a call of a built-in function; None if the name is not one."""
     row = _TABLE.get(name)
     if row is None or analyser.dialect not in row[0]:
         if row is not None:

@@ -123,6 +123,7 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
     for handler in handlers:
         if handler.parameters or not isinstance(handler.result, VoidType):
             reporter.error("c-interrupt", "an interrupt function takes and returns nothing", handler.place)
+    # a function that nothing calls may stay undefined (ISO C 6.9)
     for name in dict.fromkeys([*graph.main, *graph.isr]):
         for callee, call in graph.calls[name].items():
             if functions[callee].body is None:
@@ -133,6 +134,9 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
 
 
 def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
+    """Report the first cycle of calls: variables have fixed addresses, so that a function cannot be entered
+    twice.
+    """
     state: dict[str, int] = {}
 
     def visit(name: str, path: list[str]) -> bool:

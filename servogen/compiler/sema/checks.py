@@ -114,6 +114,7 @@ def _unused_results(program: ProgramTree, reporter: Reporter) -> None:
     """Warn about a statement that calls a function without effects and discards its result."""
     acting: set[str] = set()
     grown = True
+    # a function acts if one that it calls acts: repeat until no more are found
     while grown:
         more = {
             name
@@ -163,6 +164,9 @@ def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
 
 
 def _shared(graph: CallGraph, reporter: Reporter) -> None:
+    """Warn about variables of several bytes that main and the interrupt share, since an access takes several
+    instructions.
+    """
     program = graph.program
     isr_reads, isr_writes = _uses(program, graph.isr, masked=False)
     main_reads, main_writes = _uses(program, list(graph.main), masked=True)

@@ -60,6 +60,7 @@ def _expressions(graph: CallGraph, names: list[str]) -> list[Expr]:
 
 
 def _writes(every: list[Expr]) -> Iterator[_Write]:
+    """Yield the writes to registers, with the bits that they set and clear."""
     for expr in every:
         if not isinstance(expr, (Assign, Update)) or not isinstance(expr.target, Ref):
             continue
@@ -94,6 +95,7 @@ def _bit(name: str) -> tuple[str, int]:
 
 
 def _enabled(graph: CallGraph, writes: list[_Write], reporter: Reporter) -> None:
+    """Warn about GIE set without an interrupt function, and about an interrupt function without GIE."""
     register, gie = _bit("GIE")
     here = [write for write in writes if write.register == register]
     if graph.handler is None:
@@ -109,6 +111,7 @@ def _enabled(graph: CallGraph, writes: list[_Write], reporter: Reporter) -> None
 
 
 def _flags(graph: CallGraph, writes: list[_Write], isr: list[_Write], reporter: Reporter) -> None:
+    """Warn about an enabled interrupt whose flag the function does not clear (DS35007 section 6.8)."""
     if graph.handler is None:
         return
     for enable, flag in _SOURCES.items():
@@ -124,6 +127,9 @@ def _flags(graph: CallGraph, writes: list[_Write], isr: list[_Write], reporter: 
 
 
 def _directions(writes: list[_Write], reporter: Reporter) -> None:
+    """Warn about a port that is written although TRIS, which starts with all ones, never is (DS35007 section
+    4).
+    """
     for port, tris in _PORTS.items():
         first = next((write for write in writes if write.register == port and write.whole), None)
         if first is not None and not any(write.register == tris for write in writes):
@@ -136,6 +142,7 @@ def _directions(writes: list[_Write], reporter: Reporter) -> None:
 
 
 def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
+    """Warn about RA4 set as an output: its driver only pulls low (DS35007 section 4.1)."""
     ra4 = 1 << 4
     output = any(write.register == "TRISA" and write.may_clear & ra4 for write in writes)
     high = (write for write in writes if write.register == "PORTA" and write.sets & ra4)
@@ -149,6 +156,7 @@ def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
 
 
 def _feeds(expr: Expr) -> bool:
+    """Return whether an expression clears the watchdog."""
     instruction = (
         isinstance(expr, Builtin) and expr.name == "instruction" and expr.data in ("CLRWDT", "SLEEP")
     )

@@ -112,6 +112,7 @@ def _constant(node: Any) -> bool:
 
 
 def _with_itself(analyser: Analyser, node: Any, changing: set[str]) -> None:
+    """Warn about a variable that is compared with itself."""
     left, right = node.left, node.right
     if not isinstance(left, c_ast.ID) or not isinstance(right, c_ast.ID) or left.name != right.name:
         return

@@ -64,12 +64,14 @@ def decay(analyser: Analyser, expr: Expr) -> Expr:
 
 
 def address(analyser: Analyser, target: Ref, kind: PointerType) -> Expr:
+    """Return the address of an object, which from now on may be accessed through pointers."""
     target.symbol.pinned = True
     target.symbol.read = target.symbol.written = True
     return AddressOf(target, kind, target.place)
 
 
 def offset_pointer(analyser: Analyser, pointer: Expr, offset: int, kind: CType) -> Expr:
+    """Return a pointer moved by a number of bytes."""
     moved = Cast(pointer, kind, pointer.place)
     if offset == 0:
         return moved
@@ -77,6 +79,7 @@ def offset_pointer(analyser: Analyser, pointer: Expr, offset: int, kind: CType) 
 
 
 def address_int(analyser: Analyser, kind: CType) -> IntType:
+    """Return the integer type of a pointer's size."""
     return U8 if kind.size == 1 else U16
 
 
@@ -91,6 +94,7 @@ def rvalue(analyser: Analyser, expr: Expr) -> Expr:
 
 
 def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
+    """Return the value of an expression that must be an integer."""
     expr = rvalue(analyser, expr)
     if not isinstance(expr.type, IntType):
         raise analyser.fail("c-type", f"an integer is needed here, not '{expr.type}'", expr)
@@ -98,12 +102,14 @@ def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
 
 
 def promoted(analyser: Analyser, expr: Expr) -> Expr:
+    """Return the value of an integer after the integer promotions (ISO C 6.3.1.1)."""
     expr = arithmetic(analyser, expr)
     assert isinstance(expr.type, IntType)
     return cast(analyser, expr, promote(expr.type, c2c=analyser.c2c))
 
 
 def balance(analyser: Analyser, left: Expr, right: Expr) -> tuple[Expr, Expr, IntType]:
+    """Return two operands after the usual arithmetic conversions, and their common type (ISO C 6.3.1.8)."""
     left, right = arithmetic(analyser, left), arithmetic(analyser, right)
     assert isinstance(left.type, IntType) and isinstance(right.type, IntType)
     kind = common(left.type, right.type, c2c=analyser.c2c)
@@ -163,6 +169,7 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, role: str) -> Expr:
 
 
 def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
+    """Warn about a constant that an implicit conversion changes."""
     if not isinstance(expr, Num) or kind.is_bool:
         return
     low = -(1 << 8 * kind.bytes - 1)
@@ -181,6 +188,7 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
 
 
 def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, role: str) -> Expr:
+    """Return the implicit conversion to a pointer (ISO C 6.5.16.1)."""
     if isinstance(expr, Num) and isinstance(expr.type, IntType):
         if expr.value != 0:
             analyser.reporter.warn(

@@ -133,6 +133,7 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
 
 
 def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
+    """Return the symbol of a variable with static storage: in RAM, flash, EEPROM or at a fixed address."""
     if position(place) in analyser.scopes.source.in_eeprom:
         return _in_eeprom(analyser, name, kind, place)
     if address == CONFIG_ADDRESS:
@@ -241,6 +242,9 @@ def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) 
 def _global(
     analyser: Analyser, node: Any, kind: CType, static: bool, extern: bool, address: int | None
 ) -> None:
+    """Declare a variable at file level; declarations of one name in several files are one object (ISO C
+    6.2.2).
+    """
     place, name = analyser.place(node), node.name
     known = analyser.scopes.here.names.get(name)
     if known is None and not static:
@@ -274,6 +278,7 @@ def _global(
 
 
 def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: int | None) -> None:
+    """Declare a variable of a block; a static or constant one gets static storage."""
     assert analyser.function is not None
     place, name = analyser.place(node), node.name
     constant = is_const_object(kind) and node.init is not None
@@ -344,6 +349,7 @@ def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location)
 
 
 def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
+    """Add the assignments of a local's initialiser to `pending`."""
     kind = replace(symbol.type, const=False) if symbol.type.const else symbol.type
     place = analyser.place(node)
     if isinstance(kind, (ArrayType, StructType)) and (
@@ -419,6 +425,7 @@ def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncTy
 def _same_signature(
     analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any, *, define: bool
 ) -> None:
+    """Reject a declaration that is not compatible with the one before it (ISO C 6.7.6.3)."""
     both = FuncType(
         known.result, tuple(parameter.type for parameter in known.parameters) if known.prototyped else None
     )
@@ -432,6 +439,7 @@ def _same_signature(
 
 
 def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: str) -> list[Symbol]:
+    """Return the symbols of a function's parameters."""
     declarator = node.type
     while not isinstance(declarator, c_ast.FuncDecl):
         declarator = declarator.type

@@ -74,6 +74,7 @@ from servogen.errors import Location
 
 
 def unary_op(analyser: Analyser, node: Any) -> Expr:
+    """Analyse a unary operator (ISO C 6.5.3)."""
     op, place = node.op, analyser.place(node)
     if op == "sizeof":
         return sizeof(analyser, node)
@@ -108,6 +109,7 @@ def condition_operand(analyser: Analyser, node: Any) -> Expr:
 
 
 def _step(analyser: Analyser, node: Any) -> Expr:
+    """Analyse `++` or `--`, before or after its operand (ISO C 6.5.2.4, 6.5.3.1)."""
     target = assignable(analyser, _target(analyser, node.expr), node)
     op = "+" if "+" in node.op else "-"
     post = node.op.startswith("p")
@@ -134,6 +136,7 @@ def _target(analyser: Analyser, node: Any) -> Expr:
 
 
 def binary_op(analyser: Analyser, node: Any) -> Expr:
+    """Analyse a binary operator (ISO C 6.5.5 to 6.5.14)."""
     op, place = node.op, analyser.place(node)
     if op in ("&&", "||"):
         left, right = (
@@ -263,6 +266,8 @@ def _signs(analyser: Analyser, left: Expr, right: Expr, place: Location) -> None
 
 
 def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
+    """Return `&&` or `||`, folded where the left operand decides it."""
+    # a constant left operand decides, and the right one is not evaluated (ISO C 6.5.13, 6.5.14)
     if isinstance(left, Num):
         decided = bool(left.value) == (op == "||")
         if decided:
@@ -273,6 +278,7 @@ def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location
 
 
 def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
+    """Return a comparison; one that the ranges of its operands decide is folded, with a warning."""
     if isinstance(left, Num) and isinstance(right, Num):
         return analyser.number(int(compare(op, left.value, right.value)), analyser.int_type, place)
     (low, high), (right_low, right_high) = interval(left), interval(right)
@@ -298,6 +304,7 @@ def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Loc
 
 
 def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node: Any) -> Expr:
+    """Return pointer arithmetic or a comparison of pointers (ISO C 6.5.6, 6.5.8)."""
     place = analyser.place(node)
     if op in COMPARISONS:
         kind = left.type if isinstance(left.type, PointerType) else right.type
@@ -354,6 +361,7 @@ def binary_of(analyser: Analyser, op: str, left: Expr, right: Expr, place: Locat
 
 
 def ternary_op(analyser: Analyser, node: Any) -> Expr:
+    """Analyse the conditional operator (ISO C 6.5.15)."""
     condition = truth(analyser, condition_operand(analyser, node.cond))
     yes, no = (
         decay(analyser, expression(analyser, node.iftrue)),
@@ -381,6 +389,7 @@ def ternary_op(analyser: Analyser, node: Any) -> Expr:
 
 
 def assignment(analyser: Analyser, node: Any) -> Expr:
+    """Analyse an assignment, simple or compound (ISO C 6.5.16)."""
     target = assignable(analyser, _target(analyser, node.lvalue), node)
     place = analyser.place(node)
     kind = target.type.plain()
@@ -433,6 +442,7 @@ def _same_variable(one: Ref, two: Ref) -> bool:
 
 
 def cast_expression(analyser: Analyser, node: Any) -> Expr:
+    """Analyse a cast (ISO C 6.5.4)."""
     kind = analyser.dispatch.declared_type(analyser, node.to_type)
     operand = decay(analyser, expression(analyser, node.expr))
     if isinstance(kind, VoidType):

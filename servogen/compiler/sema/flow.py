@@ -58,6 +58,7 @@ def check_flow(
 
 
 def _unused(body: BlockStatement, declared: Sequence[Symbol], used: set[str], reporter: Reporter) -> None:
+    """Warn about variables that are never used, or only set."""
     written = {
         expr.target.symbol
         for expr in expressions(body)
@@ -87,6 +88,7 @@ def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: R
 
 
 def _missing_return(function: FunctionDefinition, body: BlockStatement, reporter: Reporter) -> None:
+    """Warn about a function that can end without a value; main returns 0 by itself (ISO C 5.1.2.2.3)."""
     if isinstance(function.result, VoidType) or function.name == "main" or function.naked:
         return
     if _completes(body):
@@ -165,6 +167,7 @@ class _Uninitialised:
     watched: set[Symbol] = field(default_factory=set)
 
     def statement(self, node: Stmt | None) -> None:
+        """Follow a statement, in the order of its evaluation."""
         match node:
             case ExprStmt(expr):
                 self.expression(expr)
@@ -202,6 +205,7 @@ class _Uninitialised:
         self.sure = set.intersection(*through) if through else set(self.set_)
 
     def loop(self, node: Loop) -> None:
+        """Follow a loop as if its body ran once."""
         outside = set(self.in_loop)
         self.in_loop |= {
             expr.target.symbol
@@ -257,6 +261,7 @@ class _Uninitialised:
         self.sure.add(symbol)
 
     def read(self, symbol: Symbol, expr: Ref) -> None:
+        """Warn about a read of a variable that no path, or not every path, has set."""
         if symbol not in self.watched or symbol in self.sure:
             return
         if symbol in self.set_:

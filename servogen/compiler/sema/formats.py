@@ -71,6 +71,7 @@ def _plain(text: bytes) -> Iterator[FormatPart]:
 
 
 def _conversion(match: re.Match[bytes]) -> FormatPart:
+    """Return the part for one conversion specification (ISO C 7.21.6.1)."""
     kind, spelling = match["kind"], match.group().decode("latin-1")
     width, flags = int(match["width"] or 0) if match["width"] != b"*" else 0, 0
     for flag in match["flags"]:

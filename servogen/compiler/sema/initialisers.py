@@ -93,6 +93,7 @@ def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int
 
 
 def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> None:
+    """Add the assignment of one scalar to `pending`."""
     kind = leaf.type.plain()
     if isinstance(leaf.value, int):
         value: Expr = Num(leaf.value, kind, place)
@@ -136,6 +137,7 @@ def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: lis
 
 
 def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
+    """Return the bytes of a constant initialiser; addresses are filled in by the layout (ISO C 6.6)."""
     while (
         isinstance(expr, Cast)
         and expr.type.size <= expr.operand.type.size
@@ -224,6 +226,7 @@ def _aggregate(
             slots = _elements(kind)
             if position >= len(slots):
                 raise analyser.fail("c-initialiser", "this element does not exist", item.expr)
+            # `.a.b = 1` and `[2].x = 1`
             if len(item.name) > 1:
                 raise analyser.fail("c-unsupported", "nested designators are not supported", item.expr)
             inside = bool(parts) and not parts[position].name

@@ -87,6 +87,7 @@ def _precedence(analyser: Analyser, node: Any) -> None:
 
 
 def _compared_strings(analyser: Analyser, node: Any) -> None:
+    """Warn about a comparison with a string literal, which compares addresses."""
     sides = (node.left, node.right)
     strings = [side for side in sides if isinstance(side, c_ast.Constant) and side.type == "string"]
     if node.op in COMPARISONS and strings:
@@ -102,6 +103,7 @@ def _compared_strings(analyser: Analyser, node: Any) -> None:
 
 
 def _dangling_else(analyser: Analyser, node: Any) -> None:
+    """Warn about `if (a) if (b) …; else …`: the `else` belongs to the nearest `if` (ISO C 6.8.4.1)."""
     inner = node.iftrue
     if node.iffalse is None and isinstance(inner, c_ast.If) and inner.iffalse is not None:
         analyser.reporter.warn(
@@ -284,6 +286,7 @@ class _Order:
         self.said: set[str] = set()
 
     def of(self, node: Any) -> _Effects:
+        """Return what an expression reads and changes, and warn about clashes in it."""
         match node:
             case None:
                 return _Effects()
@@ -314,6 +317,7 @@ class _Order:
         return self._unordered([*node], node)
 
     def _unordered(self, parts: list[Any], node: Any) -> _Effects:
+        """Return the effects of operands that may be evaluated in any order, and warn where two clash."""
         effects = [self.of(part) for part in parts]
         together = _Effects()
         for one, two in combinations(effects, 2):

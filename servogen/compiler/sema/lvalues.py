@@ -68,6 +68,7 @@ BITS_OF_BYTE = 8
 
 
 def array_ref(analyser: Analyser, node: Any) -> Expr:
+    """Analyse `a[i]` (ISO C 6.5.2.1)."""
     base, index = expression(analyser, node.name), expression(analyser, node.subscript)
     if isinstance(index.type, (ArrayType, PointerType)):
         base, index = index, base
@@ -87,6 +88,7 @@ def array_ref(analyser: Analyser, node: Any) -> Expr:
 
 
 def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
+    """Return an element of an array variable; a constant index is part of its offset."""
     assert isinstance(base.type, ArrayType)
     element = base.type.element
     place = analyser.place(node)
@@ -146,6 +148,7 @@ def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
 
 
 def scaled(analyser: Analyser, index: Expr, size: int, kind: IntType) -> Expr:
+    """Return an index in bytes."""
     index = cast(analyser, index, kind)
     if size == 1:
         return index
@@ -153,6 +156,7 @@ def scaled(analyser: Analyser, index: Expr, size: int, kind: IntType) -> Expr:
 
 
 def pointer_plus(analyser: Analyser, pointer: Expr, index: Expr, op: str) -> Expr:
+    """Return a pointer moved by a number of elements (ISO C 6.5.6)."""
     assert isinstance(pointer.type, PointerType)
     kind = pointer.type
     if isinstance(pointer, AddressOf) and op == "+" and not isinstance(index, Num):
@@ -176,6 +180,7 @@ def pointer_plus(analyser: Analyser, pointer: Expr, index: Expr, op: str) -> Exp
 
 
 def struct_ref(analyser: Analyser, node: Any) -> Expr:
+    """Analyse `s.m` and `p->m` (ISO C 6.5.2.3); `.7` and `.RB7` name bits of a byte."""
     base = expression(analyser, node.name)
     name = node.field.name
     if node.type == "->":
@@ -211,6 +216,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
         return _member(analyser, base, member, place)
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "a function cannot be called outside functions", node)
+    # a function's result has no place of its own: it is stored so that its member can be named
     result = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
     result.function, result.pinned = analyser.function.name, True
     analyser.function.locals.append(result)
@@ -220,6 +226,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
 
 
 def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Location) -> Expr:
+    """Return a member of a structure, with the structure's qualifiers."""
     kind = qualified(member.type, const=base.type.const, volatile=base.type.volatile)
     if member.width > BITS_OF_BYTE:
         whole = _member(analyser, base, replace(member, width=0, bit=None), place)
@@ -249,6 +256,7 @@ def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
 
 
 def func_call(analyser: Analyser, node: Any) -> Expr:
+    """Analyse a call: of a function, a built-in one, or through a pointer (ISO C 6.5.2.2)."""
     arguments = list(node.args.exprs) if node.args is not None else []
     if not isinstance(node.name, c_ast.ID):
         return indirect_call(analyser, expression(analyser, node.name), arguments, node)
@@ -307,6 +315,7 @@ def _call(
     node: Any,
     pointer: Expr | None = None,
 ) -> Expr:
+    """Return a call whose arguments are converted to the parameters' types."""
     if function.interrupt:
         raise analyser.fail("c-interrupt", f"the interrupt function '{function.name}' cannot be called", node)
     analyser.called.add(function.name)
@@ -330,6 +339,7 @@ def _call(
 
 
 def sizeof(analyser: Analyser, node: Any) -> Expr:
+    """Return the size of a type or of an expression, which is not evaluated (ISO C 6.5.3.4)."""
     if isinstance(node.expr, c_ast.Typename):
         kind = analyser.dispatch.declared_type(analyser, node.expr)
     else:
@@ -340,6 +350,7 @@ def sizeof(analyser: Analyser, node: Any) -> Expr:
 
 
 def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
+    """Return the object that a pointer points to (ISO C 6.5.3.2)."""
     operand = decay(analyser, operand)
     if not isinstance(operand.type, PointerType):
         raise analyser.fail("c-type", f"'*' needs a pointer, this is '{operand.type}'", node)
@@ -358,6 +369,7 @@ def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
 
 
 def address_of(analyser: Analyser, node: Any) -> Expr:
+    """Return the address of an object or function (ISO C 6.5.3.2)."""
     if isinstance(node.expr, c_ast.ID) and isinstance(
         analyser.scopes.find(node.expr.name), FunctionDefinition
     ):
@@ -389,6 +401,7 @@ def _address_of_last(analyser: Analyser, expr: Expr) -> Expr:
 
 
 def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Accessor:
+    """Return an object that may be assigned to; reject all others (ISO C 6.3.2.1)."""
     if isinstance(target, ConstNum):
         raise analyser.fail(
             "c-const", f"'{target.reference.symbol.name}' is const and cannot be changed", node

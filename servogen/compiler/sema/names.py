@@ -74,6 +74,7 @@ _ESCAPES = {
 
 
 def expression(analyser: Analyser, node: Any) -> Expr:
+    """Return the typed form of an expression of pycparser's tree."""
     handler = analyser.dispatch.expressions.get(type(node))
     if handler is None:
         construct = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
@@ -90,6 +91,7 @@ def constant(analyser: Analyser, node: Any, role: str) -> int:
 
 
 def literal(analyser: Analyser, node: Any) -> Expr:
+    """Analyse a number, character or string (ISO C 6.4.4, 6.4.5)."""
     place = analyser.place(node)
     if node.type == "string":
         return analyser.string([*characters(analyser, node.value, place), 0], place)
@@ -179,6 +181,7 @@ def _suggest(analyser: Analyser, name: str) -> str | None:
 
 
 def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
+    """Return a variable as an expression; a constant of known value is that number."""
     kind = symbol.type
     if symbol.kind == "eeprom":
         return EepromObject(Num(symbol.address or 0, U8, place), kind, place)
@@ -194,6 +197,7 @@ def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
 
 
 def expression_list(analyser: Analyser, node: Any) -> Expr:
+    """Analyse the comma operator (ISO C 6.5.17)."""
     *before, last = node.exprs
     sequence = value_of(analyser, expression(analyser, last))
     for part in reversed(before):

@@ -70,6 +70,7 @@ class Scopes:
         return len(self.stack) == 1
 
     def find(self, name: str) -> Meaning | None:
+        """Return the meaning of a name: the innermost declaration, or else the chip's."""
         for scope in reversed(self.stack):
             if name in scope.names:
                 return scope.names[name]

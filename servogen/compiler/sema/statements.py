@@ -110,6 +110,7 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
 
 
 def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
+    """Analyse a declaration or a statement of a block."""
     if isinstance(node, (c_ast.Decl, c_ast.Typedef)):
         try:
             declare(analyser, node)
@@ -135,6 +136,7 @@ def _forget(analyser: Analyser, node: Any) -> None:
 
 
 def statement(analyser: Analyser, node: Any) -> Stmt:
+    """Return the typed form of a statement."""
     handler = _STATEMENTS.get(type(node))
     if handler is not None:
         return handler(analyser, node)
@@ -145,6 +147,7 @@ def statement(analyser: Analyser, node: Any) -> Stmt:
 
 
 def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
+    """Return a block of assembly with the variables and functions that it may name."""
     block = analyser.asm_blocks[number]
     lines = [(Location(block.file, line), text) for line, text in block.lines]
     names: dict[str, Any] = {}
@@ -184,6 +187,7 @@ def _step_alone(analyser: Analyser, node: Any) -> Expr:
 
 
 def checked_condition(analyser: Analyser, node: Any) -> Expr:
+    """Return the condition of an `if` or loop; warns about an assignment that is not in parentheses."""
     meant = id(node) in analyser.parenthesised
     if isinstance(node, c_ast.Assignment) and node.op == "=" and not meant:
         analyser.reporter.warn(
@@ -196,6 +200,7 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
 
 
 def nested(analyser: Analyser, node: Any) -> Stmt:
+    """Return the body of an `if` or loop as one statement."""
     if node is None:
         return BlockStatement([])
     out: list[Stmt] = []
@@ -258,6 +263,7 @@ def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
 def _loop(
     analyser: Analyser, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None
 ) -> Stmt:
+    """Return a loop; a condition that is a constant other than 0 is dropped."""
     kind = {c_ast.While: "while", c_ast.For: "for"}.get(type(node), "do")
     analyser.body.loops += 1
     analyser.body.breakable += 1
@@ -278,6 +284,7 @@ def _stmt_do_while(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a `for`; what its first part declares is in a scope around the loop (ISO C 6.8.5)."""
     analyser.scopes.push()
     out: list[Stmt] = []
     if isinstance(node.init, c_ast.DeclList):
@@ -293,6 +300,7 @@ def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a `switch`; the cases in its body add themselves (ISO C 6.8.4.2)."""
     value = promoted(analyser, expression(analyser, node.cond))
     assert isinstance(value.type, IntType)
     switch = Switch(value, [], None, BlockStatement([]), analyser.place(node))
@@ -315,6 +323,7 @@ def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a `case`, whose constant is converted to the type of the switch (ISO C 6.8.4.2)."""
     if not analyser.body.switches:
         raise analyser.fail("c-jump", "'case' outside a switch", node)
     switch, kind = analyser.body.switches[-1]
@@ -360,6 +369,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
         f"intcon{len(analyser.function.locals)}", U8, "local", place, function=analyser.function.name
     )
     analyser.function.locals.append(before)
+    # a jump out of the block would leave interrupts disabled
     outer = analyser.body.loops, analyser.body.breakable
     analyser.body.loops = analyser.body.breakable = 0
     analyser.body.critical.append(before)
@@ -419,6 +429,7 @@ def _stmt_goto(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a `return`, whose value is converted to the function's result type (ISO C 6.8.6.4)."""
     assert analyser.function is not None
     result = analyser.function.result
     place = analyser.place(node)

@@ -75,6 +75,7 @@ class _Pointers:
                 self.library.add(unit.name or "")
 
     def variable(self, decl: Any, scope: str) -> None:
+        """Note the pointers of one declaration: its members, parameters and result among them."""
         kind = decl.type
         for member in _members(kind):
             self.pointer(member.type, (_MEMBER, member.name or ""))
@@ -110,6 +111,7 @@ class _Pointers:
     # where pointers go
 
     def follow(self, unit: Any) -> None:
+        """Follow the pointers through a function, or through an initialiser at file level."""
         if isinstance(unit, c_ast.Decl):
             self.visit(unit)
         elif isinstance(unit, c_ast.FuncDef):
@@ -128,6 +130,7 @@ class _Pointers:
             self.function, self.locals = _GLOBAL, set()
 
     def visit(self, node: Any) -> None:
+        """Note what a node and the nodes below it copy and write."""
         match node:
             case c_ast.Decl(init=init) if init is not None:
                 self.initialise(self.name(node.name or ""), init)
@@ -154,6 +157,7 @@ class _Pointers:
             self.visit(child)
 
     def call(self, node: Any) -> None:
+        """Note the arguments of a call as copied to the parameters."""
         name = node.name.name if isinstance(node.name, c_ast.ID) else ""
         own = name in self.defined or name not in self.library
         declared = self.parameters.get(name, []) if own else []
@@ -177,6 +181,7 @@ class _Pointers:
                 self.flow(value, _UNKNOWN)
 
     def initialise(self, key: Key, value: Any) -> None:
+        """Note the values of an initialiser as copied to a variable or its members."""
         match value:
             case c_ast.InitList():
                 for item in value.exprs:
@@ -191,6 +196,7 @@ class _Pointers:
                         self.flow(value, member)
 
     def flow(self, value: Any, to: Key) -> None:
+        """Note that a value is copied to a pointer."""
         if to not in self.targets and to not in self.constant and to != _UNKNOWN:
             return  # a number, such as the distance of two pointers
         for source in self.sources(value):
@@ -268,6 +274,7 @@ class _Pointers:
         return self.reached() - self.writing()
 
     def reached(self) -> set[Key]:
+        """Return the pointers that strings reach, directly or through copies."""
         targets = {to for source, to in self.flows if source is None}
         while more := {to for source, to in self.flows if source in targets} - targets:
             targets |= more

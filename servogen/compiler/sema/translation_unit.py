@@ -155,6 +155,7 @@ def analyse(
         _declarations(analysis, rewritten, units)
         file_assembly(analysis, rewritten, settings)
     _bodies(analysis)
+    # the library's functions may call others of the library
     while _called_of_library(analysis):
         _bodies(analysis)
     function_pointers.finish(analysis)

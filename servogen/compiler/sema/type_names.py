@@ -61,6 +61,7 @@ def _qualified(analyser: Analyser, kind: CType, quals: list[str]) -> CType:
 
 
 def _array(analyser: Analyser, node: Any) -> CType:
+    """Return the type of an array declarator (ISO C 6.7.6.2)."""
     element = declared_type(analyser, node.type)
     if isinstance(element, IntType) and element.is_bit:
         raise analyser.fail("c-type", "there are no arrays of bits", node)
@@ -86,6 +87,7 @@ def sized(analyser: Analyser, kind: ArrayType, node: Any) -> ArrayType:
 
 
 def specified(analyser: Analyser, node: Any, where: Any) -> CType:
+    """Return the type that a declaration's specifiers name (ISO C 6.7.2)."""
     match node:
         case c_ast.IdentifierType(names=names):
             return _named(analyser, tuple(names), node)
@@ -101,6 +103,7 @@ def specified(analyser: Analyser, node: Any, where: Any) -> CType:
 
 
 def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
+    """Return the type of one or several type names."""
     if names == ("void",):
         return VOID
     if names in (("float",), ("double",), ("long", "double"), ("double", "long")):
@@ -127,6 +130,7 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
 
 
 def _structure(analyser: Analyser, node: Any) -> StructLayout:
+    """Return the layout of a structure or union; without a body it may be completed later (ISO C 6.7.2.3)."""
     union = isinstance(node, c_ast.Union)
     tag = node.name or f"(unnamed {analyser.place(node).line})"
     if node.decls is None:
@@ -149,6 +153,9 @@ def _structure(analyser: Analyser, node: Any) -> StructLayout:
 
 
 def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None:
+    """Add the members of a structure to its layout (ISO C 6.7.2.1); bit-fields of up to 8 bits do not cross
+    bytes.
+    """
     offset, bit, largest = 0, 0, 0
     for decl in decls:
         if not isinstance(decl, c_ast.Decl):
@@ -242,6 +249,7 @@ def _wide_field(
 
 
 def _enumeration(analyser: Analyser, node: Any) -> CType:
+    """Declare the constants of an enumeration, and return the narrowest type for them (ISO C 6.7.2.2)."""
     if node.values is None:
         known = analyser.scopes.tag(node.name)
         if not isinstance(known, TypeName):
@@ -249,6 +257,7 @@ def _enumeration(analyser: Analyser, node: Any) -> CType:
         return known.type
     value, values = -1, []
     for enumerator in node.values.enumerators:
+        # the names of masks are known only inside __CONFIG(…)
         analyser.reading_config = enumerator.name.startswith(CONFIG_NAME)
         value = (
             constant(analyser, enumerator.value, "an enumeration constant")
@@ -279,6 +288,7 @@ def _enumeration(analyser: Analyser, node: Any) -> CType:
 
 
 def enter_name(analyser: Analyser, name: str, meaning: Any, node: Any) -> None:
+    """Declare a name in the current scope; a typedef may be repeated (ISO C 6.7)."""
     if name in analyser.scopes.here.names:
         before = analyser.scopes.here.names[name]
         if isinstance(before, TypeName) and isinstance(meaning, TypeName) and same(before.type, meaning.type):
@@ -291,6 +301,9 @@ def enter_name(analyser: Analyser, name: str, meaning: Any, node: Any) -> None:
 
 
 def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
+    """Return the types of a function's parameters; an array becomes a pointer (ISO C 6.7.6.3). None if none
+    are declared.
+    """
     if node.args is None:
         return None
     params = node.args.params
