@@ -87,7 +87,7 @@ class Port:
 
     def unplugged(self) -> Unplugged:
         return Unplugged(
-            "port-lost", "the device went away while it was used", Location(self.path), "plug it in again"
+            "port-lost", "the device disappeared while it was in use", Location(self.path), "plug it in again"
         )
 
 
@@ -151,6 +151,6 @@ def refuse(path: str, error: Exception) -> NoReturn:
             "port-busy", "is in use by another program", place, "close the other program"
         ) from error
     if code in (errno.EACCES, errno.EPERM):
-        hint = "join the group that owns it, as: sudo usermod -aG dialout $USER, and log in again"
-        raise ToolError("port-denied", "may not be opened: permission denied", place, hint) from error
+        hint = "join the group that owns it (sudo usermod -aG dialout $USER), and log in again"
+        raise ToolError("port-denied", "cannot be opened: permission denied", place, hint) from error
     raise ToolError("no-such-port", f"cannot be opened as a serial port: {error}", place) from error

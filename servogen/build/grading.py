@@ -160,7 +160,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
     pin = PINS.index(grade.pins[0][1])
     repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
     dependent = (
-        replace(warning, message=f"other chips may do otherwise: {warning.message}")
+        replace(warning, message=f"other chips may behave differently: {warning.message}")
         for warning in machine.chip_dependent
     )
     remarks = (*grade.remarks, *dependent)

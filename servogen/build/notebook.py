@@ -32,10 +32,10 @@ File = str | Path
 Runnable = File | Job | Program | Build
 
 SECONDS = 1.0
-"""How long a program runs of which no motion is known."""
+"""The time in seconds that a program without a known motion runs."""
 
 MAX_SECONDS = 3600
-"""The longest run in one call: its edges are all kept in memory."""
+"""The longest run in one call, in seconds: all its edges are kept in memory."""
 
 
 def load(path: File) -> Job | Program:
@@ -49,7 +49,7 @@ def load(path: File) -> Job | Program:
     if path.suffix.lower() not in PROGRAM_SUFFIXES and not path.is_dir():
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is neither the ending of a job nor of a program",
+            f"'{path.suffix}' is not the suffix of a job or a program",
             Location(str(path)),
             f"one of: .toml, {', '.join(PROGRAM_SUFFIXES)}",
         )
@@ -57,7 +57,7 @@ def load(path: File) -> Job | Program:
 
 
 def build(job: File | Job) -> Build:
-    """Return a job's programs, compiled in every dialect and held against its schedule; nothing is written.
+    """Return a job's programs, compiled in every dialect and compared with its schedule; nothing is written.
 
     Raises InputError.
     """

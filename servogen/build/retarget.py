@@ -125,7 +125,7 @@ def _overheads(
         if path != START and not 0 <= cost <= MARGIN:
             raise InputError(
                 "foreign-program",
-                f"is not {files[1]} compiled: {ways[path]} it takes {taken} cycles up to cycle {at}, "
+                f"is not compiled from {files[1]}: {ways[path]} it takes {taken} cycles up to cycle {at}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
                 f"a compiler adds 0 to {MARGIN} cycles; name the C of the HEX with --c",

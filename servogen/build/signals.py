@@ -84,7 +84,7 @@ def program_for(schedule: PulseSchedule, file: Path, device: str, read: Read = r
     if program.clock and program.clock != schedule.clock:
         raise InputError(
             "wrong-clock",
-            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
+            f"states {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
             Location(str(file)),
         )
     return program

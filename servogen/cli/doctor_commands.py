@@ -35,7 +35,7 @@ def register(app: typer.Typer) -> None:
 
 def doctor(
     inputs: Annotated[
-        str | None, typer.Option("--inputs", help="Ask the input board at this port what it is.")
+        str | None, typer.Option("--inputs", help="Identify the input board at this port.")
     ] = None,
     json: Json = False,
 ) -> None:

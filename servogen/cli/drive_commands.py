@@ -35,7 +35,7 @@ def register(app: typer.Typer) -> None:
 
 
 TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
-"""How far a reading may be off the fitted line: an angle in °, a wheel's speed in °/s."""
+"""The allowed distance of a reading from the fitted line: an angle in °, a wheel's speed in °/s."""
 
 KEYS_HELP = (
     "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends; "
@@ -277,7 +277,7 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
 def _source(
     steer: bool, dry_run: bool, keys: Keys | None = None, keys_help: str = KEYS_HELP
 ) -> AbstractContextManager[CommandSource]:
-    """Return where commands come from: single keys, lines, or nowhere."""
+    """Return the source of commands: single keys, lines, or none."""
     from servogen.drive.commands import KEYS, LineCommands, NoCommands, script, terminal_keys
 
     if not steer:
@@ -303,7 +303,7 @@ def _ended_by_signals() -> Iterator[None]:
 
 
 def _show_robot(job: PlannedJob, controller: ServoController, baud: int, byte_s: float) -> None:
-    """Print what the line can carry."""
+    """Print how many poses per second the line can carry."""
     from servogen.engines.stream.protocol import BYTES
 
     count = len(controller.channels)
@@ -316,8 +316,8 @@ def _show_robot(job: PlannedJob, controller: ServoController, baud: int, byte_s:
 
 
 def _log(json: bool, dry_run: bool) -> Log:
-    """Return what shows a drive's entries: as JSON, one per line; otherwise events of the line, and in a
-    dry run the bytes. Each is flushed, so that a pipe shows it at once.
+    """Return a function that shows a drive's entries: as JSON, one per line, or the events of the line and,
+    in a dry run, the bytes. Each is flushed, so that a pipe shows it at once.
     """
 
     def log(entry: dict[str, object]) -> None:
@@ -461,7 +461,7 @@ def _taken(
 
 
 def _asking(channel: ControllerChannel, count: int) -> Ask:
-    """Return what asks on the terminal until it gets a number."""
+    """Return a function that asks on the terminal until it gets a number."""
     from servogen.drive.commands import QUIT, LineCommands
     from servogen.errors import InputError
     from servogen.robot.calibration import angle_of
@@ -529,9 +529,9 @@ def _show_calibration(
     )
     print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
     if refused:
-        print("the job cannot do its motion with it:", file=sys.stderr)
+        print("with this calibration the job's motion is not possible:", file=sys.stderr)
         for warning in refused:
             warn(warning)
         return
     beside = target.resolve().parent == job.resolve().parent
-    print(f'the job takes it with calibration = "{target.name if beside else target.resolve()}"')
+    print(f'add to the servo in the job: calibration = "{target.name if beside else target.resolve()}"')

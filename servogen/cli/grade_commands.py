@@ -1,4 +1,4 @@
-"""`servogen grade`: programs of students held against a lab's task."""
+"""`servogen grade`: compares students' programs with a lab's task."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from servogen.grade.formats import GradedProgram
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
-"""What counts as a HEX file in a folder: other tools write .obj files that are not."""
+"""The suffixes of HEX files in a folder; without .obj, which other tools use for different files."""
 
 SOURCES = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix not in HEX_SUFFIXES)
 
@@ -179,7 +179,7 @@ def _several(graded: Sequence[Graded]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Formats:
-    """The files for other programs, and where they go; None: not wanted."""
+    """The paths of the files for other programs; None: not requested."""
 
     csv: Path | None
     junit: Path | None
@@ -210,7 +210,7 @@ class _Formats:
             self.write_without_program(lab, _several(graded))
 
     def write_without_program(self, lab: Lab, why: str) -> None:
-        """Write the files that hold one program where there is not one: no points, and why."""
+        """Write the files of one submission that does not contain one program: no points, and the reason."""
         from servogen.grade.formats import classroom_without_program, gradescope_without_program
         from servogen.outputs import write_text
 

@@ -2,7 +2,7 @@
 
 Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool or the bench is missing or
 failed, 130 interrupted, 141 nobody reads the output: its reader has gone, or it was closed from the start.
-What is written to standard error where nobody reads it is dropped, and does not change the exit code.
+Output to a closed standard error is dropped, and does not change the exit code.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from typer._click.core import Command, Context  # typer has no public name for them
 
 NOBODY_READS = 141
-"""What a shell reports for a program that a closed pipe has ended; also where standard output is closed."""
+"""The exit code that shells report after a closed pipe; also used if standard output is closed."""
 
 GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "Jobs": {
@@ -123,7 +123,7 @@ class _Output:
         self._stream = stream
         self._closed = closed
         self.unread = False
-        """Whether something was written that nobody will read."""
+        """Whether output was written that has no reader."""
 
     def write(self, text: str) -> int:
         with self._noticing():
@@ -274,7 +274,7 @@ def _run() -> int:
 
 
 def _with_value(text: str, error: TyperException, words: Sequence[str]) -> str:
-    """Return a message about an option's value in which the value stands, where it was typed."""
+    """Return an error message about an option's value, quoting the value if it was typed."""
     names: Sequence[str] = getattr(getattr(error, "param", None), "opts", [])
     values = [after for before, after in pairwise(words) if before in names]
     values += [word.partition("=")[2] for word in words if word.partition("=")[0] in names and "=" in word]

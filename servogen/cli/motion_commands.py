@@ -185,9 +185,10 @@ def gait(
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
             "out-of-reach",
-            f"{1000 * facts.clearance:z.1f} mm are free under the robot, not {clearance_mm:g} mm",
+            f"the ground clearance is {1000 * facts.clearance:z.1f} mm, less than the {clearance_mm:g} mm "
+            "required",
             Location(key="--clearance-mm"),
-            "raise the body, or take legs with a longer foot part",
+            "raise the body, or use legs with a longer foot part",
         )
     _write_walk(walker, rhythm, planned_walk, facts, picture, csv, animate)
     upright = planned_walk.full_height()
@@ -232,7 +233,7 @@ def _gait(
     if (duty is None) != (lifts is None):
         raise InputError(
             "missing-option",
-            "your own gait needs a duty factor and the phase of each leg",
+            "a custom gait needs a duty factor and the phase of each leg",
             Location(key="--lifts" if lifts is None else "--duty"),
             "give both: --duty 0.5 --lifts L1=0,L2=0.5,…",
         )

@@ -18,13 +18,13 @@ NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
 
 MAX_SECONDS = 1e9
-"""Thirty years."""
+"""The longest time, thirty years, that a simulation can count."""
 
 MAX_CYCLES = 10**16
 
 
 def number(text: str) -> float:
-    """Return a number of the command line. Raises BadParameter, which names what was typed."""
+    """Return a number from the command line. Raises BadParameter, which quotes the text."""
     try:
         return float(text)
     except ValueError:
@@ -49,7 +49,7 @@ OwnDevice = Annotated[
 
 
 def duration(text: str) -> float:
-    """Return seconds of the command line, within what a simulation can count. Raises BadParameter."""
+    """Return a time in seconds from the command line, at most `MAX_SECONDS`. Raises BadParameter."""
     seconds = number(text)
     if not 0 <= seconds <= MAX_SECONDS:
         raise typer.BadParameter(f"'{text}' is not between 0 and {MAX_SECONDS:g} seconds")

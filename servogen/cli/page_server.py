@@ -1,4 +1,4 @@
-"""The server of `servogen watch` and of `servogen grade --watch`: started, announced, ended by Ctrl-C."""
+"""Runs the server of `servogen watch` and of `servogen grade --watch` until Ctrl-C."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ PROVEN, NOT_PROVEN = 0, 1
 """Exit codes; NOT_PROVEN also where something was found or could not be decided."""
 
 EXTRA_FRAMES = 2
-"""How many frames after the wrong edge a repeated counterexample shows."""
+"""The number of frames after the wrong edge that a repeated counterexample shows."""
 
 
 class Interrupts(StrEnum):
@@ -171,7 +171,7 @@ def prove(
         given = {name: value for name, value in times.items() if value is not None}
         if any_line is not None and (certificate is not None or hold_inputs or any_eeprom):
             raise InputError(
-                "conflicting-options", "--any-line has neither --certificate, --hold-inputs nor --any-eeprom"
+                "conflicting-options", "--any-line excludes --certificate, --hold-inputs and --any-eeprom"
             )
         request = ProofRequest(
             against=against,
@@ -231,7 +231,7 @@ class ProofRequest:
     counterexample: Path
     over: Quantifiers
     times: Mapping[str, Any]
-    """Options of the simulated chip that are not quantified over."""
+    """The options of the simulated chip that are not quantified over."""
     max_states: int | None
     any_line: Path | None
     """The job whose serial line may have any waveform."""
@@ -253,7 +253,7 @@ def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: 
     if request.certificate is not None and not request.over.complete:
         raise InputError(
             "conflicting-options",
-            "a certificate is about every power-up, reset and chip: without --start, --no-resets, "
+            "a certificate covers every power-up, reset and chip: omit --start, --no-resets, "
             "--watchdog-us, --eeprom-write-us, --no-tmr0-phase and --any-eeprom",
         )
     content = request.content if request.over.any_eeprom or request.any_line is not None else None

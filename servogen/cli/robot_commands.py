@@ -77,7 +77,7 @@ def _write_urdf(name: str | None, path: Path) -> None:
 
     if name is None:
         raise InputError(
-            "missing-option", "which robot is to be written?", hint="servogen robots scara --urdf scara.urdf"
+            "missing-option", "which robot should be written?", hint="servogen robots scara --urdf scara.urdf"
         )
     write_text(path, to_urdf(arm(name)))
     print(path)
@@ -92,7 +92,7 @@ def _write_mjcf(name: str | None, path: Path) -> None:
     if name is None:
         raise InputError(
             "missing-option",
-            "which robot is to be written?",
+            "which robot should be written?",
             hint="servogen robots hexapod --mjcf hexapod.xml",
         )
     model = bodies(robot(name))

@@ -1,4 +1,4 @@
-"""How results are shown: tables, JSON, progress. Colour and progress only on a terminal."""
+"""Shows results: tables, JSON, progress; colour and progress only on a terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from servogen.errors import Diagnostic, ServogenError, SourceLines
 from servogen.units import counted
 
 WIDE = 200
-"""Columns of a table that is written to a file or a pipe, so that nothing is wrapped."""
+"""The width of a table that is written to a file or a pipe, so that nothing is wrapped."""
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
@@ -36,11 +36,11 @@ def _numeric(cell: object) -> bool:
 JSON = "--json"
 
 _warned: list[Diagnostic] = []
-"""What the command has warned of so far."""
+"""The diagnostics that the command has reported so far."""
 
 
 def begin() -> None:
-    """Forget what an earlier command of this process has warned of."""
+    """Forget the diagnostics of an earlier command in this process."""
     _warned.clear()
 
 
@@ -53,7 +53,7 @@ def wants_json(arguments: Sequence[str]) -> bool:
 def as_json(value: Mapping[str, object], diagnostics: Iterable[Diagnostic] = ()) -> None:
     """Print one JSON document on standard output, on one line; in ASCII, for every locale.
 
-    It begins with `diagnostics`: all that the command has warned of, then those given here.
+    Its first key is `diagnostics`: those that the command has reported, then those given here.
     """
     listed = [diagnostic.to_json() for diagnostic in dict.fromkeys((*_warned, *diagnostics))]
     json_line({"diagnostics": listed, **value})

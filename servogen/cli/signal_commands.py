@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from servogen.simulator import SimulatorOptions
 
 FOREVER_SECONDS = 3 * 3600.0
-"""How far a repeat is looked for: TMR0 and a motion of 2000 frames come round together in it."""
+"""The time in which a repeated state is searched: TMR0 and a motion of 2000 frames repeat together in it."""
 
 SignalFile = Annotated[
     Path,
@@ -80,7 +80,7 @@ def verify(
         if seconds is not None:
             place = Location(str(file), key="--seconds")
             raise InputError(
-                "conflicting-options", "a capture is checked to its end", place, "leave --seconds out"
+                "conflicting-options", "a capture is always compared to its end", place, "omit --seconds"
             )
         raise typer.Exit(_verify_capture(file, schedule, rate, partial, json))
     if rate is not None:

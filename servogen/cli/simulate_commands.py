@@ -1,4 +1,4 @@
-"""The command `simulate`: a program on the simulator, and what is to be seen of it."""
+"""The command `simulate`: runs a program on the simulator and shows its results."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 DEFAULT_SECONDS = 1.0
 MAX_LINES = 20
-"""Of the profile's source lines, the dearest."""
+"""The maximum number of the profile's source lines that are shown, those with the most cycles first."""
 
 
 def register(app: typer.Typer) -> None:
@@ -104,7 +104,7 @@ def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
     from servogen.units import Cycles
 
     if seconds is not None and cycles is not None:
-        raise InputError("conflicting-options", "--seconds and --cycles say the same thing: give one")
+        raise InputError("conflicting-options", "--seconds and --cycles exclude each other: give one")
     if cycles is not None:
         return Cycles(cycles)
     return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)

@@ -21,7 +21,7 @@ from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.errors import InputError, Location
 
 MAX_BEGIN = 3600 * 5_000_000
-"""Cycles: the longest that a lab may watch a program, an hour, at 20 MHz."""
+"""The maximum of --at-cycle: an hour, the longest time of a lab, at 20 MHz."""
 
 
 def register(app: typer.Typer) -> None:

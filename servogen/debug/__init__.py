@@ -1,1 +1,1 @@
-"""A program that is looked into while it runs: any moment, breakpoints, and its source by name."""
+"""Examines a running program: any moment, breakpoints, and the names of its source."""

@@ -1,4 +1,4 @@
-"""Why a pin is as it is, in sentences for a beginner.
+"""Explains the level of a pin in sentences for beginners.
 
 In: a `TimeMachine` at its moment and a pin. Out: sentences: whether the pin is an output, what the latch
 holds, and what the program never did.

@@ -30,7 +30,7 @@ class ListedLine(NamedTuple):
     file: str
     line: int
     text: str
-    """Empty where the listing does not hold the source."""
+    """The text of the line; empty if the listing does not contain the source."""
 
     def __str__(self) -> str:
         return f"{PurePath(self.file).name}:{self.line}: {self.text}".rstrip(": ")

@@ -29,21 +29,21 @@ from servogen.simulator import LevelChange, Machine, Observation, SimulatorOptio
 from servogen.units import Clock, Cycles
 
 SPACING_S = Fraction(20, 1000)
-"""Between two snapshots."""
+"""The simulated time between two snapshots."""
 MAX_SNAPSHOTS = 10_000
-"""What a window may hold, about 5 kB each; then the older ones are thinned out."""
+"""The maximum number of snapshots, about 5 kB each; beyond it, older ones are thinned out."""
 RECENT_S = 20
-"""Before the current moment, all snapshots are kept."""
+"""The time before the current moment in which all snapshots are kept."""
 ROWS = 1 << 14
-"""Instructions traced at a time."""
+"""The number of instructions traced at a time."""
 ASLEEP_S = 10
-"""How long a step forwards waits for an instruction: the chip may sleep, or be held in reset."""
+"""The maximum time that a step forwards waits for an instruction: the chip may sleep, or be held in reset."""
 LINE_S = 60
-"""How long a step forwards waits for another source line."""
+"""The maximum time that a step forwards waits for another source line."""
 BACK_SNAPSHOTS = 3000
-"""How many snapshots a step back by a line goes back at most."""
+"""The maximum number of snapshots that a step back by a line searches."""
 NEAR = 3
-"""Cycles per instruction that a step back goes back at first."""
+"""The cycles per instruction by which a step back first goes back."""
 NO_LINE = -1
 
 Rows = npt.NDArray[np.int64]
@@ -64,7 +64,7 @@ class _Kept:
     snapshot: Snapshot
     inputs: int
     edges: int
-    """Made since power-up."""
+    """The number of edges made since power-up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ class TimeMachine:
         return levels
 
     def step(self, instructions: int) -> int:
-        """Execute so many instructions, or go back over so many; return how many it were.
+        """Execute a number of instructions, or go back if it is negative; return the number done.
 
         Forwards it ends earlier where the chip sleeps on, and backwards at power-up.
         """

@@ -107,7 +107,7 @@ def controller_of(
     if first + len(job.servos) > MAX_VALUE + 1:
         raise InputError(
             "does-not-fit",
-            f"{len(job.servos)} servos numbered from {first}: the last number is {MAX_VALUE}",
+            f"{len(job.servos)} servos numbered from {first}: the highest number is {MAX_VALUE}",
         )
     if job.stream is not None and range_us is None:
         if first:

@@ -16,6 +16,7 @@ from servogen.engines.stream.protocol import MAX_VALUE
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.job import Job, calibrated, plan_job
 from servogen.robot.calibration import Reading
+from servogen.units import counted
 
 MIN_POINTS = 3
 STEP_S = 0.02
@@ -122,7 +123,9 @@ def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
     """Return an `Ask` that answers with given angles. Raises InputError unless there is one per position."""
     if len(angles) != len(stops):
         raise InputError(
-            "wrong-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
+            "wrong-count",
+            f"{counted(len(angles), 'angle')} for {len(stops)} points",
+            hint=f"--points {len(angles)}",
         )
     return lambda sweep, point: angles[point]
 

@@ -1,4 +1,4 @@
-"""A lab's task as data, the programs to hold against it, and the check of what a program's pins do."""
+"""A lab's task as data, the programs to compare with it, and the check of a program's pins."""
 
 from servogen.grade.check import Check, Fault
 from servogen.grade.checks import ChipFacts

@@ -1,4 +1,4 @@
-"""The checks of a lab's task: what the chip itself says, the order of positions, pauses, travel and periods.
+"""The checks of a lab's task: the state of the chip, the order of positions, pauses, travel and periods.
 
 In: a lab, the pulses that were watched and the visits found in them. Out: faults, as sentences for students.
 """
@@ -31,7 +31,7 @@ class ChipFacts:
     """The chip at the end of the watch."""
 
     inputs: frozenset[int] = frozenset()
-    """Pins that are inputs at the end."""
+    """The pins that are inputs at the end."""
     watchdog_resets: int = 0
     configured: bool = True
     """Whether the program has a configuration word."""
@@ -40,7 +40,7 @@ class ChipFacts:
     """Whether it ran into memory without a program."""
     stack_wraps: int = 0
     written_for_hz: int | None = None
-    """The crystal that the source names."""
+    """The clock that the source states."""
     repeats: bool = False
     """Whether the chip's whole state was seen to repeat."""
 
@@ -207,7 +207,7 @@ class Stay(NamedTuple):
     stays_s: float
     silent_s: float
     whole: bool
-    """Whether it is not cut off by the end of the watch."""
+    """Whether the visit ended before the watch did."""
 
 
 def stays(

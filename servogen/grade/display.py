@@ -16,10 +16,10 @@ from collections.abc import Sequence
 
 MAX_LINES = 60
 MAX_COLUMNS = 500
-"""Of a message: a compiler may report thousands of errors, each with a line of the program."""
+"""The maximum size of a message: a compiler may report thousands of errors, each with a source line."""
 
 MAX_NAME_BYTES = 200
-"""Of a page's file name; file systems take 255."""
+"""The maximum length of a page's file name; file systems allow 255."""
 
 
 def visible(text: str) -> str:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from servogen.grade.watch import Watched
 
 BEFORE_S, AFTER_S = 5.0, 10.0
-"""How much of the run is kept around the moment."""
+"""The time before and after the moment that is kept."""
 MAX_PULSES = 4000
-"""Of one pin: a program that toggles a pin is cut there."""
+"""The maximum number of pulses of a pin; a program that toggles a pin fast has more."""
 LINES = 12
-"""Of the source, before and after the line."""
+"""The number of source lines before and after the line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from servogen.grade.lab import Lab
 from servogen.grade.points import WHOLE, CheckState, Outcome, headline, max_total, number, outcomes, total
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What a spreadsheet takes for the beginning of a formula."""
+"""The characters with which a formula begins in spreadsheets."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,7 +72,7 @@ class Grade:
 
     lab: str
     faults: tuple[Fault, ...]
-    """Why it is wrong, the most helpful reason first."""
+    """The faults, the most helpful one first."""
     unchecked: tuple[Check, ...] = ()
     """The checks that could not be made because of the faults."""
     remarks: tuple[Diagnostic, ...] = ()
@@ -84,11 +84,11 @@ class Grade:
     """The program's order of positions."""
     watched_s: float = 0.0
     repeats: bool = False
-    """Whether the chip's whole state was seen to repeat, so that this goes on endlessly."""
+    """Whether the chip's whole state was seen to repeat, so that the motion continues endlessly."""
     moment: int | None = None
-    """The cycle of the first thing that is not as asked, where there is one such moment."""
+    """The cycle in which the first fault begins, if it has a moment."""
     film: Film | None = None
-    """What there is to be seen around that moment."""
+    """The film around that moment."""
 
     @property
     def passed(self) -> bool:

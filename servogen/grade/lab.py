@@ -24,7 +24,7 @@ from servogen.toml.file import Document, Table
 from servogen.units import Clock
 
 SLACK_DEG = 4.0
-"""How far a range in a lab's file may exceed the servo's travel: what a loop adds to a width."""
+"""The angle by which a lab's range may exceed the servo's travel: a loop's cycles change a width by this."""
 
 
 PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]
@@ -133,16 +133,16 @@ class Lab:
     watch_s: float
     rounds: int
     pause_tolerance: float
-    """As a fraction of the pause."""
+    """The allowed deviation as a fraction of the pause."""
     longest_move_s: float
     period_ms: tuple[float, float]
     spread_us: float
     servos: tuple[LabServo, ...]
     solutions: tuple[Solution, ...]
     points_passed: float
-    """For a program without any fault."""
+    """The points for a program without any fault."""
     points: tuple[tuple[Check, float], ...]
-    """For each check; the checks without points are not listed."""
+    """The points of each check; checks without points are omitted."""
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -180,7 +180,7 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
     low, high = table.period.range_ms
     if not 0 < low < high:
         raise document.error(
-            "out-of-range", ("period", "range_ms"), "does not rise from a time to a longer one"
+            "out-of-range", ("period", "range_ms"), "the first time must be above 0 and below the second"
         )
     servos = tuple(_servo(document, index, row) for index, row in enumerate(table.servo))
     known = [lab_servo.servo.name for lab_servo in servos]

@@ -15,7 +15,7 @@ from servogen.grade.judge import Grade
 from servogen.grade.lab import Lab
 
 WHOLE = "passed"
-"""The key and the name of the points that only a program without any fault gets."""
+"""The key and name of the points for a program without any fault."""
 
 
 class CheckState(StrEnum):

@@ -1,4 +1,4 @@
-"""Which programs there are to grade, whose they are, and which files each may include.
+"""Finds the programs to grade, the student of each, and the files that each may include.
 
 In: the files and folders given to `servogen grade`. Out: `Submission`s. Programs come from strangers: a link
 that leads out of the student's own folder, a pipe or a device is not opened.
@@ -23,7 +23,7 @@ from servogen.errors import Diagnostic, InputError, Location
 MAX_PROGRAMS = 200
 MAX_FOLDERS = 1000
 MAX_ENTRIES = 10_000
-"""Of one student's programs, folders and files in one folder: one student must not take everybody's time."""
+"""Limits per student: programs, folders, files in a folder; so that no student takes all the time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Submission:
     folder: Path | None
     """The student's own folder, without links in its path; None: the program has none."""
     given: bool = False
-    """Whether the file itself was given, not a folder that it lies in: then it may be a link."""
+    """Whether the file itself was given rather than a folder that contains it; it may then be a link."""
 
     def require_readable(self) -> None:
         """Raise InputError if the program must not be opened."""
@@ -73,7 +73,7 @@ class Submission:
 
 @dataclass(slots=True)
 class Submissions:
-    """The programs to grade, and a warning for each file and folder that is left out."""
+    """The programs to grade, and a warning for each file and folder that is omitted."""
 
     submissions: list[Submission] = field(default_factory=list)
     warnings: list[Diagnostic] = field(default_factory=list)
@@ -85,7 +85,7 @@ def find_submissions(
     """Return the programs among the files and folders `given`, by their suffixes.
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
-    `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
+    `images` (HEX) beside one of `sources` of the same name is omitted, because it was built from that source.
     A path that does not exist is a program that cannot be read. Raises InputError for a folder without one,
     and where no path exists.
     """

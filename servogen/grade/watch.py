@@ -26,10 +26,10 @@ from servogen.units import Clock
 Ints = npt.NDArray[np.int64]
 
 MAX_EDGES = 1_000_000
-"""Far more than 13 servos have in the time of any lab."""
+"""The maximum number of edges: far more than 13 servos make in the time of any lab."""
 
 PAUSE_PERIODS = 3
-"""A time from rise to rise of more than this many median periods has a pause in it."""
+"""The number of median periods beyond which the time from rise to rise contains a pause."""
 
 
 class PinPulses(NamedTuple):
@@ -70,7 +70,7 @@ class Watched:
     end: int
     pins: Mapping[int, PinPulses]
     high_since: Mapping[int, int]
-    """The pins that are high at the end, each with the cycle since which it is."""
+    """The pins that are high at the end, each with the cycle of its rise."""
     too_fast: bool
     """Whether the watch ended early, because there were more edges than servos can use."""
 
@@ -99,7 +99,7 @@ def watch(trace: EdgeTrace) -> Watched:
 
 
 JUMP_RAD = 0.07
-"""Angles that differ by more than this (4°) are different."""
+"""The difference of angles (4°) from which on they are different positions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ class Visit:
     begin: int
     end: int
     places: frozenset[int]
-    """The numbers of the positions that it can be."""
+    """The numbers of the positions that the visit may belong to."""
     commanded: tuple[Commanded, ...]
 
     @property

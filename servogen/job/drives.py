@@ -72,9 +72,14 @@ def _source(table: DriveTable) -> str:
 
 def _stretches(document: Document, table: DriveTable, robot: DrivingRobot) -> tuple[Stretch, ...]:
     """Return the stretches of the contour, or of the routines one after the other. Raises InputError."""
-    if (table.corners_mm is None) == (table.routines is None):
+    if table.corners_mm is None and table.routines is None:
+        raise document.error("missing-key", ("drive",), "a drive needs corners_mm or routines")
+    if table.corners_mm is not None and table.routines is not None:
         raise document.error(
-            "missing-key", ("drive",), "a drive has corners_mm or routines", "keep one of the two"
+            "conflicting-keys",
+            ("drive",),
+            "a drive has either corners_mm or routines",
+            "remove one of the two",
         )
     if table.corners_mm is not None:
         try:

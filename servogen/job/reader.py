@@ -92,7 +92,7 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
             raise document.error(
                 "engine-unsupported",
                 where,
-                f"the {table.engine} engine reads no buttons",
+                f"the {table.engine} engine does not read buttons",
                 'write engine = "player"',
             )
         if pin not in PINS:
@@ -219,7 +219,7 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
         raise document.error(
             "engine-unsupported",
             ("stream",),
-            f"the {engine} engine reads no serial line",
+            f"the {engine} engine does not read a serial line",
             'write engine = "stream", or omit engine',
         )
     given = table.stream or StreamTable()

@@ -401,7 +401,9 @@ def _leg(document: Document, table: HexapodTable, leg: Arm) -> Arm:
     if not changed.length["bc"]:
         raise document.error("bad-length", ("lengths_mm", "bc"), "bc is 0: β would lift nothing")
     if not changed.length["ab"] + changed.length["cd"]:
-        raise document.error("bad-length", ("lengths_mm", "ab"), "ab and cd are both 0: a leg has a reach")
+        raise document.error(
+            "bad-length", ("lengths_mm", "ab"), "ab and cd are both 0: the leg would have no length"
+        )
     return changed
 
 

@@ -65,7 +65,7 @@ def gruebler(elements: int, joints: Sequence[str]) -> int:
         if kind in JOINT_MOBILITY and kind not in PLANE_JOINTS:
             raise InputError(
                 "bad-option",
-                f"a {kind} joint is not a joint of a plane mechanism",
+                f"a {kind} joint cannot be part of a plane mechanism",
                 hint=" or ".join(PLANE_JOINTS),
             )
     return _mobility(IN_PLANE, elements, joints)
@@ -142,7 +142,7 @@ def of_arm(arm: Arm) -> Mobility:
     mobility = kutzbach(len(kinds) + 1, kinds) - passive
     note = "serial: the sum of the joints' mobilities"
     if passive:
-        note = f"{passive} of the joints follows another: it takes away what it gives"
+        note = f"the mobility of {counted(passive, 'joint')} that another one drives is subtracted"
     return Mobility(
         elements=len(kinds) + 1,
         joints=kinds,

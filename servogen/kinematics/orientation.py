@@ -199,7 +199,7 @@ def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floa
         wanted = ", ".join(names) or "nothing"
         raise InputError(
             "wrong-count",
-            f"{arm.name} takes {wanted} beside x, y, z, not {given.size} values",
+            f"{arm.name} takes {wanted} besides x, y, z, not {given.size} values",
             hint="angles in degrees",
         )
     angles = np.moveaxis(given, -1, 0)

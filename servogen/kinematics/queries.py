@@ -527,7 +527,7 @@ def _limb(robot: Robot, leg: str | None) -> Limb | None:
             hint=f"--leg {next(iter(legs))}",
         )
     if leg not in legs:
-        hint = did_you_mean(leg, legs) if legs else "it has no legs: leave out --leg"
+        hint = did_you_mean(leg, legs) if legs else "it has no legs: omit --leg"
         raise InputError("unknown-name", f"{robot.name} has no leg '{leg}'", hint=hint)
     return legs[leg]
 

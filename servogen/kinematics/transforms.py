@@ -237,7 +237,7 @@ def parse(text: str) -> Floats:
     if len(text) > MAX_TEXT:
         raise InputError("transform-syntax", f"the product has more than {MAX_TEXT} characters")
     if not text.strip():
-        raise InputError("transform-syntax", "there is no transform", hint=_HINT)
+        raise InputError("transform-syntax", "the product is empty", hint=_HINT)
     matrix, position = _product(text, 0, 0)
     if position < len(text):
         raise _error(position, "there is no '(' for this ')'")
@@ -260,7 +260,7 @@ def _power(text: str, position: int, depth: int) -> tuple[Floats, int]:
     opening = _OPENING.match(text, position)
     if opening:
         if depth == MAX_NESTING:
-            raise _error(position, f"more than {MAX_NESTING} parentheses inside each other")
+            raise _error(position, f"parentheses are nested more than {MAX_NESTING} deep")
         matrix, end = _product(text, opening.end(), depth + 1)
         if end == len(text):
             raise _error(position, "this '(' is not closed")

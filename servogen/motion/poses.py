@@ -203,7 +203,7 @@ class _Sampler:
                 f"the path to pose {number} cannot be followed within the joints' limits: "
                 f"not even in {moves.MAX_PATH_FRAMES} frames, {moves.MAX_PATH_FRAMES * frame_s:g} s",
                 pose.place,
-                "state its time: move_s = … is kept, and moves that are then too fast give a warning",
+                "state its time, move_s = …; a move that is then too fast gives a warning",
             )
         self._add(move.angles[1:], pose)
         followed = f"the path to pose {number} is followed within {1000 * move.chord_error_m:z.3f} mm"

@@ -91,7 +91,7 @@ class Manipulator:
             if pose.p or pose.r:
                 raise InputError(
                     "wrong-count",
-                    f"{self.arm.name} takes no pitch and roll: they are 0, not {pose.p:g} and {pose.r:g}",
+                    f"{self.arm.name} takes no pitch and roll: they must be 0, not {pose.p:g} and {pose.r:g}",
                 )
             return ik(self.arm, point, None, near)
         return ik(self.arm, point, self._rotation(pose), near)

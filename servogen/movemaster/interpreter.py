@@ -302,7 +302,7 @@ class Flow:
         numbers = [line.number or 0 for line in self._lines]
         near = sorted(sorted(numbers, key=lambda candidate: abs(candidate - number))[:4])
         if not near:
-            return "the program stands before RN in the file, each line with its number"
+            return "put the program before RN, each line with its number"
         return f"near it are the lines {', '.join(map(str, near))}"
 
 

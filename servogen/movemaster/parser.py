@@ -314,7 +314,10 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
     if parameter.kind is ArgumentKind.WHOLE:
         if not _WHOLE.match(text):
             raise InputError(
-                "program-argument", f"{who} is not whole: {text}", place, f"allowed: {parameter.allowed}"
+                "program-argument",
+                f"{who} is not a whole number: {text}",
+                place,
+                f"allowed: {parameter.allowed}",
             )
         return int(text)
     return float(text)

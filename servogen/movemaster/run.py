@@ -152,7 +152,10 @@ def _once(controller: Controller, source: ParsedProgram) -> _Start | None:
     if waiting is not None and start is not None:
         controller.warn(
             Diagnostic(
-                "warning", "lines-not-run", "the program lines from here on stand after RN", waiting.place
+                "warning",
+                "lines-not-run",
+                "the program lines from here on are after RN, and do not run",
+                waiting.place,
             )
         )
     if start is None and controller.program:

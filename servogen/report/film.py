@@ -30,13 +30,13 @@ from servogen.robot.model import Limb
 SUFFIXES = (".gif", ".mp4")
 DOTS_PER_INCH = 80
 ROOM = 0.08
-"""Free space around the robot, as a share of its size."""
+"""The free space around the robot as a share of its size."""
 
 ZOOM = 0.9
-"""Small enough to keep the labels of tall and of wide robots inside the picture."""
+"""The zoom with which the labels of tall and of wide robots stay inside the picture."""
 
 MAX_PICTURES = 100
-"""Of a film; of longer motions some frames are omitted."""
+"""The maximum number of pictures in a film; longer motions lose some frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +159,9 @@ def film(scene: FilmScene, path: Path) -> None:
     kind = path.suffix.lower()
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
         raise ToolError(
-            "tool-missing", "an MP4 needs ffmpeg, which is not here", hint="install ffmpeg, or write a .gif"
+            "tool-missing",
+            "an MP4 needs ffmpeg, which is not installed",
+            hint="install ffmpeg, or write a .gif",
         )
     figure.set_layout_engine("none")
     axes: Any = figure.add_axes((0.02, 0.03, 0.96, 0.92), projection="3d")

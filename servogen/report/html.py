@@ -39,11 +39,11 @@ ALONE = "Positions come over the serial line; this page shows what the chip does
 BY_JACOBIAN = ("worst by the Jacobian, mm", "rms by the Jacobian, mm")
 
 FIRST_FRAMES = 4
-"""How many frames of the pulses are shown until somebody zooms."""
+"""The number of frames of the pulses that are shown at first."""
 
 
 FEW = 2
-"""How many of the reasons why a call is unbounded are named."""
+"""The number of reasons named for an unbounded call."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class PageFacts:
     programs: tuple[ProgramFacts, ...] = ()
     listing: Listing | None = None
     trace: EdgeTrace | None = None
-    """The edges of the job's own program, the motion once or more."""
+    """The edges of the job's own program, over at least one pass of the motion."""
     capture: CaptureFacts | None = None
     not_built: str = ""
     twin: TwinFacts | None = None

@@ -1,8 +1,8 @@
-"""What a planned job will do: its frames, what it asks of each servo, where its ends go and how exactly.
+"""The facts of a planned job: its frames, the demands on each servo, the paths of its ends and their errors.
 
 In: a planned job and its pulses. Out: `PlanFacts` and its `ServoFacts`, in metres, radians and seconds.
 
-    an angle that lasts one frame, or that the servo reaches within one, is part of a ramp: its speed is asked
+    an angle that lasts one frame, or that the servo reaches within one, is part of a ramp, which has a speed
     an angle that lasts longer is a step: the servo goes there at its own speed and needs a time
 """
 

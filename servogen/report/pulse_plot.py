@@ -35,13 +35,13 @@ Floats = npt.NDArray[np.float64]
 
 MAX_FRAMES_SHOWN = 6
 MAX_FRAMES_READ = 50_000
-"""A quarter of an hour of servo pulses, or a second of a pin that toggles as fast as possible."""
+"""The maximum number of frames read: 15 minutes of servo pulses, or a second of a pin that toggles fast."""
 
 LANE = 1.4
-"""From one row of pulses to the next, in heights of a pulse."""
+"""The distance between rows of pulses, in heights of a pulse."""
 
 MARGIN = 0.04
-"""Of a frame's time, at both of its ends."""
+"""The margin at both ends of a frame, as a share of its time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class PlottedPulses:
 
 @dataclass(frozen=True, slots=True)
 class PlottedFrame:
-    """From when to when it lasts, microseconds; the next may begin later, after a pause."""
+    """The beginning and end of a frame, microseconds; the next may begin later, after a pause."""
 
     start: float
     end: float

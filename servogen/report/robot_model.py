@@ -23,7 +23,7 @@ from servogen.robot.servo_models import names
 from servogen.robot.servo_models import servo_model as catalogue_model
 
 UNLIMITED = 1000.0
-"""Radians a second, of a servo whose model does not state its speed."""
+"""The speed, in radians per second, of a servo whose model states none."""
 
 
 def robot_model(job: PlannedJob) -> dict[str, object]:

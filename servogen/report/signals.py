@@ -21,13 +21,13 @@ from servogen.verify import CaptureVerdict
 Floats = npt.NDArray[np.float64]
 
 MAX_FRAMES = 2000
-"""Longer motions are drawn up to this frame."""
+"""The number of frames up to which a motion is drawn."""
 
 MAX_SCOPES = 6
-"""Frames that are shown, unless there are more poses."""
+"""The number of frames that are shown, unless there are more poses."""
 
 SAME_DIGITS = 9
-"""Decimals of radians to which angles are compared."""
+"""The number of decimals of radians to which angles are compared."""
 
 WIDTH, LOW, HIGH_Y = 880.0, 26.0, 6.0
 LANE = 32
@@ -53,12 +53,12 @@ class ScopeLine:
     label_x: str
     label: str
     y: int
-    """Pulses that overlap in time stand below each other."""
+    """The row: pulses that overlap in time are drawn below each other."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScopeView:
-    """A frame: from when on it is there first, and its pulses, one line a channel."""
+    """A frame: the time of its first occurrence, and its pulses, one line per channel."""
 
     title: str
     start_us: float
@@ -68,7 +68,7 @@ class ScopeView:
 
 
 def shown_us(schedule: PulseSchedule) -> float:
-    """Return how much is drawn, in µs: the lead-in and the loop once, or their beginning."""
+    """Return the time that is drawn, in µs: the lead-in and the loop once, or their beginning."""
     frames = min(MAX_FRAMES, schedule.lead_in_frames + schedule.loop_frames)
     return float(schedule.clock.us(frames * schedule.period))
 

@@ -33,7 +33,7 @@ COMMANDS = (
 
 @dataclass(frozen=True, slots=True)
 class Overrun:
-    """What the overrun bit said after the run: the end of the first frame that set it, from reset."""
+    """The overrun bit after the run: `at` is the end, from reset, of the first frame that set it, if any."""
 
     at: Cycles | None
 
@@ -57,9 +57,9 @@ class ProgramFacts:
     verdict: Verdict
     timing_budgets: tuple[TimingBudget, ...] = ()
     overrun: Overrun | None = None
-    """None: the engine keeps no such bit."""
+    """The overrun bit after the run; None if the engine has none."""
     script: Stored | None = None
-    """Where the player's script is; None for other engines."""
+    """The memories that hold the player's script; None for other engines."""
 
     @property
     def proven(self) -> bool:
@@ -225,7 +225,7 @@ def timing_budgets_text(programs: Sequence[ProgramFacts], clock: Clock) -> Itera
 
 
 def _if_not_for_every_path(program: ProgramFacts) -> str:
-    """Return what a run that was in time does not show, if the bound over all paths does not either."""
+    """Return a remark if the bound over all paths exceeds the budget; empty otherwise."""
     bounded = all(room.left is not None and room.left >= 0 for room in program.timing_budgets)
     return "" if bounded else " in this run; the bound over all paths exceeds the room"
 

@@ -11,7 +11,7 @@ import re
 from servogen.engines.c_text import template_folder
 
 MODULES = ("robot.js", "waves.js", "film.js")
-"""In an order in which each module finds what it imports."""
+"""The modules, in an order in which each comes after those that it imports."""
 
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export ", re.MULTILINE)

@@ -16,12 +16,12 @@ from servogen.robot.servo import Servo
 
 PACKAGE_ROWS = len(PACKAGE) // 2
 TOP, ROW = 24, 26
-"""In the drawing: the first pin's y, and the distance from pin to pin."""
+"""The first pin's y in the drawing, and the distance between pins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """Pin `number` of the package, its name, and what goes there; `servo` where that is one's signal."""
+    """Pin `number` of the package, its name and connection; `servo` if that is a servo's signal."""
 
     number: int
     pin: str
@@ -69,7 +69,7 @@ def open_drain(job: Job) -> Iterator[str]:
 
 
 def remarks(job: Job) -> Iterator[str]:
-    """Yield what the servos draw when all are stalled, their own supply, and what the inputs do."""
+    """Yield remarks: the current with all servos stalled, the servos' supply, the function of the inputs."""
     known = [servo.model.max_a for servo in job.servos if servo.model.max_a is not None]
     unknown = sorted({servo.model.name for servo in job.servos if servo.model.max_a is None})
     if known:

@@ -183,7 +183,7 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
     if len(widths) < MIN_WIDTHS:
         raise InputError(
             "bad-readings",
-            f"{len(widths)} widths were read: at least {MIN_WIDTHS} are needed to show the error of the line",
+            f"at least {MIN_WIDTHS} widths are needed to show the error of the line, not {len(widths)}",
             hint="read more points",
         )
     angles = [reading.angle for reading in readings]

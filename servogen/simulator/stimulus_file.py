@@ -168,7 +168,7 @@ def _serial(document: Document, n: int, table: _Serial, clock: Clock) -> Serial:
         raise document.error(
             "bad-stimulus",
             ("serial", n, "baud"),
-            f"{shown(table.baud)} is more than one bit in an instruction cycle",
+            f"{shown(table.baud)} is more than one bit per instruction cycle",
             f"at most {float(clock.cycles_per_second):g}",
         )
     return Serial(

@@ -51,15 +51,15 @@ from servogen.units import Clock, Cycles
 from servogen.verify.measurement import time_words
 
 MAX_RUN_S = 3600
-"""One run of a test; a longer one is more likely a wrong unit."""
+"""The maximum time of one run; a longer one is more likely a wrong unit."""
 MAX_EDGES = 1_000_000
-"""The edges that a test can look at: 40 minutes of the pulses of eight servos."""
+"""The maximum number of edges that a test can examine: 40 minutes of the pulses of eight servos."""
 MAX_STIMULUS = 100_000
-"""Changes of a stimulus that are shown in the waves."""
+"""The maximum number of a stimulus's changes that are shown in the waves."""
 SHOWN_EDGES = 6
-"""The edges that are named with their source lines when a test fails."""
+"""The number of edges that are listed with their source lines if a test fails."""
 NUMBER_BYTES = 4
-"""A variable of more bytes is an array."""
+"""The maximum size of a variable that is read as a number."""
 OPTION_REG = registers()["OPTION_REG"].address
 SENT_BITS = 10
 
@@ -77,7 +77,7 @@ class Board:
     options: SimulatorOptions = SimulatorOptions()  # noqa: RUF009 - frozen
     stimuli: Stimuli | None = None
     inputs: Mapping[str, int] = field(default_factory=dict)
-    """Levels that pins are held at from power-up on, until the test drives them otherwise."""
+    """Levels at which pins are held from power-up until the test drives them."""
 
 
 class Chip(Signals):
@@ -282,7 +282,7 @@ class Chip(Signals):
         located = variable(name, self.board.listing)
         if located.size > NUMBER_BYTES:
             raise InputError(
-                "not-allowed", f"'{name}' has {located.size} bytes, more than a number", hint="use array()"
+                "not-allowed", f"'{name}' has {located.size} bytes, too many for a number", hint="use array()"
             )
         return located.number(self._machine.machine.ram, signed=signed)
 
@@ -391,10 +391,10 @@ class Chip(Signals):
         self._seen: list[EdgeChunk] = []
         self._seen_until = 0
         self._due: list[tuple[int, int, Callable[[], None]]] = []
-        """What happens to connected pins: (cycle, number, action)."""
+        """The actions due on connected pins: (cycle, number, action)."""
         self._numbers = count()
         self._busy: dict[int | frozenset[int], int] = {}
-        """The cycle of the last change of each pin, or switch between two, that is under way."""
+        """By pin, or pair of pins of a switch, the cycle in which its current changes end."""
         self._settle()
 
     def _check_time(self, name: str, value: float, unit_s: Fraction) -> None:
@@ -500,7 +500,7 @@ class Chip(Signals):
             names = " to ".join(PINS[pin] for pin in sorted({what} if isinstance(what, int) else what))
             raise InputError(
                 "not-allowed",
-                f"{names} still changes from outside until {until}, and now is {self._now_words}",
+                f"{names} still changes from outside until {until}, and it is {self._now_words} now",
                 hint="run until then first",
             )
 

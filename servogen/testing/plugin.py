@@ -41,19 +41,19 @@ if TYPE_CHECKING:
 MARK, BENCH_MARK = "servogen", "servogen_bench"
 MARKERS = (
     f"{MARK}(program, image=None, schedule=None, seconds=None, stimulus=None): the program that the test's "
-    "fixtures run, or the folder of its build; its schedule, if it has one; how long it is looked at; what "
+    "fixtures run, or the folder of its build; its schedule, if it has one; how long it runs; what "
     "drives its pins",
     f"{BENCH_MARK}: the test needs a chip on the bench",
 )
 CAPTURES = "servogen-captures"
-"""The folder, below pytest's root, where what a failed test saw is written."""
+"""The folder in pytest's root to which the edges of failed tests are written."""
 
 
 PACKAGE = Path(__file__).parents[1]
 """The folder of servogen's own modules."""
 
 ON_THE_CHIP = "what was on the chip"
-"""The program, where nobody has programmed the chip."""
+"""The name of the program if no programmer has programmed the chip."""
 MARK_KEYS = ("image", "schedule", "seconds", "stimulus")
 
 BENCH: pytest.StashKey[Bench] = pytest.StashKey()
@@ -71,8 +71,8 @@ def assert_pulses(
 ) -> None:
     """Assert that the pins followed the schedule.
 
-    In simulation that is to the cycle, on the bench within `tolerances`. Where not every different
-    frame of the schedule was seen, that fails as well, unless the test allows a `partial` look.
+    In simulation every edge must match to the cycle, on the bench within `tolerances`. Fails as well if not
+    every different frame of the schedule was seen, unless the test allows a `partial` capture.
     """
     __tracebackhide__ = True
     from servogen.testing.targets import check
@@ -99,7 +99,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--servogen-programmer",
         metavar="NAME",
         help="program the bench's chip with the program under test first: picpro, pk2cmd, ... "
-        "(default: the chip holds what it holds)",
+        "(default: keep the program on the chip)",
     )
     group.addoption(
         "--servogen-programmer-port", metavar="PORT", help="the bench's programmer, such as /dev/ttyUSB0"
@@ -144,7 +144,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Let go of the chip on the bench."""
+    """Release the chip on the bench."""
     bench = config.stash.get(BENCH, None)
     if bench is not None:
         try:
@@ -189,7 +189,7 @@ def pytest_runtest_makereport(
 
 
 def _show_only_the_test(raised: pytest.ExceptionInfo[BaseException] | None) -> None:
-    """Take servogen's own lines out of the traceback of what a chip says about the test."""
+    """Remove servogen's own lines from the traceback of a failure that a chip reports."""
     if raised is None or not isinstance(raised.value, (ServogenError, AssertionError)):
         return
     last = raised.tb  # of pytest
@@ -386,7 +386,7 @@ def _beside(node: pytest.Item, wanted: Path) -> Path:
 
 
 def _mark(node: pytest.Item) -> Mapping[str, Any]:
-    """Return what the test's mark says. Raises InputError for a key that it does not have."""
+    """Return the arguments of the test's mark by name. Raises InputError for an unknown one."""
     mark = node.get_closest_marker(MARK)
     unknown = next((key for key in (mark.kwargs if mark else ()) if key not in MARK_KEYS), None)
     if unknown is not None:
@@ -421,7 +421,7 @@ def _required(node: pytest.Item, key: str) -> Path:
     if path is None:
         raise InputError(
             "missing-option",
-            f"the test does not say its {'program' if key == 'image' else key}",
+            f"the test does not state its {'program' if key == 'image' else key}",
             Location(node.nodeid),
             f'mark it @pytest.mark.{MARK}("DIR"), with a folder that `servogen build` wrote or a program, '
             "or give --servogen-build=DIR",

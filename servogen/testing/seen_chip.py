@@ -57,7 +57,7 @@ from servogen.verify.measurement import time_words
 DATA_BITS = 8
 FRAME_BITS = 10
 SMALLEST_STEP_MS = 1
-"""An input board plays changes at whole milliseconds."""
+"""The resolution of an input board, which plays changes at whole milliseconds."""
 
 _EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall))?", re.IGNORECASE)
 _PORTS = {"PORTA": 0, "PORTB": 5}
@@ -65,7 +65,7 @@ _PORTS = {"PORTA": 0, "PORTB": 5}
 
 
 class Player(Protocol):
-    """What plays runs: a bench, or recordings of one."""
+    """Plays runs: a bench, or recordings of one."""
 
     @property
     def wiring(self) -> InputWiring | None:
@@ -87,7 +87,7 @@ class Player(Protocol):
 
 @dataclass(slots=True)
 class _Look:
-    """Where the test looks: a moment of the last piece."""
+    """The moment of the last piece that the test examines."""
 
     piece: int
     ms: float
@@ -113,14 +113,14 @@ class SeenChip(Signals):
         self._levels: dict[str, int | None] = {}
         self._contacts: dict[Contact, bool] = {}
         self._inputs: list[BoardInput] = []
-        """Those of the run that is being collected, and later ones."""
+        """The inputs of the run that is being collected, and of later ones."""
         self._length_ms = Fraction(0)
-        """Of the run that is being collected."""
+        """The length of the run that is being collected."""
         self._past_ms = Fraction(0)
         """The length of the runs since the last start."""
         self._start = BenchStart.CONTINUE
         self._first = 0
-        """The piece with which the last start began."""
+        """The index of the piece that began at the last start."""
         self._look: _Look | None = None
         for pin, level in (inputs or {}).items():
             pin_index(pin)
@@ -344,7 +344,7 @@ class SeenChip(Signals):
 
     @property
     def _collected(self) -> bool:
-        """Return whether something is to be played before the test can look."""
+        """Return whether inputs have to be played before the test can measure."""
         return bool(self._length_ms) or any(input_.at_ms <= 0 for input_ in self._inputs)
 
     def _run(self, ms: Fraction) -> None:
@@ -553,7 +553,7 @@ EVERYTHING = InputWiring(
     {frozenset(pair): 0 for pair in combinations(PINS, 2)},
     dict.fromkeys(PINS, 0),
 )
-"""What may be done to a chip whose runs are only shown again."""
+"""The wiring of a replayed chip, on which a test may do everything."""
 
 
 @dataclass(slots=True)

@@ -24,11 +24,11 @@ from servogen.units import Clock
 Moment = Fraction
 """A time in microseconds, exact."""
 Level = tuple[Moment, int]
-"""From this moment on, a pin has this level."""
+"""A level that a pin has from this moment on."""
 
 MAX_BIT_ERROR = Fraction(1, 4)
-"""By how much of a bit an edge on a serial line may be early or late: then a receiver still has half of the
-margin to the middle of the bit for its own error."""
+"""The share of a bit by which an edge on a serial line may be early or late: half of the margin to the middle
+of the bit remains for the receiver's own error."""
 DATA_BITS = 8
 STOP = DATA_BITS + 1
 
@@ -160,7 +160,7 @@ def _decoded(pin: str, line: Sequence[Level], baud: Fraction, idle: int, end: Mo
     bit = 1_000_000 / baud
     received = bytearray()
     free = Fraction(-1)
-    """Until when a byte is under way."""
+    """The end of the current byte."""
     for number, (start, level) in enumerate(line):
         if level == idle or not number or line[number - 1][1] != idle or start <= free:
             continue

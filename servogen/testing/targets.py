@@ -1,4 +1,4 @@
-"""What a test runs on: the simulator, a recording, the bench. Each gives a `SeenPins`: what the pins did.
+"""The targets of a test: the simulator, a recording, the bench. Each returns a `SeenPins`: edges of the pins.
 
 In: a program and, if it should follow one, a schedule. Out: edges, and by `check` whether they are the
 schedule's, exactly where the chip was simulated and within tolerances where an analyser looked.
@@ -60,23 +60,23 @@ from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
 TYPICAL_EDGES_PER_S = TYPICAL_EDGES / float(TYPICAL_PERIOD_S)
-"""For which an analyser's memory is planned."""
+"""The rate of edges for which an analyser's memory is planned."""
 FEW_EDGES_PER_S = TYPICAL_EDGES_PER_S / 4
-"""Of a program of which nothing was seen yet."""
+"""The rate assumed for a program that was not captured yet."""
 BOARD_LATE_MS, HOST_LATE_MS = 3, 50
-"""By how much an input may be late: played by the board's own clock, and by this computer."""
+"""The maximum lateness of an input that the board plays by its own clock, and that this computer plays."""
 
 ATTEMPTS = 5
-"""How often a capture without a schedule is made at most until it is long enough."""
+"""The maximum number of captures without a schedule until one is long enough."""
 MARGIN = 1.25
 SAFETY = 2
-"""How many times the most changes that were seen so far a run may have."""
+"""The allowed number of changes in a run as a multiple of the maximum seen so far."""
 MIN_PLAYED_S = 0.5
-"""The analyser's memory is enough for the typical changes of this time at least."""
+"""The minimum time for whose typical changes the analyser's memory is planned."""
 POWER_OFF_S = 0.2
-"""How long the supply stays off, so that the capacitors at the chip are empty."""
+"""The time for which the supply stays off, so that the capacitors at the chip discharge."""
 SERIAL_BAUD = 9600
-"""Of a serial adapter until the first bytes are sent."""
+"""The rate of a serial adapter until the first bytes are sent."""
 EECON2 = registers()["EECON2"].address
 
 
@@ -86,15 +86,15 @@ class SeenPins:
 
     trace: EdgeTrace
     source: str
-    """Where it was seen, in words."""
+    """A description of where the edges were seen."""
     capture: Capture | None = None
-    """All that an analyser's file says: its clock is its own, its edges are on its samples."""
+    """The analyser's file, with its own clock, and edges on its samples; None for other sources."""
     span: Cycles | None = None
-    """How much of it is to be judged; None: all of it."""
+    """The part that is judged; None: all of it."""
     file: Path | None = None
-    """Where it is recorded already."""
+    """The existing recording, if there is one."""
     warnings: tuple[Diagnostic, ...] = ()
-    """Of the program, where it was simulated."""
+    """The warnings of a simulated program."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class PinCapture(Signals):
     seen: SeenPins = field(repr=False)
     clock: Clock
     properties: list[tuple[str, object]] = field(repr=False)
-    """The test's own, which JUnit reports show."""
+    """The properties of the test, which JUnit reports show."""
 
     @property
     def source(self) -> str:
@@ -120,7 +120,7 @@ class PinCapture(Signals):
 
 @dataclass(frozen=True, slots=True)
 class ScheduleCheck:
-    """Whether what was seen is the schedule; in words, and as properties of a test report.
+    """Whether the edges match the schedule, in words and as properties of a test report.
 
     `agrees` without `proven`: nothing that was seen is wrong, but not every different frame was seen.
     """
@@ -136,12 +136,12 @@ class CaptureRequest:
     """What a test wants to see."""
 
     clock: Clock
-    """The chip's."""
+    """The chip's clock."""
     schedule: PulseSchedule | None = None
     seconds: float | None = None
-    """None: long enough to judge the schedule's whole motion."""
+    """The duration; None: long enough to judge the schedule's whole motion."""
     stimuli: Stimuli | None = None
-    """What drives the pins from outside, in place of what the schedule says."""
+    """The stimuli that drive the pins instead of the schedule's levels."""
 
     @property
     def cycles(self) -> Cycles:
@@ -151,7 +151,7 @@ class CaptureRequest:
         if self.schedule is None:
             raise InputError(
                 "missing-option",
-                "the test says neither a schedule nor how long to look",
+                "the test states neither a schedule nor a duration",
                 hint="@pytest.mark.servogen(..., seconds=0.5)",
             )
         return checked_cycles(self.schedule)
@@ -172,13 +172,13 @@ class BenchRun:
     clock: Clock
     seconds: float
     levels: Mapping[str, int | None] = field(default_factory=dict)
-    """What drives the chip's pins from the beginning on; None: nothing."""
+    """The levels that drive the chip's pins from the beginning; None: nothing drives the pin."""
     contacts: Mapping[Contact, bool] = field(default_factory=dict)
-    """Which contacts are closed at the beginning."""
+    """Whether each contact is closed at the beginning."""
     inputs: tuple[BoardInput, ...] = ()
     start: BenchStart = BenchStart.CONTINUE
     repeatable: bool = False
-    """Whether the run may begin again where the analyser's memory was too small for it."""
+    """Whether the run may be repeated if the analyser's memory was too small for it."""
 
 
 class Target(Protocol):
@@ -269,10 +269,10 @@ class InputPorts:
     """The ports of what drives the chip's inputs, and how it is wired."""
 
     board: str
-    """Of the Firmata board."""
+    """The port of the Firmata board."""
     wiring: InputWiring
     serial: str | None = None
-    """Of a USB serial adapter; None: there is none."""
+    """The port of a USB serial adapter; None: there is none."""
     serial_pin: str = ""
     """The pin of the chip that the adapter sends to."""
 
@@ -288,18 +288,18 @@ class Bench:
     programmer: str | None
     programmer_port: str | None
     device: str | None
-    """None: what the program under test was built for."""
+    """The chip's name; None: the one that the program under test was built for."""
     folder: Path
     on_chip: Image | None = None
-    """What was programmed by this run."""
+    """The image that this run has programmed."""
     built_for: str | None = None
-    """The device of the test's program, where its schedule or the test says it."""
+    """The device of the test's program, if its schedule or the test states it."""
     captures: int = 0
-    """Made by this run, each in a file of its own."""
+    """The number of captures made by this run, each in its own file."""
     inputs: InputPorts | None = None
     """What drives the chip's inputs; None: nothing."""
     edges_per_s: float = FEW_EDGES_PER_S
-    """The most that a run of the program on the chip has shown."""
+    """The maximum rate of edges in the program's runs so far."""
     name = "bench"
     _open: ExitStack = field(default_factory=ExitStack)
     _adapter: InputAdapter | None = None
@@ -346,7 +346,7 @@ class Bench:
         return self._adapter
 
     def close(self) -> None:
-        """Let go of the chip's inputs and close the ports."""
+        """Release the chip's inputs and close the ports."""
         if self._adapter is not None:
             self._adapter.release()
         self._adapter = None
@@ -410,7 +410,7 @@ def _memory_full(held_s: float, wanted_s: float) -> InputError:
     return InputError(
         "analyser-memory",
         f"the analyser's memory was full after {1000 * held_s:.4g} ms, not {1000 * wanted_s:g} ms",
-        hint="look for less: the pins change too often for a longer capture",
+        hint="capture for a shorter time: the pins change too often for a longer capture",
     )
 
 

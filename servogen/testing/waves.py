@@ -21,7 +21,7 @@ from servogen.verify.measurement import time_words
 
 COLUMNS = 72
 EDGES = 40
-"""The edges that are shown, if the window is not longer for other reasons."""
+"""The number of edges shown, unless other reasons make the window longer."""
 SIGNS = "▁▔·"
 WORDS = dict(zip(SIGNS, ("low throughout", "high throughout", "not driven"), strict=True))
 SEVERAL = "▒"

@@ -200,7 +200,7 @@ def _syntax_error(text: str, file: str, detail: str) -> InputError:
 # tomllib's message -> the cause, as a user knows it.
 _PLAIN = (
     (r"Illegal character '\\n'", "this text has no closing quote"),
-    (r"Invalid value", 'not a value: a text stands in "quotes", and an array above may lack its ]'),
+    (r"Invalid value", 'not a value: put text in "quotes"; an array above may lack its ]'),
     (r"Unclosed array", "an array above lacks its ]"),
     (r"Cannot overwrite a value", "this name is given twice"),
     (r"Cannot declare \(.*\) twice", "this table is given twice; one of several has two brackets: [[ … ]]"),

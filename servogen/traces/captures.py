@@ -63,7 +63,7 @@ def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Ca
         return Capture(read_saleae(path, wires), None, file=str(path))
     hint = f"one of: {', '.join(SUFFIXES)}"
     raise InputError(
-        "unknown-suffix", f"'{path.suffix}' is not the ending of a capture", Location(str(path)), hint
+        "unknown-suffix", f"'{path.suffix}' is not the suffix of a capture", Location(str(path)), hint
     )
 
 

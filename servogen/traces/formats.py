@@ -111,7 +111,7 @@ def _suffix(path: Path) -> str:
     if suffix not in SUFFIXES:
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is not the ending of an edge file",
+            f"'{path.suffix}' is not the suffix of an edge file",
             Location(str(path)),
             f"one of: {', '.join(SUFFIXES)}",
         )

@@ -29,7 +29,7 @@ MAX_SECONDS = 9e9
 
 
 _SECONDS = re.compile(r"[-+]?\d{1,20}(\.\d{0,20})?([eE][-+]?\d{1,3})?", re.ASCII)
-"""With an exponent of more digits, the exact value would fill the memory."""
+"""A time in seconds; with more digits in the exponent, the exact value would fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class _Rows:
             if np.any(np.diff(cycle, prepend=last) < 0):
                 row = int(np.argmax(np.diff(cycle, prepend=last) < 0))
                 place = Location(str(self.path), number + first + row)
-                raise InputError("time-order", "a time lies before that of the row above", place)
+                raise InputError("time-order", "a time is before that of the row above", place)
             if len(cycle):
                 last = int(cycle[-1])
                 yield changes(edge_chunk(np.repeat(cycle, len(order)), np.tile(pins, len(cycle)), level))

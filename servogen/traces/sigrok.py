@@ -30,7 +30,7 @@ MAX_UNIT_BYTES = 8
 
 BLOCK_SAMPLES = 1 << 20
 MAX_METADATA_BYTES = 1 << 16
-"""A session of 64 probes has three thousand."""
+"""The maximum size of the metadata; a session of 64 probes has three thousand bytes."""
 
 MAX_MEMBERS = 10_000
 """The maximum number of files in the archive: sigrok splits its samples into pieces of some megabytes."""
@@ -50,7 +50,7 @@ _DAMAGED = (
     EOFError,
     RuntimeError,
 )
-"""The maximum of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed MB can unpack to a GB."""
+"""The exceptions that reading a damaged session raises."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,16 +43,16 @@ from servogen.twin.mjcf import (
 )
 
 ASSUMED_MASS_KG = 0.64
-"""Of a six-legged robot whose file states no mass: twelve servos of 17 g, and twice as much for the rest."""
+"""The mass of a hexapod whose file states none: twelve servos of 17 g, and twice as much for the rest."""
 
 ASSUMED_SHARES = {"coxa": 0.03, "thigh": 0.01, "foot": 0.01}
-"""Of the total mass, for each leg: the coxa carries the servo of β."""
+"""The shares of the total mass in the parts of each leg: the coxa carries the servo of β."""
 
 FOOT_RADIUS_M = 0.003
 BODY_HEIGHT_M = 0.03
 
 SPRING_DAMPING = 0.5
-"""Of critical damping, assumed: a spring of a leg does not ring."""
+"""The damping of a leg's spring as a share of the critical one, assumed: the spring does not ring."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +203,7 @@ def _leg(
 MODELS: Mapping[str, Callable[[Scene, Any], tuple[list[str], float]]] = MappingProxyType(
     {Arm.kind: add_arm, Hexapod.kind: _add_hexapod, OmniBase.kind: add_omni}
 )
-"""For each kind of robot what adds its bodies to a scene; it returns what was assumed, and the total mass."""
+"""By kind of robot, the function that adds bodies to a scene and returns the assumptions and the mass."""
 
 
 def bodies(
@@ -223,7 +223,7 @@ def bodies(
         raise InputError(
             "wrong-robot-kind",
             f"{robot.name} is of the kind '{robot.kind}': its bodies are not modelled",
-            hint=f"modelled are the kinds {', '.join(MODELS)}",
+            hint=f"bodies are modelled for the kinds {', '.join(MODELS)}",
         )
     root, world = document(robot.name, ground, step_s)
     scene = Scene(root, world, ground, actuators, variation, held_at)

@@ -20,18 +20,18 @@ from servogen.twin.run import SAMPLE_S, Record
 from servogen.units import counted
 
 SATURATED_S = 0.06
-"""A servo that gets the full voltage for so long without moving has reached its limit: three pulses."""
+"""The time with full voltage and no motion after which a servo has reached its limit: three pulses."""
 
 SLOW = 0.1
-"""Of the speed without load: a servo below it hardly moves."""
+"""The share of the no-load speed below which a servo hardly moves."""
 
 FULL = 0.999
 TILT = math.radians(30)
 SUNK = 0.15
-"""Of the planned height of the body."""
+"""The share of the planned height by which a body may be lower before it counts as sunk."""
 
 OFF_S = 0.05
-"""How long a servo that should have pulses may be without, beyond its own time of patience."""
+"""The time for which a servo may lack planned pulses, in addition to its own `lost_ms`."""
 
 
 class EventKind(IntEnum):
@@ -113,7 +113,7 @@ def _supply(record: Record) -> Iterator[Event]:
                 f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: with "
                 f"{counted(int(stalled.max()), 'stalled servo')} its voltage is "
                 f"{record.voltage[middle]:.2f} V at {seconds:.2f} s, "
-                f"where {_asked_for(record, middle):.1f} A are asked for",
+                f"where {_asked_for(record, middle):.1f} A are demanded",
             )
     when_low = brown_out(record)
     if when_low is not None:

@@ -23,19 +23,19 @@ from servogen.robot.model import Arm
 from servogen.twin.mjcf import CONTACT, STIFF, Scene, add_joint, numbers
 
 ASSUMED_LINK_KG = 0.01
-"""Of a link whose joint states no mass."""
+"""The mass of a link whose joint states none."""
 
 ASSUMED_BASE_KG = 1.0
 
 WHEELS_DEG = (60.0, 300.0, 180.0)
-"""Where wheels 1, 2 and 3 are (`kinematics.omni`)."""
+"""The directions of wheels 1, 2 and 3 (`kinematics.omni`)."""
 
 ROLLER_FRICTION = 0.001
-"""Along a wheel's axle: its rollers turn freely; not 0, which MuJoCo refuses."""
+"""The friction along a wheel's axle, where its rollers turn freely; MuJoCo refuses 0."""
 
 WHEEL_HALF_M = 0.002
 LINK_INERTIA_M = 0.01
-"""The radius of gyration of a link about its centre: it is a lump there."""
+"""The radius of gyration of a link, whose mass is concentrated at its centre."""
 
 
 def add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:

@@ -29,16 +29,16 @@ from servogen.robot.servo import Servo, ServoModel
 
 DEAD_BAND_US, FULL_DRIVE_US = 2.0, 5.0
 LOST_S = 0.1
-"""Labs use periods of up to 43 ms."""
+"""The default time without a pulse after which the motor is open; labs use periods of up to 43 ms."""
 START_S = 0.01
 EFFICIENCY = 0.66
-"""Of four stages of spur gears with 0.9 each."""
+"""The default efficiency: four stages of spur gears with 0.9 each."""
 IDLE_A = 0.008
-"""The S3001's."""
+"""The default current of the electronics: that of the S3001."""
 SUPPLY_V = 5.0
 
 MAX_STIFFNESS = 300.0**2
-"""Of the loop over its inertia, 1/s²: a step of 1 ms follows what turns by 0.3 rad of phase in it."""
+"""The maximum stiffness of the loop divided by its inertia, 1/s²: 0.3 rad of phase per step of 1 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,7 @@ def drive_of(servo: Servo) -> ServoDrive:
 
 
 CONTINUOUS_TORQUE = 0.3
-"""Of a continuous-rotation servo whose file states none: that of a standard servo, N·m."""
+"""The torque of a continuous-rotation servo whose file states none: that of a standard servo, N·m."""
 
 
 class _Said:

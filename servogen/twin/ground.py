@@ -16,10 +16,10 @@ from servogen.errors import InputError
 Floats = npt.NDArray[np.float64]
 
 ROUGH_HALF_M = 1.2
-"""Half the side of the square of rough ground around the start."""
+"""Half the side length of the square of rough ground around the start."""
 
 ROUGH_CELL_M = 0.02
-"""The distance of two heights of rough ground: about the size of a foot's step."""
+"""The distance between two heights of rough ground: about the size of a footprint."""
 
 
 @dataclass(frozen=True, slots=True)

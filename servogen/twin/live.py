@@ -35,13 +35,13 @@ from servogen.units import Clock
 Floats = npt.NDArray[np.float64]
 
 SPACING = 100
-"""Steps between two snapshots."""
+"""The number of steps between two snapshots."""
 MAX_SNAPSHOTS = 5000
-"""What a window may hold, about 4 kB each; then the older ones are thinned out."""
+"""The maximum number of snapshots of a window, about 4 kB each; beyond it, older ones are thinned out."""
 RECENT = 20_000
-"""Before and after the current step, all snapshots are kept."""
+"""The number of steps before and after the current one in which all snapshots are kept."""
 CHUNK = 20
-"""Steps that are calculated between two looks at the clock."""
+"""The number of steps between two readings of the clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

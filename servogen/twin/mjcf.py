@@ -14,18 +14,18 @@ from servogen.kinematics.statics import GRAVITY
 from servogen.twin.ground import ROUGH_HALF_M, Ground
 
 STEP_S = 0.001
-"""The physics' step."""
+"""The step of the physics in seconds."""
 
 LINK_RADIUS_M = 0.006
 
 ROBOT_BITS, GROUND_BITS = {"contype": "1", "conaffinity": "0"}, {"contype": "0", "conaffinity": "1"}
-"""Parts of the robot touch the ground, not each other."""
+"""Collision bits: parts of the robot collide with the ground, not with each other."""
 
 CONTACT = {"solref": "0.004 1", "solimp": "0.95 0.99 0.0005"}
-"""Contacts that pass the oracles of docs/twin.md at steps of 1 ms, with elliptic cones and impratio 10."""
+"""Contact parameters with which the oracles of docs/twin.md pass at steps of 1 ms (impratio 10)."""
 
 STIFF = {"solref": "0.002 1", "solimp": "0.99 0.999 0.0001"}
-"""Of equality constraints: the shortest time that a step of 1 ms can follow."""
+"""Parameters of equality constraints: the shortest time constant that a step of 1 ms can follow."""
 
 
 @dataclass(frozen=True, slots=True)

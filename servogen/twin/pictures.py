@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 MAX_PICTURES = 120
-"""Of a film."""
+"""The maximum number of pictures in a film."""
 
 FRAME_S = 0.02
-"""Torques and currents are drawn as means over a usual frame: within it they jump with every pulse."""
+"""The time over which torques and currents, which jump with every pulse, are averaged: a usual frame."""
 
 MAX_ROWS = 4000
-"""Of a line in a picture: more would only make the file larger."""
+"""The maximum number of points of a line in a picture; more would only make the file larger."""
 
 PAGE_ROWS, PAGE_DOTS = 1000, 200
-"""The same of a page."""
+"""The same for a line and for dots on a page."""
 
 
 def comparison_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str]]:

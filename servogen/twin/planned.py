@@ -1,4 +1,4 @@
-"""What a job asks of its robot, to be held against what the physics does.
+"""What a job plans for its robot, to be compared with the physics.
 
 In: a planned job. Out: `PlannedRoute`: where the body, base or tool should be, and where rigid legs would
 take it.

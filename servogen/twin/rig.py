@@ -21,7 +21,7 @@ from servogen.twin.supply import Supply
 from servogen.twin.world import ServoWiring
 
 HIGH_SPEED_HZ = 4_000_000
-"""Above it the crystal's mode is HS, whose least voltage is higher (DS35007 section 9.1, D001 and D001A)."""
+"""The clock above which the mode is HS, with a higher minimum voltage (DS35007 section 9.1, D001, D001A)."""
 
 MIN_V, MIN_HS_V = 4.0, 4.5
 

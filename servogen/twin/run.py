@@ -39,18 +39,18 @@ Floats = npt.NDArray[np.float64]
 
 SAMPLE_S = 0.005
 MAX_SAMPLES = 400_000
-"""Of a record: more than half an hour."""
+"""The maximum number of samples of a record: more than half an hour."""
 
 MIN_S = 0.02
-"""A shorter run has hardly a sample."""
+"""The minimum time of a run; a shorter one has hardly any samples."""
 
 SILENT_S = 2.0
-"""A program without a pulse for this long after reset does nothing that moves."""
+"""The time from reset within which a program has to make its first pulse."""
 
 
 @dataclass(frozen=True, slots=True)
 class TwinSettings:
-    """How a twin runs. `seconds` None: until the motion was done `loops` times."""
+    """The settings of a run. `seconds` None: until the motion was done `loops` times."""
 
     ground: Ground = field(default_factory=Ground)
     variation: Variation = field(default_factory=Variation)
@@ -111,13 +111,13 @@ class Record:
     force: Floats
     tool: Floats
     places: Mapping[str, Floats]
-    """Where the origin of each body is, (samples, 3)."""
+    """The position of the origin of each body, (samples, 3)."""
     motion: tuple[float, float]
     floating: bool
-    """Whether the body is free; a robot of one or two legs and an arm are held."""
+    """Whether the body is free; an arm, and a robot with one or two legs, are fixed."""
     energies: Energies | None = None
     changes: tuple[LevelChange, ...] = ()
-    """Of the sensors' pins."""
+    """The changes of the sensors' pins."""
     settings: TwinSettings = field(default_factory=TwinSettings)
 
     def digest(self) -> bytes:

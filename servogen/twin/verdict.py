@@ -22,10 +22,10 @@ from servogen.twin.run import Record
 Floats = npt.NDArray[np.float64]
 
 TOUCH_N = 0.1
-"""A foot that presses less does not stand."""
+"""The minimum force of a foot that counts as standing."""
 
 REST_S = 0.3
-"""A tool has arrived where the plan has rested for so long."""
+"""The time for which the plan has to rest before a tool counts as arrived."""
 
 REST_M = 1e-6
 
@@ -79,7 +79,7 @@ class TwinVerdict:
     tool_error: float | None
     tool_rest_error: float | None
     warnings: tuple[Diagnostic, ...] = ()
-    """Those of the plan: the cause where nothing that happened explains a failure."""
+    """The plan's warnings, which are the cause if no event explains a failure."""
 
     @property
     def passed(self) -> bool:

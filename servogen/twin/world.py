@@ -49,7 +49,7 @@ class ServoWiring:
     angle_of: Any
     zero: float
     broken: bool = False
-    """Whether its gear is broken: it turns nothing."""
+    """Whether its gear is broken, so that it turns nothing."""
 
 
 @dataclass(slots=True)
@@ -144,7 +144,7 @@ class World:
         self._half_emf = b.speed_constant / 2
         self._set_driven()
         self.energies: Energies | None = None
-        """Kept where a caller puts an account here before the first step."""
+        """The energies so far; added up only if a caller sets them before the first step."""
 
     def _set_driven(self) -> None:
         """Tell MuJoCo which motors' circuits are closed: only those brake by their own voltage.

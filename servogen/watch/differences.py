@@ -1,7 +1,7 @@
 """Where the edges of a program or a recording differ from its schedule, and what the schedule asks for.
 
 In: a `PulseSchedule` and where it lies in the trace. Out: the expected edges of any window, and those that
-differ. It is for looking at: the verdict is `verify`'s.
+differ. It is for display: the verdict is that of `verify`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ScheduledEdges:
     `steps` of the trace's time steps.
 
     An edge may be `tolerance` steps away: 0 for edges in cycles of the chip, which are exact. `begin` and
-    `end` are the part of the trace that the schedule is held against.
+    `end` are the part of the trace that is compared with the schedule.
     """
 
     schedule: PulseSchedule

@@ -25,13 +25,13 @@ from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 
 DEGREES = 1
-"""Decimals of a recorded angle."""
+"""The number of decimals of a recorded angle in degrees."""
 HOLD_S = 1
-"""How long a recorded pose is held."""
+"""The time for which a recorded pose is held."""
 POSES = ("motion", "poses")
 TIMES = ("move_s", "hold_s", "pause_s")
 SECONDS, MAX_S = 3, 100_000
-"""Decimals of a pose's times, and the longest."""
+"""The number of decimals of a pose's times in seconds, and the maximum time."""
 
 Progress = Callable[[str], None]
 

@@ -21,7 +21,7 @@ from servogen.watch.server import Page, Room
 from servogen.watch.subject import Subject
 
 HTML, TEXT = "text/html", "text/plain"
-"""A page in Markdown is shown as the text that it is."""
+"""The types of pages; Markdown is shown as plain text."""
 
 
 def class_pages(task: GradingTask, names: Sequence[str], graded: Sequence[Graded]) -> dict[str, Page]:

@@ -22,7 +22,7 @@ from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
 
 SLICE_S = 0.012
-"""How long the physics calculates between two pictures; the rest of the time is the chip's and the page's."""
+"""The time that the physics calculates between two pictures; the rest is for the chip and the page."""
 
 
 class LiveBodies:

@@ -21,7 +21,7 @@ class LiveLine:
         self._changed = threading.Condition()
         self._open = True
         self.problem = ""
-        """Why nothing is sent any more."""
+        """The reason why sending has ended; empty while the line works."""
         self._thread = threading.Thread(target=self._send, daemon=True)
         self._thread.start()
 

@@ -39,12 +39,12 @@ from servogen.watch.subject import Subject
 LOOPBACK = "127.0.0.1"
 PICTURES_PER_S = 30
 MAX_SESSIONS = 16
-"""Kept for windows that were closed or are being loaded again; then the oldest of these is dropped."""
+"""The maximum number of sessions of closed windows that are kept in case they are reloaded."""
 MAX_ROOMS = 8
-"""Of a class, that are loaded at a time; those without a window are emptied first."""
+"""The maximum number of a class's programs loaded at a time; those without a window are unloaded first."""
 CLOSING_S = 1.0
 MAX_REQUEST_BYTES = 2 << 20
-"""A job with all its text."""
+"""The maximum size of a request, which may contain the whole text of a job."""
 
 FILES: Mapping[str, str] = MappingProxyType(
     {
@@ -57,12 +57,12 @@ FILES: Mapping[str, str] = MappingProxyType(
         },
     }
 )
-"""What may be asked for in a room's folder, and its file in `templates/watch/`."""
+"""The names served in a room's folder, and their files in `templates/watch/`."""
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
 Load = Callable[[Callable[[str], None]], Subject]
-"""Loads the subject, telling what it is doing. Raises ServogenError."""
+"""Loads the subject and reports its progress. Raises ServogenError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class Room:
         self._sending: set[asyncio.Future[None]] = set()
         self._loading: asyncio.Task[None] | None = None
         self.used = 0.0
-        """When a window was last opened."""
+        """The time at which a window was last opened."""
 
     @property
     def started(self) -> bool:

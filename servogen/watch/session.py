@@ -49,32 +49,32 @@ from servogen.watch.subject import Subject
 Message = dict[str, Any]
 
 MAX_WINDOW_S = 4
-"""Of the waves, shown at once."""
+"""The maximum time range of the waves."""
 MAX_AHEAD_S = 60
-"""How far a jump goes beyond what was reached: the server answers nothing else meanwhile."""
+"""The maximum jump beyond the latest moment reached: the server answers no other request meanwhile."""
 MAX_EDGES = 20_000
-"""In one answer; a window with more is shown up to there."""
+"""The maximum number of edges in one answer; a range with more is cut."""
 SILENT_FRAMES = 2
-"""A servo that has no pulse for so long is not driven."""
+"""The number of frames without a pulse after which a servo is not driven."""
 HELD_S = (1, 10)
-"""How far back the pulses are searched that turned servos to where they still are without pulses."""
+"""How far back pulses are searched for the last position of servos that have none now."""
 FRAME_S = Fraction(20, 1000)
-"""Of a program without a schedule."""
+"""The assumed frame of a program without a schedule."""
 FULL_S = 0.2
-"""While it runs, how often the whole chip is shown."""
+"""The interval at which the whole chip is shown while it runs."""
 SLICE_S = 0.012
-"""As fast as it goes: how long the server calculates between two messages."""
+"""The time that the server calculates between two messages at full speed."""
 LONGEST_TICK_S = 0.1
-"""Time that is made up at most after a pause of the server."""
+"""The maximum time that is made up after a pause of the server."""
 MAX_SPEED = 1000.0
 MIN_SPEED = 1e-5
 MAX_SERIAL_BYTES = 256
 MAX_BREAKPOINTS = 32
 MAX_BREAKPOINT_CHARACTERS = 200
 MAX_CHANGES = 50_000
-"""Of a stimulus, that are shown in the waves."""
+"""The maximum number of a stimulus's changes that are shown in the waves."""
 LAST = 8
-"""Executed instructions that are shown."""
+"""The number of executed instructions that are shown."""
 
 
 class WatchSession:
@@ -92,12 +92,12 @@ class WatchSession:
         self.recording = Recording(subject.trace) if subject.trace is not None else None
         self.running = False
         self.speed: float | None = 1.0
-        """Simulated seconds a second; None: as fast as it goes."""
+        """Simulated seconds per second; None: as fast as possible."""
         self.bodies: LiveBodies | None = None
-        """The physics of the robot, where the window shows it."""
+        """The physics of the robot; None if the window does not show it."""
         self.breakpoints: list[Breakpoint] = []
         self.outside = [UNDRIVEN] * (MCLR_PIN + 1)
-        """What a person holds each pin at."""
+        """The level at which the user holds each pin."""
         self._due = 0.0
         self._since_full = 0.0
         self._stopped = ""
@@ -476,10 +476,10 @@ class WatchSession:
         job = self.subject.job
         commands = job.firmware.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
-            raise InputError("not-allowed", "only a job with [walk] commands on a line takes ways")
+            raise InputError("not-allowed", "only a job with [walk] commands on a line accepts directions")
         way, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
         if way not in ways:
-            raise InputError("not-allowed", f"'{way[:40]}' is not a way", hint=", ".join(ways))
+            raise InputError("not-allowed", f"'{way[:40]}' is not a direction", hint=", ".join(ways))
         code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
         self._send(code, commands.pin, self.subject.clock.cycles_per_second / self._period)
         yield self.shown(whole=False)
@@ -556,7 +556,7 @@ class LatestPulses:
     def __init__(self) -> None:
         self.levels = [UNDRIVEN] * len(PINS)
         self.held = [0] * len(PINS)
-        """The width of the latest pulse of each pin, however long ago it was; 0: none is known."""
+        """The width of the latest pulse of each pin, however old; 0 if none is known."""
         self._rise: list[int | None] = [None] * len(PINS)
         self._fall = [0] * len(PINS)
 
@@ -595,7 +595,7 @@ ACTIONS: Mapping[str, Callable[[WatchSession, Mapping[str, Any]], Iterator[Messa
         "explain": WatchSession._do_explain,
     }
 )
-"""What a window may ask a session for."""
+"""The requests of a window, by name."""
 
 
 def _period(subject: Subject) -> int:

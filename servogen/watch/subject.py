@@ -42,11 +42,11 @@ from servogen.verify.capture.check import split
 from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
 
 START_FRAMES = 50
-"""How long a program may take from reset to its first pulse."""
+"""The maximum number of frames from reset to a program's first pulse."""
 LOOPS = 2
-"""How often the loop is searched for the first difference."""
+"""The number of loops in which the first difference is searched."""
 MAX_SEARCH_S = 600
-"""The longest simulated time in which the first difference is searched."""
+"""The maximum simulated time in which the first difference is searched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +82,13 @@ class Subject:
     job: PlannedJob | None = None
     """The job that is watched or compared with."""
     wanted: tuple[ScheduledEdges, ...] = ()
-    """Where the schedule lies in it: once, or once in each of several captures in one file."""
+    """The schedule's position in the trace: one, or one for each of several captures in one file."""
     first_difference: Cycles | None = None
     verdict: str = ""
     """How a capture compares with the schedule, as `verify` judges it."""
     begin: Cycles = Cycles(0)  # noqa: RUF009 - an integer
     title: str = ""
-    """The name that is shown, where it is not the file's."""
+    """The name that is shown instead of the file's."""
     robot: Mapping[str, object] | None = None
     """What the pulses move; None: what the job or the schedule states."""
 
@@ -105,7 +105,7 @@ def check(path: Path) -> None:
     if suffix not in known:
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is neither the ending of a job, of a program nor of a capture",
+            f"'{path.suffix}' is not the suffix of a job, a program or a capture",
             Location(str(path)),
             f"one of: {', '.join(dict.fromkeys(known))}",
         )

@@ -149,7 +149,7 @@ def test_a_silent_programmer_is_told(run: Run, program: Path, serve: Serve) -> N
     done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 2)
     assert done.code == 3
     assert (
-        f"{port}: error: picpro did not end within 2 s and said nothing: does the programmer answer?"
+        f"{port}: error: picpro did not end within 2 s and printed nothing: does the programmer answer?"
         in done.err
     )
 
@@ -169,7 +169,7 @@ def test_a_programmer_unplugged_in_mid_flash_leaves_nothing_believed(
     port = serve({"programmer": programmer(unplug_after=400)}).paths["programmer"]
     done = run("flash", program, "--programmer", "picpro", "--port", port)
     assert done.code == 3
-    assert "went away while it worked" in done.err
+    assert "disappeared while it worked" in done.err
 
 
 @picpro
@@ -206,7 +206,7 @@ def test_a_missing_port_is_named(run: Run, program: Path) -> None:
         ("ipecmd", "Programming/Verify complete\nProgram Succeeded.\n", 0, 0, "verified by the programmer"),
         ("ipecmd", "Target Device ID (0x0) is an Invalid Device ID.\n", 0, 3, "another chip, or none"),
         ("ipecmd", "Failed to program device\n", 0, 3, "programming failed"),
-        ("ipecmd", "", 0, 3, "did not say 'Program Succeeded.'"),
+        ("ipecmd", "", 0, 3, "did not print 'Program Succeeded.'"),
         ("usbpicprog", "command line passed\n", 0, 0, "capture and verify"),
         ("usbpicprog", "usbpicprog not found\n", 0, 3, "no usbpicprog is connected"),
         ("picprog", "", 0, 0, "verified by the programmer"),
@@ -258,10 +258,10 @@ def erased(folder: Path) -> Path:
     [
         (PICPRO_GOOD.replace("ROM verified.\nEE", "ROM verification failed.\nEE") + "Done!\n", 1, "differs"),
         (PICPRO_GOOD.replace("EEPROM verified.", "EEPROM verification failed."), 1, "EEPROM differs"),
-        (PICPRO_GOOD.replace("EEPROM verified.\n", ""), 3, "did not say 'EEPROM verified.'"),
-        ("Done!\n", 3, "did not say 'ROM verified.'"),
+        (PICPRO_GOOD.replace("EEPROM verified.\n", ""), 3, "did not print 'EEPROM verified.'"),
+        ("Done!\n", 3, "did not print 'ROM verified.'"),
         ("Chip detected.\nErasing chip.\nErasure failed.\n", 3, "could not be erased"),
-        ('Unable to find chip type "16F84A" in data file.\n', 3, "do not know the device"),
+        ('Unable to find chip type "16F84A" in data file.\n', 3, "chip data lacks the device"),
         ("IndexError: Data record out of range.\n", 3, "refuses a HEX file that fills the EEPROM"),
     ],
 )

@@ -134,7 +134,7 @@ def test_an_analyser_that_goes_away_leaves_a_stitched_capture_that_is_not_whole(
     assert not (tmp_path / "run.vcd").exists()
     done = run("verify", tmp_path / "run.partial.vcd", "--against", against)
     assert done.code == 1
-    assert "the capture is incomplete: the analyser went away after 3001 of" in done.out
+    assert "the capture is incomplete: the analyser disappeared after 3001 of" in done.out
 
 
 @pytest.mark.parametrize("frame", [220, 344])

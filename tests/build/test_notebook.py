@@ -60,7 +60,7 @@ def test_load_takes_jobs_programs_and_builds() -> None:
     for path, words in ((FOLDER, 91), (FOLDER / "main.hex", 91)):
         program = servogen.load(str(path))
         assert isinstance(program, Program) and program.image.words == words
-    with pytest.raises(InputError, match=r"'\.md' is neither the ending of a job nor of a program"):
+    with pytest.raises(InputError, match=r"'\.md' is not the suffix of a job or a program"):
         servogen.load(ROOT / "README.md")
 
 

@@ -110,7 +110,7 @@ def test_report_says_so(run: Run, tmp_path: Path, unknown_start: None) -> None: 
 
 @pytest.mark.parametrize("json_too", [(), ("--json",)])
 def test_tune_says_so(run: Run, tmp_path: Path, json_too: tuple[str, ...]) -> None:  # noqa: F811
-    """Its delays are exact, so that there is no next C, and yet other chips may do otherwise."""
+    """Its delays are exact, so that there is no next C, and yet other chips may behave differently."""
     firmware = planned(plan_job(load(JOB))).make("c2c")
     theirs = tmp_path / "theirs.hex"
     theirs.write_text(to_hex(of_unknown_start(firmware.compilation.image)))

@@ -215,7 +215,7 @@ def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
         (("--duty", 0.5, "--lifts", "0,0"), "2 phases for 6 legs"),
         (("--duty", 1.5, "--lifts", "0,0,0,0,0,0"), "between 0 and 1"),
         (("--beta-sign", 2), "1 or -1"),
-        (("--clearance-mm", 90), "80.0 mm are free under the robot"),
+        (("--clearance-mm", 90), "the ground clearance is 80.0 mm, less than the 90 mm required"),
         (("--spring-mm", 0.1), "but yield 0.1 mm at most"),
         (("--stride-mm", 4000), "limits"),
         (("--lift-mm", 0), "does not take the foot off the ground"),

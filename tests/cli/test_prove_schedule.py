@@ -120,7 +120,7 @@ def test_what_is_switched_off_is_assumed_and_has_no_certificate(run: Run) -> Non
     assert "    there is no reset after power-on" in done.out
     done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options, "--certificate", "good.xz")
     assert done.code == 2
-    assert "a certificate is about every power-up" in done.err
+    assert "a certificate covers every power-up" in done.err
     for wrong in ("acc=1", "w=256", "w"):
         done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, "--start", wrong)
         assert done.code == 2

@@ -196,7 +196,7 @@ def test_a_rate_is_not_said_twice(run: Run, tmp_path: Path) -> None:
     assert "only a capture has a sampling rate" in ran.err
     ran = run("verify", file, "--against", SCHEDULE, "--seconds", 1)
     assert ran.code == 2
-    assert "a capture is checked to its end" in ran.err
+    assert "a capture is always compared to its end" in ran.err
 
 
 def test_a_report_says_how_much_of_the_loop_its_capture_shows(run: Run, tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ class Robot:
 
     def write(self, data: bytes) -> None:
         if self._away():
-            raise Unplugged("port-lost", "the device went away while it was used", Location("/dev/robot"))
+            raise Unplugged("port-lost", "the device disappeared while it was in use", Location("/dev/robot"))
         assert self.now >= self._free - 1e-9, "bytes pile up before the line"
         self._free = self.now
         for byte in data:

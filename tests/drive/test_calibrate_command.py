@@ -207,7 +207,7 @@ def test_a_motion_that_the_calibrated_servo_cannot_do_is_said(run: Run, job: Pat
         "54,108,160",
     )
     assert done.code == 1
-    assert "the job cannot do its motion with it" in done.err
+    assert "with this calibration the job's motion is not possible" in done.err
     assert "arm cannot go to 30°" in done.err
 
 

@@ -42,7 +42,7 @@ class Gone:
 
 
 def test_a_port_that_goes_while_it_drains_is_unplugged() -> None:
-    with pytest.raises(Unplugged, match="/dev/robot: error: the device went away"):
+    with pytest.raises(Unplugged, match="/dev/robot: error: the device disappeared"):
         Port("/dev/robot", Gone()).write(b"\xff")  # type: ignore[arg-type]
 
 

@@ -86,7 +86,7 @@ def test_what_it_cannot_play_is_its_own_refusal(four_engines: Path) -> None:
 def test_what_it_does_not_read_is_refused_by_the_facts_on_its_line(four_engines: Path) -> None:
     done = built(four_engines, JOB + 'start_pin = "RA4"\n')
     assert done.returncode == 2
-    assert "the toy engine reads no buttons" in done.stderr
+    assert "the toy engine does not read buttons" in done.stderr
 
 
 def test_without_its_line_there_is_no_such_engine(tmp_path: Path) -> None:

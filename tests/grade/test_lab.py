@@ -56,7 +56,7 @@ def test_an_unknown_lab_is_told_which_are_known() -> None:
             "176° to 190° is not a range within the servo's 0° to 180°",
             17,
         ),
-        ("range_ms = [18, 20]", "range_ms = [20, 18]", "does not rise", 8),
+        ("range_ms = [18, 20]", "range_ms = [20, 18]", "above 0 and below the second", 8),
         ("watch_s = 10", "watch_s = 0", "out of range", 5),
         ("rounds = 2", "round = 2", "unknown key 'round'", 6),
         ('title = "A lab"', 'title = "A lab"\npoints = { pause = 1 }', "unknown key 'pause'", 3),

@@ -113,7 +113,7 @@ def test_another_pin_is_right_and_remarked() -> None:
     assert grade.pins == (("arm", "RB3"),)
     assert grade.remarks[0].message == "the servo 'arm' is on RB3, not on the lab's RB0: wire it there"
     assert str(grade.remarks[1]).startswith(
-        "servogen: warning: cycle 1, address 0x001: other chips may do otherwise: RB0, RB1"
+        "servogen: warning: cycle 1, address 0x001: other chips may behave differently: RB0, RB1"
     )
 
 

@@ -194,8 +194,9 @@ def test_a_wrong_routine_is_named_with_its_place(row: str, message: str) -> None
 
 
 def test_a_drive_has_corners_or_routines() -> None:
-    for text in ("", f'{CORNERS}\nroutines = [{{ name = "turn", turn_deg = 90 }}]'):
-        assert "a drive has corners_mm or routines" in error_of((CORNERS, text))
+    both = f'{CORNERS}\nroutines = [{{ name = "turn", turn_deg = 90 }}]'
+    assert "a drive needs corners_mm or routines" in error_of((CORNERS, ""))
+    assert "a drive has either corners_mm or routines" in error_of((CORNERS, both))
 
 
 def test_a_bumper_may_not_hold_the_pulses_of_wheels() -> None:

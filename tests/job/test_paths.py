@@ -168,7 +168,7 @@ def test_a_path_too_steep_for_the_joints_limits_is_given_up_with_a_true_hint(
     assert (
         "the path to pose 2 cannot be followed within the joints' limits: not even in 2048 frames, "
         "40.96 s [path-too-fast]\n"
-        "  state its time: move_s" in error_of(text)
+        "  state its time, move_s" in error_of(text)
     )
     made(text.replace(move, f"{move}, move_s = 2"))
 

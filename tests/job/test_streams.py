@@ -154,7 +154,7 @@ def test_what_the_line_cannot_be_is_said(text: str, message: str) -> None:
 
 def test_another_engine_hears_no_line() -> None:
     text = CHIP + servos(2) + '[stream]\n[firmware]\nengine = "player"\n'
-    assert "the player engine reads no serial line" in error_of(text)
+    assert "the player engine does not read a serial line" in error_of(text)
 
 
 def test_nine_servos_are_one_too_many() -> None:

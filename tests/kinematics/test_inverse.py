@@ -306,7 +306,7 @@ def test_the_roll_of_each_small_arm_is_its_last_angle() -> None:
 
 
 def test_an_arm_says_what_it_takes_beside_the_position() -> None:
-    with pytest.raises(InputError, match="rv-m1 takes pitch, roll beside x, y, z, not 1 values"):
+    with pytest.raises(InputError, match="rv-m1 takes pitch, roll besides x, y, z, not 1 values"):
         orientation_matrix(arm("rv-m1"), [0.2, 0.1, 0.4], [1.0])
     with pytest.raises(InputError, match="theta-r takes nothing"):
         orientation_matrix(arm("theta-r"), [0.2, 0.1, 0.4], [1.0])

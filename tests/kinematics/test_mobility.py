@@ -74,7 +74,7 @@ def test_a_mechanism_of_elements_and_joints_names_its_closed_loops() -> None:
     ("elements", "joints", "plane", "message"),
     [
         (5, ["turning"] * 3, False, "3 joints do not connect 5 elements"),
-        (3, ["turning", "spherical"], True, "a spherical joint is not a joint of a plane mechanism"),
+        (3, ["turning", "spherical"], True, "a spherical joint cannot be part of a plane mechanism"),
         (2, ["truning"], True, "unknown kind of joint 'truning'"),
         (0, [], False, "at least one element"),
     ],

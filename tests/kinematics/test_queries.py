@@ -50,7 +50,7 @@ def test_what_is_no_transform_is_refused_with_its_column(text: str, column: int)
 
 
 def test_no_transform_at_all_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no transform"):
+    with pytest.raises(InputError, match="the product is empty"):
         parse("  ")
     with pytest.raises(InputError, match="three coordinates"):
         q.transform_answer("Rx(1)", (1, 2))

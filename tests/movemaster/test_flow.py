@@ -168,7 +168,7 @@ def test_program_lines_behind_rn_are_not_run_and_it_is_said(ran: Ran) -> None:
         ("10 ED\nRN 10, 5", "a.rvm:2:1: error: there is no program line 5 [unknown-line]\n"),
         (
             "RN 10\n10 ED",
-            "a.rvm:1:1: error: there is no program line 10 [unknown-line]\n  the program stands before RN",
+            "a.rvm:1:1: error: there is no program line 10 [unknown-line]\n  put the program before RN",
         ),
         ("10 RT", "a.rvm:1:4: error: program line 10: RT without a GS [program-nesting]\n"),
         ("10 NX", "a.rvm:1:4: error: program line 10: NX without an RC [program-nesting]\n"),

@@ -113,7 +113,7 @@ def test_a_statement_knows_its_place() -> None:
         ),
         (
             "10 SP 1.5",
-            "a.rvm:1:7: error: program line 10: SP: n is not whole: 1.5 [program-argument]\n  "
+            "a.rvm:1:7: error: program line 10: SP: n is not a whole number: 1.5 [program-argument]\n  "
             "allowed: 0 to 9",
         ),
         (

@@ -131,7 +131,7 @@ def test_dollar_is_the_address_of_the_instruction(asm: Any) -> None:
         ("1G", "1:8 101 '1G' is not a hexadecimal number"),
         ("9o", "1:8 101 '9' is not an octal number"),
         ("'ab'", "1:8 101 the quote ' is not closed"),
-        ('"ab"', '1:8 124 "ab" stands where one value is wanted'),
+        ('"ab"', '1:8 124 "ab" is a string where one value is expected'),
         ("1 \\ 2", "1:10 101 illegal character '\\'"),
         ("nowhere", "1:8 113 symbol not previously defined: 'nowhere'"),
     ],

@@ -66,8 +66,8 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
 @pytest.mark.parametrize(
     ("pairs", "said"),
     [
-        ([(1000, 0), (2000, 180)], "2 widths were read"),
-        ([(1000, 0), (1000, 1), (1000, 2), (2000, 180)], "2 widths were read"),
+        ([(1000, 0), (2000, 180)], "error of the line, not 2"),
+        ([(1000, 0), (1000, 1), (1000, 2), (2000, 180)], "error of the line, not 2"),
         ([(1000, 90), (1500, 90), (2000, 90)], "did not move"),
         ([(1000, 0), (1500, math.nan), (2000, 180)], r"reading 2 \(nan° at 1500 µs\) is not a number"),
         (

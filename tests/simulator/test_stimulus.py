@@ -227,7 +227,7 @@ def test_mistakes_in_a_file_are_told_with_their_place(text: str, message: str) -
     [
         ('[[periodic]]\npin="RB0"\nperiod_us=1e-9\nhigh_us=1e-10', "shorter than an instruction cycle"),
         ('[[serial]]\npin="RB0"\nbaud=1e300\ntext="x"', "less than or|at most"),
-        ('[[serial]]\npin="RB0"\nbaud=1_000_001\ntext="x"', "more than one bit in an instruction cycle"),
+        ('[[serial]]\npin="RB0"\nbaud=1_000_001\ntext="x"', "more than one bit per instruction cycle"),
         ('[[button]]\npin="RB0"\npressed_us=0\nreleased_us=9\nbounces=1001', "at most 1000"),
         ('[[level]]\npin="RB0"\nat_us=[1e16]\nlevel=[1]', "at most 1e\\+15"),
     ],

@@ -288,7 +288,7 @@ def test_bounces_are_over_when_they_should_be() -> None:
 def test_what_is_under_way_is_not_interrupted() -> None:
     chip = chip_of(COUNTER)
     chip.press("RA4", bounce_ms=5)
-    with pytest.raises(InputError, match=r"RA4 still changes from outside until .* µs, and now is 0 µs"):
+    with pytest.raises(InputError, match=r"RA4 still changes from outside until .* µs, and it is 0 µs now"):
         chip.release("RA4")
     with pytest.raises(InputError, match=r"run until then first"):
         chip.tie("RA4", "RB0")
@@ -494,7 +494,7 @@ def test_arrays_have_items() -> None:
     assert chip.array("words") == [254, 1, 254, 0, 0, 0]
     assert chip.array("words", item_bytes=2) == [0x1FE, 0xFE, 0]
     assert chip.array("words", signed=True)[0] == -2
-    with pytest.raises(InputError, match=r"'big' has 5 bytes, more than a number.*\n.*array"):
+    with pytest.raises(InputError, match=r"'big' has 5 bytes, too many for a number.*\n.*array"):
         chip.variable("big")
     with pytest.raises(InputError, match=r"the 6 bytes of 'words' are not a number of items of 4"):
         chip.array("words", item_bytes=4)

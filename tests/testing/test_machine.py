@@ -249,13 +249,13 @@ def test_a_mark_that_is_wrong_or_not_enough_says_what_to_do(project: pytest.Pyte
     result.assert_outcomes(errors=4, failed=2)
     result.stdout.fnmatch_lines_random(
         [
-            "*the test says neither a schedule nor how long to look*",
+            "*the test states neither a schedule nor a duration*",
             "*seconds=0.5*",
-            "*the test does not say its schedule*",
+            "*the test does not state its schedule*",
             "*@pytest.mark.servogen has no 'second'*",
             "*did you mean 'seconds'?*",
             "*test_stimulus*released_us*",
-            "*the test does not say its program*",
+            "*the test does not state its program*",
             "*blunk.hex*error*",
         ]
     )

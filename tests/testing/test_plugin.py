@@ -218,13 +218,13 @@ def test_a_chip_that_cannot_be_programmed_is_an_error_and_nothing_is_claimed(
 
 def test_a_partial_recording_is_never_taken_for_whole(project: pytest.Pytester) -> None:
     path = project.mkdir("seen") / "test_firmware-test_arm.vcd"
-    with capture_writer(path, 1_000_000, missing="the analyser went away") as writer:
+    with capture_writer(path, 1_000_000, missing="the analyser disappeared") as writer:
         first = edge_chunk(*zip(*pulses(500), strict=True))
         writer.add(first)
         writer.finish(Cycles(10_000_000))
     result = run(project, "--servogen-replay=seen")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*the capture is incomplete: the analyser went away*"])
+    result.stdout.fnmatch_lines(["*the capture is incomplete: the analyser disappeared*"])
 
 
 def pulses(frames: int) -> list[tuple[int, int, int]]:
@@ -291,7 +291,7 @@ def test_a_test_that_does_not_say_its_program_is_told_how(project: pytest.Pytest
     project.makepyfile(test_firmware=TEST.replace('@pytest.mark.servogen("job")\n', ""))
     result = run(project)
     result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["*the test does not say its program*", '*@pytest.mark.servogen("DIR")*'])
+    result.stdout.fnmatch_lines(["*the test does not state its program*", '*@pytest.mark.servogen("DIR")*'])
     run(project, "--servogen-build=job").assert_outcomes(passed=1)
 
 

@@ -92,7 +92,7 @@ def test_a_missing_table_is_written_with_its_brackets() -> None:
     ("text", "says"),
     [
         ('a = "x\n', "this text has no closing quote"),
-        ("a = x\n", 'a text stands in "quotes"'),
+        ("a = x\n", 'put text in "quotes"'),
         ("a = [1\n", "an array above lacks its ]"),
         ("a = 1\na = 2\n", "this name is given twice"),
         ("[a]\n[a]\n", "this table is given twice; one of several has two brackets"),

@@ -141,7 +141,7 @@ def test_the_older_header_unknown_levels_and_other_names_are_read(tmp_path: Path
         (SALEAE + "0.0017,0,0\n", r"a\.csv:6: error: '0.0017,0,0' does not have 4 fields"),
         (SALEAE + "0.0017,0,2,0\n", r"a\.csv:6: error: level '2' is not allowed.*\n.*0, 1, X"),
         (SALEAE.replace("0.001500500", "soon"), r"a\.csv:4: error: time 'soon' is not a number"),
-        (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: error: a time lies before"),
+        (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: error: a time is before"),
         ("Time [s],RB0\n", r"a\.csv:2: error: time '' is not a number"),
         (
             "Time [s],RB0\n2026-11-21T08:00:00Z,0\n",
@@ -178,7 +178,7 @@ def test_a_vcd_of_another_program_does_not(tmp_path: Path) -> None:
 
 
 def test_an_unknown_ending_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"'\.bin' is not the ending of a capture"):
+    with pytest.raises(InputError, match=r"'\.bin' is not the suffix of a capture"):
         read_capture(tmp_path / "a.bin")
 
 

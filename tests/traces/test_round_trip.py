@@ -155,7 +155,7 @@ def test_an_unknown_ending_is_named(tmp_path: Path) -> None:
         lambda: read_edges(tmp_path / "a.txt", MHZ4),
         lambda: write_edges(EdgeTrace(MHZ4, (), Cycles(0)), tmp_path / "a.txt"),
     ):
-        with pytest.raises(InputError, match=r"'\.txt' is not the ending.*\n.*\.csv, \.jsonl, \.vcd"):
+        with pytest.raises(InputError, match=r"'\.txt' is not the suffix.*\n.*\.csv, \.jsonl, \.vcd"):
             call()
 
 

@@ -113,7 +113,7 @@ def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
     asked = (idle + 12 * 5.0 / resistance) / (1 + 12 * 0.05 / resistance)
     assert re.fullmatch(
         r"the supply is at its limit of 3\.5 A from 0\.3\d s: with 12 stalled servos its voltage is "
-        rf"{volts:.2f} V at 0\.\d\d s, where {asked:.1f} A are asked for",
+        rf"{volts:.2f} V at 0\.\d\d s, where {asked:.1f} A are demanded",
         seen.cause.text,
     )
     assert seen.not_guaranteed_from is not None and seen.not_guaranteed_from >= seen.cause.seconds

@@ -180,7 +180,7 @@ def test_something_wrong_outweighs_something_unseen() -> None:
 
 
 def test_a_capture_that_is_not_whole_does_not_even_agree() -> None:
-    verdict = look(schedule([], LAB), pulses(LAB * 4), 30, 30.4).but("the analyser went away")
+    verdict = look(schedule([], LAB), pulses(LAB * 4), 30, 30.4).but("the analyser disappeared")
     assert not (verdict.proven or verdict.agrees)
     assert not replace(verdict, reasons=(), unseen=("x",)).agrees
 

@@ -27,7 +27,7 @@ ROOT = Path(__file__).parent.parent.parent
     ("arguments", "message"),
     [
         (["missing.hex"], "cannot be read"),
-        (["README.md"], "neither the ending of a job"),
+        (["README.md"], "is not the suffix of a job"),
         (["jobs/lab8-exercise.toml", "--robot", "/dev/null"], "only a job with [stream]"),
         (["firmware/lab8-exercise/main.hex", "--against", "missing.json"], "cannot be read"),
         (["firmware/lab8-exercise/main.hex", "--against", "missing.toml"], "cannot be read"),

@@ -519,7 +519,7 @@ def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     before = answer(session, do="waves", begin=begin - 100_000, end=begin)
     assert len(before["wanted"]) == len(before["edges"]) > 0
     refused = answer(session, do="walk", way="up")
-    assert refused["is"] == "problem" and "'up' is not a way" in refused["text"]
+    assert refused["is"] == "problem" and "'up' is not a direction" in refused["text"]
 
 
 def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from math import ceil, floor
 
 from servogen.bench.analysers import sump
 from servogen.errors import InputError
+from servogen.units import counted
 
 TYPICAL_PERIOD_S = Fraction(1, 50)
 TYPICAL_EDGES = 2 * 13
@@ -92,8 +93,8 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
     if fits < wanted.frames and not several:
         raise InputError(
             "analyser-memory",
-            f"the analyser's memory is too small: {room} words hold {fits} frames of {float(per_frame):.3g} "
-            f"words and the one in which it begins, not {wanted.frames}",
+            f"the analyser's memory is too small: {room} words hold {counted(fits, 'frame')} "
+            f"of {float(per_frame):.3g} words and the one in which it begins, not {wanted.frames}",
             hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time; "
             "with --against, several captures are stitched",
         )

@@ -58,7 +58,7 @@ def check_name(path: Path) -> None:
     if path.suffix.lower() != SUFFIX:
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is not the ending of a capture that is written",
+            f"'{path.suffix}' is not a suffix of the captures that are written",
             Location(str(path)),
             SUFFIX,
         )

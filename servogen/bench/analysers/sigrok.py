@@ -111,8 +111,8 @@ def modem_lines_library() -> Iterator[Path]:
     if compiler is None:
         raise ToolError(
             "tool-missing",
-            "a pseudo-terminal has no modem lines, and no C compiler is here to add them",
-            hint="gcc",
+            "a pseudo-terminal has no modem lines, and no C compiler is installed to add them",
+            hint="install gcc",
         )
     with tempfile.TemporaryDirectory(prefix="servogen-") as folder:
         source, built = Path(folder) / "modem_lines.c", Path(folder) / "modem_lines.so"
@@ -121,7 +121,9 @@ def modem_lines_library() -> Iterator[Path]:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise ToolError(
-                "tool-failed", "the library that adds modem lines cannot be made", hint=done.stderr.strip()
+                "tool-failed",
+                "the library that adds modem lines cannot be compiled",
+                hint=done.stderr.strip(),
             )
         yield built
 
@@ -143,7 +145,7 @@ def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     for text in texts:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
-            hint = did_you_mean(pin.upper(), PINS) if channel else "as D0=RB0"
+            hint = did_you_mean(pin.upper(), PINS) if channel else "such as D0=RB0"
             raise InputError("bad-wiring", f"'{text}' does not wire a channel to a pin", hint=hint)
         wired.append((channel, pin.upper()))
     if not wired:
@@ -168,7 +170,7 @@ def capture(look: SigrokLook, output: Path) -> None:
     if output.suffix.lower() != SUFFIX:
         raise InputError(
             "unknown-suffix",
-            f"'{output.suffix}' is not the ending of a sigrok session",
+            f"'{output.suffix}' is not the suffix of a sigrok session",
             Location(str(output)),
             SUFFIX,
         )

@@ -190,7 +190,9 @@ def wires(texts: Iterable[str]) -> Mapping[int, int]:
         name = pin.strip().upper()
         if not channel.strip().isdigit() or int(channel) >= CHANNELS:
             raise InputError(
-                "bad-wiring", f"'{text}' names no channel", hint=f"as 0=RB0; channels are 0 to {CHANNELS - 1}"
+                "bad-wiring",
+                f"'{text}' names no channel",
+                hint=f"such as 0=RB0; channels are 0 to {CHANNELS - 1}",
             )
         if name not in PINS:
             raise InputError("unknown-pin", f"'{text}' names no pin", hint=did_you_mean(name, PINS))

@@ -165,20 +165,20 @@ def capture(
         while len(data) < wanted:
             more = port.read(wanted - len(data), SILENCE_S)
             if not more:
-                missing = f"the analyser fell silent after {len(data)} of {wanted} bytes"
+                missing = f"the analyser stopped sending after {len(data)} of {wanted} bytes"
                 break
             data += more
             progress(len(data) // 2)
         if missing is None and port.read(1, MORE_S):
             raise ToolError(
                 "wrong-device",
-                f"the analyser sent more than the {wanted} bytes that were asked for",
+                f"the analyser sent more than the {wanted} bytes requested",
                 Location(port.path),
             )
     except Unplugged:
         if not data:
             raise
-        missing = f"the analyser went away after {len(data)} of {wanted} bytes"
+        missing = f"the analyser disappeared after {len(data)} of {wanted} bytes"
     return ReceivedSamples(sump.decode(sump.from_bytes(bytes(data)), look.rle), missing)
 
 

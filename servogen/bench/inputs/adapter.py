@@ -193,7 +193,7 @@ class InputAdapter:
                 "out-of-range",
                 f"the inputs of a run take {len(messages)} bytes, of which {most} fit into the input board",
                 Location(self.port.path),
-                "look at the chip more often, so that each run has fewer changes",
+                "examine the chip more often, so that each run has fewer changes",
             )
         changes = FILLS * self._fill()
         half = len(changes) // 2
@@ -299,7 +299,7 @@ def identify(port: Port) -> BoardFacts:
     port.write(firmata.sysex(FirmataCommand.CAPABILITY_QUERY))
     capabilities = ask(port, lambda message: message.is_command(FirmataCommand.CAPABILITIES), QUERY_S)
     if capabilities is None:
-        raise ToolError("wrong-device", "the board does not say what its pins can do", Location(port.path))
+        raise ToolError("wrong-device", "the board does not report what its pins can do", Location(port.path))
     modes = list(pin_modes(capabilities.data[1:]))
     senders = {
         mode[Mode.SERIAL] // 2 for mode in modes if mode.get(Mode.SERIAL, 0) % 2 and Mode.SERIAL in mode

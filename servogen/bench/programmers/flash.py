@@ -129,7 +129,9 @@ def read_eeprom(
 ) -> bytes:
     """Return the data EEPROM of a chip that was programmed with `image`. Raises InputError, ToolError."""
     if not any(look.of_eeprom for look in tool.programmer.looks(order)):
-        raise InputError("not-allowed", f"how {tool.programmer.name} reads the data EEPROM is not known")
+        raise InputError(
+            "not-allowed", f"reading the data EEPROM with {tool.programmer.name} is not supported"
+        )
     if protected(image, order.device):
         raise InputError("not-allowed", "the chip is code protected: its data EEPROM cannot be read")
     with nullcontext() if order.port is None else held(order.port):
@@ -156,7 +158,7 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
     if missing:
         raise ToolError(
             "tool-failed",
-            f"{programmer.name} did not say '{missing[0]}': nothing proves that the chip is programmed",
+            f"{programmer.name} did not print '{missing[0]}': the chip may not be programmed",
             _place(port),
             _last(output),
         )
@@ -227,7 +229,7 @@ def _run(
             output, _ = process.communicate()
             sentence = f"{programmer.name} did not end within {timeout_s:g} s"
             if not output.strip():
-                sentence += " and said nothing: does the programmer answer?"
+                sentence += " and printed nothing: does the programmer answer?"
             if NOT_INSERTED.search(output):
                 sentence = "there is no chip in the programmer's socket"
             raise ToolError("tool-failed", sentence, _place(port), _last(output)) from None

@@ -141,7 +141,7 @@ class Programmer:
     """The program's name, if it is not the programmer's."""
 
 
-_AWAY = "the programmer went away while it worked: what is on the chip is not known, program it again"
+_AWAY = "the programmer disappeared while it worked: the chip's contents are unknown, program it again"
 
 
 def _dump(memory: str, order: ProgrammingRequest) -> tuple[str, ...]:
@@ -166,8 +166,8 @@ PICPRO = Programmer(
             r"invalid response received|unable to initialize connection",
             "no programmer that speaks P18A answers on the port: is it powered, is it the right port?",
         ),
-        Failure("unable to find chip type", "picpro's chip data do not know the device"),
-        Failure(r"chipdata\.cid was not found|unable to locate chip", "picpro's chip data are not installed"),
+        Failure("unable to find chip type", "picpro's chip data lacks the device"),
+        Failure(r"chipdata\.cid was not found|unable to locate chip", "picpro's chip data is not installed"),
         Failure(
             r"out of range", "this picpro refuses a HEX file that fills the EEPROM: use version 0.3 or newer"
         ),
@@ -202,8 +202,8 @@ PK2CMD = Programmer(
         Failure(5, "wrong voltage at the chip: is it connected, is something else driving the supply?"),
         Failure(10, "no PICkit 2 is connected"),
         Failure(11, "the PICkit 2's firmware is too old for this pk2cmd"),
-        Failure(24, "pk2cmd does not find its PK2DeviceFile.dat: put it beside pk2cmd"),
-        Failure(36, "pk2cmd does not know one of its arguments"),
+        Failure(24, "pk2cmd cannot find PK2DeviceFile.dat: put it beside pk2cmd"),
+        Failure(36, "pk2cmd rejected one of its arguments"),
         Failure(37, "pk2cmd cannot read the HEX file"),
         Failure(39, "pk2cmd found no known chip"),
         Failure(34, "programming or its verification failed", differs=True),
@@ -258,12 +258,12 @@ PICPROG = Programmer(
         *(f"--input-hexfile={order.file}", "--erase", "--burn"),
     ),
     (
-        Failure(64, "picprog does not know one of its arguments"),
+        Failure(64, "picprog rejected one of its arguments"),
         Failure(65, "picprog cannot read the HEX file"),
         Failure(66, "picprog cannot open the HEX file"),
         Failure(69, "no JDM programmer answers on the port"),
         Failure(74, _AWAY),
-        Failure(77, "picprog may not use the port"),
+        Failure(77, "picprog has no permission to use the port"),
         Failure(r"verif\w* .*(fail|error)|verify error", "the chip differs from the file", differs=True),
     ),
     needs_port=True,

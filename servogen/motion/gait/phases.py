@@ -21,6 +21,7 @@ from fractions import Fraction
 
 from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.protocol import WalkingRobot, mounts_of
+from servogen.units import counted
 
 SIXTH = Fraction(1, 6)
 
@@ -141,7 +142,7 @@ def custom(
         if len(lifts) != len(legs):
             raise InputError(
                 "missing-key",
-                f"{len(lifts)} phases for {len(legs)} legs",
+                f"{counted(len(lifts), 'phase')} for {counted(len(legs), 'leg')}",
                 hint=f"in the order {', '.join(legs)}",
             )
         lifts = dict(zip(legs, lifts, strict=True))

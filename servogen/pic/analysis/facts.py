@@ -18,7 +18,7 @@ from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS,
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
-from servogen.units import Clock
+from servogen.units import Clock, counted
 
 PSA = 0x08
 EVERYTHING = (
@@ -133,7 +133,7 @@ class Facts:
             self._finding(at, f"{why}: paths were not followed beyond it") for at, why in paths.lost.items()
         ]
         gaps += [
-            self._finding(at, f"a jump into the table 0x{first:03X} to 0x{last:03X}: taken to stay in it")
+            self._finding(at, f"a jump into the table 0x{first:03X} to 0x{last:03X}: assumed to stay in it")
             for at, (first, last) in paths.tables.items()
         ]
         beyond = [
@@ -141,13 +141,13 @@ class Facts:
             for at, target in sorted(paths.beyond.items())
         ]
         gaps += [
-            self._finding(at, "nothing is known of the pointer: taken to address a byte of RAM")
+            self._finding(at, "the pointer is unknown: assumed to address a byte of RAM")
             for at in sorted(paths.pointers)
         ]
         gaps += [self._finding(at, "no data sheet defines this word") for at in sorted(paths.undefined)]
         question = "every path is followed"
         if beyond:
-            text = f"{len(beyond)} computed jumps may leave their tables"
+            text = f"{counted(len(beyond), 'computed jump')} may go beyond the table"
             return Answer(question, Status.FOUND, text, findings=(*beyond, *gaps))
         if not gaps:
             return Answer(
@@ -210,7 +210,7 @@ class Facts:
             for at, pins in _pins_by_address(self.paths.driven_unwritten)
         ]
         text = (
-            f"{len(findings)} instructions use what may never have been written"
+            f"{counted(len(findings), 'instruction')} may use values that were never written"
             if findings
             else "whatever is read was written before: RAM, W, FSR, C, DC, Z, TMR0 and the port latches"
         )
@@ -234,7 +234,7 @@ class Facts:
             for at, pins in _pins_by_address(sometimes)
         ]
         if findings:
-            text = f"{len(findings)} instructions write pins that are inputs"
+            text = f"pins that are inputs are written by {counted(len(findings), 'instruction')}"
             return Answer(question, Status.FOUND, text, findings=tuple(findings))
         uncertain = [pin for pin in paths.input_writes if not pin.certain]
         possible = [
@@ -276,7 +276,7 @@ class Facts:
         span = self._timing.without_ends((0, *feeds), feeds, interrupts=True)
         over = f"{EVERYTHING}; chips whose watchdog takes at least {WATCHDOG_US[0] // 1000} ms"
         if config is None:
-            over += "; the file has no configuration word: the watchdog is taken to be on"
+            over += "; the file has no configuration word: the watchdog is assumed to be on"
         conditional = self._conditional()
         if span.maximum is None:
             reasons = ", ".join((*span.reasons, *conditional))

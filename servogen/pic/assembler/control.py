@@ -65,7 +65,7 @@ def _asks_defined(state: Pass, statement: Statement) -> bool:
         state.report(
             "warning",
             "asm-defined-later",
-            f"'{name}' is defined further below: in the second pass the answer is another",
+            f"'{name}' is defined further below: the second pass gives a different answer",
             statement.line,
             statement.rest.column(0),
             "define it before, or with #define",

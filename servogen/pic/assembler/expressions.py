@@ -303,7 +303,7 @@ def evaluate(expression: Expression, scope: SymbolScope) -> int:
 def _character(string: String) -> int:
     if len(string.codes) != 1:
         raise SourceError(
-            "asm-bad-argument", f'"{string.body}" stands where one value is wanted', string.column
+            "asm-bad-argument", f'"{string.body}" is a string where one value is expected', string.column
         )
     return string.codes[0]
 

@@ -252,9 +252,7 @@ class _Remark(Protocol):
 def _register(address: int, remark: _Remark) -> int:
     """Return a file register's address within its bank; bit 7 is selected by RP0, not by the instruction."""
     if address & 0x80:
-        remark(
-            "note", "asm-bank", f"register 0x{address & 0xFFFF:02X} is not in bank 0: bank bits must be right"
-        )
+        remark("note", "asm-bank", f"register 0x{address & 0xFFFF:02X} is not in bank 0: check the bank bits")
     return address & 0x7F
 
 
@@ -269,7 +267,7 @@ def _port(address: int, place: Location, remark: _Remark) -> int:
 
 def _flag(expression: Expression | None, destination: int, remark: _Remark) -> int:
     if expression is None:
-        remark("note", "asm-no-destination", "no destination: the file register (1) is taken")
+        remark("note", "asm-no-destination", "no destination: the file register (1) is assumed")
         return 1
     if destination not in (0, 1):
         remark(

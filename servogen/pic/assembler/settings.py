@@ -69,7 +69,7 @@ def _set_processor(state: Pass, name: Text, statement: Statement) -> None:
     if state.device is None:
         state.choose(chosen)
     elif chosen != state.device:
-        text = f"processor {chosen.name} is superseded by {state.device.name}, which was asked for"
+        text = f"processor {chosen.name} is overridden by {state.device.name}, which was requested"
         state.report("warning", "asm-processor", text, statement.line, statement.column)
 
 
@@ -108,7 +108,7 @@ def _error(state: Pass, statement: Statement) -> None:
 def _say(state: Pass, statement: Statement, severity: Severity, code: str) -> None:
     if not statement.rest:
         raise SourceError(
-            "asm-missing-argument", f"{statement.operation.upper()} needs a text", statement.column
+            "asm-missing-argument", f"{statement.operation.upper()} needs a string", statement.column
         )
     state.report(severity, code, _text_of(statement), statement.line, statement.column)
 

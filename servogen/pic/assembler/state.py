@@ -31,6 +31,7 @@ from servogen.pic.assembler.text import MAX_LINE, Text, line_too_long
 from servogen.pic.device import ERASED_WORD, Device, register_bits, registers
 from servogen.pic.image import REGIONS, Image, image_of, region_of
 from servogen.pic.isa import WORD_MASK
+from servogen.units import counted
 
 Include = Callable[[str], str | None]
 """Gives the text of an include file by the name that the source writes; None when there is no such file."""
@@ -180,7 +181,7 @@ class Pass:
         if parsed.operation in CONDITIONAL:
             self.directives[parsed.operation](self, parsed)
         elif parsed.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
-            text = f"{parsed.word.upper()} is not a directive: it is left out with the lines around it"
+            text = f"{parsed.word.upper()} is not a directive: it is skipped with the lines around it"
             self.report("warning", "asm-else-if", text, line, parsed.column, ELSE_IF_HINT)
 
     def substituted(self, line: SourceLine) -> SourceLine:
@@ -195,7 +196,7 @@ class Pass:
             self.report(
                 "warning",
                 "asm-unclosed-quote",
-                "the quote is not closed: the string goes to the line's end",
+                "the quote is not closed: the string extends to the end of the line",
                 statement.line,
                 unclosed,
             )
@@ -287,7 +288,8 @@ class Pass:
         if len(arguments) != len(macro.parameters):
             raise SourceError(
                 "asm-macro-arguments",
-                f"macro '{macro.name}' takes {len(macro.parameters)} arguments, not {len(arguments)}",
+                f"macro '{macro.name}' takes {counted(len(macro.parameters), 'argument')}, "
+                f"not {len(arguments)}",
                 statement.column,
             )
         values = dict(zip(macro.parameters, arguments, strict=True))
@@ -331,7 +333,7 @@ class Pass:
         if maximum is not None and len(fields) > maximum:
             raise SourceError(
                 "asm-too-many-arguments",
-                f"{name} takes at most {maximum} operands, not {len(fields)}",
+                f"{name} takes at most {counted(maximum, 'operand')}, not {len(fields)}",
                 statement.column,
             )
         return [field for field in fields if field is not None]

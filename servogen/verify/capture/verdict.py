@@ -333,10 +333,10 @@ def _seams_words(verdict: CaptureVerdict) -> str:
 
 def _clock_words(verdict: CaptureVerdict) -> str:
     if verdict.ppm is None:
-        return "the capture is too short to measure the chip's clock: its nominal frequency is taken"
+        return "the capture is too short to measure the chip's clock: its nominal frequency is assumed"
     return (
         f"the chip's clock is {abs(verdict.ppm):z.1f} ± {verdict.ppm_error:z.1f} ppm "
-        f"{'fast' if verdict.ppm >= 0 else 'slow'}; it is taken out of what follows"
+        f"{'fast' if verdict.ppm >= 0 else 'slow'}; what follows is corrected for it"
     )
 
 

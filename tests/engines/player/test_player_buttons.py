@@ -220,7 +220,7 @@ def test_a_pin_that_cannot_be_a_button_is_refused(firmware: str, message: str) -
 
 
 def test_the_sequence_engine_has_no_buttons_and_auto_takes_the_player() -> None:
-    with pytest.raises(InputError, match="the sequence engine reads no buttons"):
+    with pytest.raises(InputError, match="the sequence engine does not read buttons"):
         plan_job(loads(text(START).replace('"player"', '"sequence"'), "job.toml"))
     lab = text(START).replace('"player"', '"auto"')
     assert built_text(lab).engine == "player"

@@ -446,4 +446,4 @@ def test_a_pointer_that_only_a_jump_beyond_its_table_leads_to_is_reported() -> N
     assert answer.status is Status.FOUND
     texts = [(finding.address, finding.text) for finding in answer.findings]
     assert texts[0] == (0x009, "the index leads beyond the table of RETLWs after it, to 0x028")
-    assert (0x028, "nothing is known of the pointer: taken to address a byte of RAM") in texts
+    assert (0x028, "the pointer is unknown: assumed to address a byte of RAM") in texts
