@@ -13,8 +13,8 @@ from servogen.engines.registry import ENGINES, engine_named
 
 ROOT = Path(__file__).parents[2]
 TOY = Path(__file__).parent / "toy"
-LAST = '        "stream": Entry('
-LINE = '        "toy": Entry("servogen.engines.toy.engine"),\n'
+LAST = '        "stream": EngineEntry('
+LINE = '        "toy": EngineEntry("servogen.engines.toy.engine"),\n'
 
 JOB = """
 [chip]
