@@ -53,7 +53,7 @@ def wave_lines(levels: EdgeChunk, end: int, clock: Clock) -> list[str]:
     column = -(-max(1, end - begin) // COLUMNS)
     width = -(-max(1, end - begin) // column)
     lines = [
-        f"from {time_words(begin, clock)} to {time_words(end, clock)}, {time_words(column, clock)} a column"
+        f"from {time_words(begin, clock)} to {time_words(end, clock)}, {time_words(column, clock)} per column"
     ]
     constant: dict[str, list[str]] = {}
     for pin in np.unique(levels.pin).tolist():

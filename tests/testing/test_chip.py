@@ -531,7 +531,7 @@ def test_its_repr_is_short() -> None:
 def test_waves_show_levels_edges_in_a_column_and_who_drives() -> None:
     edges = [(0, 5, 2), (10, 5, 1), (40, 5, 0), (44, 6, 1), (50, 5, 1), (51, 5, 0), (60, 4, 1)]
     lines = wave_lines(edge_chunk(*zip(*edges, strict=True)), 72, CLOCK)
-    assert lines[0] == "from 0 µs to 72 µs, 1 µs a column"
+    assert lines[0] == "from 0 µs to 72 µs, 1 µs per column"
     assert lines[1] == f"RA4  {'·' * 60}{'▔' * 12}"
     assert lines[2] == f"RB0  {'·' * 10}{'▔' * 30}{'▁' * 10}▔{'▁' * 21}"
     assert lines[3] == f"RB1  {'·' * 44}{'▔' * 28}"
