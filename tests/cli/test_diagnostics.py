@@ -49,7 +49,7 @@ def test_an_error_in_c(run: Run, tmp_path: Path) -> None:
     ran = run("compile", source)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err.splitlines() == [
-        f"{source}:3:14: error: '*' needs a pointer, this is 'signed int' [c-type]",
+        f"{source}:3:14: error: '*' needs a pointer, not 'signed int' [c-type]",
         "        b = 5 +* 2;",
         "                 ^",
         f"{source}:4:5: error: 'bb' is not declared [c-undeclared]",

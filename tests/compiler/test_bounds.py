@@ -11,7 +11,7 @@ DOUBLED = "#define A0 1\n" + "".join(f"#define A{n + 1} A{n} + A{n}\n" for n in 
 NESTED = "#define D(x) x x\nvoid main(void) {\n" + "D(" * 30 + "PORTB = 1;" + ")" * 30 + "}"
 QUOTED = "#define S(x) #x\n#define E(x) S(x)\nconst char s[] = " + "E(" * 60 + '"\\\\"' + ")" * 60 + ";\n"
 EXPANDED = "the macros expand to more than 400000 characters"
-WORDS = "the program has more than 40000 words and signs"
+WORDS = "the program has more than 40000 tokens"
 DEEP = "something in the program is nested too deeply"
 STRUCTURES = "struct s0 { char a[2]; };\n" + "".join(
     f"struct s{n + 1} {{ struct s{n} a, b; }};\n" for n in range(60)
@@ -60,7 +60,7 @@ CASES = {
     "an open comment": (MAIN + "/* x\n" * 9, "the comment is not closed", 2),
     "a long number": (
         "int a;\nvoid main(void) { a = " + "9" * 5_000 + "; }",
-        "9999999999999999999999999999999999999999… does not fit 32 bits",
+        "9999999999999999999999999999999999999999… does not fit in 32 bits",
         2,
     ),
     "dots": ("int a = " + "1." * 50_000 + ";", None, 1),
@@ -103,8 +103,8 @@ def test_a_shift_of_the_preprocessor_makes_no_huge_number() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('#include "main.c"\n#include "main.c"\n', "#include nested more than 20 deep"),
-        ('#include "main.c"\n', "#include nested more than 20 deep"),
+        ('#include "main.c"\n#include "main.c"\n', "#include is nested more than 20 levels deep"),
+        ('#include "main.c"\n', "#include is nested more than 20 levels deep"),
         (
             '#include "main.c"\n' * 2 + "// " + "x" * 20_000,
             "the source files have more than 400000 characters together",
@@ -116,7 +116,7 @@ def test_a_file_that_includes_itself_is_refused(text: str, message: str) -> None
     with pytest.raises(CompileError) as caught:
         compile_sources([Source(text, "main.c")], options)
     errors = {each.message for each in caught.value.diagnostics}
-    assert message in errors and errors <= {message, "#include nested more than 20 deep"}
+    assert message in errors and errors <= {message, "#include is nested more than 20 levels deep"}
 
 
 def test_a_file_is_not_included_without_end() -> None:
@@ -162,4 +162,4 @@ def test_no_more_functions_have_numbers_than_a_byte_counts() -> None:
     with pytest.raises(CompileError) as caught:
         compile_sources([Source(text, "many.c")], Options(dialect="xc8"))
     messages = [each.message for each in caught.value.diagnostics if each.severity == "error"]
-    assert messages == ["more than 255 functions have their addresses taken"]
+    assert messages == ["the addresses of more than 255 functions are taken"]

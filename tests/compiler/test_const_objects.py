@@ -209,34 +209,34 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
         ),
         (
             "const char *a[2];\nchar **p;\nvoid g(void) { p = a; }",
-            "the assignment makes 'unsigned char * *' of 'const unsigned char * *': "
-            "a pointer to const has two bytes, another one byte",
+            "the assignment makes 'unsigned char * *' from 'const unsigned char * *': "
+            "a pointer to const has two bytes, others have one",
         ),
         (
             "char *a;\nconst char **p;\nvoid g(void) { p = (const char **) &a; }",
-            "the cast makes 'const unsigned char * *' of 'unsigned char * *': "
-            "a pointer to const has two bytes, another one byte",
+            "the cast makes 'const unsigned char * *' from 'unsigned char * *': "
+            "a pointer to const has two bytes, others have one",
         ),
         (
             "char f(const char *s) { return *s; }\nchar (*p)(char *);\nvoid g(void) { p = f; }",
-            "the assignment makes 'unsigned char (*)(unsigned char *)' of "
-            "'unsigned char (*)(const unsigned char *)': a pointer to const has two bytes, another one byte",
+            "the assignment makes 'unsigned char (*)(unsigned char *)' from "
+            "'unsigned char (*)(const unsigned char *)': a pointer to const has two bytes, others have one",
         ),
         (
             "const char *f(void) { return 0; }\nchar *(*const p[1])(void) = {f};",
-            "the initialiser makes 'unsigned char * (*)()' of 'const unsigned char * (*)()': "
-            "a pointer to const has two bytes, another one byte",
+            "the initialiser makes 'unsigned char * (*)()' from 'const unsigned char * (*)()': "
+            "a pointer to const has two bytes, others have one",
         ),
         (
             "char f(char *s);\nchar f(const char *s) { return *s; }",
-            "'f' is declared differently before: 'unsigned char(unsigned char *)', "
-            "now 'unsigned char(const unsigned char *)'",
+            "'f' was declared as 'unsigned char(unsigned char *)' before, "
+            "now as 'unsigned char(const unsigned char *)'",
         ),
         (
             'char last(char **all) { return all[1][0]; }\nchar *a[2] = {"x", "y"};\n'
             "void g(void) { last(a); }",
-            "argument 1 of 'last' makes 'unsigned char * *' of 'const unsigned char * *': "
-            "a pointer to const has two bytes, another one byte",
+            "argument 1 of 'last' makes 'unsigned char * *' from 'const unsigned char * *': "
+            "a pointer to const has two bytes, others have one",
         ),
         (  # f is called through a pointer, too, whose type says char *
             'char f(char *s) { return *s; }\nchar (*p)(char *) = f;\nvoid g(void) { f("x"); }',

@@ -10,7 +10,7 @@ END = "void main(void) { }\n"
 MISSING = {
     "recursion": ("int f(int n) { return n ? f(n - 1) : 0; }\nvoid main(void) { f(3); }", "recursion"),
     "64 bits": (f"long long a;\n{END}", "64-bit"),
-    "variable arguments": (f"int f(int a, ...) {{ return a; }}\n{END}", "…"),
+    "variable arguments": (f"int f(int a, ...) {{ return a; }}\n{END}", "'...' parameters"),
     "stdarg.h": (f"#include <stdarg.h>\n{END}", "'stdarg.h'"),
     "variable length": ("void f(char n) { char a[n]; a[0] = 1; }\nvoid main(void) { f(2); }", "constant"),
     "malloc": ("#include <stdlib.h>\nvoid main(void) { malloc(3); }", "'malloc'"),

@@ -87,7 +87,7 @@ def test_two_clocks_that_differ_are_an_error() -> None:
 
 def test_a_clock_that_the_chip_cannot_follow_is_an_error() -> None:
     assert errors("#pragma CLOCK_FREQ 20000000\n" + EMPTY, device=device("PIC16F84")) == [
-        "20000000 Hz is too fast: the PIC16F84 goes to 10000000 Hz"
+        "20000000 Hz is too fast: PIC16F84 runs at up to 10000000 Hz"
     ]
 
 
@@ -132,7 +132,7 @@ def test_calls_that_go_too_deep_show_their_path() -> None:
         build(text)
     (found,) = caught.value.diagnostics
     assert str(found.location) == "main.c:10:6"
-    assert found.message.startswith("calls go 9 levels deep, the chip's stack has 8: main → f1 → f2")
+    assert found.message.startswith("calls are nested 9 levels deep, the chip's stack has 8: main → f1 → f2")
 
 
 SERIAL = """

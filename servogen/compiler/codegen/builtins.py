@@ -73,9 +73,7 @@ def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
     wait = max(unwatched // 2 - MAX_CARRY_CYCLES, 1)
     rounds = (cycles - 6) * 128 // ((wait + _LOOP_CYCLES) * 128 + 1)  # 2 cycles more in each 256th round
     if rounds > 0xFFFF:
-        text = (
-            f"a delay of {cycles} cycles would have to clear the watchdog {rounds} times, 65535 are possible"
-        )
+        text = f"a delay of {cycles} cycles would clear the watchdog {rounds} times; the maximum is 65535"
         gen.context.reporter.error("c-argument", text, gen.place or Location())
         return
     low, high = rounds & 0xFF or 0x100, -(-rounds // 0x100)

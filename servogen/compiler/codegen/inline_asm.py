@@ -197,7 +197,7 @@ def _file(expression: Expression, names: Names) -> Loc:
     if value is None:
         raise SourceError("c-asm", f"'{spelling(expression)}' is neither a register nor a variable")
     if not 0 <= value <= 0xFF:
-        raise SourceError("c-asm", f"the register address {_computed(expression, value)} not 0 to 0xFF")
+        raise SourceError("c-asm", f"the register address {_computed(expression, value)} outside 0 to 0xFF")
     return Reg(value)
 
 
@@ -213,7 +213,7 @@ def _bit(expression: Expression) -> int:
     """Return the bit number of an operand."""
     value = _constant(expression, _ChipNames(registers=False, bits=True))
     if value is None or not 0 <= value <= 7:
-        raise SourceError("c-asm", f"'{spelling(expression)}' is not a bit, 0 to 7")
+        raise SourceError("c-asm", f"'{spelling(expression)}' is not a bit number from 0 to 7")
     return value
 
 
@@ -229,7 +229,7 @@ def _literal(expression: Expression, names: Names) -> int | AddressByte:
     if value is None:
         raise SourceError("c-asm", f"'{spelling(expression)}' is not a number from 0 to 255")
     if not -128 <= value <= 255:
-        raise SourceError("c-asm", f"the literal {_computed(expression, value)} not 0 to 255")
+        raise SourceError("c-asm", f"the literal {_computed(expression, value)} outside 0 to 255")
     return value & 0xFF
 
 

@@ -61,7 +61,12 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
         position = match.end()
         comment = match["comment"]
         if comment and comment.startswith("/*") and (len(comment) < 4 or not comment.endswith("*/")):
-            reporter.error("c-syntax", "the comment is not closed", Location(file, lines.at(match.start())))
+            reporter.error(
+                "c-syntax",
+                "the comment is not closed",
+                Location(file, lines.at(match.start())),
+                hint="write '*/' where it ends",
+            )
             out.append("\n" * comment.count("\n"))
         elif comment and ("/*" in comment[2:] or comment.endswith("\\")):
             inner = comment.find("/*", 2) if comment.startswith("/*") else -1
@@ -70,7 +75,7 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
                     "c-comment",
                     "a comment begins inside a comment"
                     if inner > 0
-                    else "'\\' continues this comment in the next line",
+                    else "'\\' at its end continues this comment on the next line",
                     Location(file, lines.at(match.start() + max(inner, 0))),
                     hint="the first '*/' ends both" if inner > 0 else None,
                 )

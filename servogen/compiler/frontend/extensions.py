@@ -353,9 +353,9 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
     if (other := next((string for string in strings if string.text[0] != '"'), None)) is not None:
         self.reporter.error(
             "c-unsupported",
-            "assembly with operands is not supported: only strings stand in the parentheses",
+            "assembly with operands is not supported: asm() takes only strings",
             other.place,
-            hint="the global variable v is _v in assembly",
+            hint="in assembly, the global variable v is called _v",
         )
         strings = []
     text = "".join(string.text[1:-1] for string in strings)

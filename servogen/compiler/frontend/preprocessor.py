@@ -145,7 +145,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         place = Location(original_line[0].source, original_line[0].lineno)
         match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
         if not match:
-            self.reporter.error("c-preprocessor", "#include needs a name in <…> or quotes", place)
+            self.reporter.error("c-preprocessor", "#include needs a file name in <…> or quotes", place)
             return
         name = match[1] or match[2]
         if name in self.headers:
@@ -175,7 +175,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         if self.included > limits.INCLUDES:
             raise self.reporter.fatal("c-include", f"more than {limits.INCLUDES} files are included", place)
         if self.depth > 20:
-            self.reporter.error("c-include", "#include nested more than 20 deep", place)
+            self.reporter.error("c-include", "#include is nested more than 20 levels deep", place)
             return
         self.depth += 1
         yield from self.parsegen(
@@ -265,7 +265,7 @@ def preprocess(
             if len(tokens) > limits.TOKENS:
                 raise reporter.fatal(
                     "program-too-large",
-                    f"the program has more than {limits.TOKENS} words and signs",
+                    f"the program has more than {limits.TOKENS} tokens",
                     token.place,
                 )
     except RecursionError:

@@ -91,7 +91,9 @@ class PragmaSettings:
             match = re.fullmatch(r"\s*(\w+)\s*=\s*(\w+)\s*", item)
             if not match:
                 self.reporter.error(
-                    "c-configuration", f"'{item.strip()}' is not a setting: NAME = VALUE", place
+                    "c-configuration",
+                    f"'{item.strip()}' is not a setting, which is written NAME = VALUE",
+                    place,
                 )
                 continue
             name, value = match[1].upper(), match[2].upper()
@@ -129,7 +131,9 @@ class PragmaSettings:
         for offset, text in enumerate(values.split(",")):
             value, address = assembler_number(text.strip()), (start or 0) + offset
             if value is None or not 0 <= value <= 0xFF:
-                self.reporter.error("c-pragma", f"#pragma DATA: '{text.strip()}' is not 0 to 255", place)
+                self.reporter.error(
+                    "c-pragma", f"#pragma DATA: '{text.strip()}' is not a number from 0 to 255", place
+                )
             elif EEPROM_ADDRESS <= address < EEPROM_ADDRESS + EEPROM_BYTES:
                 self.eeprom[address - EEPROM_ADDRESS] = value
             elif ID_ADDRESS <= address < ID_ADDRESS + ID_WORDS:
@@ -137,7 +141,7 @@ class PragmaSettings:
             else:
                 self.reporter.error(
                     "c-pragma",
-                    f"#pragma DATA: there is no data at '{where}'",
+                    f"#pragma DATA: no data can be placed at '{where}'",
                     place,
                     hint=f"0x{CONFIG_ADDRESS:X} is the configuration word, the EEPROM begins at "
                     f"0x{EEPROM_ADDRESS:X}, the ID words at 0x{ID_ADDRESS:X}",
@@ -196,7 +200,7 @@ class PragmaSettings:
         if first[1] > self.device.max_clock_hz:
             self.reporter.error(
                 "c-clock",
-                f"{first[1]} Hz is too fast: the {self.device.name} goes to {self.device.max_clock_hz} Hz",
+                f"{first[1]} Hz is too fast: {self.device.name} runs at up to {self.device.max_clock_hz} Hz",
                 first[2],
             )
         return Clock(first[1])

@@ -51,7 +51,7 @@ def check_stack(functions: dict[str, Function], roots: list[str], reporter: Repo
         )
         reporter.error(
             "c-call-depth",
-            f"calls go {_total(chains, roots)} levels deep, "
+            f"calls are nested {_total(chains, roots)} levels deep, "
             f"the chip's stack has {STACK_LEVELS}: {path}{also}",
             functions[functions[roots[0]].falls_into].place or Location(next(iter(reporter.texts), None)),
         )

@@ -33,7 +33,7 @@ def load(analyser: Analyser, target: Accessor) -> Expr:
     if isinstance(target, EepromObject):
         if not target.type.scalar:
             raise analyser.fail(
-                "c-unsupported", "an array or structure in the EEPROM has no value as a whole", target
+                "c-unsupported", "an array or structure in the EEPROM cannot be copied as a whole", target
             )
         return _joined([_byte(target, number) for number in range(target.type.size)], target.type, place)
     mask = Num((1 << target.width) - 1, U16, place)
@@ -133,7 +133,7 @@ def evaluated_once(analyser: Analyser, target: Accessor) -> None:
     if index is not None and has_effect(index):
         raise analyser.fail(
             "c-unsupported",
-            "the place of this object would be computed twice, and computing it has an effect",
+            "the address of this object would be computed twice, and computing it has a side effect",
             target,
             hint="compute the index in a statement of its own",
         )

@@ -96,7 +96,7 @@ def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = Fal
             "c-clock",
             "the clock frequency is not known",
             node,
-            hint="say '#pragma CLOCK_FREQ 4000000', '#define _XTAL_FREQ 4000000' or --clock-hz",
+            hint="write '#pragma CLOCK_FREQ 4000000' or '#define _XTAL_FREQ 4000000', or give --clock-hz",
         )
     cycles = Cycles(us // analyser.clock.cycle_us) if cut else analyser.clock.round_us(us).cycles
     achieved = analyser.clock.us(cycles)
@@ -261,7 +261,7 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
     if interval(given)[1] > U8.high:
         analyser.reporter.warn(
             "c-conversion",
-            f"'{name}' takes 0 to 255: of this '{given.type}' only the low 8 bits count",
+            f"'{name}' takes 0 to 255: only the low 8 bits of this '{given.type}' are used",
             analyser.place(arguments[0]),
             hint="call it in a loop",
         )
@@ -314,12 +314,12 @@ def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) 
             )
     else:
         if value < 0:
-            raise analyser.fail("c-argument", f"'{name}' takes no negative time", arguments[0])
+            raise analyser.fail("c-argument", f"'{name}' cannot take a negative time", arguments[0])
         cycles = delay_cycles(analyser, value * XC8_UNITS_US[name], node, cut=True)
         if cycles > MAX_DELAY:
             raise analyser.fail(
                 "c-argument",
-                f"'{name}' takes at most {MAX_DELAY} cycles, these are {cycles}",
+                f"'{name}' takes at most {MAX_DELAY} cycles, not {cycles}",
                 arguments[0],
                 hint="call it several times, or in a loop",
             )
@@ -344,7 +344,7 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
     place = analyser.place(node)
     fixed = 2 if name == "sprintf" else 1
     if len(arguments) < fixed:
-        raise analyser.fail("c-argument", f"'{name}' needs a format", node)
+        raise analyser.fail("c-argument", f"'{name}' needs a format string", node)
     text = arguments[fixed - 1]
     if not isinstance(text, c_ast.Constant) or text.type != "string":
         raise analyser.fail("c-unsupported", f"the format of '{name}' must be a string constant", text)
@@ -384,14 +384,14 @@ def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, ar
     ):
         analyser.reporter.warn(
             "c-conversion",
-            f"'{name}': {part.spelling} shows {8 * wanted} bits of '{value.type}'",
+            f"'{name}': {part.spelling} prints only the low {8 * wanted} bits of '{value.type}'",
             analyser.place(argument),
-            hint=f"%l{part.spelling[-1]} shows 32 bits" if wanted == 2 else None,
+            hint=f"%l{part.spelling[-1]} prints 32 bits" if wanted == 2 else None,
         )
     if isinstance(value.type, FloatType):
         raise analyser.fail(
             "c-argument",
-            f"'{name}': {part.spelling} does not show '{value.type}'",
+            f"'{name}': {part.spelling} cannot print '{value.type}'",
             argument,
             hint="convert it to an integer with a cast",
         )
@@ -474,7 +474,12 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> E
     row = _TABLE.get(name)
     if row is None or analyser.dialect not in row[0]:
         if row is not None:
-            raise analyser.fail("c-unsupported", f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
+            raise analyser.fail(
+                "c-unsupported",
+                f"'{name}' belongs to the {NAMES[row[0][0]]} dialect",
+                node,
+                hint=f"the option --dialect {row[0][0]} selects it",
+            )
         return None
     _, count, handler = row
     if count is not None and len(arguments) != count:

@@ -122,7 +122,9 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
         )
     for handler in handlers:
         if handler.parameters or not isinstance(handler.result, VoidType):
-            reporter.error("c-interrupt", "an interrupt function takes and returns nothing", handler.place)
+            reporter.error(
+                "c-interrupt", "an interrupt function has no parameters and returns void", handler.place
+            )
     # a function that nothing calls may stay undefined (ISO C 6.9)
     for name in dict.fromkeys([*graph.main, *graph.isr]):
         for callee, call in graph.calls[name].items():
@@ -148,7 +150,7 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
                     "c-call-depth",
                     f"recursion is not possible on this chip: {' → '.join(cycle)}",
                     call.place,
-                    hint="variables of functions have fixed places; use a loop",
+                    hint="the variables of a function have fixed addresses; use a loop",
                 )
                 return True
             if callee not in state and visit(callee, [*path, callee]):

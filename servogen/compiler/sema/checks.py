@@ -129,7 +129,7 @@ def _unused_results(program: ProgramTree, reporter: Reporter) -> None:
             if call.function not in acting and not unknown and not isinstance(call.type, VoidType):
                 reporter.warn(
                     "c-unused-result",
-                    f"the result of '{call.function}' is not used, and it does nothing else",
+                    f"the result of '{call.function}' is not used, and the call has no other effect",
                     call.place,
                 )
 
@@ -179,9 +179,9 @@ def _shared(graph: CallGraph, reporter: Reporter) -> None:
             reporter.warn(
                 "c-shared-variable",
                 f"'{symbol.name}' has {symbol.size} bytes and is shared with the interrupt, "
-                "which may come between them",
+                "which can occur between two of them",
                 symbol.place,
-                hint="switch interrupts off around its uses in the main program",
+                hint="disable interrupts around its uses in the main program",
             )
 
 

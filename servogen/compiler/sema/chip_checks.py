@@ -150,7 +150,7 @@ def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
     if output and first is not None:
         reporter.warn(
             "c-open-drain",
-            "RA4 is an open drain: it is high only with a pull-up resistor",
+            "RA4 is an open-drain output: it is high only with a pull-up resistor",
             first.place,
         )
 

@@ -83,7 +83,7 @@ def _logical_constant(analyser: Analyser, node: Any) -> None:
             single = node.op[0]
             analyser.reporter.warn(
                 "c-logical-constant",
-                f"'{node.op}' of a constant: it only asks whether that is 0",
+                f"'{node.op}' only tests whether this constant is 0",
                 analyser.place(operand),
                 hint=f"'{single}' combines the bits",
             )
@@ -185,7 +185,7 @@ def _unchanged(analyser: Analyser, node: Any, function: Any, changing: set[str])
     names = " and ".join(f"'{name}'" for name in sorted(read))
     analyser.reporter.warn(
         "c-loop-condition",
-        f"the loop never changes {names}, which its condition reads",
+        f"the loop never changes {names}, which its condition tests",
         analyser.place(node.cond),
     )
 
@@ -253,5 +253,5 @@ def _missing_cases(analyser: Analyser, node: Any) -> None:
             "c-case-missing",
             f"there is no case for {', '.join(missing)}",
             analyser.place(node),
-            hint="write the case, or a default",
+            hint="add the case, or a default",
         )

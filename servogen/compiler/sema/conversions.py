@@ -158,14 +158,14 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, role: str) -> Expr:
             return cast(analyser, expr, kind)
         analyser.reporter.warn(
             "c-conversion",
-            f"{role} makes '{kind}' of the pointer '{expr.type}' without a cast",
+            f"{role} makes '{kind}' from the pointer '{expr.type}' without a cast",
             expr.place,
             hint="to call a function, write its name and parentheses"
             if isinstance(expr.type.target, FuncType)
             else None,
         )
         return cast(analyser, expr, kind)
-    raise analyser.fail("c-type", f"{role} needs '{kind}', this is '{expr.type}'", expr)
+    raise analyser.fail("c-type", f"{role} needs '{kind}', not '{expr.type}'", expr)
 
 
 def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
@@ -193,22 +193,22 @@ def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, role: str) ->
         if expr.value != 0:
             analyser.reporter.warn(
                 "c-conversion",
-                f"{role} makes a pointer of the number {expr.value} without a cast",
+                f"{role} makes a pointer from the number {expr.value} without a cast",
                 expr.place,
             )
         return cast(analyser, expr, kind)
     if not isinstance(expr.type, PointerType):
         if isinstance(expr.type, IntType):
             analyser.reporter.warn(
-                "c-conversion", f"{role} makes a pointer of '{expr.type}' without a cast", expr.place
+                "c-conversion", f"{role} makes a pointer from '{expr.type}' without a cast", expr.place
             )
             return cast(analyser, expr, kind)
-        raise analyser.fail("c-type", f"{role} needs '{kind}', this is '{expr.type}'", expr)
+        raise analyser.fail("c-type", f"{role} needs '{kind}', not '{expr.type}'", expr)
     keep_const(analyser, expr, kind, role)
     source, target = expr.type.target, kind.target
     if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
         analyser.reporter.warn(
-            "c-conversion", f"{role} makes '{kind}' of '{expr.type}' without a cast", expr.place
+            "c-conversion", f"{role} makes '{kind}' from '{expr.type}' without a cast", expr.place
         )
     return cast(analyser, expr, kind)
 
@@ -229,7 +229,7 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, role: str) -> None:
     if differs_in_const(expr.type.target, kind.target):
         raise analyser.fail(
             "c-const",
-            f"{role} makes '{kind}' of '{expr.type}': a pointer to const has two bytes, another one byte",
+            f"{role} makes '{kind}' from '{expr.type}': a pointer to const has two bytes, others have one",
             expr,
             hint="declare both with the same const",
         )

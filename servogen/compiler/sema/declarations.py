@@ -103,7 +103,7 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
     """Declare a bit variable at a fixed address; a number counts bits, as in XC8 and SDCC: 8 * byte + bit."""
     if node.init is not None:
         raise analyser.fail(
-            "c-initialiser", f"the bit '{node.name}' at a fixed address has no initial value", node
+            "c-initialiser", f"the bit '{node.name}' at a fixed address cannot be initialised", node
         )
     byte, bit = (
         (address.byte, address.bit) if isinstance(address, BitAddress) else (address // 8, address % 8)
@@ -432,7 +432,7 @@ def _same_signature(
     if not same(both, kind):
         raise analyser.fail(
             "c-redeclared",
-            f"'{node.name}' is declared differently before: '{both}', now '{kind}'",
+            f"'{node.name}' was declared as '{both}' before, now as '{kind}'",
             node,
             hint=f"the other declaration is at {known.place}",
         )

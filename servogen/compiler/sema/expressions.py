@@ -127,7 +127,7 @@ def _step(analyser: Analyser, node: Any) -> Expr:
         one = Num(target.type.target.size, U8, place)
         return Update(op, target, one, address_int(analyser, target.type), post, target.type.plain(), place)
     if not isinstance(target.type, IntType):
-        raise analyser.fail("c-type", f"'{target.type}' cannot be counted", node)
+        raise analyser.fail("c-type", f"'{node.op.lstrip('p')}' cannot be applied to '{target.type}'", node)
     return Update(op, target, one, promote(target.type, c2c=analyser.c2c), post, target.type.plain(), place)
 
 
@@ -158,7 +158,7 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
         if isinstance(right, Num) and not 0 <= right.value < 8 * left.type.size:
             analyser.reporter.warn(
                 "c-shift",
-                f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits",
+                f"shift by {right.value}, but '{left.type}' has only {8 * left.type.size} bits",
                 place,
             )
         return binary(analyser, op, left, right, left.type, place)
@@ -259,7 +259,7 @@ def _signs(analyser: Analyser, left: Expr, right: Expr, place: Location) -> None
         if side.type.signed and not isinstance(side, Num) and interval(side)[0] < 0:
             analyser.reporter.warn(
                 "c-sign-compare",
-                "this compares a signed and an unsigned number: a negative one counts as large",
+                "this compares a signed and an unsigned number: a negative one counts as large and positive",
                 place,
                 hint="declare both in the same way, or cast one",
             )
@@ -296,7 +296,7 @@ def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Loc
             "c-comparison",
             f"this comparison is always {'true' if always else 'false'}",
             place,
-            hint=f"the left side lies in {low} … {high}, the right side in {right_low} … {right_high}",
+            hint=f"the left side is {low} … {high}, the right side {right_low} … {right_high}",
         )
         if not has_effect(left) and not has_effect(right):
             return analyser.number(int(always), analyser.int_type, place)
@@ -325,7 +325,7 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
         )
         difference = binary(analyser, "-", one, two, signed, place)
         return binary(analyser, "/", difference, Num(left.type.target.size, signed, place), signed, place)
-    raise analyser.fail("c-type", f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
+    raise analyser.fail("c-type", f"'{op}' cannot be applied to '{left.type}' and '{right.type}'", node)
 
 
 def _warn_field(analyser: Analyser, target: Ref | Deref | Accessor, value: Expr) -> None:
@@ -381,7 +381,9 @@ def ternary_op(analyser: Analyser, node: Any) -> Expr:
     elif same(yes.type, no.type):
         kind = yes.type
     else:
-        raise analyser.fail("c-type", f"the two values are of types '{yes.type}' and '{no.type}'", node)
+        raise analyser.fail(
+            "c-type", f"the two values of '?:' have the types '{yes.type}' and '{no.type}'", node
+        )
     yes, no = convert(analyser, yes, kind, "the first value"), convert(analyser, no, kind, "the second value")
     if isinstance(condition, Num):
         return yes if condition.value else no
@@ -406,24 +408,24 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     if isinstance(kind, NUMBERS) and is_float_operator(op, target, value):
         return _float_update(analyser, target, op, value, node)
     if isinstance(kind, FloatType):
-        raise analyser.fail("c-type", f"'{node.op}' cannot change '{kind}'", node)
+        raise analyser.fail("c-type", f"'{node.op}' cannot be applied to '{kind}'", node)
     value = arithmetic(analyser, value)
     if isinstance(target, (WideField, EepromObject)):
         return _computed(analyser, target, op, value, node)
     if isinstance(kind, PointerType):
         if op not in "+-":
-            raise analyser.fail("c-type", f"'{node.op}' cannot change a pointer", node)
+            raise analyser.fail("c-type", f"'{node.op}' cannot be applied to a pointer", node)
         step = scaled(analyser, value, kind.target.size, address_int(analyser, kind))
         return Update(op, target, step, address_int(analyser, kind), False, kind, place)
     if not isinstance(kind, IntType):
-        raise analyser.fail("c-type", f"'{node.op}' cannot change '{kind}'", node)
+        raise analyser.fail("c-type", f"'{node.op}' cannot be applied to '{kind}'", node)
     assert isinstance(value.type, IntType)
     if op in ("<<", ">>"):
         work = promote(kind, c2c=analyser.c2c)
         value = promoted(analyser, value)
         if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
             analyser.reporter.warn(
-                "c-shift", f"shift by {value.value} of '{kind}', which has {8 * work.size} bits", place
+                "c-shift", f"shift by {value.value}, but '{kind}' has only {8 * work.size} bits", place
             )
     else:
         assert isinstance(value.type, IntType)

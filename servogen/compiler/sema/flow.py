@@ -80,7 +80,7 @@ def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: R
                 "c-unused",
                 f"the parameter '{symbol.name}' is never used",
                 symbol.place,
-                hint=f"'(void){symbol.name};' says that this is meant",
+                hint=f"'(void){symbol.name};' marks it as intentional",
             )
 
 
@@ -269,7 +269,7 @@ class _Uninitialised:
                 self.watched.discard(symbol)
                 self.reporter.warn(
                     "c-uninitialised",
-                    f"'{symbol.name}' is only set if a condition holds, and is read in any case",
+                    f"'{symbol.name}' is set only if a condition holds, but is read in any case",
                     expr.place,
                 )
             return

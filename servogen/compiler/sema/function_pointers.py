@@ -45,7 +45,7 @@ def address(analyser: Analyser, function: FunctionDefinition, place: Location) -
     numbers = analyser.function_numbers
     if len(numbers) == MAX_FUNCTIONS and function.name not in numbers:
         raise analyser.fail(
-            "program-too-large", f"more than {MAX_FUNCTIONS} functions have their addresses taken", place
+            "program-too-large", f"the addresses of more than {MAX_FUNCTIONS} functions are taken", place
         )
     analyser.called.add(function.name)
     return Num(numbers.setdefault(function.name, len(numbers) + 1), PointerType(type_of(function)), place)

@@ -175,7 +175,9 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
             length = kind.length or 0
             if len(values) > length:
                 raise analyser.fail(
-                    "c-initialiser", f"the string of {len(values)} characters does not fit {length}", inner
+                    "c-initialiser",
+                    f"the string of {len(values)} characters does not fit an array of {length}",
+                    inner,
                 )
             out += [
                 Leaf(offset + index, kind.element, value) for index, value in enumerate([*values, 0][:length])
@@ -234,7 +236,7 @@ def _aggregate(
             if inside:
                 initialised.discard(position)  # another member of the unnamed one
         if position in initialised:
-            analyser.reporter.warn("c-initialiser", "this element has a value already", analyser.place(item))
+            analyser.reporter.warn("c-initialiser", "this element already has a value", analyser.place(item))
         where, element = slots[position]
         member = parts[position] if parts else None
         if (

@@ -142,7 +142,7 @@ def _indentation(analyser: Analyser, node: Any) -> None:
         if apart and (head.column or 0) < (here.column or 0) == inner.column:
             analyser.reporter.warn(
                 "c-indentation",
-                "this is indented like the statement above it, and does not depend on the condition",
+                "this is indented like the statement above it, but does not depend on the condition",
                 here,
                 hint="put braces around both",
             )
@@ -342,7 +342,7 @@ class _Order:
             self.said.add(name)
             self.analyser.reporter.warn(
                 "c-unsequenced",
-                f"'{name}' is changed and used in one expression, in no defined order",
+                f"'{name}' is changed and used in one expression, in an undefined order",
                 self.analyser.place(node),
-                hint="divide it into several statements",
+                hint="split it into several statements",
             )

@@ -186,7 +186,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     if node.type == "->":
         base = decay(analyser, base)
         if not isinstance(base.type, PointerType):
-            raise analyser.fail("c-type", f"'->' needs a pointer to a structure, this is '{base.type}'", node)
+            raise analyser.fail("c-type", f"'->' needs a pointer to a structure, not '{base.type}'", node)
         kind = base.type.target
         if isinstance(base, AddressOf):
             found_at = base.target
@@ -246,7 +246,7 @@ def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Locati
 def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
     """Return one bit of an integer variable."""
     if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType) or base.width:
-        raise analyser.fail("c-bit", "a bit can only be taken of an integer variable", node)
+        raise analyser.fail("c-bit", "only an integer variable has bits", node)
     if bit >= 8 * base.type.size:
         raise analyser.fail("c-bit", f"'{base.type}' has no bit {bit}", node)
     place = analyser.place(node)
@@ -353,7 +353,7 @@ def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
     """Return the object that a pointer points to (ISO C 6.5.3.2)."""
     operand = decay(analyser, operand)
     if not isinstance(operand.type, PointerType):
-        raise analyser.fail("c-type", f"'*' needs a pointer, this is '{operand.type}'", node)
+        raise analyser.fail("c-type", f"'*' needs a pointer, not '{operand.type}'", node)
     if isinstance(operand.type.target, FuncType):
         return operand
     if isinstance(operand.type.target, VoidType):
@@ -433,7 +433,7 @@ def _warn_overflow(
             "c-overflow",
             f"{left} {op} {right} is {exact}, which does not fit '{kind}', and becomes {kind.wrap(exact)}",
             place,
-            hint="make one of them a long: write L behind it",
+            hint="append L to one of them, to compute in 32 bits",
         )
 
 

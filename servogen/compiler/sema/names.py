@@ -109,7 +109,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
     shown = digits if len(digits) <= DIGITS else digits[:DIGITS] + "…"
     value = int(digits, 8 if octal else 0) if shown == digits else None
     if value is None or value > 0xFFFFFFFF:
-        raise analyser.fail("c-number", f"{shown} does not fit 32 bits", node)
+        raise analyser.fail("c-number", f"{shown} does not fit in 32 bits", node)
     return Num(
         value, analyser.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
     )
@@ -221,7 +221,7 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
     if isinstance(expr, Binary) and expr.op == "==":
         analyser.reporter.warn(
             "c-no-effect",
-            "this comparison does nothing",
+            "this comparison has no effect",
             expr.place,
             hint="'=' assigns, '==' compares" if expr.op == "==" else None,
         )
@@ -230,7 +230,7 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
     elif isinstance(expr, Deref) and isinstance(expr.pointer, Update) and not expr.type.volatile:
         analyser.reporter.warn(
             "c-unused-result",
-            "what the pointer points to is read and not used",
+            "the value that the pointer points to is read but not used",
             expr.place,
             hint="'(*p)++' changes it, 'p++' moves the pointer",
         )

@@ -192,7 +192,7 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
     if isinstance(node, c_ast.Assignment) and node.op == "=" and not meant:
         analyser.reporter.warn(
             "c-assignment-condition",
-            "an assignment as a condition",
+            "an assignment is used as a condition",
             analyser.place(node),
             hint="'==' compares; write '((a = b))' if the assignment is meant",
         )
@@ -337,7 +337,7 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
             analyser.place(node),
         )
     if any(value == known for known, _ in switch.cases):
-        raise analyser.fail("c-jump", f"the case {value} is there twice", node)
+        raise analyser.fail("c-jump", f"duplicate case {value}", node)
     label = CaseLabel(analyser.place(node))
     switch.cases.append((value, label))
     return _labelled(analyser, label, node.stmts)
@@ -348,7 +348,7 @@ def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
         raise analyser.fail("c-jump", "'default' outside a switch", node)
     switch, _ = analyser.body.switches[-1]
     if switch.default is not None:
-        raise analyser.fail("c-jump", "'default' is there twice", node)
+        raise analyser.fail("c-jump", "duplicate 'default'", node)
     switch.default = CaseLabel(analyser.place(node))
     return _labelled(analyser, switch.default, node.stmts)
 
@@ -395,7 +395,7 @@ def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
     if node.name.startswith(CRITICAL_LABEL):
         return _stmt_critical(analyser, node)
     if node.name in analyser.body.labels:
-        raise analyser.fail("c-jump", f"the label '{node.name}' is there twice", node)
+        raise analyser.fail("c-jump", f"duplicate label '{node.name}'", node)
     analyser.body.labels[node.name] = analyser.place(node)
     return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
 
@@ -441,12 +441,14 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
     if isinstance(result, VoidType):
         if isinstance(expr.type, VoidType):
             return Return(expr, place)
-        raise analyser.fail("c-return", f"'{analyser.function.name}' returns void, not a value", node)
+        raise analyser.fail(
+            "c-return", f"'{analyser.function.name}' returns void and cannot return a value", node
+        )
     value = convert(analyser, expr, result, "the result")
     if isinstance(value, AddressOf) and value.target.symbol.kind in ("local", "param"):
         analyser.reporter.warn(
             "c-local-address",
-            f"'{value.target.symbol.name}' does not keep its value after '{analyser.function.name}' returns",
+            f"'{value.target.symbol.name}' no longer exists after '{analyser.function.name}' returns",
             place,
             hint="declare it static",
         )

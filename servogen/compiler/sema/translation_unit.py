@@ -90,7 +90,9 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
             address = len(analyser.program.eeprom)
             if address >= EEPROM_BYTES:
                 analyser.reporter.error(
-                    "c-initialiser", f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place
+                    "c-initialiser",
+                    f"__EEPROM_DATA fills more than the {EEPROM_BYTES} bytes of the EEPROM",
+                    symbol.place,
                 )
                 break
             analyser.program.eeprom[address] = value if isinstance(value, int) else 0

@@ -209,7 +209,7 @@ def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None
         elif decl.name is None:
             continue  # `int;` declares nothing
         elif decl.name in layout.members:
-            raise analyser.fail("c-redeclared", f"the member '{decl.name}' is there twice", decl)
+            raise analyser.fail("c-redeclared", f"duplicate member '{decl.name}'", decl)
         else:
             layout.members[decl.name] = Member(decl.name, kind, offset)
             layout.parts.append(layout.members[decl.name])
@@ -313,7 +313,7 @@ def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
     parameters = []
     for param in params:
         if isinstance(param, c_ast.EllipsisParam):
-            raise analyser.fail("c-unsupported", "functions with '…' arguments are not supported", param)
+            raise analyser.fail("c-unsupported", "functions with '...' parameters are not supported", param)
         if isinstance(param, c_ast.ID):
             parameters.append(analyser.types["uint16_t"] if analyser.c2c else analyser.int_type)
             continue

@@ -23,7 +23,7 @@ void main(void)
   b = TRISB;
   if (PORTB & 0x80) c = 1;
   c++;
-  // warning: RA4 is an open drain: it is high only with a pull-up resistor
+  // warning: RA4 is an open-drain output: it is high only with a pull-up resistor
   if (c == 2) set_bit(PORTA, 4);
   EEADR = 0x33;
   clear_bit(STATUS, RP0);

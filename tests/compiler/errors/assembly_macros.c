@@ -8,9 +8,9 @@ void main(void) {
   asm movlw OCTAL
   // error: assembly: 'SUM' is neither a register nor a variable
   asm movwf SUM
-  // error: assembly: 'CALLED' is not a bit, 0 to 7
+  // error: assembly: 'CALLED' is not a bit number from 0 to 7
   asm bsf _x, CALLED
-  // error: assembly: 'LATER' is not a bit, 0 to 7
+  // error: assembly: 'LATER' is not a bit number from 0 to 7
   asm bsf _x, LATER
 #define LATER 3
 }

@@ -6,7 +6,7 @@ void main(void) {
   sum(1);
   // error: this has no value: its type is void
   x = nothing();
-  // warning: the assignment makes 'unsigned char' of the pointer 'void (*)()' without a cast
+  // warning: the assignment makes 'unsigned char' from the pointer 'void (*)()' without a cast
   // hint: to call a function, write its name and parentheses
   x = nothing;
 }

@@ -1,7 +1,7 @@
 // dialect: xc8
 #include <xc.h>
-// warning: 'ticks' has 2 bytes and is shared with the interrupt, which may come between them
-// hint: switch interrupts off around its uses in the main program
+// warning: 'ticks' has 2 bytes and is shared with the interrupt, which can occur between two of them
+// hint: disable interrupts around its uses in the main program
 unsigned int ticks;
 unsigned int safe;
 unsigned char seconds;

@@ -4,7 +4,7 @@ char a;
 int a;
 // warning: the parameter 'x' is never used
 void f(char x) { }
-// error: 'f' is declared differently before: 'void(unsigned char)', now 'void(int)'
+// error: 'f' was declared as 'void(unsigned char)' before, now as 'void(int)'
 // hint: the other declaration is at declared_twice.c:6:6
 void f(int x);
 // error: the function 'f' is defined twice

@@ -34,9 +34,9 @@ void main(void) {
   n = n >> f;
   // error: an integer is needed here, not 'float'
   n = ~f;
-  // error: '%=' cannot change 'float'
+  // error: '%=' cannot be applied to 'float'
   f %= 2;
-  // error: '<<=' cannot change 'float'
+  // error: '<<=' cannot be applied to 'float'
   f <<= 1;
   // error: an integer is needed here, not 'float'
   n ^= f;
@@ -44,19 +44,19 @@ void main(void) {
   n = table[f];
   // error: an integer is needed here, not 'float'
   switch (f) { }
-  // error: a bit can only be taken of an integer variable
+  // error: only an integer variable has bits
   f.3 = 1;
-  // error: '+' cannot combine 'unsigned char *' and 'float'
+  // error: '+' cannot be applied to 'unsigned char *' and 'float'
   p = p + f;
   // error: 'unsigned char *' cannot be converted to 'float'
   f = (float)p;
-  // error: the assignment needs 'float', this is 'unsigned char *'
+  // error: the assignment needs 'float', not 'unsigned char *'
   f = p;
   // error: 'float' cannot be converted to 'unsigned char *'
   p = (unsigned char *)f;
-  // error: the assignment needs 'unsigned char *', this is 'float'
+  // error: the assignment needs 'unsigned char *', not 'float'
   p = f;
-  // error: the assignment needs 'float', this is 'float *'
+  // error: the assignment needs 'float', not 'float *'
   f = g;
   switch (n) {
     // error: an integer is needed here, not 'float'
@@ -70,7 +70,7 @@ void main(void) {
   f = 0.00000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000001;
   // error: the time must be a whole number
   delay_ms(2.5);
-  // error: 'printf': %d does not show 'float'
+  // error: 'printf': %d cannot print 'float'
   // hint: convert it to an integer with a cast
   printf("%d", f);
   // error: the format of 'printf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l

@@ -7,9 +7,9 @@ void main(void) {
   case 1: ;
   switch (PORTB) {
     case 1:
-    // error: the case 1 is there twice
+    // error: duplicate case 1
     case 1: break;
   }
-  // error: 'main' returns void, not a value
+  // error: 'main' returns void and cannot return a value
   return 1;
 }

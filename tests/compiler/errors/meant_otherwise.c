@@ -6,7 +6,7 @@ unsigned int u;
 struct point { unsigned char x, y, z; };
 // warning: the member 'z' has no value and starts with 0
 struct point p = { 1, 2 };
-// warning: this element has a value already
+// warning: this element already has a value
 unsigned char twice[2] = { [0] = 1, [0] = 2 };
 // warning: a comment begins inside a comment
 // hint: the first '*/' ends both
@@ -18,17 +18,17 @@ static void unused_function(void) { a = 1; }
 unsigned char pressed(void) { return a++; }
 unsigned char total(unsigned char values[4],
   // warning: the parameter 'length' is never used
-  // hint: '(void)length;' says that this is meant
+  // hint: '(void)length;' marks it as intentional
   unsigned char length) {
   // warning: 'values' is a pointer here: this is not the size of the array
   // hint: pass the length as another parameter
   return sizeof values + values[0];
 }
 void conditions(void) {
-  // warning: '&&' of a constant: it only asks whether that is 0
+  // warning: '&&' only tests whether this constant is 0
   // hint: '&' combines the bits
   if (a && 0x01) b = 1;
-  // warning: '||' of a constant: it only asks whether that is 0
+  // warning: '||' only tests whether this constant is 0
   // hint: '|' combines the bits
   if (a || 4) b = 1;
   // warning: '!' of a constant is 0 or 1
@@ -51,7 +51,7 @@ void conditions(void) {
   // warning: this address is always true
   // hint: an element needs an index
   if (list) b = 6;
-  // warning: this compares a signed and an unsigned number: a negative one counts as large
+  // warning: this compares a signed and an unsigned number: a negative one counts as large and positive
   // hint: declare both in the same way, or cast one
   if (s < u) b = 7;
   // warning: '&&' is evaluated before '||'
@@ -68,19 +68,19 @@ void statements(void) {
   if (a) b = 1; else ;
   if (a)
     b = 1;
-    // warning: this is indented like the statement above it, and does not depend on the condition
+    // warning: this is indented like the statement above it, but does not depend on the condition
     // hint: put braces around both
     b = 2;
   // warning: 'a' is assigned to itself
   a = a;
-  // warning: what the pointer points to is read and not used
+  // warning: the value that the pointer points to is read but not used
   // hint: '(*p)++' changes it, 'p++' moves the pointer
   *q++;
   *q = 1;
-  // warning: the loop never changes 'i', which its condition reads
+  // warning: the loop never changes 'i', which its condition tests
   for (i = 0; i < 4; j++) b = j;
   // warning: there is no case for ON, BLINK
-  // hint: write the case, or a default
+  // hint: add the case, or a default
   switch (state) { case OFF: b = 1; }
   switch (a) {
     // warning: this is never reached: it stands before the first case
@@ -94,7 +94,7 @@ never:
 void paths(void) {
   unsigned char c;
   if (a) c = 1;
-  // warning: 'c' is only set if a condition holds, and is read in any case
+  // warning: 'c' is set only if a condition holds, but is read in any case
   b = c;
 }
 void main(void) {

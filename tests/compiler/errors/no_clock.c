@@ -1,5 +1,5 @@
 void main(void) {
   // error: the clock frequency is not known
-  // hint: say '#pragma CLOCK_FREQ 4000000', '#define _XTAL_FREQ 4000000' or --clock-hz
+  // hint: write '#pragma CLOCK_FREQ 4000000' or '#define _XTAL_FREQ 4000000', or give --clock-hz
   delay_ms(1);
 }

@@ -2,6 +2,6 @@ char n;
 void b(void);
 void a(void) { b(); }
 // error: recursion is not possible on this chip: a → b → a
-// hint: variables of functions have fixed places; use a loop
+// hint: the variables of a function have fixed addresses; use a loop
 void b(void) { a(); }
 void main(void) { a(); }

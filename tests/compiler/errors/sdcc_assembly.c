@@ -3,6 +3,6 @@
 
 void main(void)
 {
-    // error: assembly: the literal (1500 + 14) / 4 is 378, not 0 to 255
+    // error: assembly: the literal (1500 + 14) / 4 is 378, outside 0 to 255
     __asm__("movlw (1500 + 14) / 4");
 }

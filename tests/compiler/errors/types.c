@@ -6,7 +6,7 @@ void main(void) {
   p.y = 1;
   // error: an integer is needed here, not 'struct point'
   c = p + 1;
-  // error: '*' needs a pointer, this is 'unsigned char'
+  // error: '*' needs a pointer, not 'unsigned char'
   c = *c;
   // error: this cannot be assigned to
   1 = c;
@@ -14,7 +14,7 @@ void main(void) {
   c.x = 1;
   // error: division by zero
   c = c / 0;
-  // error: the assignment needs 'struct point', this is 'unsigned char'
+  // error: the assignment needs 'struct point', not 'unsigned char'
   p = c;
   // error: 'unsigned char' cannot be indexed
   c[1] = 2;

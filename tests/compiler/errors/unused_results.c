@@ -1,6 +1,6 @@
 // dialect: xc8
 unsigned char count;
-// warning: 'record' has 3 bytes and is shared with the interrupt, which may come between them
+// warning: 'record' has 3 bytes and is shared with the interrupt, which can occur between two of them
 struct { unsigned char byte; int word; } record;
 
 unsigned char next(unsigned char x)
@@ -24,7 +24,7 @@ void __interrupt() each(void)
 void main(void)
 {
     signed char narrow;
-    // warning: the result of 'next' is not used, and it does nothing else
+    // warning: the result of 'next' is not used, and the call has no other effect
     next(2);
     counted();
     // warning: the result of this expression is not used

@@ -8,7 +8,7 @@ void main(void) {
   __delay_ms(n);
   // error: '_delay' takes 0 to 50463240 cycles, not 50463241
   _delay(50463241);
-  // error: '__delay_ms' takes at most 50463240 cycles, these are 60000000
+  // error: '__delay_ms' takes at most 50463240 cycles, not 60000000
   // hint: call it several times, or in a loop
   __delay_ms(60000);
   // error: 'set_bit' belongs to the C2C dialect

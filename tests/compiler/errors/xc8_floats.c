@@ -7,7 +7,7 @@ void main(void) {
   __delay_us(1.5e1 + 5);
   // error: the time must be a whole number
   _delay(2.5);
-  // error: '__delay_us' takes no negative time
+  // error: '__delay_us' cannot take a negative time
   __delay_us(-1.5);
   // error: '__delay_us' needs a constant argument
   __delay_us(1.5 * n);

@@ -6,10 +6,10 @@
 // expect: last == 9
 // expect: after == 6
 // expect: again == 8
-// warning: this element has a value already
+// warning: this element already has a value
 unsigned char back[] = { [1] = 5, [0] = 3, 7 };
 unsigned char far_off[] = { [4] = 9, [1] = 4, 6 };
-// warning: this element has a value already
+// warning: this element already has a value
 const unsigned char twice[] = { 1, [0] = 8 };
 unsigned char length, first, second, longer, last, after, again;
 void main(void) {
