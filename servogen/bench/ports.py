@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
-from servogen.errors import Location, ToolError
+from servogen.errors import Location, ServogenError, ToolError
 
 if os.name == "posix":
     import fcntl
@@ -33,8 +33,10 @@ POLL_S = 0.05
 """How long one look at the port waits for bytes."""
 
 
-class Unplugged(ToolError):
+class Unplugged(ServogenError):
     """Raised when a port disappears while in use."""
+
+    exit_code = ToolError.exit_code
 
 
 @dataclass(frozen=True, slots=True)

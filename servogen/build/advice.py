@@ -18,6 +18,7 @@ import numpy as np
 
 from servogen.build.engines import PlayedJob, planned
 from servogen.compiler import WORDS_NEEDED
+from servogen.engines.firmware import ResourceError
 from servogen.engines.player.layout import Demand
 from servogen.engines.player.shares import Shares, shares
 from servogen.errors import InputError, ServogenError
@@ -92,7 +93,7 @@ class Advice:
     """What an adviser found; `omitted` changes were not tried because time was up."""
 
     job: PlannedJob
-    error: InputError
+    error: ServogenError
     shares: Shares | None = None
     proposals: list[TriedChange] = field(default_factory=list)
     segments: list[TriedChange] = field(default_factory=list)
@@ -202,10 +203,10 @@ def _parts_text(found: Shares) -> str:
 
 def advised(
     job: PlannedJob,
-    error: InputError,
+    error: ServogenError,
     progress: Progress = lambda step: None,
     now: Callable[[], float] = time.monotonic,
-) -> InputError:
+) -> ServogenError:
     """Return the error with advice in its hint and its details, if there is any.
 
     `progress` is called with each change before it is tried; `now` returns the time in seconds.
@@ -246,11 +247,11 @@ def _shares(job: PlannedJob) -> Shares | None:
         return None
     try:
         return shares(job)
-    except InputError:
+    except (InputError, ResourceError):
         return None
 
 
-def _groups(job: PlannedJob, error: InputError, found: Shares | None) -> Iterator[list[JobChange]]:
+def _groups(job: PlannedJob, error: ServogenError, found: Shares | None) -> Iterator[list[JobChange]]:
     """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
     period_us = float(job.frame.period.requested_us)

@@ -156,7 +156,7 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     """
     try:
         return _built(job, progress)
-    except InputError as error:
+    except (InputError, ResourceError) as error:
         raise advised(job, error, progress) from error
 
 

@@ -91,12 +91,12 @@ def _planned(job: PlannedJob) -> PlayedJob:
     names = _suitable(job)
     if len(names) == 1:
         return _played_by(names[0], job)
-    refused: list[InputError] = []
+    refused: list[InputError | ResourceError] = []
     for name in names:
         try:
             played = _played_by(name, job)
             played.make(job.firmware.dialect)
-        except InputError as error:
+        except (InputError, ResourceError) as error:
             refused.append(error)
             continue
         return played

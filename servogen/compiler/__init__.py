@@ -2,8 +2,8 @@
 listing.
 """
 
-from servogen.compiler.diagnostics import WORDS_NEEDED, CompileError
+from servogen.compiler.diagnostics import WORDS_NEEDED
 from servogen.compiler.driver import Compilation, compile_sources
 from servogen.compiler.options import Options, Source
 
-__all__ = ["WORDS_NEEDED", "Compilation", "CompileError", "Options", "Source", "compile_sources"]
+__all__ = ["WORDS_NEEDED", "Compilation", "Options", "Source", "compile_sources"]

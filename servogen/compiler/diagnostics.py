@@ -1,6 +1,6 @@
 """Errors and warnings about a program, and the source lines that they point to.
 
-In: messages from every stage. Out: `Diagnostic` values, and one `CompileError` that carries them all.
+In: messages from every stage. Out: `Diagnostic` values, and one `InputError` that carries them all.
 """
 
 from __future__ import annotations
@@ -57,10 +57,6 @@ WARNINGS = frozenset(
 """The codes that a warning can have, which `unwanted` leaves out; some are also codes of errors."""
 
 
-class CompileError(InputError):
-    """Raised when the program cannot be compiled; `diagnostics` holds errors and warnings in source order."""
-
-
 WORDS_NEEDED = "words_needed"
 """The key, among the details of the error, of the words that a program too large for flash needs."""
 
@@ -108,7 +104,7 @@ class Reporter:
         self._diagnostics[Diagnostic(severity, code, message, place, hint)] = None
 
     def error(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
-        """Report an error; raise CompileError once there are too many to be useful."""
+        """Report an error; raise InputError once there are too many to be useful."""
         self._add("error", code, message, place, hint)
         self._errors += 1
         if self._errors >= ERRORS:
@@ -160,13 +156,13 @@ class Reporter:
                 quoted[place.file or "", place.line or 0] = line
         return quoted
 
-    def failure(self) -> CompileError:
+    def failure(self) -> InputError:
         """Return the error that carries everything reported."""
-        error = CompileError.of(self.ordered(), self.source_lines())
+        error = InputError.of(self.ordered(), self.source_lines())
         error.details = self.details
         return error
 
     def stop_on_error(self) -> None:
-        """Raise CompileError if an error was reported."""
+        """Raise InputError if an error was reported."""
         if any(diagnostic.severity == "error" for diagnostic in self._diagnostics):
             raise self.failure()

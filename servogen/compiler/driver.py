@@ -1,6 +1,6 @@
 """The complete compilation: from source texts and options to an image and its listing.
 
-In: `Source`s and `Options`. Out: a `Compilation`, or CompileError with every diagnostic.
+In: `Source`s and `Options`. Out: a `Compilation`, or InputError with every diagnostic.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Compilation:
 
 
 def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:
-    """Compile the source files of one program. Raises CompileError with all errors and warnings."""
+    """Compile the source files of one program. Raises InputError with all errors and warnings."""
     options = options or Options()
     if options.dialect not in DIALECTS:
         raise InputError(
@@ -99,7 +99,7 @@ class _TooFast(Exception):
 
 
 def _reported(sources: Sequence[Source], options: Options) -> Compilation:
-    """Compile; raise CompileError where a reported error ends the compilation."""
+    """Compile; raise InputError where a reported error ends the compilation."""
     reporter = Reporter(options.unwanted)
     try:
         return _compile(sources, options, reporter)

@@ -21,7 +21,7 @@ from servogen.drive.controller import ServoController
 from servogen.drive.motions import AngleFunction
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE, group_begins, group_goes, speed_command
-from servogen.errors import InputError, Location, ToolError
+from servogen.errors import InputError, Location, ServogenError, ToolError
 from servogen.motion.trajectory import Floats
 
 Log = Callable[[dict[str, object]], None]
@@ -222,7 +222,7 @@ class DriveSession:
                 self._group_goes(1)
             self._pose(self.controller.changes([None] * len(self._sent), self.stop))
             self.line.drain()
-        except (ToolError, InputError) as error:
+        except ServogenError as error:
             self.log({"s": self._now(), "event": "not stopped", "text": str(error)})
             return
         self.summary.stopped = True

@@ -13,7 +13,7 @@ from pathlib import Path
 from servogen.drive.controller import ControllerChannel, ServoController
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE
-from servogen.errors import Diagnostic, InputError, Location, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, ServogenError, did_you_mean
 from servogen.job import Job, calibrated, plan_job
 from servogen.robot.calibration import Reading
 from servogen.units import counted
@@ -158,6 +158,6 @@ def refusals(job: Job, servo: str, file: Path) -> tuple[Diagnostic, ...]:
     """Return warnings that say why the job cannot make its motion with a servo's calibration from `file`."""
     try:
         plan_job(calibrated(job, servo, str(file.resolve())))
-    except InputError as error:
+    except ServogenError as error:
         return tuple(replace(diagnostic, severity="warning") for diagnostic in error.diagnostics)
     return ()

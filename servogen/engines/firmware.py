@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.engines.sequence.overheads import Overheads
 from servogen.engines.stored_script import Stored
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.units import Cycles
 
 TOO_LARGE = "program-too-large"
 """The compiler's code for a program that the chip cannot hold."""
 
 
-class ResourceError(InputError):
+class ResourceError(ServogenError):
     """A motion that can be planned but that its engine cannot fit on the chip."""
 
 
@@ -24,7 +24,7 @@ def compiled_to_fit(
     """Return the compiled C of an engine. Raises ResourceError if the chip is too small for it."""
     try:
         return compile_sources([Source(text, file)], options)
-    except CompileError as error:
+    except InputError as error:
         if error.code != TOO_LARGE:  # a defect of the templates
             raise
         refusal = ResourceError(

@@ -92,7 +92,7 @@ class _Reader:
         The result is the nearest solution of the pose from which all paths can be followed; if there is none,
         the error is that of the nearest solution.
         """
-        refused: list[InputError] = []
+        refused: list[ChangesBranch | LeavesReach] = []
         for state in self.states(first, before)[:MAX_CHOICES]:
             states: list[tuple[_State, _FollowedPath | None]] = [(state, None)]
             try:

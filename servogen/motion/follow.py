@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, Location
+from servogen.errors import InputError, Location, ServogenError
 from servogen.kinematics.inverse.unreachable import in_mm
 from servogen.motion.paths import SpatialPath
 from servogen.motion.trajectory import Floats
@@ -64,7 +64,7 @@ FIRST_SAMPLES, BLOCK, SPLIT = 64, 64, 8
 MAX_SAMPLES = 1 << 14
 
 
-class LeavesReach(InputError):
+class LeavesReach(ServogenError):
     """The path has no solution at `share`, at `point` (metres)."""
 
     def __init__(
@@ -77,7 +77,7 @@ class LeavesReach(InputError):
         self.point = point
 
 
-class ChangesBranch(InputError):
+class ChangesBranch(ServogenError):
     """The joints would have to jump between two solutions at `share` of the path, at `point` (metres)."""
 
     def __init__(

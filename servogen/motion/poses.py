@@ -17,7 +17,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Diagnostic, InputError, Location
+from servogen.errors import Diagnostic, InputError, Location, ServogenError
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import JointLimits
@@ -186,7 +186,7 @@ class _Sampler:
             else:
                 frames = self._count(pose.move_s, "move_s", pose)
                 self._add(moves.straight(start, end, pose.law, frames), pose)
-        except InputError as error:
+        except ServogenError as error:
             raise error if error.location else error.at(pose.place) from error
 
     def _along(self, pose: Pose, path: moves.FollowPath) -> None:

@@ -21,7 +21,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
+from servogen.errors import InputError
 from servogen.pic.device import RAM_FIRST
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Clock
@@ -279,7 +280,7 @@ def target(program: FloatProgram, expected: Sequence[int]) -> Outcome:
             [Source(program.chip(), "program.c")],
             Options(dialect=program.dialect, float_bits=program.bits, optimise=program.level),
         )
-    except CompileError as error:
+    except InputError as error:
         errors = [each for each in error.diagnostics if each.severity == "error"]
         big = all(each.code in ("program-too-large", "c-call-depth") for each in errors)
         return Outcome("too big" if big else "refused", str(error))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
+from servogen.errors import InputError
 
 MAIN = "void main(void) { PORTB = 1; }\n"
 DOUBLED = "#define A0 1\n" + "".join(f"#define A{n + 1} A{n} + A{n}\n" for n in range(40))
@@ -86,7 +87,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_a_source_without_measure_is_refused(case: str) -> None:
     text, message, line = CASES[case]
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text, "main.c")])
     errors = [each for each in caught.value.diagnostics if each.severity == "error"]
     assert message is None or errors[0].message == message
@@ -113,14 +114,14 @@ def test_a_shift_of_the_preprocessor_makes_no_huge_number() -> None:
 )
 def test_a_file_that_includes_itself_is_refused(text: str, message: str) -> None:
     options = Options(include=lambda name, includer: (name, text))
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text, "main.c")], options)
     errors = {each.message for each in caught.value.diagnostics}
     assert message in errors and errors <= {message, "#include is nested more than 20 levels deep"}
 
 
 def test_a_file_is_not_included_without_end() -> None:
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources(
             [Source('#include "a.h"\n' * 300, "main.c")], Options(include=lambda name, _: (name, ";\n"))
         )
@@ -130,7 +131,7 @@ def test_a_file_is_not_included_without_end() -> None:
 
 def test_the_compiler_stops_after_fifty_errors() -> None:
     text = "void main(void) {\n" + "".join(f"  x{n} = 1;\n" for n in range(1_000)) + "}"
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text, "main.c")])
     assert len(caught.value.diagnostics) == 50
 
@@ -141,7 +142,7 @@ def test_what_is_opened_again_and_again_is_read_once(opened: str) -> None:
     text = MAIN + opened * (190_000 // len(opened))
     try:
         assert compile_sources([Source(text, "main.c")]).words
-    except CompileError as error:
+    except InputError as error:
         assert error.diagnostics[0].location.line
 
 
@@ -159,7 +160,7 @@ def test_no_more_functions_have_numbers_than_a_byte_counts() -> None:
     functions = "".join(f"void f{number}(void) {{ PORTA = 1; }}\n" for number in range(256))
     uses = "".join(f"p = f{number};" for number in range(256))
     text = f"#include <xc.h>\n{functions}void (*p)(void);\nvoid main(void) {{ {uses} }}"
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text, "many.c")], Options(dialect="xc8"))
     messages = [each.message for each in caught.value.diagnostics if each.severity == "error"]
     assert messages == ["the addresses of more than 255 functions are taken"]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.compiler.driver import LEVELS
 from servogen.compiler.frontend.dialects import DIALECTS
+from servogen.errors import InputError
 from tests.compiler.bus import Bus
 
 EVERYWHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]
@@ -261,7 +262,7 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
     ],
 )
 def test_what_contradicts_is_an_error(text: str, message: str) -> None:
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text + "\nvoid main(void) { }", "main.c")])
     assert [each.message for each in caught.value.diagnostics if each.severity == "error"] == [message]
     assert caught.value.diagnostics[0].location.line

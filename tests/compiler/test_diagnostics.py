@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
-from servogen.errors import Diagnostic
+from servogen.compiler import Compilation, Options, Source, compile_sources
+from servogen.errors import Diagnostic, InputError
 
 CARET = "‸"
 
 
-def reported(dialect: str, text: str) -> Compilation | CompileError:
+def reported(dialect: str, text: str) -> Compilation | InputError:
     try:
         return compile_sources([Source(text, "main.c")], Options(dialect=dialect))
-    except CompileError as error:
+    except InputError as error:
         return error
 
 
@@ -771,6 +771,6 @@ def test_a_clock_that_is_too_slow_for_a_variable_delay() -> None:
 
 def test_a_file_that_includes_itself_is_an_error() -> None:
     options = Options(include=lambda name, _: (name, '#include "a.h"\n'))
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source('#include "a.h"\nvoid main(void) { }', "main.c")], options)
     assert messages(caught.value.diagnostics) == ["#include is nested more than 20 levels deep"]

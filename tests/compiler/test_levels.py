@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.compiler.options import LEVELS
 from servogen.edges import PINS
 from servogen.errors import InputError
@@ -94,7 +94,7 @@ def test_a_full_stack_leaves_no_level_for_sharing() -> None:
 
 def test_a_level_too_many_is_still_an_error() -> None:
     text = "unsigned char a, b, c, d;\n" + calls(9, SAME) + "void main(void) { f1(); }"
-    with pytest.raises(CompileError, match="calls go 9 levels deep"):
+    with pytest.raises(InputError, match="calls go 9 levels deep"):
         build(text, "size")
 
 
@@ -139,6 +139,6 @@ def test_a_program_that_cannot_fit_is_not_searched_for_equal_code() -> None:
     """It is refused with its size in words, without the hint of -Os and without minutes of search."""
     statements = "PORTB = x + 1; x = PORTA; " * 900
     text = f"unsigned char x;\nvoid f(void) {{ {statements} }}\nvoid main(void) {{ f(); }}"
-    with pytest.raises(CompileError, match="words of flash, the chip has 1024") as caught:
+    with pytest.raises(InputError, match="words of flash, the chip has 1024") as caught:
         compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise="size"))
     assert caught.value.code == "program-too-large"

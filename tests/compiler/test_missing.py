@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
+from servogen.errors import InputError
 
 END = "void main(void) { }\n"
 MISSING = {
@@ -43,7 +44,7 @@ MISSING = {
 def test_what_is_missing_is_refused_and_named(name: str) -> None:
     text, said = MISSING[name]
     dialect = "c2c" if name in ("delay", "mikroC", "CCS C") else "xc8"
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text)], Options(dialect, clock_hz=4_000_000))
     errors = [each.message for each in caught.value.diagnostics if each.severity == "error"]
     assert any(said in each for each in errors), errors

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from servogen.compiler import CompileError, Options, Source, compile_sources, driver
+from servogen.compiler import Options, Source, compile_sources, driver
 from servogen.compiler.diagnostics import WARNINGS, Reporter
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError
 from servogen.pic.device import register_bits, registers
 from servogen.programs import dialect_of, included_names
 
@@ -64,7 +64,7 @@ def reported(mistake: Mistake, unwanted: frozenset[str] = frozenset()) -> tuple[
     options = Options(mistake.dialect, unwanted=unwanted)
     try:
         return compile_sources([Source(mistake.text)], options).diagnostics
-    except CompileError as error:
+    except InputError as error:
         return error.diagnostics
 
 

@@ -23,9 +23,9 @@ from pathlib import Path
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.edges import PINS
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError
 from servogen.pic.device import RAM_FIRST
 from servogen.simulator import Machine
 from servogen.units import Clock
@@ -107,7 +107,7 @@ def test_a_program_does_what_its_comments_state(path: Path) -> None:
     options = Options(dialect=wanted.dialect, clock_hz=wanted.clock)
     try:
         found = compile_sources([Source(text, path.name)], options)
-    except CompileError as error:
+    except InputError as error:
         assert sorted(said(error.diagnostics, wanted)) == sorted(wanted.diagnostics), str(error)
         return
     assert not [each for each in wanted.diagnostics if each[0] == "error"], (

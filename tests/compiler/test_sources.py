@@ -6,8 +6,9 @@ from fractions import Fraction
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.edges import PINS
+from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.simulator import Machine
 from servogen.simulator.sources import Serial
@@ -22,7 +23,7 @@ def build(text: str, **options: object) -> Compilation:
 
 
 def errors(text: str, **options: object) -> list[str]:
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         build(text, **options)
     return [each.message for each in caught.value.diagnostics if each.severity == "error"]
 
@@ -103,7 +104,7 @@ def test_several_sources_share_what_is_not_static() -> None:
 
 def test_included_files_come_from_the_resolver_and_keep_their_places() -> None:
     files = {"pins.h": "#define LED RB3\nvoid on(void) { LED = 1 }\n"}
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         build('#include "pins.h"\nvoid main(void) { on(); }', include=lambda name, _: (name, files[name]))
     assert (
         str(caught.value).splitlines()[0]
@@ -120,7 +121,7 @@ def test_a_program_that_is_too_large_says_how_large() -> None:
             + "".join(f"PORTB = {n % 256}; PORTA = {n * n % 251};" for n in range(300))
             + "}"
         )
-        with pytest.raises(CompileError) as caught:
+        with pytest.raises(InputError) as caught:
             compile_sources([Source(unlike, "main.c")], Options(optimise=level))
         assert caught.value.diagnostics[0].hint == hint
 
@@ -128,7 +129,7 @@ def test_a_program_that_is_too_large_says_how_large() -> None:
 def test_calls_that_go_too_deep_show_their_path() -> None:
     functions = "".join(f"void f{n}(void) {{ f{n + 1}(); PORTB = {n}; }}\n" for n in range(1, 9))
     text = "void f9(void) { PORTB = 9; }\n" + functions + "void main(void) { TRISB = 0; f1(); }"
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         build(text)
     (found,) = caught.value.diagnostics
     assert str(found.location) == "main.c:10:6"

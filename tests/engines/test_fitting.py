@@ -3,8 +3,9 @@
 import pytest
 
 from servogen.build import ResourceError
-from servogen.compiler import CompileError, Options
+from servogen.compiler import Options
 from servogen.engines.firmware import compiled_to_fit
+from servogen.errors import InputError
 
 TOO_MANY_WORDS = f"void main() {{ {'nop(); ' * 1100} }}"
 TOO_MUCH_RAM = "char a[40], b[40]; void main() { a[b[0]] = 1; b[a[0]] = 1; }"
@@ -21,6 +22,6 @@ def test_what_the_chip_is_too_small_for_does_not_fit(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["void main() { x = 1; }", "#define\nvoid main() { }", "void main() { if }"])
 def test_what_is_wrong_is_told_as_it_is(text: str) -> None:
-    with pytest.raises(CompileError) as error:
+    with pytest.raises(InputError) as error:
         compiled_to_fit(text, "main.c", Options(dialect="c2c"), "job", "the player", "shorten it")
     assert not isinstance(error.value, ResourceError)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.pic.assembler import Assembly, AssemblyError, assemble
+from servogen.errors import InputError
+from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.device import DEVICES
 
 FILE = "t.asm"
@@ -84,7 +85,7 @@ class Asm:
         """The errors of a source as "line:column number text"."""
         try:
             assemble(source, FILE, DEVICES[0])
-        except AssemblyError as error:
+        except InputError as error:
             return [
                 f"{each.location.line}:{each.location.column} {MPASM[each.code]} {each.message}"
                 for each in error.diagnostics

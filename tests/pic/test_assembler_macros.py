@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from servogen.pic.assembler import AssemblyError, assemble, beside
+from servogen.errors import InputError
+from servogen.pic.assembler import assemble, beside
 from servogen.pic.device import REGISTERS, device
 
 
@@ -68,7 +69,7 @@ def test_the_number_of_arguments_is_checked(asm: Any, call: str, number: int) ->
 
 
 def test_an_error_in_a_macro_says_where_it_was_called() -> None:
-    with pytest.raises(AssemblyError) as error:
+    with pytest.raises(InputError) as error:
         assemble("m macro x\n movlw x\n endm\n\n m nothing\n end", "t.asm")
     assert str(error.value) == (
         "t.asm:2:8: error: symbol not previously defined: 'nothing' [asm-undefined-symbol]\n"
@@ -173,7 +174,7 @@ def test_a_missing_include_file_is_an_error(asm: Any) -> None:
 
 
 def test_a_register_without_the_header_says_how_to_get_it() -> None:
-    with pytest.raises(AssemblyError) as error:
+    with pytest.raises(InputError) as error:
         assemble(" clrf PORTB\n end")
     assert error.value.hint is not None
     assert "include <p16f84.inc>" in error.value.hint
@@ -187,5 +188,5 @@ def test_files_beside_the_source_are_found_in_any_case(tmp_path: Path) -> None:
 
 
 def test_a_file_that_includes_itself_without_end_is_an_error() -> None:
-    with pytest.raises(AssemblyError, match="without end"):
+    with pytest.raises(InputError, match="without end"):
         assemble(" include loop.inc\n end", "t.asm", None, {"loop.inc": " include loop.inc\n"}.get)

@@ -8,7 +8,8 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servogen.pic.assembler import AssemblyError, assemble, mnemonics
+from servogen.errors import InputError
+from servogen.pic.assembler import assemble, mnemonics
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
@@ -71,7 +72,7 @@ LINES = st.lists(
 def check(source: str) -> None:
     try:
         assembly = assemble(source, "t.asm")
-    except AssemblyError as error:
+    except InputError as error:
         assert error.diagnostics
         assert all(each.location.line is not None for each in error.diagnostics)
     else:
@@ -93,7 +94,7 @@ def test_no_text_crashes_it(text: str) -> None:
 def test_deep_brackets_are_an_error_with_a_column() -> None:
     try:
         assemble(f" movlw {'(' * 5000}1\n end")
-    except AssemblyError as error:
+    except InputError as error:
         assert error.location is not None
         assert error.location.column is not None
 

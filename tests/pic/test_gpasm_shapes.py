@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from servogen.pic.assembler import AssemblyError, assemble
+from servogen.errors import InputError
+from servogen.pic.assembler import assemble
 from servogen.pic.device import PIC16C84, device
 from servogen.pic.image import Image, from_hex
 from tests.cli.conftest import Run, run  # noqa: F401 - a fixture
@@ -79,7 +80,7 @@ def test_elif_is_what_it_is_in_gpasm(name: str) -> None:
     if words is not None:
         assert list(assemble(source(body)).image.program.values()) == words
         return
-    with pytest.raises(AssemblyError) as caught:
+    with pytest.raises(InputError) as caught:
         assemble(source(body))
     assert "unknown operation 'elif" in caught.value.diagnostics[0].message
     assert "ELSE and ENDIF" in (caught.value.diagnostics[0].hint or "")
@@ -122,7 +123,7 @@ def test_its_include_file_alone_names_the_chip() -> None:
 
 
 def test_config_is_refused_as_gpasm_refuses_it() -> None:
-    with pytest.raises(AssemblyError) as caught:
+    with pytest.raises(InputError) as caught:
         assemble(" list p=16c84\n config FOSC=XT\n end\n")
     (error,) = caught.value.diagnostics
     assert (error.code, error.location.line) == ("asm-config", 2)

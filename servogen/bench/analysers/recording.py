@@ -17,6 +17,7 @@ import numpy as np
 from servogen.bench.analysers.memory import CapturePlan
 from servogen.bench.analysers.sump import Runs
 from servogen.bench.analysers.sump_client import ReceivedSamples
+from servogen.bench.ports import Unplugged
 from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace, Expected, edge_chunk, join, part
 from servogen.errors import InputError, Location, ToolError
 from servogen.traces.captures import capture_writer
@@ -149,7 +150,7 @@ def stitch(
         number = len(records)
         try:
             capture = look(planned.shorter(number % LENGTHS), number + 1)
-        except ToolError as error:
+        except (ToolError, Unplugged) as error:
             if not records:
                 raise
             return Stitched(tuple(records), error.message, len(different - seen))

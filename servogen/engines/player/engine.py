@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-from servogen.compiler import WORDS_NEEDED, CompileError, Options
+from servogen.compiler import WORDS_NEEDED, Options
 from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
 from servogen.engines.player import Playing, SlotLayout, playing
 from servogen.engines.player.buttons import waited, waited_motion
@@ -21,7 +21,7 @@ from servogen.engines.player.soft_start import with_soft_start
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stored_script import Stored, eeprom_room, in_eeprom, in_flash
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError
 from servogen.motion import JointTrajectory
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.listing import Listing
@@ -91,7 +91,7 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
             return with_script(stored)
         except ResourceError as larger:
             why = larger.__cause__
-            assert isinstance(why, CompileError)
+            assert isinstance(why, InputError)
             message = (
                 f"{error.message}; with its script in the EEPROM, as far as it fits there, {why.message}"
             )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from servogen.errors import InputError, Location
+from servogen.errors import Location, ServogenError
 
 
-class Unreachable(InputError):
+class Unreachable(ServogenError):
     """No solution: `reason` says why, `nearest` is the nearest point in metres that the tool reaches.
 
     `as_asked`: whether it is reached in the orientation asked for, or with the wrist at home where none is.

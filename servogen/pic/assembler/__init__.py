@@ -19,11 +19,9 @@ from servogen.pic.assembler.instructions import (
     mnemonics,
     parse_line,
 )
-from servogen.pic.assembler.messages import AssemblyError
 
 __all__ = [
     "Assembly",
-    "AssemblyError",
     "BinaryOperation",
     "Expression",
     "Here",

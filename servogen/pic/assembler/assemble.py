@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.errors import Diagnostic, Location, SourceLines
+from servogen.errors import Diagnostic, InputError, Location, SourceLines
 from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
-from servogen.pic.assembler.messages import AssemblyError
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
 from servogen.pic.assembler.state import Include, Pass
@@ -54,7 +53,7 @@ class Assembly:
 def assemble(
     text: str, file: str = "source.asm", device: Device | None = None, include: Include | None = None
 ) -> Assembly:
-    """Assemble a source. Raises AssemblyError with every error found.
+    """Assemble a source. Raises InputError with every error found.
 
     If `device` is None, the source selects it, with the PIC16F84 as default. `include` returns the text of an
     include file, see `beside`; the chips' own headers are built in.
@@ -82,7 +81,7 @@ def assemble(
             state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", place))
     sources = {file: text, **state.sources}
     if state.log.errors:
-        raise AssemblyError.of(state.log.errors, _lines_of(state.log.errors, sources))
+        raise InputError.of(state.log.errors, _lines_of(state.log.errors, sources))
     labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
     return Assembly(
         image=state.memory.image(),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import Diagnostic
 
 NUMBERS: Mapping[str, int] = {
     "asm-else-if": 122,
@@ -48,10 +48,6 @@ class SourceError(Exception):
         self.text = text
         self.column = column
         self.hint = hint
-
-
-class AssemblyError(InputError):
-    """Raised when the source cannot be assembled: carries every error found."""
 
 
 MAX_ERRORS = 100

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 from servogen import isolation
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
 from servogen.errors import Diagnostic, InputError
 from servogen.inputs import MAX_TEXT_BYTES
 from servogen.isolation import COMPILING, LimitExceeded, ProcessDied
@@ -95,14 +95,12 @@ def _errors(program: Path, *, alone: bool) -> list[Diagnostic] | Verdict:
     for clock_hz in (None, 4_000_000):
         try:
             isolation.run(partial(_compiled, [program, *beside], clock_hz), COMPILING)
-        except CompileError as error:
+        except InputError as error:
             found = [each for each in error.diagnostics if each.severity == "error"]
             missing = [each.code == "c-clock" and "is not known" in each.message for each in found]
             if clock_hz is None and any(missing):
                 continue
             return found
-        except InputError as error:
-            return list(error.diagnostics)
         except LimitExceeded as error:
             return Verdict("over limit", str(error))
         except ProcessDied as error:

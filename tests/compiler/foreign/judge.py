@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from servogen import isolation
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.errors import InputError
 from servogen.isolation import COMPILING, LimitExceeded, ProcessDied, WorkLimits
@@ -73,12 +73,10 @@ def judge(
         return Verdict("unsuitable", _ELSEWHERE[program.name])
     try:
         image = isolation.run(partial(compiled, program, level, compiler), limits)
-    except CompileError as error:
+    except InputError as error:
         messages = [each.message for each in error.diagnostics if each.severity == "error"]
         said = next((each for each in messages if not TOO_LARGE.search(each)), messages[0])
         return Verdict("refused", said)
-    except InputError as error:
-        return Verdict("refused", str(error))
     except LimitExceeded as error:
         return Verdict("over limit", str(error))
     except ProcessDied as error:

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from types import FrameType
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
 from servogen.errors import InputError
 from tests.compiler.fuzz.mutate import Corpus
 
@@ -40,15 +40,13 @@ def verdict(text: str, dialect: str, level: str = "speed", *, limit: bool = True
             [Source(text, "fuzz.c")], Options(dialect=dialect, clock_hz=4_000_000, optimise=level)
         )
         return "program", ""
-    except CompileError as error:
+    except InputError as error:
         places = all(each.message for each in error.diagnostics)
         return (
             ("diagnostics", "")
             if places and error.diagnostics
             else ("traceback", "an error without a message")
         )
-    except InputError as error:
-        return "diagnostics", str(error)
     except TooLong:
         return "slow", traceback.format_exc(limit=-3)
     except Exception:

@@ -4,7 +4,8 @@ more.
 
 import pytest
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options, Source, compile_sources
+from servogen.errors import InputError
 from tests.compiler.fuzz.__main__ import LEVELS, verdict
 from tests.compiler.fuzz.mutate import DIALECTS, Corpus
 
@@ -32,7 +33,7 @@ def test_the_same_seed_is_the_same_source() -> None:
 @pytest.mark.parametrize("opening", ["(", "-", "{", "if (1) ", "x = ", "(char)"])
 def test_deep_nesting_is_an_error_that_says_so(opening: str) -> None:
     text = f"char x;\nvoid main(void) {{ {opening * 5000}x; }}"
-    with pytest.raises(CompileError) as caught:
+    with pytest.raises(InputError) as caught:
         compile_sources([Source(text, "deep.c")], Options(dialect="xc8"))
     assert str(caught.value.diagnostics[-1]).startswith("deep.c")
 

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options, Source, compile_sources
+from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
@@ -86,7 +87,7 @@ def target(program: Program, expected: Check | None) -> Outcome:
     """Compile and run one program, and compare."""
     try:
         found = compiled(program)
-    except CompileError as error:
+    except InputError as error:
         message = next(each.message for each in error.diagnostics if each.severity == "error")
         return Outcome(
             "too big" if any(each in message for each in TOO_BIG) else "refused", expected, message=message
