@@ -27,7 +27,7 @@ from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
 from servogen.edges import PINS
-from servogen.errors import InputError, ToolError
+from servogen.errors import InputError, ServogenError
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.units import Clock
@@ -311,7 +311,7 @@ def test_a_board_that_does_not_answer_is_an_error_of_the_bench(
     monkeypatch.setattr(adapter_module, "ANSWER_S", 0.1)
     rig = Rig(program(IDLE), options=options)
     path = serve({"inputs": rig.board}).paths["inputs"]
-    with pytest.raises(ToolError) as raised, input_adapter(path, rig.wiring):
+    with pytest.raises(ServogenError) as raised, input_adapter(path, rig.wiring):
         pass
     assert raised.value.diagnostics[0].code == code
     assert raised.value.exit_code == 3

@@ -8,7 +8,7 @@ import pytest
 from servogen.build import advice, build, planned
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.shares import shares
-from servogen.errors import InputError
+from servogen.errors import InputError, ServogenError
 from servogen.job import load, loads, plan_job
 from tests.engines.player.player_jobs import ROOT, job_text, poses
 
@@ -20,8 +20,8 @@ LONG = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace(
 )
 
 
-def refused(text: str) -> InputError:
-    with pytest.raises(InputError) as caught:
+def refused(text: str) -> ServogenError:
+    with pytest.raises(ServogenError) as caught:
         build(plan_job(loads(text, "job.toml")))
     return caught.value
 
@@ -58,7 +58,7 @@ def too_long(low: float, high: float) -> str:
 
 
 @cache
-def frame_too_short() -> InputError:
+def frame_too_short() -> ServogenError:
     return refused(too_long(10, 178))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from servogen.build import planned
 from servogen.engines.registry import ENGINES
-from servogen.errors import InputError
+from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
 
@@ -61,7 +61,7 @@ def foot(*xyz: float) -> str:
 
 
 def error_of(text: str) -> str:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ServogenError) as caught:
         plan_job(loads(text, "job.toml"))
     assert caught.value.exit_code == 2
     return str(caught.value)

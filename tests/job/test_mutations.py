@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.errors import InputError
+from servogen.errors import ServogenError
 from servogen.job import loads, plan_job, template
 from servogen.pulse import from_json, plan
 
@@ -42,7 +42,7 @@ def test_a_mutated_job_is_planned_or_refused(seed: int) -> None:
         try:
             job = plan_job(loads(mutated(random_), "job.toml"))
             schedule = plan(job.trajectory, job.servos, job.frame).schedule
-        except InputError as error:
+        except ServogenError as error:
             assert error.location is not None
             assert error.location.file == "job.toml"
         else:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.errors import InputError
+from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
@@ -20,7 +20,7 @@ def made(text: str) -> PlannedJob:
 
 
 def error_of(text: str) -> str:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ServogenError) as caught:
         made(text)
     return str(caught.value)
 

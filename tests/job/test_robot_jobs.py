@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.errors import InputError
+from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import plan
 
@@ -23,7 +23,7 @@ def changed(text: str, *replacements: tuple[str, str]) -> str:
 
 
 def error_of(text: str) -> str:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ServogenError) as caught:
         plan_job(loads(text, "job.toml"))
     return str(caught.value)
 

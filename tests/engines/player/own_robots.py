@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from servogen.build import BuiltProgram, checked_cycles, planned
 from servogen.build.build import proven
 from servogen.engines.c_text import DIALECTS
-from servogen.errors import InputError
+from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.plan_error import PlanError
 
@@ -39,7 +39,7 @@ class Robot:
     job: str
 
     def planned(self, folder: Path) -> PlannedJob:
-        """Return the planned job. Raises InputError where it cannot walk."""
+        """Return the planned job. Raises ServogenError where it cannot walk."""
         (folder / "own.toml").write_text(self.robot)
         path = folder / "job.toml"
         path.write_text(self.job)
@@ -98,7 +98,7 @@ def robots(count: int, seed: int) -> list[Robot]:
             robot = drawn(len(found), chance)
             try:
                 robot.planned(Path(folder))
-            except InputError:
+            except ServogenError:
                 continue
             found.append(robot)
     return found
@@ -124,7 +124,7 @@ def outcome(robot: Robot) -> Outcome | str:
     try:
         found = planned(job)
         made = [found.make(dialect) for dialect in DIALECTS]
-    except InputError as error:
+    except ServogenError as error:
         return str(error)
     schedule = found.plan.schedule
     assert schedule.plan_error is not None

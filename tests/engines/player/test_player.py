@@ -6,8 +6,8 @@ import pytest
 
 from servogen.build import build, prove, running
 from servogen.edges import PINS, join
+from servogen.engines.firmware import ResourceError
 from servogen.engines.player.engine import play
-from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.simulator import Machine
@@ -120,7 +120,7 @@ def test_held_poses_between_two_steps_are_held() -> None:
 
 def test_a_motion_with_too_many_poses_is_refused_with_its_bytes() -> None:
     long = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace("forward_mm = 40, cycles = 4", WAYS)
-    with pytest.raises(InputError, match=r"the motion's poses have \d+ bytes: their table holds 256"):
+    with pytest.raises(ResourceError, match=r"the motion's poses have \d+ bytes: their table holds 256"):
         build(plan_job(loads(long, "long.toml")))
 
 
