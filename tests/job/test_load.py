@@ -412,7 +412,7 @@ def test_a_job_is_loaded_without_planning_and_the_planner_names_the_line() -> No
     """No angles of the leg reach the point, which only planning finds out."""
     text = foot(25, 60, -1000)
     job = loads(text, "job.toml")
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ServogenError) as caught:
         plan_job(job)
     place = caught.value.location
     assert place is not None
