@@ -30,7 +30,7 @@ else:
 """What pyserial raises where it opens a port; a terminal error where the port goes away meanwhile."""
 
 POLL_S = 0.05
-"""How long one look at the port waits for bytes."""
+"""The time that one read of the port waits for bytes."""
 
 
 class Unplugged(ServogenError):

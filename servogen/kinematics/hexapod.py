@@ -59,9 +59,9 @@ class Hexapod:
     dimensions: Dimensions = "user"
     source: str = ""
     mass: float | None = None
-    """Of the whole robot, kg; None: not stated."""
+    """The mass of the whole robot, kg; None: not stated."""
     leg_masses: tuple[tuple[str, float], ...] = ()
-    """Of the parts of each leg, kg: coxa (A to B), thigh (B to C), foot (C to F); those that are stated."""
+    """The stated masses of the parts of each leg, kg: coxa (A to B), thigh (B to C), foot (C to F)."""
     spring: float | None = None
     """The stiffness of the legs' springs E', N/m; None: not stated."""
 

@@ -64,7 +64,7 @@ class OmniBase:
     dimensions: Dimensions = "user"
     source: str = ""
     mass: float | None = None
-    """Of the whole robot, kg; None: not stated."""
+    """The mass of the whole robot, kg; None: not stated."""
 
     @property
     def limbs(self) -> tuple[Limb, ...]:

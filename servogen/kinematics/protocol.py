@@ -161,7 +161,7 @@ class Routine:
     distance: float | None = None
     """Metres."""
     turn: float | None = None
-    """How far the base turns, radians, counter-clockwise."""
+    """The angle by which the base turns, radians, counter-clockwise."""
 
 
 @runtime_checkable

@@ -421,7 +421,7 @@ def _rotation_of(name: str, values: Floats) -> Floats:
 
 
 MATRIX_TOLERANCE = 1e-3
-"""Of a matrix that is typed with three or four digits."""
+"""The tolerance of a matrix that is typed with three or four digits."""
 
 
 def jacobian_answer(

@@ -36,7 +36,7 @@ MAX_US = 10**15
 """Thirty years."""
 
 MAX_BOUNCES = 1000
-"""Of a button; they are random moments that are drawn at once."""
+"""The maximum number of a button's bounces, whose random moments are drawn at once."""
 
 Number = int | float
 Time = Annotated[Number, Field(ge=0, le=MAX_US)]

@@ -60,7 +60,7 @@ class Signals(ABC):
         return self._cycles(self._edges(pin, HIGH, since_us))
 
     def rising_us(self, pin: str, *, since_us: float = 0) -> list[float]:
-        """Return the time of each rising edge."""
+        """Return the time of each rising edge in µs."""
         return [float(time) for time in self._edges(pin, HIGH, since_us)]
 
     def falling(self, pin: str, *, since_us: float = 0) -> list[int]:
@@ -68,7 +68,7 @@ class Signals(ABC):
         return self._cycles(self._edges(pin, LOW, since_us))
 
     def falling_us(self, pin: str, *, since_us: float = 0) -> list[float]:
-        """Return the time of each falling edge."""
+        """Return the time of each falling edge in µs."""
         return [float(time) for time in self._edges(pin, LOW, since_us)]
 
     def widths(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[int]:
@@ -76,7 +76,7 @@ class Signals(ABC):
         return self._cycles(self._widths(pin, level, since_us))
 
     def widths_us(self, pin: str, *, level: int = HIGH, since_us: float = 0) -> list[float]:
-        """Return the length of each pulse: of the high ones, or with `level=0` the low ones."""
+        """Return the length of each pulse in µs: of the high ones, or with `level=0` the low ones."""
         return [float(width) for width in self._widths(pin, level, since_us)]
 
     def periods(self, pin: str, *, since_us: float = 0) -> list[int]:
@@ -84,7 +84,7 @@ class Signals(ABC):
         return self._cycles(self._periods(pin, since_us))
 
     def periods_us(self, pin: str, *, since_us: float = 0) -> list[float]:
-        """Return the time from each rising edge to the next."""
+        """Return the time from each rising edge to the next in µs."""
         return [float(period) for period in self._periods(pin, since_us)]
 
     def uart(self, pin: str, baud: float, *, inverted: bool = False, since_us: float = 0) -> bytes:

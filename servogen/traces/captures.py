@@ -50,8 +50,9 @@ class Capture:
 
 
 def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
-    """Return the capture at `path`; `wires` maps channels that are not named after pins to pins, {"D0":
-    "RB0"}.
+    """Return the capture at `path`; `wires` maps channels that are not named after pins, as in {"D0": "RB0"}.
+
+    Raises InputError for a file that is not a capture; a VCD file is checked while its edges are read.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -81,9 +82,7 @@ def is_capture(path: str | Path) -> bool:
 
 
 def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
-    """Return the capture with a sampling rate, which its file must not contain. Raises InputError if it
-    does.
-    """
+    """Return the capture with a sampling rate in Hz. Raises InputError if its file contains one."""
     if capture.file is not None and not is_capture(capture.file):
         raise InputError(
             "conflicting-options", "only a capture has a sampling rate", Location(capture.file, key="--rate")
@@ -109,8 +108,7 @@ def capture_writer(
     missing: str | None = None,
     pieces: Sequence[tuple[int, int]] = (),
 ) -> Iterator[EdgeWriter]:
-    """Yield a writer of a capture, whose cycles are samples, to a VCD file that `read_capture` recognises as
-    one.
+    """Yield a writer of a capture, whose cycles are samples, to a VCD file that `read_capture` recognises.
 
     `missing` is the reason why the capture is incomplete, `pieces` are the first and last sample of each of
     several; both are written to the file.

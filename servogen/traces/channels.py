@@ -26,7 +26,8 @@ def pins_of(
 ) -> dict[Key, int]:
     """Return, by key, the pin number of each of `wires` (name, key) that belongs to a pin.
 
-    `chosen` maps names to pins, as in {"D0": "RB0"}; then only these are used.
+    `chosen` maps names to pins, as in {"D0": "RB0"}; then only these are used. Raises InputError if no wire
+    belongs to a pin, two belong to the same pin, or a chosen name or pin does not exist.
     """
     known = [name for name, _ in wires]
     named = _by_name(wires) if chosen is None else _as_chosen(wires, chosen, place)
@@ -80,7 +81,7 @@ def rate_in(text: str) -> Fraction | None:
 
 
 def step_clock(steps_per_second: Fraction, place: Location) -> Clock:
-    """Return the clock whose instruction cycle is one time step."""
+    """Return the clock whose instruction cycle is one time step. Raises InputError if none exists."""
     hz = steps_per_second * OSCILLATOR_PERIODS_PER_CYCLE
     if hz <= 0 or hz.denominator != 1:
         raise InputError(

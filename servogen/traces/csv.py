@@ -74,8 +74,9 @@ class CsvWriter:
 
 
 def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """Return the edges of a CSV file, up to `end`; by default to the last edge, as the file does not contain
-    the end.
+    """Return the edges of a CSV file up to cycle `end`, by default to the last edge: the file has no end.
+
+    The file is read, and InputError raised for a malformed row, when the edges are iterated.
     """
     source = _CsvChunks(Path(path))
     last = last_line(source.path).split(b",")[0]

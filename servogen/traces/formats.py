@@ -28,10 +28,10 @@ class EdgeWriter(Protocol):
 def edge_writer(
     path: str | Path, clock: Clock, servos: Mapping[str, str] | None = None, inputs: Inputs = NO_INPUTS
 ) -> Iterator[EdgeWriter]:
-    """Yield a writer to `path`; the file exists when the block ends. `servos` names pins, as in {"RB0":
-    "arm"}.
+    """Yield a writer to `path`; the file exists when the block ends.
 
-    CSV and VCD also contain the changes of `inputs`.
+    `servos` names pins, as in {"RB0": "arm"}. CSV and VCD also contain the changes of `inputs`. Raises
+    InputError for an unknown suffix or a path that cannot be written, ToolError if writing fails.
     """
     suffix = _suffix(Path(path))
     with atomic_write(path, "wb") as file:
@@ -44,7 +44,7 @@ def write_edges(
     servos: Mapping[str, str] | None = None,
     inputs: Inputs = NO_INPUTS,
 ) -> None:
-    """Write `trace` to every one of `paths` in one pass."""
+    """Write `trace` to each of `paths` in one pass. Raises as `edge_writer` does."""
     with ExitStack() as stack:
         writers = [stack.enter_context(edge_writer(path, trace.clock, servos, inputs)) for path in paths]
         for _ in recorded(trace, writers).chunks:
@@ -71,7 +71,8 @@ def read_edges(
     """Return the edges of the file at `path` in cycles of `clock`.
 
     `end` is the cycle at which the trace ends if the file does not contain it (CSV, JSONL), or at which it is
-    cut. `wires` maps the wires of a VCD file that are not named after pins to pins, {"D0": "RB0"}.
+    cut. `wires` maps the wires of a VCD file that are not named after pins to pins, {"D0": "RB0"}. Raises
+    InputError for an unknown suffix or malformed file, for some formats when the edges are iterated.
     """
     path = Path(path)
     suffix = _suffix(path)

@@ -51,8 +51,9 @@ class JsonlWriter:
 
 
 def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """Return the edges of a JSONL file, up to `end`; by default to the last edge, as the file does not
-    contain the end.
+    """Return the edges of a JSONL file up to cycle `end`, by default to the last edge: the file has no end.
+
+    The file is read, and InputError raised for a malformed line, when the edges are iterated.
     """
     source = _JsonlChunks(Path(path))
     try:

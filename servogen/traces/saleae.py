@@ -67,8 +67,9 @@ class _Rows:
 
 
 def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
-    """Return the edges of the channels; the file does not contain the capture's end, so the trace ends with
-    the last row.
+    """Return the edges of the channels in nanoseconds, up to the last row: the file contains no end.
+
+    Raises InputError for a malformed file.
     """
     place = Location(str(path), 1)
     head, first = first_lines(path, 2)

@@ -119,7 +119,10 @@ class _Session:
 
 
 def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
-    """Return the edges of a session's logic probes; the trace ends after the last sample."""
+    """Return the edges of a session's logic probes, in samples, up to the last sample.
+
+    Raises InputError for a file that is not a session; damaged samples raise it when they are read.
+    """
     place = Location(str(path))
     try:
         _check_directory(path)

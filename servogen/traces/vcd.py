@@ -241,10 +241,10 @@ class VcdHeader:
 def read_vcd(
     path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
 ) -> EdgeTrace:
-    """Return the edges of a VCD file in cycles of `clock`, each rounded to the nearest; the trace ends at the
-    last time stamp.
+    """Return the edges of a VCD file in cycles of `clock`, rounded to the nearest, up to the last time stamp.
 
-    `wires` maps wires with other names to pins, as in {"D0": "RB0"}; then only these are read.
+    `wires` maps wires with other names to pins, as in {"D0": "RB0"}; then only these are read. Raises
+    InputError for a malformed header, and for malformed changes when the edges are iterated.
     """
     path = Path(path)
     header = read_header(path, wires)
@@ -254,7 +254,7 @@ def read_vcd(
 
 
 def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader:
-    """Return the declarations of the file at `path`."""
+    """Return the declarations of the VCD file at `path`. Raises InputError if they are malformed."""
     place = Location(str(path))
     with open_input(path) as file:
         text = file.read(1 << 16)

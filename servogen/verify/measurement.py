@@ -127,7 +127,7 @@ class Measurement:
     end: Cycles
     pins: tuple[PinMeasurement, ...]
     overlap: Overlap | None
-    """How often two pins are high at once, for how long at most, and when first."""
+    """The count, maximum time and first occurrence of two pins being high at once; None if there is none."""
     complete: bool
 
     def us(self, cycles: int) -> Fraction:

@@ -160,7 +160,7 @@ class Judgement:
 
     proven: bool
     reasons: tuple[str, ...]
-    """Why it is not proven, in sentences; empty when it is."""
+    """The reasons why it is not proven, as sentences; empty if it is."""
     unseen: tuple[str, ...] = field(default=(), kw_only=True)
     """Those of the reasons that only say that not everything was seen."""
 
@@ -200,7 +200,7 @@ class Verdict(Judgement):
     overlap: Overlap | None = None
     stray: tuple[StrayPin, ...] = ()
     plan_error: PlanError | None = None
-    """How far the schedule itself is from the planned motion."""
+    """The deviation of the schedule itself from the planned motion."""
     coverage: Coverage = field(default_factory=Coverage)
     """Which of the schedule's different frames were compared."""
 

@@ -40,7 +40,7 @@ class CaptureNeeds:
     frames: int
     fewest: Fraction
     most: int
-    """In any one frame."""
+    """The maximum number of edges in any one frame."""
 
 
 @dataclass(frozen=True, slots=True)

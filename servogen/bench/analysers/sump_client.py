@@ -19,7 +19,7 @@ BAUD = 115_200
 ANSWER_S = 0.5
 SILENCE_S = 0.5
 MORE_S = 0.1
-"""How long nothing may follow a complete capture."""
+"""The time for which nothing may follow a complete capture."""
 ATTEMPTS = 2
 """A device that is still sending an old capture answers only the second time."""
 

@@ -36,11 +36,11 @@ START_S = 8.0
 """Opening its port resets an Arduino, whose boot loader runs for up to two seconds."""
 QUERY_S = 2.0
 MAX_TALK = 5
-"""How many times as long a device may send other things."""
+"""The multiple of a timeout for which a device may send other messages."""
 RUN, FILLER = 1, 2
 """The numbers of the tasks on the board."""
 RUN_DELAY_MS = 5
-"""From the message that starts a stored run to its moment 0."""
+"""The time from the message that starts a stored run to its moment 0."""
 FILLS = 9
 """Changes of MARK in each millisecond after a run; an odd number."""
 HOST_FILLS = 1000
@@ -114,11 +114,11 @@ class InputAdapter:
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
     _levels: dict[int, int | None] = field(default_factory=dict)
-    """What each pin of the board drives; None: nothing."""
+    """The level that each pin of the board drives; None: nothing."""
     _bauds: dict[int, int] = field(default_factory=dict)
-    """Of the board's open serial ports."""
+    """The rates of the board's open serial ports."""
     _length_ms: int = 0
-    """Of the run that was loaded."""
+    """The length of the run that was loaded."""
     _loaded: list[tuple[int, Callable[[], None]]] = field(default_factory=list)
     """A run that this process plays: (ms, what to do)."""
 

@@ -176,7 +176,7 @@ SIZES: Mapping[int, int] = {
     MessageKind.VERSION: 2,
     MessageKind.RESET: 0,
 }
-"""How many bytes follow the first one."""
+"""The number of bytes that follow the first one."""
 
 
 @dataclass(slots=True)

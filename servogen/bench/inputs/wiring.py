@@ -46,7 +46,7 @@ class InputWiring:
     """The board's pin, or port, of each of the chip's pins, contacts and lines."""
 
     pins: Mapping[str, int] = field(default_factory=dict)
-    """Of pins, and of `SPECIAL`."""
+    """The board's pin for each pin of the chip, and for `SPECIAL`."""
     contacts: Mapping[Contact, int] = field(default_factory=dict)
     lines: Mapping[str, int] = field(default_factory=dict)
     """The board's serial port that sends to each pin."""

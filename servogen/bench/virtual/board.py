@@ -34,7 +34,7 @@ TX, RX = 1, 0
 FIRMATA_VERSION = (2, 8)
 FRAME_BITS = 10
 HEAP_BYTES = 5000
-"""For stored runs."""
+"""The memory for stored runs."""
 TICK_MS = 1
 """A run is played in the millisecond after the one it was scheduled for, as FirmataScheduler does."""
 
@@ -48,7 +48,7 @@ class BoardOptions:
     silent: bool = False
     garbage: bool = False
     late_ms: int = 0
-    """By how much each delay of a stored run is too long."""
+    """The time by which each delay of a stored run is too long."""
     unplug_after: int | None = None
     """Bytes from the client after which it disappears."""
 

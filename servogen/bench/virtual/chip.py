@@ -30,7 +30,7 @@ Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
 MILLION = 10**6
 MOMENT_S = 0.002
 CONTACT_CYCLES = 20_000
-"""How often the pull-ups are looked at while pins are connected; a change of a pin is followed at once."""
+"""The interval at which pull-ups are checked while pins are connected; pin changes take effect at once."""
 
 
 class Alarm(Protocol):

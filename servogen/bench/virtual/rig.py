@@ -25,7 +25,7 @@ from servogen.simulator import SimulatorOptions
 from servogen.units import Clock
 
 SETTLED_S = Fraction(1, 10)
-"""How long the chip has run when the first client connects."""
+"""The time that the chip has run when the first client connects."""
 
 FLAGS = {
     "analyser:silent": "silent",
@@ -64,7 +64,7 @@ class RigOptions:
     programmer: ProgrammerOptions = field(default_factory=ProgrammerOptions)
     board: BoardOptions = field(default_factory=BoardOptions)
     inputs: InputWiring = field(default_factory=input_wiring)
-    """How the input board is wired."""
+    """The wiring of the input board."""
 
 
 def with_fault(options: RigOptions, text: str) -> RigOptions:

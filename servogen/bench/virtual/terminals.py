@@ -27,7 +27,7 @@ READ_BYTES = 4096
 POLL_S = 0.05
 PASSED_ON_S = 0.2
 STARTED_S = 0.5
-"""From the opening of a port to the restart of its device, unless the client sends something earlier.
+"""The time from opening a port to the restart of its device, unless the client sends something earlier.
 
 A client discards what it has received when it opens a port, and would miss what came at once.
 """

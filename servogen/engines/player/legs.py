@@ -39,7 +39,7 @@ LONGEST = 256
 """The maximum number of frames of a step."""
 
 RESTS = 1e-6
-"""Servos that turn less than this (cycles) in a frame are at rest."""
+"""The change of a pulse (cycles) per frame below which a servo is at rest."""
 
 
 @dataclass(frozen=True, slots=True)

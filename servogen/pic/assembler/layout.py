@@ -27,7 +27,7 @@ def _res(state: Pass, statement: Statement) -> None:
 
 
 MAX_COUNT = 0x2200
-"""Of FILL and RES: more words than there are addresses."""
+"""The maximum count of FILL and RES: more words than there are addresses."""
 
 
 def _counted(count: int, statement: Statement) -> int:

@@ -157,9 +157,9 @@ class CaptureVerdict(Judgement):
     """The first in time."""
     stray: tuple[StrayPin, ...] = ()
     overlap_us: float = 0.0
-    """How long pins are high together that never are in the schedule."""
+    """The time for which pins are high together that never are in the schedule."""
     paired: int = 0
-    """Pulses that belong to scheduled ones."""
+    """The number of pulses that belong to scheduled ones."""
     whole: WholeFrames | None = None
     """The frames that the capture contains completely; None for several captures."""
     line: FittedLine | None = None
@@ -170,7 +170,7 @@ class CaptureVerdict(Judgement):
     """Which of the schedule's different frames were seen completely."""
     pieces: tuple[CapturePiece, ...] = ()
     plan_error: PlanError | None = None
-    """How far the schedule itself is from the planned motion."""
+    """The deviation of the schedule itself from the planned motion."""
 
     def but(self, reason: str) -> CaptureVerdict:
         """Return the same verdict, not proven because of `reason`, which comes first."""
