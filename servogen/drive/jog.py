@@ -23,14 +23,18 @@ class Poser(Protocol):
     """Goes to poses and angles."""
 
     @property
-    def commands(self) -> tuple[str, ...]: ...
+    def commands(self) -> tuple[str, ...]:
+        """Return the names of poses, and `stop`."""
 
     @property
-    def goal(self) -> Floats: ...
+    def goal(self) -> Floats:
+        """Return the target angles of the servos (servos,) in radians."""
 
-    def command(self, command: str) -> None: ...
+    def command(self, command: str) -> None:
+        """Go to a pose or to `servo=degrees,…`, or stop. Raises InputError."""
 
-    def at(self, seconds: float) -> Floats | None: ...
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angles of the servos (servos,) in radians at a moment."""
 
 
 @dataclass(slots=True)

@@ -114,7 +114,7 @@ class Twin:
         return float(self._clock.seconds(self._chip.now))
 
     def command(self, command: str) -> bytes:
-        """Give a command to the chip; return the bytes that were put on its line, none if it has buttons."""
+        """Give a command to the chip and return the bytes put on its line; none if it has buttons."""
         direction = None if command == STOP else command
         if isinstance(self._stimulus, HeldButtons):
             if isinstance(self._chain.read, CommandButton):

@@ -58,7 +58,7 @@ class Course:
 
 
 def course_of(job: PlannedJob, request: DriveRequest) -> Course:
-    """Return the course that `request` asks of the job's robot. Raises InputError."""
+    """Return the course that `request` defines for the job's robot. Raises InputError."""
     if request.pose is not None and request.steer:
         raise InputError("conflicting-options", "--pose is one pose, --keys is many: use one of the two")
     stop = _stop_pose(job, request.stop)
@@ -92,8 +92,8 @@ def _motion_seconds(job: PlannedJob, request: DriveRequest) -> float:
 
 
 def _pose_seconds(job: PlannedJob, request: DriveRequest) -> float:
-    """Return 0 for a pose that the robot keeps by itself, else infinity: for wheels that turn, and for a pose
-    that the chip's fail-safe would end.
+    """Return how long a pose is sent: 0 if the robot keeps it, else infinity, for wheels that turn and for a
+    pose that the chip's fail-safe would end.
     """
     if request.seconds is not None:
         return request.seconds

@@ -100,10 +100,10 @@ Ask = Callable[[Sweep, int], float]
 def sweep_readings(
     controller: ServoController, index: int, stops: Sequence[int], line: SerialLink, time: Time, ask: Ask
 ) -> list[Reading]:
-    """Return the readings of the servo at `index` at each position, for which `ask` gives the angle.
+    """Return the readings of the servo at `index` at each position; `ask` returns the angle.
 
-    The servo starts at its neutral position and returns there whatever happens. Raises Unplugged, and what
-    `ask` raises.
+    The servo starts at its neutral position and always returns there. Raises Unplugged, and what `ask`
+    raises.
     """
     channel = controller.channels[index]
     rest = channel.position(channel.servo.neutral)

@@ -77,7 +77,7 @@ def _walking(job: Job, segment: Mapping[str, float]) -> WalkTable:
 
 
 def _key(section: Section) -> str:
-    """Return the name of a section."""
+    """Return the key of a section in the job file."""
     return next(key for key, kind in SECTIONS.items() if isinstance(section, kind))
 
 

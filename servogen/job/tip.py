@@ -38,10 +38,12 @@ class Tip(Protocol):
         """Return the leg or arm with its Denavit–Hartenberg rows."""
 
     @property
-    def bindings(self) -> tuple[Binding, ...]: ...
+    def bindings(self) -> tuple[Binding, ...]:
+        """Return the joints that the servos turn, in the order of the limb's joints."""
 
     @property
-    def servos(self) -> tuple[Servo, ...]: ...
+    def servos(self) -> tuple[Servo, ...]:
+        """Return the servos of `bindings`, in the same order."""
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         """Return the servo angles (s, k) that reach one point, nearest to `before` first. Raises
@@ -78,15 +80,20 @@ class LegTip:
 
     @property
     def key(self) -> str:
+        """Return "foot_mm"."""
         return "foot_mm"
 
     @property
     def limb(self) -> Limb:
+        """Return the leg."""
         leg = self.leg
         arm = catalogue.arm("leg").with_lengths(ab=leg.ab, bc=leg.bc, cd=leg.cd, df=leg.df)
         return Limb("foot", "foot", arm)
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
+        """Return the servo angles (s, 2) that reach one point, the nearest to `before` first. Raises
+        InputError if there is none.
+        """
         near = np.array(self.leg.nearest(point))
         if float(np.linalg.norm(near - point)) > self.tolerance:
             try:
@@ -98,12 +105,14 @@ class LegTip:
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
+        """Return all servo angles (n, solutions, 2) for points (n, 3), NaN where there is no solution."""
         reached = np.array([self.leg.nearest(point) for point in points])
         angles = self._of(reached)
         angles[np.linalg.norm(reached - points, axis=1) > self.tolerance] = np.nan
         return _within(angles, self.servos)
 
     def where(self, angles: Floats) -> Floats:
+        """Return the feet (n, 3) at servo angles (n, 2)."""
         alpha, beta = (
             binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)
         )
@@ -132,13 +141,18 @@ class ArmTip:
 
     @property
     def key(self) -> str:
+        """Return "tip_mm"."""
         return "tip_mm"
 
     @property
     def limb(self) -> Limb:
+        """Return the arm."""
         return self.arm.limbs[0]
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
+        """Return the servo angles (s, k) that reach one point, the nearest to `before` first. Raises
+        InputError if there is none.
+        """
         turn = None if orientation is None else self._turn(point, orientation, place)
         try:
             joints = ik_all(self._on_servos(), point, turn, self._positions(before[None])[0])
@@ -153,11 +167,13 @@ class ArmTip:
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
+        """Return all servo angles (n, solutions, k) for points (n, 3), NaN where there is no solution."""
         rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
         angles = solutions_near(self._on_servos(), points, rotations, self._positions(near))
         return _within(self._bound(angles), self.servos)
 
     def where(self, angles: Floats) -> Floats:
+        """Return the positions of the tool (n, 3) at servo angles (n, k)."""
         return fk_position(self.arm, self._positions(angles))
 
     def _positions(self, angles: Floats) -> Floats:

@@ -344,7 +344,7 @@ def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[D
 
 
 def _lost_motion_notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> Iterator[Diagnostic]:
-    """Yield how the swings take up the servos' lost motion, and what about it is assumed."""
+    """Yield a note on how the swings take up the servos' lost motion, and on what is assumed about it."""
     text = planned.lost_motion_text()
     if text is None:
         return
@@ -355,7 +355,9 @@ def _lost_motion_notes(document: Document, planned: Walk, servos: Sequence[Servo
 
 
 def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
-    """Yield the centre of rotation of each turn, and the feet that joint limits keep off the line from it."""
+    """Yield notes with the centre of rotation of each turn, and with the feet whose joint limits keep them
+    off the line from that centre.
+    """
     texts = [*planned.centre_texts(), *((foot.segment, foot.text()) for foot in planned.held_back)]
     for index, text in sorted(texts):
         place = document.place("walk", "route", index)

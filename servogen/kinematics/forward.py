@@ -117,6 +117,7 @@ def link_frames(arm: Arm, q: ArrayLike) -> Floats:
 
 
 def whole_chain(arm: Arm, joints: list[Floats]) -> Chain:
+    """Return the tool's frame after all rows, for `joints`, one array of positions per joint."""
     chain = _start(arm)
     for row in arm.rows:
         chain.advance(arm, row, joints)

@@ -96,7 +96,8 @@ class Hexapod:
         return replace(self, mounts=(self.mount(name),))
 
     def stance(self, posture: Posture, motions: Sequence[BodyMotion]) -> HexapodStance:
-        """Return how the legs stand in a posture, β of each with the sign that suits these motions best.
+        """Return the stance of the legs in a posture; β of each leg has the sign that suits these motions
+        best.
 
         Raises InputError for a posture that they cannot take.
         """
@@ -191,7 +192,7 @@ class LegStance:
         return unit if (unit * self.outward.conjugate()).real >= 0 else -unit
 
     def bend(self, motion: BodyMotion) -> float:
-        """Return by how much α is off its middle, from -π to π, with the foot in that direction."""
+        """Return the angle of α from its middle, from -π to π, with the foot in that direction."""
         local = self.direction(motion) / self.outward * 1j
         if self.mount.mirrored:
             local = -local.conjugate()
@@ -236,10 +237,11 @@ class LegStance:
 
 
 def least_bent(stances: Sequence[LegStance], motions: Sequence[BodyMotion]) -> LegStance:
-    """Return the stance, of those of one leg with different signs of β, whose α stays nearest to its middle.
+    """Return, of the stances of one leg with different signs of β, the one whose α stays nearest to its
+    middle.
 
-    The first one is preferred. One sign serves the whole walk: to change it the foot would have to pass the
-    leg's full height, which is below the ground.
+    If two are equal, the first is returned. One sign serves the whole walk: to change it the foot would have
+    to pass the leg's full height, which is below the ground.
     """
     bends = [
         max((abs(stance.bend(motion)) for motion in motions if motion.turn), default=0.0)
@@ -250,10 +252,11 @@ def least_bent(stances: Sequence[LegStance], motions: Sequence[BodyMotion]) -> L
 
 @dataclass(frozen=True, slots=True)
 class HexapodStance:
-    """The legs while the robot walks: how each stands, and |β| at the top of a swing.
+    """The legs while the robot walks: the stance of each leg, and |β| at the top of a swing.
 
-    β raises a foot while α moves it along a circle. A leg of two joints reaches a foothold only roughly: the
-    foot is put in its direction, and the leg's spring gives the rest.
+    β raises a foot while α moves it along a circle. A leg of two joints can reach a foothold only
+    approximately: the foot is put in the direction of the foothold, and the leg's spring takes up the
+    difference.
     """
 
     leg: Leg
@@ -281,7 +284,7 @@ class HexapodStance:
         return abs(stance.held_back(motion, self._reach(stance)))
 
     def _reach(self, stance: LegStance) -> float:
-        """Return the distance of a foothold from the axis of α: ρ, or as the stance width asks."""
+        """Return the distance of a foothold from the axis of α: ρ, or as required by the stance width."""
         if self.stance_width is None:
             return stance.radius
         return (self.stance_width / 2 - abs(stance.mount.y)) / math.cos(stance.mount.heading)
@@ -296,7 +299,7 @@ class HexapodStance:
         return np.stack([alpha, np.full(len(footholds), beta)], axis=1)
 
     def lifted(self, leg: int, angles: Floats, share: Floats) -> Floats:
-        """Return the angles (n, 2) with β moved by a share (n,) of its way to the top of the swing."""
+        """Return the angles (n, 2) with β moved by a share (n,) of the distance to the top of the swing."""
         stands = self.legs[leg].beta
         beta = stands + (math.copysign(self.raised_beta, stands) - stands) * share
         return np.stack([angles[:, 0], beta], axis=1)
@@ -307,7 +310,9 @@ class HexapodStance:
 
 
 def _beta_at(leg: Leg, height: float) -> float:
-    """Return `leg.beta_at(height)`; a height that is the lowest but for floating point is the lowest."""
+    """Return `leg.beta_at(height)`, where a height that is below the lowest one only by rounding is the
+    lowest one.
+    """
     return 0.0 if abs(height + leg.bc + leg.df) < SAME_M else leg.beta_at(height)
 
 
@@ -396,7 +401,7 @@ def _mount(table: MountTable) -> Mount:
 
 
 def _leg(document: Document, table: HexapodTable, leg: Arm) -> Arm:
-    """Return the leg with the lengths of the file, of which its thigh and its reach must not be 0."""
+    """Return the leg with the lengths of the file. Raises InputError if its thigh or its reach is 0."""
     changed = with_lengths(document, table.lengths_mm, leg)
     if not changed.length["bc"]:
         raise document.error("bad-length", ("lengths_mm", "bc"), "bc is 0: β would lift nothing")

@@ -96,8 +96,8 @@ def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
 def manipulability(arm: Arm, q: ArrayLike, rows: Literal["position", "all"] = "position") -> Floats:
     """Return Yoshikawa's measure: the product of the singular values of J; 0 if the arm is singular.
 
-    It is √det(J Jᵀ) for six joints or more. For an arm with fewer, the directions it has count: by "position"
-    the upper three rows, by "all" all six, whose units differ.
+    For six joints or more it is √det(J Jᵀ). For an arm with fewer joints, `rows` selects the directions:
+    "position" the upper three rows, "all" all six, whose units differ.
     """
     matrix = jacobian(arm, q)
     values = np.linalg.svd(matrix[..., :3, :] if rows == "position" else matrix, compute_uv=False)
@@ -119,13 +119,14 @@ class Singularity:
 
     @property
     def singular(self) -> bool:
+        """Return whether the rank is below the full rank."""
         return self.rank < self.full_rank
 
 
 def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     """Return whether the configuration q (n,) is singular, and which directions it loses.
 
-    The full rank is that of configurations in general: the greatest of a few that are far apart.
+    The full rank is the maximum over a few configurations that are far apart.
     """
     matrix = jacobian(arm, q)
     if matrix.ndim != 2:

@@ -52,6 +52,7 @@ class PlannedStance:
 
     @property
     def largest_correction_m(self) -> float:
+        """Return the length of the largest correction, in metres."""
         return float(np.linalg.norm(self.correction_m, axis=-1).max(initial=0.0))
 
 

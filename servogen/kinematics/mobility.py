@@ -43,6 +43,7 @@ class Mobility:
 
     @property
     def verdict(self) -> str:
+        """Return the manoeuvrability in one word."""
         return verdict(self.manoeuvrability)
 
     @property
@@ -125,10 +126,11 @@ def verdict(value: int) -> str:
 
 
 def standing(legs: int, springs: bool) -> int:
-    """Return the mobility of a body that stands on two-joint legs, its feet spherical joints on the floor.
+    """Return the mobility of a body on `legs` two-joint legs, whose feet are spherical joints on the floor.
 
-    Each leg has two turning joints and its foot three, 6 (2 + 2m - 1 - 3m) + 5m = 6 - m in all: three legs
-    leave 3. With the spring joint E' each leg has one more, and the body moves in all six ways.
+    Each leg has two turning joints and its foot has three degrees of freedom: 6 (2 + 2m - 1 - 3m) + 5m = 6 -
+    m for m legs, so three legs leave 3. With the spring joint E' each leg has one more, and the body has all
+    six.
     """
     links = 3 if springs else 2
     joints = (["turning"] * links + ["spherical"]) * legs

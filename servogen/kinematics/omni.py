@@ -73,6 +73,7 @@ class OmniBase:
 
     @property
     def wheel_count(self) -> int:
+        """Return 3."""
         return 3
 
     def wheel_speeds(self, body: ArrayLike) -> Floats:
@@ -212,6 +213,7 @@ class WheelTravel:
 
     @property
     def whole_counts(self) -> int:
+        """Return the counts, rounded to an integer."""
         return round(self.counts)
 
 
@@ -247,6 +249,7 @@ class Translation:
 
     @property
     def length(self) -> float:
+        """Return the length in metres."""
         return math.hypot(*self.displacement)
 
 

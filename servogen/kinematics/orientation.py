@@ -191,8 +191,9 @@ def orientation_names(arm: Arm) -> tuple[str, ...]:
 def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floats:
     """Return the rotations (..., 3, 3) of targets at positions (..., 3) with the values (..., k).
 
-    `rpy`: Rot(z, φ) Rot(y, θ) Rot(x, η). Arms with fewer joints: the angle `roll` about the approach, and for
-    the RV-M1 before it the `pitch` of the approach above the horizontal; the rest follows from the position.
+    `rpy` is Rot(z, φ) Rot(y, θ) Rot(x, η). Arms with fewer joints have the angle `roll` about the approach,
+    and the RV-M1 before it the `pitch` of the approach above the horizontal; the rest follows from the
+    position.
     """
     names, given = orientation_names(arm), np.asarray(values, float)
     if given.shape[-1:] != (len(names),):

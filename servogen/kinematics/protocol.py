@@ -47,7 +47,8 @@ class RobotKind:
 class Posture:
     """How a walking robot stands and lifts its feet, in metres.
 
-    None: the body as high as the legs reach; feet as wide apart as needs the least correction.
+    None: the body is as high as the legs reach; the feet are as far apart as requires the smallest
+    correction.
     """
 
     body_height: float | None = None
@@ -88,7 +89,7 @@ class Stance(Protocol):
         """Return where the foot (x + iy, body frame) is in the middle of its stance."""
 
     def held_back(self, leg: int, motion: BodyMotion) -> float:
-        """Return by which angle the joints' limits keep the leg from its best foothold; 0: not at all."""
+        """Return the angle by which the joints' limits keep the leg from its best foothold; 0 if not at all."""
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the joint angles (n, k) that put the foot nearest to footholds (n,), x + iy, body frame."""
@@ -109,7 +110,8 @@ class WalkingRobot(Robot, Protocol):
         """Return the mass of the whole robot in kg; None if it is not stated."""
 
     @property
-    def centre_of_mass(self) -> tuple[float, float, float]: ...
+    def centre_of_mass(self) -> tuple[float, float, float]:
+        """Return (x, y, z) of the centre of mass in the body frame, in metres."""
 
     @property
     def lifting_joint(self) -> str:
@@ -151,9 +153,9 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Routine:
-    """A motion of a base that has a name, as a job asks for it; None is what it does not give.
+    """A named motion of a base, as requested in a job; None: not given.
 
-    Directions (radians) are those of the base, not of the room: after a turn the base's front is elsewhere.
+    Directions (radians) are in the base's frame, which turns with the base.
     """
 
     name: str
@@ -169,7 +171,8 @@ class DrivingRobot(Robot, Protocol):
     """A base on wheels that continuous-rotation servos turn. Body speeds are vx, vy (m/s) and Ω (rad/s)."""
 
     @property
-    def wheel_count(self) -> int: ...
+    def wheel_count(self) -> int:
+        """Return the number of wheels."""
 
     def wheel_speeds(self, body: ArrayLike) -> Floats:
         """Return the wheel speeds (..., wheels) in rad/s that give the body speeds (..., 3).
@@ -185,14 +188,14 @@ class DrivingRobot(Robot, Protocol):
     ) -> tuple[Stretch, ...]:
         """Return the stretches from corner to corner (x, y in metres) and back to the first.
 
-        The base begins at the first corner with the heading 0, and ends there. Raises InputError for
-        corners that are all the same and for directions that it cannot restrict itself to.
+        The base begins at the first corner with heading 0 and ends there. Raises InputError if all corners
+        are equal, and for `directions` to which the base cannot be restricted.
         """
 
     def routine(self, routine: Routine, directions: Directions = "any") -> tuple[Stretch, ...]:
-        """Return the stretches of a motion by name.
+        """Return the stretches of a named motion.
 
-        Raises InputError for a name that the base does not know, and for values that do not belong to it.
+        Raises InputError for an unknown name, and for missing or superfluous values.
         """
 
     def outline(self) -> tuple[Complexes, ...]:

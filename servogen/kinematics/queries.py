@@ -79,7 +79,7 @@ def _driven(robot: Robot) -> int:
 
 
 def robot_details(name: str) -> Answer:
-    """Return all facts of a robot: those of every robot, and those of its kind."""
+    """Return the facts of a robot: those that every robot has, and those of its kind."""
     robot = catalogue.robot(name)
     common: Answer = {
         "name": robot.name,
@@ -176,7 +176,7 @@ def _finite(values: Sequence[float]) -> Floats:
 
 
 def _beyond(arm: Arm, q: Floats) -> list[str]:
-    """Return the joints beyond their limits, for which forward kinematics answers as well."""
+    """Return the names of the joints that are beyond their limits, which forward kinematics accepts."""
     return [
         joint.name
         for joint, value in zip(arm.joints, q.tolist(), strict=True)
@@ -264,7 +264,7 @@ def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
 
 
 def configuration_answer(name: str, vector: Sequence[float], everything: bool = False) -> Answer:
-    """Return the joint positions that have the configuration vector W = (p, e^{θ/π} a), its p in mm."""
+    """Return the joint positions with the configuration vector W = (p, e^{θ/π} a), its p in mm."""
     arm = catalogue.arm(name)
     if len(vector) != 6:
         raise InputError(
@@ -296,8 +296,8 @@ MAX_DIGITS = 6
 
 
 def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = False) -> Answer:
-    """Return the same of a mechanism of `elements`, the base among them, and joints as "kind" or
-    "kind:count".
+    """Return the same facts of a mechanism with `elements` elements, including the base, and joints given as
+    "kind" or "kind:count".
     """
     kinds: list[str] = []
     for text in joints:

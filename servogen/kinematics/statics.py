@@ -39,9 +39,9 @@ def has_masses(arm: Arm) -> bool:
 
 
 def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
-    """Return what each joint must give to hold the links and the payload, (..., n), for positions (..., n).
+    """Return the torques (..., n) with which the joints hold the links and the payload at positions (..., n).
 
-    The base's frame stands with its z upwards.
+    Units are N·m, or N for sliding joints. The base's frame has its z upwards.
     """
     q = joint_array(arm, q)
     torques = np.zeros(q.shape)

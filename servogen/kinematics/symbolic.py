@@ -32,6 +32,7 @@ class SymbolicKinematics:
 
     @property
     def position(self) -> sympy.ImmutableMatrix:
+        """Return the tool's position (3, 1)."""
         return self.product[:3, 3]
 
 
@@ -48,7 +49,7 @@ def _sympy() -> Any:
 
 @cache
 def symbolic_fk(arm: Arm) -> SymbolicKinematics:
-    """Return the forward kinematics of `arm` in symbols: joints q1 …, lengths l1 … by their own names."""
+    """Return the forward kinematics of `arm` in symbols: joints q1 …, and the lengths by name."""
     sympy = _sympy()
 
     joints = _joint_symbols(arm)

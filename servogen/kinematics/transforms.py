@@ -160,8 +160,8 @@ def skew(vector: ArrayLike) -> Floats:
 
 
 def cylindrical(r: ArrayLike, alpha: ArrayLike, c: ArrayLike, keep_orientation: bool = False) -> Floats:
-    """Return T(0,0,c) Rot(z, α) T(r,0,0): position (r cos α, r sin α, c); Rot(z, -α) appended to keep the
-    axes.
+    """Return T(0,0,c) Rot(z, α) T(r,0,0), whose position is (r cos α, r sin α, c). Append Rot(z, -α) to keep
+    the axes parallel.
     """
     r, alpha, c = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, alpha, c)))
     turn = rot("z", np.zeros_like(alpha) if keep_orientation else alpha)

@@ -192,6 +192,7 @@ class _Tracer:
         self.samples = 0
 
     def run(self, start: Floats) -> Branch:
+        """Return the branch from the joint angles `start`. Raises LeavesReach, ChangesBranch, InputError."""
         self.angles.append(start)
         while self.ahead:
             block = np.array(self.ahead[: -BLOCK - 1 : -1])

@@ -37,6 +37,7 @@ class Spline:
 
     @property
     def duration(self) -> float:
+        """Return the duration in seconds."""
         return float(self.times[-1] - self.times[0])
 
     def at(self, time: ArrayLike, order: int = 0) -> Floats:

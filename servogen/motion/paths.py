@@ -46,13 +46,16 @@ class StraightLine:
 
     @property
     def length(self) -> float:
+        """Return the length in metres."""
         return float(np.linalg.norm(np.subtract(self.end, self.start)))
 
     def point(self, share: ArrayLike) -> Floats:
+        """Return the points (n, 3) at shares of the line."""
         start, end = np.array(self.start), np.array(self.end)
         return np.asarray(start + np.asarray(share, float)[..., None] * (end - start))
 
     def distance(self, points: Floats) -> Floats:
+        """Return the distance in metres of each of the points (n, 3) from the line."""
         start, way = np.array(self.start), np.subtract(self.end, self.start)
         square = float(way @ way)
         share = np.clip((points - start) @ way / square, 0.0, 1.0) if square else np.zeros(len(points))
@@ -74,14 +77,17 @@ class Arc:
 
     @property
     def length(self) -> float:
+        """Return the length in metres."""
         return self.radius * self.angle
 
     def point(self, share: ArrayLike) -> Floats:
+        """Return the points (n, 3) at shares of the arc."""
         turn = np.asarray(share, float)[..., None] * self.angle
         spoke = np.cos(turn) * np.array(self.first) + np.sin(turn) * np.array(self.second)
         return np.asarray(np.array(self.centre) + self.radius * spoke)
 
     def distance(self, points: Floats) -> Floats:
+        """Return the distance in metres of each of the points (n, 3) from the arc."""
         away = points - np.array(self.centre)
         x, y = away @ np.array(self.first), away @ np.array(self.second)
         turn = np.mod(np.arctan2(y, x), 2 * np.pi)

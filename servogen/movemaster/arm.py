@@ -56,13 +56,16 @@ class Manipulator:
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Return the names of the joints."""
         return tuple(joint.name for joint in self.arm.joints)
 
     @property
     def tool_mm(self) -> float:
+        """Return the distance from the last link to the tool's point, in mm."""
         return 1000 * self.arm.tool.z
 
     def with_tool_mm(self, length: float) -> Manipulator:
+        """Return the same arm with a tool of that length in mm."""
         return replace(self, arm=self.arm.with_tool(replace(self.arm.tool, z=length / 1000)))
 
     def pose(self, q: Floats) -> ToolPose:
@@ -212,6 +215,7 @@ class Hand:
     speed: float | None = None
 
     def angle(self, state: str) -> float:
+        """Return the servo's angle, in radians, for the hand state `state`."""
         return self.closed if state == CLOSED else self.open
 
 
@@ -240,10 +244,14 @@ class Mover:
 
     @property
     def pose(self) -> ToolPose:
+        """Return the tool's present pose."""
         return self.manipulator.pose(self.q)
 
     @property
     def samples(self) -> Floats:
+        """Return all frames so far (frames, joints), with the hand's angle in the last column if it has a
+        servo.
+        """
         return np.concatenate(self._blocks)
 
     def go(self, pose: ToolPose, what: str) -> None:
@@ -251,6 +259,7 @@ class Mover:
         self.go_joints(self._solved(pose, self.q, what))
 
     def go_joints(self, q: Floats) -> None:
+        """Move to the joint positions `q` through joint space."""
         self._path(np.stack([self.q, q]), even=False)
 
     def turn_joints(self, by: Floats) -> None:
@@ -282,7 +291,7 @@ class Mover:
         self._check_line(samples, branch, what, intermediate)
 
     def grip(self, state: str) -> None:
-        """Open or close the hand; this takes GP's time, or longer if its servo needs that."""
+        """Open or close the hand, in GP's time, or longer if its servo is slower."""
         if state == self.hand_state:
             return
         frames = math.ceil(Fraction(self.grip_tenths, 10) / self.period_s)
@@ -306,10 +315,12 @@ class Mover:
             self.stand(max(1, math.floor(seconds / self.period_s + Fraction(1, 2))))
 
     def stand(self, frames: int) -> None:
+        """Add frames in which nothing moves. Raises InputError beyond the limit of the run."""
         row = list(self.q) + ([self.hand.angle(self.hand_state)] if self.hand else [])
         self._add(np.tile(np.array(row), (self._allowed(frames), 1)))
 
     def set_tool_mm(self, length: float) -> None:
+        """Change the tool's length; nothing moves."""
         self.manipulator = self.manipulator.with_tool_mm(length)
 
     def kept(self) -> tuple[object, ...]:

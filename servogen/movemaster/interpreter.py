@@ -58,6 +58,7 @@ class Controller:
 
     @property
     def flow(self) -> Flow:
+        """Return the running program. Raises InputError on a line outside a program."""
         if self._flow is None:
             raise InputError("no-program", "no program is running")
         return self._flow
@@ -86,6 +87,7 @@ class Controller:
         self._flow = None
 
     def write(self, value: int, strobe: bool) -> None:
+        """Write the output port and record the write."""
         self.output = value
         self.outputs.append(Output(self.mover.frame, value, strobe))
 
@@ -189,12 +191,15 @@ class Flow:
         return self._lines[self._next - 1]
 
     def end(self) -> None:
+        """End the program."""
         self._next = len(self._lines)
 
     def go_to(self, number: int) -> None:
+        """Continue at the program line `number`."""
         self._next = self._index[number]
 
     def call(self, number: int) -> None:
+        """Call the subroutine at line `number`. Raises InputError beyond `MAX_DEPTH` levels."""
         if len(self._levels) > MAX_DEPTH:
             raise InputError(
                 "program-nesting",
@@ -205,6 +210,7 @@ class Flow:
         self.go_to(number)
 
     def give_back(self) -> None:
+        """Return from the subroutine; its open loops are closed. Raises InputError outside a subroutine."""
         if len(self._levels) == 1:
             raise InputError(
                 "program-nesting",
@@ -214,6 +220,7 @@ class Flow:
         self._next = self._levels.pop().back
 
     def open_loop(self, statement: ProgramLine, times: int) -> None:
+        """Open a loop of `times` iterations at an RC. Raises InputError beyond `MAX_DEPTH` loops."""
         loops = self._levels[-1].loops
         for index, loop in enumerate(loops):
             if loop.start is statement:  # reached by a jump back: the loop begins again
@@ -226,6 +233,7 @@ class Flow:
         loops.append(_Loop(statement, self._next, times - 1))
 
     def close_loop(self) -> None:
+        """Start the next iteration of the innermost loop, or close it. Raises InputError without a loop."""
         loops = self._levels[-1].loops
         if not loops:
             raise InputError("program-nesting", "NX without an RC", hint="RC n opens a loop, NX closes it")
@@ -539,7 +547,7 @@ def _nw(controller: Controller, _: ProgramLine) -> None:
 
 
 def _rs(_controller: Controller, _: ProgramLine) -> None:
-    """Do nothing: an error ends the run, so that there is never one to clear."""
+    """Do nothing: an error ends the run, so there is never one to clear."""
 
 
 def _gc(controller: Controller, _: ProgramLine) -> None:

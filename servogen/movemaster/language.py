@@ -236,4 +236,5 @@ MISPRINTS: Mapping[str, str] = MappingProxyType({"RV": "RN", "52": "RT"})
 
 @cache
 def by_initial(letter: str) -> tuple[str, ...]:
+    """Return the mnemonics that start with a letter, sorted."""
     return tuple(sorted(name for name in COMMANDS if name.startswith(letter.upper())))

@@ -36,6 +36,7 @@ class ToolPose:
 
     @property
     def values(self) -> tuple[float, float, float, float, float]:
+        """Return x, y, z in mm, and pitch and roll in degrees."""
         return self.x, self.y, self.z, self.p, self.r
 
     def plus(self, other: ToolPose, times: float = 1.0) -> ToolPose:
@@ -43,6 +44,7 @@ class ToolPose:
         return ToolPose(*(a + times * b for a, b in zip(self.values, other.values, strict=True)))
 
     def times(self, factor: float) -> ToolPose:
+        """Return the pose with all values multiplied by `factor`."""
         return ToolPose(*(factor * value for value in self.values))
 
     def to_json(self) -> dict[str, object]:
@@ -73,6 +75,7 @@ class Memory:
         self.comparison = 0
 
     def position(self, number: int) -> StoredPosition:
+        """Return a stored position. Raises InputError if it is not defined."""
         if number not in self.positions:
             raise InputError(
                 "undefined-position",
@@ -92,10 +95,12 @@ class Memory:
         return numbers if first <= last else numbers[::-1]
 
     def shift(self, number: int, by: int) -> None:
+        """Add the coordinates of position `by` to position `number`. Raises InputError for undefined ones."""
         moved = self.position(number)
         self.positions[number] = replace(moved, pose=moved.pose.plus(self.position(by).pose))
 
     def clear(self, first: int, last: int) -> None:
+        """Delete the positions from `first` to `last`."""
         for number in [position for position in self.positions if first <= position <= last]:
             del self.positions[number]
 
@@ -115,6 +120,7 @@ class Memory:
         return min(beyond) if step > 0 else max(beyond)
 
     def count(self, number: int, step: int) -> None:
+        """Add `step` to a counter. Raises InputError if the result is not a signed word."""
         value = self.counters.get(number, 0) + step
         if not WORD[0] <= value <= WORD[1]:
             raise InputError(

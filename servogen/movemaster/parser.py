@@ -62,18 +62,21 @@ class ProgramLine:
         return value
 
     def decimal(self, index: int) -> float:
+        """Return an argument that the table declares as a number."""
         value = self.arguments[index]
         if not isinstance(value, int | float):
             raise TypeError(f"argument {index + 1} of {self.text} is not a number")
         return float(value)
 
     def bit(self, index: int) -> Bit:
+        """Return an argument that the table declares as a bit."""
         value = self.arguments[index]
         if not isinstance(value, Bit):
             raise TypeError(f"argument {index + 1} of {self.text} is not a bit")
         return value
 
     def has(self, index: int) -> bool:
+        """Return whether the argument `index` (from 0) is given."""
         return index < len(self.arguments)
 
     def error(self, code: str, message: str, hint: str | None = None) -> InputError:

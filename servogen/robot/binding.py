@@ -25,7 +25,9 @@ class Binding:
     ratio: float = 1.0
 
     def servo_angle(self, position: ArrayLike) -> NDArray[np.float64]:
+        """Return the servo's angles in radians at joint positions."""
         return np.asarray(self.zero + self.ratio * np.asarray(position, float))
 
     def position(self, servo_angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the joint positions at servo angles in radians."""
         return np.asarray((np.asarray(servo_angle, float) - self.zero) / self.ratio)

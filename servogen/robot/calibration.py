@@ -131,9 +131,11 @@ class Fit:
         return max(range(len(self.residuals)), key=lambda index: abs(self.residuals[index]))
 
     def width_us(self, angle: float) -> float:
+        """Return the width in µs at an angle in radians."""
         return self.zero_us + self.us_per_rad * angle
 
     def angle(self, width_us: float) -> float:
+        """Return the angle in radians at a width in µs."""
         return (width_us - self.zero_us) / self.us_per_rad
 
     def ends(

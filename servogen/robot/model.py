@@ -32,6 +32,7 @@ class Length:
 
     @property
     def zero(self) -> bool:
+        """Return whether the length is 0 for any values of the named lengths."""
         return not self.terms and self.constant == 0.0
 
 
@@ -54,6 +55,7 @@ class Joint:
 
     @property
     def turning(self) -> bool:
+        """Return whether the joint is revolute."""
         return self.kind == "turning"
 
 
@@ -87,6 +89,7 @@ class FixedFrame:
 
     @property
     def identity(self) -> bool:
+        """Return whether the frame is that of its parent."""
         return self == FixedFrame()
 
 
@@ -145,6 +148,7 @@ class Arm:
 
     @property
     def home(self) -> tuple[float, ...]:
+        """Return the home positions of the joints."""
         return tuple(joint.home for joint in self.joints)
 
     @property
@@ -164,6 +168,7 @@ class Arm:
         return replace(self, lengths=tuple((self.length | lengths).items()), dimensions="user")
 
     def with_tool(self, tool: FixedFrame) -> Arm:
+        """Return the same arm with another tool."""
         return replace(self, tool=tool)
 
 
@@ -193,13 +198,20 @@ class Robot(Protocol):
     kind: ClassVar[str]
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Return the short name."""
+
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """Return the name used in reports."""
+
     @property
-    def dimensions(self) -> Dimensions: ...
+    def dimensions(self) -> Dimensions:
+        """Return where the lengths and limits come from."""
+
     @property
-    def source(self) -> str: ...
+    def source(self) -> str:
+        """Return the source of these dimensions."""
 
     @property
     def limbs(self) -> tuple[Limb, ...]:

@@ -29,6 +29,8 @@ TOLERANCE_RAD = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class CalibrationPoint:
+    """The pulse width in µs at a shaft angle in radians, or at a speed in radians per second."""
+
     angle: float
     """Shaft angle in radians."""
     width_us: float
@@ -172,6 +174,7 @@ class ServoModel:
         return -angle if self.continuous else low + high - angle
 
     def shown(self, angle: float) -> str:
+        """Return an angle (radians) as text, in degrees."""
         return f"{math.degrees(angle):zg}{self.unit}"
 
 
@@ -204,6 +207,7 @@ class Servo:
         return min(max(middle, low), high)
 
     def allows(self, angle: float) -> bool:
+        """Return whether an angle (radians) is within the limits."""
         low, high = self.limits
         return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD
 

@@ -65,7 +65,7 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
 def closed_solutions(
     arm: Arm, position: Floats, rotation: Floats | None, tolerance: float, hard: bool
 ) -> Floats:
-    """Return the solutions (m, branches, n) of targets (m, 3), NaN for none; `hard` keeps the limits."""
+    """Return the solutions (m, branches, n) of targets (m, 3), NaN for none; `hard` enforces the limits."""
     position, rotation = _without_base_and_tool(arm, position, rotation)
     bare = replace(arm, base=FixedFrame(), tool=FixedFrame())
     blocks = []

@@ -40,7 +40,7 @@ ON_AXIS = 1e-12
 
 
 def azimuth(y: Floats, x: Floats, home: float) -> Floats:
-    """Return atan2(y, x); on the axis, where any angle is right, `home`."""
+    """Return atan2(y, x), or `home` on the axis, where every angle is correct."""
     return np.where(np.hypot(x, y) < ON_AXIS, home, np.arctan2(y, x))
 
 

@@ -123,7 +123,7 @@ def _errors(arm: Arm, q: Floats, position: Floats, rotation: Floats | None) -> F
 
 
 def _reach(arm: Arm) -> float:
-    """Return the length that weighs an angle of one radian: about the arm's size."""
+    """Return the length, about the size of the arm, by which an angle of one radian is weighted."""
     lengths = arm.length
     fixed = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in arm.rows)
     sliding = sum(joint.upper - joint.lower for joint in arm.joints if not joint.turning)
@@ -131,12 +131,13 @@ def _reach(arm: Arm) -> float:
 
 
 class _Task:
-    """Errors (m, k) and Jacobians (m, k, n) in metres: angles are weighed by the arm's size."""
+    """Errors (m, k) and Jacobians (m, k, n) in metres: angles are weighted by the arm's size."""
 
     def __init__(self, arm: Arm, position: Floats, rotation: Floats | None) -> None:
         self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * _reach(arm)
 
     def at(self, q: Floats, which: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Return the errors (m, k) and Jacobians (m, k, n) of the targets `which` at positions `q` (m, n)."""
         matrix, pose = with_pose(self.arm, q)
         error = self.position[which] - pose[:, :3, 3]
         if self.rotation is None:
@@ -154,7 +155,7 @@ def _descend(
     tolerance: float,
     iterations: int = ITERATIONS,
 ) -> Floats:
-    """Return `q` after Levenberg–Marquardt steps, until each target is met or no step makes it better."""
+    """Return `q` after Levenberg–Marquardt steps, until each target is met or no step reduces its error."""
     lower, upper = limits(arm)
     free = np.array([joint.turning for joint in arm.joints]) & (upper - lower >= 2 * np.pi - 1e-9)
     low, high = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
@@ -195,7 +196,7 @@ def _descend(
 
 
 class _Step:
-    """(JᵀJ + λI)⁻¹ Jᵀ, without the joints that stand at a limit and would be pushed out."""
+    """(JᵀJ + λI)⁻¹ Jᵀ, without the joints at a limit that would be pushed beyond it."""
 
     def __init__(
         self, q: Floats, error: Floats, matrix: Floats, damping: Floats, low: Floats, high: Floats

@@ -285,6 +285,7 @@ def _limit_reason(arm: Arm, free: Floats) -> str:
 
 
 def sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
+    """Return the different rows of `q` (k, n), sorted by their distance from `near`, or else from home."""
     reference = np.asarray(arm.home if near is None else near, float)
     lower, upper = limits(arm)
     away = np.round((((q - reference) / (upper - lower)) ** 2).sum(axis=1), 12)
