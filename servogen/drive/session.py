@@ -1,4 +1,4 @@
-"""One drive: sends a motion over a serial line until it is over, and stops the robot whatever happens.
+"""One drive: sends a motion over a serial line until it is over, and always stops the robot at the end.
 
 In: the motion, the commands, the controller, the line, the time. Out: `Summary`; every command and event is
 logged when it happens.

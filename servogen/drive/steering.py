@@ -104,7 +104,7 @@ class PoseController:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is accepted as well."""
+        """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is accepted too."""
         names = [pose.name for pose in self.job.poses if pose.name]
         return (*(str(index + 1) for index in range(len(self.job.poses))), *names, STOP)
 

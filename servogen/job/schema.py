@@ -1,6 +1,6 @@
 """The schema of a job file: one `Table` per TOML table, one field per key, its unit in the name.
 
-In: nothing. Out: models against which `toml` validates a file. `reader` checks combinations of keys.
+Out: models against which `toml` validates a file. `reader` checks combinations of keys.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class SegmentTable(Table):
 
 
 class DirectionPins(Table):
-    """[walk] commands buttons: the pin of the button of each direction, at least of one."""
+    """[walk] commands buttons: the pin of each direction's button; there is at least one."""
 
     forward: PinName | None = None
     back: PinName | None = None
@@ -170,7 +170,7 @@ class WalkTable(Table):
     beta_sign: Sign = "positive"
     spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
     compensate: bool = True
-    """Whether the swings take up the motion that the servos lose when a joint turns round."""
+    """Whether the swings take up the motion that the servos lose when a joint reverses."""
     allow_falling: bool = False
     leg: str | None = None
     """The only leg that walks; None: all legs walk."""

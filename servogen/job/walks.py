@@ -229,7 +229,7 @@ def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Wal
 
 
 def _lost_motion(job: Job) -> float:
-    """Return the largest angle (radians) that a servo loses when its joint turns round."""
+    """Return the largest angle (radians) that a servo loses when its joint reverses."""
     servos = {servo.name: servo for servo in job.servos}
     return max(
         (

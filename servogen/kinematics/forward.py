@@ -5,9 +5,9 @@ In: an `Arm` and joint positions (..., n), radians and metres. Out: transforms (
     standard (Paul)    A_i = Rot(z, θ_i) Trans(z, d_i) Trans(x, a_i) Rot(x, α_i)
     modified (Craig)   A_i = Rot(x, α_{i-1}) Trans(x, a_{i-1}) Rot(z, θ_i) Trans(z, d_i)
 
-The product is not formed matrix by matrix. The three axes and the origin are carried along as components,
-arrays over the poses or plain numbers; a product with 0 or 1 is not carried out, and turns about parallel
-axes are added before one cosine and sine is taken: what remains is the closed form of the robot at hand.
+The product is not formed matrix by matrix. The three axes and the origin are kept as components, which are
+arrays over the poses or plain numbers. Products with 0 or 1 are skipped, and angles about parallel axes are
+added before one cosine and sine is taken, so that the calculation is the closed form of the robot.
 """
 
 from __future__ import annotations

@@ -142,7 +142,8 @@ class Hexapod:
 
 
 OVERSHOOT = 0.15
-"""The greatest value of u - 10u³ + 15u⁴ - 6u⁵, rounded up: of a swing whose own way is short beside v."""
+"""The maximum of u - 10u³ + 15u⁴ - 6u⁵, rounded up: the overshoot, in units of v, of a swing that is
+short."""
 
 SAME_RAD = 1e-9
 """Angles nearer than this are equal: rounding does not decide which sign of β a leg uses."""
@@ -153,13 +154,13 @@ class LegStance:
     """How one leg stands: its mount, its lengths, its joint α, and β with its sign.
 
     a turn about c, from above        A foot moves on a circle of radius ρ about its leg's axis of α, while
-                                      the ground asks for a circle about c. The foot needs the least
+                                      the ground requires a circle about c. The foot needs the least
          F ● foot                     correction where the two circles touch: on the line from c through
           ╱                           the axis.
       A  ○ axis of α
         ╱                                 c = i v / ω        F = A + ρ (A - c) / |A - c|
        ╱
-    c ×                               Of the two points of the line at the distance ρ the outer one is
+    c ×                               Of the two points at the distance ρ on that line, the outer one is
                                       taken, since a foot does not reach under the body.
     """
 

@@ -42,7 +42,8 @@ REACH_TOLERANCE_M = 1e-9
 class PlannedStance:
     """A planned stance, sample by sample: joint angles, and where the foot is.
 
-    `correction_m` (n, 3) leads from there to where it should be: what the passive spring joint E' gives.
+    `correction_m` (n, 3) is the vector from the foot to its requested position, taken up by the spring joint
+    E'.
     """
 
     alpha: Floats
@@ -113,7 +114,7 @@ class Leg:
         return angles
 
     def at_height(self, foot: Floats) -> Floats:
-        """Return the angles (..., 2, 2) of the height and azimuth of `foot`, whatever its
+        """Return the angles (..., 2, 2) for the height and azimuth of `foot`, ignoring its
         distance from z is.
         """
         beta = np.arccos(np.clip(-(foot[..., 2] + self.df) / self.bc, -1.0, 1.0))
@@ -180,7 +181,7 @@ class Leg:
         """Return the straight stance path along -X (the body goes along +X), shape (samples, 3), front to
         back.
 
-        The line runs at the distance from the axis that halves the greatest correction: as far outside the
+        The line has the distance from the axis that halves the maximum correction: it is as far outside the
         foot's circle of radius ρ in the middle as inside it at the ends.
 
             ends ρ' = √(y² + (stride/2)²) = ρ + e,  middle y = ρ - e   ⇒   e = stride² / (16 ρ)
@@ -196,7 +197,7 @@ class Leg:
         """Return the angles that follow a foot path (n, 3) at its heights, and what remains for the spring.
 
         At constant height β is constant and the foot follows a circle about the axis of α: the foot is put at
-        the azimuth of the wanted point, so that the correction is radial, the shortest possible at that
+        the azimuth of the requested point, so that the correction is radial, the shortest possible at that
         height.
         """
         path = np.atleast_2d(np.asarray(path, float))

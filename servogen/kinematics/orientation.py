@@ -3,9 +3,9 @@
 In and out: radians, rotations (..., 3, 3), angles (..., 3). An order names the axes as the product
 does: "ZYX" (roll, pitch, yaw) is Rot(z, φ) Rot(y, θ) Rot(x, η), "ZYZ" is Rot(z, φ) Rot(y, θ) Rot(z, ψ).
 
-Singular cases, decided: where one degree of freedom is lost (θ = ±90° for three different axes, θ = 0 or π
-for a repeated one) the first angle is 0 and the third takes the whole turn. A rotation by 0 has the axis z;
-by π the axis whose first component that is not zero is positive.
+Conventions for singular cases: where one degree of freedom is lost (θ = ±90° for three different axes, θ = 0
+or π for a repeated one) the first angle is 0 and the third takes the whole turn. A rotation by 0 has the axis
+z; by π the axis whose first component that is not zero is positive.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def to_quaternion(rotation: ArrayLike) -> Floats:
     """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation.
 
     Four products give it, each times one of its components; the one with the largest component is used, so
-    that nothing is divided by a small number.
+    that there is no division by a small number.
     """
     r = np.asarray(rotation, float)
     d = [r[..., axis, axis] for axis in range(3)]

@@ -47,7 +47,7 @@ class RobotKind:
 class Posture:
     """How a walking robot stands and lifts its feet, in metres.
 
-    None: the body is as high as the legs reach; the feet are as far apart as requires the smallest
+    None: the body is as high as the legs reach; the feet are as far apart as gives the smallest
     correction.
     """
 
@@ -89,7 +89,7 @@ class Stance(Protocol):
         """Return where the foot (x + iy, body frame) is in the middle of its stance."""
 
     def held_back(self, leg: int, motion: BodyMotion) -> float:
-        """Return the angle by which the joints' limits keep the leg from its best foothold; 0 if not at all."""
+        """Return the angle by which joint limits keep the leg from its best foothold; 0 if they do not."""
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the joint angles (n, k) that put the foot nearest to footholds (n,), x + iy, body frame."""

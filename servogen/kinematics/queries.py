@@ -291,7 +291,7 @@ def mobility_answer(name: str) -> Answer:
 
 
 MAX_JOINTS = 1000
-"""The greatest number of joints of one kind that is not taken for a typing error."""
+"""The maximum number of joints of one kind; a greater one is a typing error."""
 MAX_DIGITS = 6
 
 
@@ -430,7 +430,7 @@ def jacobian_answer(
     """Return the geometric Jacobian at positions in degrees and mm, and how well the arm moves there; with
     the `rates` of the joints, in degrees and mm per second, the velocity of the tool.
 
-    That of a base on wheels has the rows vx, vy, Ω and a column for each wheel.
+    For a base on wheels it has the rows vx, vy, Ω and a column for each wheel.
     """
     robot = catalogue.robot(name)
     if isinstance(robot, DrivingRobot):
@@ -482,8 +482,8 @@ def statics_answer(
     """Return the loads τ = Jᵀ (F, M) that a force (N) and a moment (N·m) on the tool or foot put on the
     joints, at positions in degrees and mm, and what the motors must give to hold still.
 
-    Force and moment are in the universal frame, or that of the body of a walking robot, one `leg` of which
-    is meant. If the robot's file states masses, their weight is held as well.
+    Force and moment are in the universal frame or, for a `leg` of a walking robot, in that of its body. If
+    the robot's file states masses, the motors hold their weight too.
     """
     robot = catalogue.robot(name)
     limb = _limb(robot, leg)

@@ -6,8 +6,9 @@ N·m (forces in N of sliding joints), and the vertical force at each foot.
     arm     V = Σ m g z,  τ = ∂V/∂q: the z row of the Jacobian of each link's centre of mass, times m g
     feet    Σ F = W,  Σ F x = W x_c,  Σ F y = W y_c,  F ≥ 0
 
-Three feet share the weight in one way only. More are taken as equally stiff legs under a rigid body, whose
-forces are the shortest vector that keeps the balance; a foot that would have to pull carries nothing.
+The forces at three feet follow from these equations. More feet are assumed to be equally stiff legs under a
+rigid body: their forces are the shortest vector that keeps the balance, and a foot that would pull carries
+none.
 """
 
 from __future__ import annotations

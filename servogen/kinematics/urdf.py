@@ -13,9 +13,9 @@ makes standard Denavit–Hartenberg rows of them, with the same forward kinemati
           │      o_k         θ_k from x_{k-1} to x_k about z_{k-1}     d_k from o_{k-1} to b_k along z_{k-1}
       o_{k-1}                a_k from b_k to o_k along x_k             α_k from z_{k-1} to z_k about x_k
 
-Where the normal is free, parallel axes take the one through the previous origin (d = 0), and collinear ones
-keep the previous frame; in both cases the last frame stands at the tool. Axes that meet take the x_k that is
-nearer to x_{k-1}.
+Where the normal is not unique, parallel axes take the one through the previous origin (d = 0), and collinear
+ones keep the previous frame; in both cases the last frame is at the tool. Axes that intersect take the x_k
+that is nearer to x_{k-1}.
 """
 
 from __future__ import annotations
@@ -276,7 +276,7 @@ def _parsed(text: str, file: str) -> Any:
 
 MAX_JOINTS = 1000
 MAX_NUMBER = 1e6
-"""The greatest number, in metres, radians, and those per second."""
+"""The maximum absolute value of a number, in metres, radians, and those per second."""
 
 _NUMBERS = f"numbers are finite, in metres and radians, of at most {MAX_NUMBER:g}"
 

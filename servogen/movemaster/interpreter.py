@@ -1,4 +1,4 @@
-"""The controller: executes statements in order, direct ones at once, programs line by line.
+"""The controller: executes statements in order, direct ones immediately, programs line by line.
 
 In: statements, one after another. Out: the resulting contents of `Mover`, `Memory` and the output record.
 Each command is a function of the controller and the statement, found in `ACTIONS` by its mnemonic. A

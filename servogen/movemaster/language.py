@@ -1,7 +1,7 @@
 """The arm command language as one table: mnemonic, parameters with their ranges, where it is allowed,
 meaning.
 
-In: nothing. Out: `COMMANDS`. Parser, interpreter and documentation take everything from these rows.
+Out: `COMMANDS`. Parser, interpreter and documentation take everything from these rows.
 
 Source of a row: its number in the table of robot theory (000), or "manufacturer" for the Movemaster EX
 commands that the table's gap (18–34) and its end leave out and that a program needs.

@@ -204,7 +204,7 @@ def _command(word: str, number: int | None, place: Location) -> Command:
             "program-syntax",
             f"{word} is not allowed in a program",
             place,
-            "write it without a line number, before the program; it is then executed at once",
+            "write it without a line number, before the program; it is then executed immediately",
         )
     if number is None and command.where is Where.PROGRAM:
         raise InputError(

@@ -88,7 +88,8 @@ def run(
     repeat: bool = False,
     budget: Budget = Budget(),
 ) -> ProgramRun:
-    """Run the file: direct lines at once, the program at RN, or at the end of a file without RN.
+    """Return the result of the file: direct lines run immediately, the program at RN, or at the end without
+    RN.
 
     With `repeat`, the program is the loop and any motion before it the lead-in, including its first pass if
     the second moves differently; the second must end as the first did. Raises InputError with the location of

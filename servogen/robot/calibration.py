@@ -144,7 +144,7 @@ class Fit:
         """Return (angle, width) at both ends of the line: at the shortest and longest measured width, or
         where `limits` (radians) cut it.
 
-        Raises InputError if nothing of the line remains.
+        Raises InputError if no part of the line remains.
         """
         widths = [reading.width_us for reading in self.readings]
         first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))

@@ -174,7 +174,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Limb:
-    """A serial chain of a robot: an arm that stands by itself, or a leg at its mount on a body."""
+    """A serial chain of a robot: an arm on its own base, or a leg at its mount on a body."""
 
     name: str
     end: EndKind
@@ -189,7 +189,7 @@ class Limb:
 
 
 class Robot(Protocol):
-    """What all robots share, whatever their kind.
+    """The attributes of robots of all kinds.
 
     `kind` names the kind in a robot file and in `kinematics.registry`. What robots of some kinds can do in
     addition, walking or driving, is in `kinematics.protocol`.

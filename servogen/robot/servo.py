@@ -156,9 +156,9 @@ class ServoModel:
     motor: Motor = Motor()
 
     def lost_motion(self, calibration: Calibration) -> float:
-        """Return the angle (radians) that the shaft loses when it turns round, with a servo's calibration.
+        """Return the angle (radians) that the shaft loses when it reverses, with a servo's calibration.
 
-        It is the dead band on both sides and the backlash of the gear; what is not stated counts as 0.
+        It is the dead band on both sides and the backlash of the gear; values that are not stated count as 0.
         """
         dead = 2 * (self.motor.dead_band_us or 0.0) * calibration.per_us
         return dead + (self.motor.backlash or 0.0)

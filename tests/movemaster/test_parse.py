@@ -86,7 +86,7 @@ def test_a_statement_knows_its_place() -> None:
         (
             "10 RN 5",
             "a.rvm:1:4: error: program line 10: RN is not allowed in a program [program-syntax]\n"
-            "  write it without a line number, before the program; it is then executed at once",
+            "  write it without a line number, before the program; it is then executed immediately",
         ),
         (
             "GT 5",

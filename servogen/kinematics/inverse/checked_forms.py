@@ -4,8 +4,9 @@ In: an `Arm` with a closed form, targets (m, 3) with or without rotations (m, 3,
 (m, branches, n), NaN in every joint of a branch that is not a solution.
 
 A stretched elbow costs a closed form half of its digits (an arccosine near 1), and on the axis of the first
-joint the position does not determine that joint. Arms with fewer than six joints have nothing that makes up
-for it when the orientation is given too, so candidates that are nearly right are improved before the check.
+joint the position does not determine that joint. The other joints of an arm with fewer than six cannot
+compensate for the error if an orientation is given, so nearly correct candidates are improved before the
+check.
 """
 
 from __future__ import annotations

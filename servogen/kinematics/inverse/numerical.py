@@ -1,11 +1,11 @@
 """Inverse kinematics by iteration, for any arm: damped least squares with hard limits and several starts.
 
 In: an `Arm` and targets (m, 3) with or without orientations (m, 3, 3). Out: the best joint positions found
-(m, n) and the distance of their tool from the target. All targets are solved at once, each with its own
-damping (Levenberg–Marquardt): a step that makes it worse is not taken.
+(m, n) and the distance of their tool from the target. All targets are solved together, each with its own
+damping (Levenberg–Marquardt): a step that increases the error is not taken.
 
-A joint at a limit that the step would push further out is left out of the step, so the others can still move
-along the limit. So where a target cannot be reached, what is found is the nearest reachable point around.
+A joint at a limit that the step would push beyond it is omitted from the step, so the others can still move
+along the limit. For a target that cannot be reached the result is therefore a nearest reachable point.
 """
 
 from __future__ import annotations

@@ -3,12 +3,12 @@
 In: targets: positions (..., 3) in metres in the base's frame, with or without rotations (..., 3, 3).
 Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` if there is none.
 
-Decided:
+Conventions:
 - `Solutions.q` gives a turning joint in the turn about the middle of its limits. A joint with a full turn of
   travel or more has further turns, or both ends of ±180°: `Solutions.near` and `every_turn` give those.
 - Where infinitely many solutions exist (a target on the axis of a joint) the joint stays at home.
-- Choice rule: the solution nearest to where the arm is (`near`, else home), the sum of the squares of the
-  joints' moves, each divided by its range; of equals the first in the order of the branches.
+- Choice rule: the solution nearest to the present position (`near`, else home), by the sum of the squares of
+  the joints' moves, each divided by its range; of equal ones the first in the order of the branches.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SAME = 1e-7
 
 
 MAX_LISTED = 10_000
-"""The greatest number of solutions of one target; each joint multiplies them by its turns."""
+"""The maximum number of solutions of one target; each joint multiplies them by its turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,8 @@ def solve(
 def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, near: ArrayLike) -> Floats:
     """Return the solutions (m, branches, n) of targets (m, 3), each in the turn nearest to `near` (m, n).
 
-    Where there is no closed form, it is the one that a descent from `near` ends at, if it ends at the target.
+    Without a closed form, the result of a numerical search from `near` is the only one, if it meets the
+    target.
     """
     position, rotation = _checked(position, rotation)
     if has_closed_form(arm, rotation is not None):

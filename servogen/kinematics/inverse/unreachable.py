@@ -8,9 +8,10 @@ from servogen.errors import Location, ServogenError
 
 
 class Unreachable(ServogenError):
-    """No solution: `reason` says why, `nearest` is the nearest point in metres that the tool reaches.
+    """A target without a solution: `reason` says why, `nearest` is the nearest reachable point in metres.
 
-    `as_asked`: whether it is reached in the orientation asked for, or with the wrist at home where none is.
+    `as_asked`: whether it is reached in the requested orientation, or with the wrist at home if none is
+    given.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 """Walks on command: the directions of a walking robot, each as start, cycle and stop, from stance to stance.
 
-In: nothing. Out: `CommandedDirection`, which `job` plans and the player puts on the chip.
+In: walks as frames. Out: `CommandedDirection`, which `job` plans and the player puts on the chip.
 
     stance ─▶ start ─▶ cycle ─▶ cycle … ─▶ stop ─▶ stance      backward: the same angles, the last first
 """

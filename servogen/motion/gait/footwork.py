@@ -10,9 +10,9 @@ on the ground, and the corrections that their springs must yield.
     the body is at rest while its feet step, once each, to their places at the beginning of the walk; feet
     that are in the air at that moment rise in place. After the walk they come down in place and step again
 
-A servo does not answer to the first part of a movement after it has turned round: its dead band and the
-backlash of its gear are lost. A swing therefore goes so far beyond the foothold, and comes back, that the
-joint follows the stance when the foot lands (`Footwork.reach_beyond`).
+After a reversal a servo does not follow the first part of a movement, its dead band and the backlash of its
+gear. A swing therefore overshoots the foothold and comes back, so far that the joint follows the stance when
+the foot lands (`Footwork.reach_beyond`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MAX_BEYOND = 0.15
 """The largest share of a swing's way by which it goes beyond its foothold to take up lost motion."""
 
 BEND_PEAK = 5**-2.5
-"""The greatest value of u² (1 - u)² (2u - 1), at u = ½ + 1/√20."""
+"""The maximum of u² (1 - u)² (2u - 1), at u = ½ + 1/√20."""
 
 BEYOND_SAMPLES = 201
 """The number of samples of the second half of a swing, in which its farthest point is looked for."""
@@ -118,7 +118,7 @@ class Footwork:
         return body_motion(segment, self.gait, self.beyond)
 
     def reach_beyond(self, segments: Sequence[Segment], count: int, lost: float) -> float:
-        """Return the share `beyond` for joints that lose `lost` radians when they turn round.
+        """Return the share `beyond` for joints that lose `lost` radians when they reverse.
 
         Before a foot lands, its joint comes back by what is lost and by what the stance moves it in one of
         the `count` frames of a cycle, the time until the servo receives the next pulse. All swings have one
@@ -145,7 +145,7 @@ class Footwork:
         return high
 
     def _ways(self, segment: Segment) -> Iterator[float]:
-        """Yield how far each leg's joints turn in a swing of the steady walk, radians."""
+        """Yield the angle (radians) by which each leg's joints turn in a swing of the steady walk."""
         cruise = cruise_of(self.gait, None)
         for index, (name, neutral) in enumerate(zip(self.legs, self._footing(segment), strict=True)):
             leg = steps(self.gait, name, segment, cruise, neutral)

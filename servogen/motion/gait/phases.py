@@ -29,7 +29,7 @@ MIN_SHARE = Fraction(1, 24)
 """The shortest stance and swing as a share of the cycle; a shorter one must be a mistake."""
 
 THREE_DIGITS = Fraction(1, 1000)
-"""The maximum distance of a number from the simple fraction that it stands for."""
+"""The maximum difference between a number and the simple fraction that it abbreviates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ def custom(
 
 
 def _simple(share: Fraction | float) -> Fraction:
-    """Return the fraction that a share stands for: 0.667 is two thirds, to three digits."""
+    """Return the fraction that a share abbreviates: 0.667 is two thirds, to three digits."""
     exact = Fraction(share).limit_denominator(10**6)
     simple = exact.limit_denominator(24)
     return simple if abs(simple - exact) < THREE_DIGITS else exact

@@ -1,4 +1,4 @@
-"""A second oracle beside the physics: the path of a walking robot with rigid legs and without inertia.
+"""A check of the physics by other equations: the path of a walking robot with rigid legs and without inertia.
 
 In: the feet in the body's frame, frame by frame, which of them are down, the centre of mass. Out: the body's
 pose after each frame. The method shares no equation with the physics.
@@ -47,7 +47,7 @@ def rigid_body_path(
 ) -> BodyPath:
     """Return the path of a body whose feet are at `feet` (frames, legs, 3) in its frame.
 
-    `ground` (frames, legs) tells which feet are down; None: those within `CONTACT_M` of the lowest.
+    `ground` (frames, legs) states which feet are down; None: those within `CONTACT_M` of the lowest.
     """
     if ground is None:
         ground = feet[..., 2] <= feet[..., 2].min(axis=1, keepdims=True) + CONTACT_M

@@ -199,8 +199,8 @@ def walk(
     multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. An endless
     walk loops over one cycle, others over the whole route. `spring_m` is the maximum correction of a leg's
     spring. `others` are segments of other walks with which the same robot may continue: its stance suits
-    these too. `lost` is the angle (radians) that the servos lose when a joint turns round: swings go so far
-    beyond their footholds that it is taken up before the feet land.
+    these too. `lost` is the angle (radians) that the servos lose when a joint reverses: swings overshoot
+    their footholds so that it is taken up before the feet land.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
     is too large and, unless `allow_falling`, for a robot that would fall over.
