@@ -74,12 +74,14 @@ def drive(
 
 def _shape(frames: float, ramp: int) -> Floats:
     """Return the speed in each frame as a share of the maximum; the shares add up to at least `frames`."""
+    # Rounding must not add a frame to a whole number of them.
     count = max(1, math.ceil(frames - 1e-9))
     while True:
         middle = np.arange(count) + 0.5
         shape = np.ones(count)
         if ramp:
             shape = np.minimum(1.0, np.minimum(middle, count - middle) / ramp)
+        # Ramps cover less than full speed does: frames are added until the distance is covered.
         missing = frames - float(shape.sum())
         if missing <= 1e-9:
             return shape
@@ -93,6 +95,8 @@ def positions(base: DrivingRobot, speeds: Floats, period_s: float) -> Floats:
     """
     vx, vy, turn = np.moveaxis(base.body_speed(speeds), -1, 0) * period_s
     heading = np.concatenate(([0.0], np.cumsum(turn)))
+    # An arc of angle t has the chord sin(t/2) / (t/2) of its length, in the direction of its middle; numpy's
+    # sinc(x) is sin(πx) / πx.
     chord, middle = np.sinc(turn / (2 * np.pi)), heading[:-1] + turn / 2
     steps = np.stack(
         [

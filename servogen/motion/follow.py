@@ -60,6 +60,7 @@ MIN_SHARE = 1e-10
 BESIDE = 1e-7
 """The distance from a singular point, as a share of the path, at which the branch continues."""
 
+# Shares at the beginning, shares that are solved together, and parts into which a step is divided.
 FIRST_SAMPLES, BLOCK, SPLIT = 64, 64, 8
 MAX_SAMPLES = 1 << 14
 
@@ -134,6 +135,7 @@ class Branch:
         """Return the joint angles (n, joints) at shares of the path. Raises LeavesReach."""
         expected = self._expected(shares)
         chosen, away = _nearest(self.inverse(shares, expected), expected)
+        # Where the inverse has no solution `away` is inf.
         for index in np.nonzero(~(away <= STEP))[0]:
             chosen[index] = self._beside(float(shares[index]))
         return chosen
@@ -195,6 +197,7 @@ class _Tracer:
         """Return the branch from the joint angles `start`. Raises LeavesReach, ChangesBranch, InputError."""
         self.angles.append(start)
         while self.ahead:
+            # The inverse is vectorised, so a whole block is solved although `_go` may use only a part of it.
             block = np.array(self.ahead[: -BLOCK - 1 : -1])
             if not self._go(block):
                 self._divide()
@@ -222,6 +225,7 @@ class _Tracer:
         if len(self.shares) == 1:
             return SMALL
         longer = (self.ahead[-1] - self.shares[-1]) / (self.shares[-1] - self.shares[-2])
+        # The previous step was so short, beside a singular point, that its slope says nothing about this one.
         if longer > 2 * SPLIT:
             return SMALL
         before = float(np.abs(self.angles[-1] - self.angles[-2]).max())
@@ -246,6 +250,7 @@ class _Tracer:
         jump.
         """
         here = self.angles[-1]
+        # The end itself is singular: a joint that it does not determine stays where it is.
         if there == 1.0:
             self._take(here)
             return
@@ -253,6 +258,7 @@ class _Tracer:
         candidates = self._solved(np.array([beside]), here)[0]
         chosen, away = _nearest(candidates[None], here[None])
         if away[0] <= SMALL:
+            # The shares within the neighbourhood of the singular point have no reliable solution.
             while self.ahead and self.ahead[-1] <= beside:
                 self.ahead.pop()
             self.ahead.append(beside)
@@ -299,6 +305,7 @@ def _sure(candidates: Floats, chosen: Floats, step: float) -> bool:
     """Return whether every other solution is so far away that a step cannot have gone to it instead."""
     apart = np.abs(candidates - chosen).max(axis=1)
     others = apart[apart > SAME]
+    # At a singular point branches meet: equal solutions are not others.
     return step <= SAME or not others.size or APART * step <= float(others.min())
 
 

@@ -101,6 +101,7 @@ def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) 
     for length, acceleration in pieces:
         if length <= 0:
             continue
+        # Each piece continues at the position and speed with which the one before ends.
         row = np.polynomial.Polynomial(acceleration).integ(2, k=[speed, way])
         times.append(at)
         rows.append(row)

@@ -108,6 +108,8 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
     ramp = rise + speed / acceleration if reached else 2 * rise
     if speed * ramp <= 1:
         return rise, ramp, 1 / speed + ramp
+    # The two ramps fill the path. With jerk alone each takes 2 · ∛(1 / 2j), with a peak acceleration of ∛(j²
+    # / 2), if that is within the limit.
     if 2 * acceleration**3 <= jerk**2:
         rise = acceleration / jerk
         ramp = rise / 2 + math.sqrt((rise / 2) ** 2 + 1 / acceleration)

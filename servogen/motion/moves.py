@@ -58,6 +58,8 @@ class Spline:
         """Return the maximum speed and acceleration of each joint, at the points or extrema of the speed."""
         _, b, c, d = self._coefficients()
         h = np.diff(self.times)[:, None]
+        # The speed is quadratic in each interval; its extremum, where the acceleration is 0, may lie inside.
+        # With d = 0 there is none, and any place in the interval will do.
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.clip(np.nan_to_num(-c / (3 * d)), 0.0, h)
         speeds = (b, b + h * (2 * c + h * 3 * d), b + turn * (2 * c + turn * 3 * d))
@@ -117,6 +119,7 @@ def fastest_spline(points: ArrayLike, limits: Sequence[JointLimits], closed: boo
     first = spline(points, np.concatenate(([0.0], np.cumsum(h))), closed)
     speed, acceleration = first.peaks()
     bound = np.array([limit.acceleration for limit in limits])
+    # k times the time divides speeds by k and accelerations by k².
     return first.slower(max(float((speed / maximum).max()), float(np.sqrt((acceleration / bound).max()))))
 
 
@@ -130,6 +133,7 @@ EXACT = 1e-9
 def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
     """Return a straight move through joint space in `frames` frames: all joints start and stop together."""
     share = law(name).share(_shares(frames))[:, None]
+    # The last frame is the end itself, without rounding.
     return np.where(share == 1, end, start + share * (end - start))
 
 
@@ -164,6 +168,8 @@ def fastest_along(
         slower = stretch(move.angles, frame_s, limits)
         if slower <= 1 + EXACT:
             return move
+        # Samples of a longer move lie at other places of the path, where the joints may be slower: the factor
+        # is an estimate, so it is rounded down, at most doubled, and checked again.
         frames = max(frames + 1, math.floor(frames * min(slower, 2.0)))
     return None
 

@@ -126,6 +126,8 @@ class _Sampler:
             return
         self._stand(poses[0])
         at = 0
+        # A chain leads from a pose without `via` to the next; with `repeat` the last one leads back to the
+        # first pose.
         while at + 1 < len(poses) + repeat:
             end = at + 1
             while end < len(poses) and poses[end].via:
@@ -252,6 +254,7 @@ class _Sampler:
     def _count(self, seconds: Fraction, name: str, pose: Pose) -> int:
         """Return a time in whole frames; a warning reports the rounding."""
         asked = seconds / self.period_s
+        # Rounds half up, exactly, unlike `round`, which rounds half to even.
         count = (2 * asked.numerator + asked.denominator) // (2 * asked.denominator)
         count = max(1, count) if seconds else 0
         if count > MAX_FRAMES:

@@ -129,6 +129,7 @@ class Footwork:
         rate, stance_frames = float(self.gait.swing / self.gait.duty), float(self.gait.duty) * count
         way = min((way for segment in segments for way in self._ways(segment)), default=0.0)
         wanted = lost + way / stance_frames
+        # The second half is enough: the first mirrors it.
         u = np.linspace(0.5, 1.0, BEYOND_SAMPLES)
 
         def comes_back(beyond: float) -> float:
@@ -138,6 +139,8 @@ class Footwork:
             return 0.0
         if comes_back(MAX_BEYOND) <= wanted:
             return MAX_BEYOND
+        # `comes_back` rises with `beyond`, so bisection finds the smallest sufficient one; `high` always
+        # suffices.
         low, high = 0.0, MAX_BEYOND
         while high - low > SAME_SHARE:
             middle = (low + high) / 2
@@ -223,6 +226,7 @@ class Footwork:
             return ()
         lifts = np.array([float(lift) for _, lift in self.gait.lifts])
         swing = float(self.gait.swing)
+        # Without the time before the first foot that steps.
         first = lifts[stepping].min()
         time = np.arange(round((lifts[stepping].max() - first + swing) * count)) / count
         share = np.clip((time[:, None] - (lifts - first)) / swing, 0.0, 1.0)
@@ -251,6 +255,8 @@ class Footwork:
             steps(self.gait, name, segment, cruise, neutral)
             for name, neutral in zip(self.legs, self._footing(segment), strict=True)
         ]
+        # A foot in the air at time 0 lifted before it: the segment begins with that lift, while the body is
+        # at rest.
         begin = min(float(leg.lifts.min(initial=0.0)) for leg in legs)
         if cycles is None:
             return self._placed(legs, np.arange(round(begin * count), count) / count)
@@ -275,6 +281,7 @@ class Footwork:
             cut = leg.cut(number, time)
             mine = cut | (swing == number)
             angles[mine] = self._swing(index, leg, number, time[mine])
+            # A foot that a cut swing has put in place stands where its joints put it, without a correction.
             in_place |= cut
         feet = self.stance.feet(index, angles)
         ground = swing < 0
@@ -285,6 +292,7 @@ class Footwork:
         """Return the angles (n, k) of one swing, whose turn progresses only while the body moves."""
         start, end = float(leg.lifts[number]), float(leg.lands[number])
         first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
+        # The foot moves over the ground only while the body moves, but it rises and comes down in any case.
         turned = (np.clip(time, 0.0, leg.cruise.stop) - start) / (end - start)
         share = swing_share(turned, float(self.gait.swing / self.gait.duty), self.beyond)
         risen = np.clip((time - start) / (end - start), 0.0, 1.0)

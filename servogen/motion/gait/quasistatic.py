@@ -77,11 +77,13 @@ def _minimum_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
     share = weights.copy()
     for _ in range(ROUNDS):
         normal = np.einsum("nl,nlri,nlrj->nij", share, rows, rows)
+        # The regularisation is relative to the equations' size, so it does not depend on units or weights.
         scale = np.maximum(np.trace(normal, axis1=1, axis2=2), TINY)
         normal += REGULAR * scale[:, None, None] * np.eye(3)
         right = -np.einsum("nl,nlri,nlr->ni", share, rows, moved)
         twist = np.linalg.solve(normal, right[..., None])[..., 0]
         length = np.linalg.norm(_slips(twist, feet, moved), axis=-1)
+        # A square weighted by 1 / length is a length: the fixed point minimises the sum of lengths.
         share = weights / np.maximum(length, SMALL_M)
     return twist
 
@@ -89,6 +91,7 @@ def _minimum_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
 def _integrated(twist: Floats) -> Floats:
     """Return the poses (n + 1, 3) after twists in the body's frame, each along its arc."""
     yaw = np.concatenate([[0.0], np.cumsum(twist[:, 2])])
+    # The chord of an arc of angle t is sin(t/2) / (t/2) of its length; numpy's sinc(x) is sin(πx) / πx.
     step = (twist[:, 0] + 1j * twist[:, 1]) * np.sinc(twist[:, 2] / (2 * np.pi))
     at = np.concatenate([[0j], np.cumsum(step * np.exp(1j * (yaw[:-1] + twist[:, 2] / 2)))])
     return np.column_stack([at.real, at.imag, yaw])

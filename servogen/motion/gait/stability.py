@@ -26,6 +26,7 @@ def support_polygon(feet: Floats) -> Floats:
             while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
                 chain.pop()
             chain.append(point)
+        # The last point of each half is the first of the other.
         halves.append(chain[:-1])
     return np.array(halves[0] + halves[1])
 
@@ -38,6 +39,7 @@ def margin(feet: Floats, centre: Floats) -> float:
     corners = support_polygon(feet)
     if not len(corners):
         return -math.inf
+    # A point or a line segment has no inside.
     if len(corners) < 3:
         return -_to_segment(corners[0], corners[-1], centre)
     after = np.roll(corners, -1, axis=0)

@@ -47,6 +47,7 @@ class Segment:
         step = complex(self.forward, self.left)
         if self.turn == 0:
             return np.asarray(step * cycles, complex), heading
+        # The integral of a step that turns with the body.
         return np.asarray(step * (np.exp(1j * heading) - 1) / (1j * self.turn), complex), heading
 
 
@@ -130,6 +131,8 @@ def steps(gait: Gait, leg: str, segment: Segment, cruise: Cruise, neutral: compl
         first -= 1  # the leg is in the air at the start
     end = 1.0 if math.isinf(cruise.stop) else cruise.stop
     lifts = np.arange(first, end - SAME_TIME)
+    # A foot is at neutral in the middle of its stance: of the one before the first lift, and of one after
+    # each landing.
     middles = np.concatenate(([first - duty / 2], lifts + swing + duty / 2))
     position, heading = segment.travelled(cruise.steady(middles))
     holds = position + np.exp(1j * heading) * neutral

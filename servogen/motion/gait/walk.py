@@ -233,6 +233,8 @@ def walk(
                 f"the walk is more than {MAX_FRAMES} frames long",
                 hint="walk fewer cycles, or faster ones",
             )
+        # Phases, footholds and the overshoot depend on the number of frames: with another number all is
+        # planned again.
         rounded = gait.on_frames(count)
         plan = replace(plan, gait=rounded)
         plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
@@ -241,10 +243,12 @@ def walk(
         loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
+        # Three more frames show the speed, acceleration and jerk across the end of the loop.
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
         slower = stretch(around, float(clock.seconds(period)), [limits] * angles.shape[1])
         if frames_per_cycle is not None or slower <= 1:
             break
+        # A slower walk may need less than the factor says, so it is at most doubled each time.
         count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
         if count > MAX_FRAMES_PER_CYCLE:
             raise InputError(
