@@ -161,6 +161,7 @@ class Chain:
         return axis
 
     def _screw_along_z(self, theta: Part, d: Part) -> None:
+        # The turn is only added up here: parallel axes share one cosine and sine.
         if not (isinstance(theta, float) and theta == 0.0):
             self.turn = _plus(self.turn, theta)
             self._cos_sin = _cos_sin(self.turn)
@@ -180,6 +181,7 @@ class Chain:
     def _tilt(self, alpha: float) -> None:
         if alpha == 0.0:
             return
+        # A tilt changes the axis of the turn, so the pending turn is made first.
         x, y, z = self.axes()
         cosine, sine = exact_cos_sin(alpha)
         self.x, self.turn, self._cos_sin, self._x_turned = x, 0.0, (1.0, 0.0), x
@@ -213,6 +215,7 @@ def _cos_sin(angle: Part) -> tuple[Part, Part]:
 
 
 def _times(one: Part, two: Part) -> Part:
+    # Factors of 0 and ±1, from right angles, keep a component a plain number instead of an array.
     for number, other in ((one, two), (two, one)):
         if isinstance(number, float):
             if number == 0.0:

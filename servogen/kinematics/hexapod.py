@@ -142,8 +142,7 @@ class Hexapod:
 
 
 OVERSHOOT = 0.15
-"""The maximum of u - 10u³ + 15u⁴ - 6u⁵, rounded up: the overshoot, in units of v, of a swing that is
-short."""
+"""The maximum of u - 10u³ + 15u⁴ - 6u⁵, rounded up: how far a short swing overshoots, in units of v."""
 
 SAME_RAD = 1e-9
 """Angles nearer than this are equal: rounding does not decide which sign of β a leg uses."""
@@ -189,11 +188,14 @@ class LegStance:
         away = 0j if motion.centre is None else self.axis - motion.centre
         if abs(away) < SAME_M:
             return self.outward
+        # With a centre of rotation beyond the leg, the line runs through the body: the foot takes its other
+        # end.
         unit = away / abs(away)
         return unit if (unit * self.outward.conjugate()).real >= 0 else -unit
 
     def bend(self, motion: BodyMotion) -> float:
         """Return the angle of α from its middle, from -π to π, with the foot in that direction."""
+        # In the leg's frame, whose y' axis is 1j; a mirrored leg's frame is mirrored at that axis.
         local = self.direction(motion) / self.outward * 1j
         if self.mount.mirrored:
             local = -local.conjugate()
@@ -217,6 +219,8 @@ class LegStance:
             (self.axis + foot - centre) * turn + centre - self.axis for turn in (turned, turned.conjugate())
         )
         sweep = abs(cmath.phase(last / first))
+        # Half of the sweep to each side, and the overshoots of the swing; the speed of the stance, in sweeps
+        # per swing, is (1 - duty) / duty.
         reserve = sweep * (0.5 + OVERSHOOT * (1 - motion.duty) / motion.duty + motion.beyond)
         free = max(self.joint.upper - self._middle - reserve, 0.0)
         bend = self.bend(motion)
@@ -228,6 +232,7 @@ class LegStance:
         It is on the line from the centre of rotation, or as near to it as the limits of α allow.
         """
         back = self.held_back(motion, reach)
+        # A mirrored leg's α turns the other way.
         turn = cmath.exp(1j * (back if self.mount.mirrored else -back))
         return self.axis + reach * self.direction(motion) * turn
 

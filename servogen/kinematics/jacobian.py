@@ -36,6 +36,7 @@ def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
         if joint is None:
             continue
         if arm.joints[joint].turning:
+            # `+=` and the ratio, because a row may follow a joint that moves another row too.
             lever = pose[..., :3, 3] - axis.point
             jacobian[..., :3, joint] += axis.row.ratio * _cross(axis.direction, lever)
             jacobian[..., 3:, joint] += axis.row.ratio * axis.direction
@@ -71,6 +72,7 @@ def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
             f"{arm.name} has no frame '{frame}'",
             hint=f"0 to {len(arm.rows)}, or n for the tool",
         )
+    # The inverse of a rotation is its transpose.
     back = np.swapaxes(turn, -1, -2)
     return np.concatenate([back @ matrix[..., :3, :], back @ matrix[..., 3:, :]], axis=-2)
 

@@ -110,13 +110,12 @@ class Leg:
         foot = np.asarray(foot, float)
         angles = self.at_height(foot)
         error = np.linalg.norm(self.fk(angles[..., 0], angles[..., 1]) - foot[..., None, :], axis=-1)
+        # `not <=` refuses NaN too.
         angles[~(error <= tolerance_m)] = np.nan
         return angles
 
     def at_height(self, foot: Floats) -> Floats:
-        """Return the angles (..., 2, 2) for the height and azimuth of `foot`, ignoring its
-        distance from z is.
-        """
+        """Return the angles (..., 2, 2) for the height and azimuth of `foot`, at any distance from z."""
         beta = np.arccos(np.clip(-(foot[..., 2] + self.df) / self.bc, -1.0, 1.0))
         s = self.bc * np.sin(beta)
         azimuth = np.arctan2(foot[..., 1], foot[..., 0])
@@ -152,9 +151,8 @@ class Leg:
         rho = np.hypot(x, y)
         low, high = 0.0, np.pi
         best = 0.0
-        for _ in range(
-            6
-        ):  # each round narrows the interval to two steps of the last: π/200⁶ is far below 1e-9
+        # Each round narrows the interval to two steps of the previous one: π / 200⁶ is far below 1e-9.
+        for _ in range(6):
             beta = np.linspace(low, high, 401)
             away = np.hypot(
                 np.hypot(self.r, self.bc * np.sin(beta)) - rho, -self.bc * np.cos(beta) - self.df - z
@@ -181,8 +179,8 @@ class Leg:
         """Return the straight stance path along -X (the body goes along +X), shape (samples, 3), front to
         back.
 
-        The line has the distance from the axis that halves the maximum correction: it is as far outside the
-        foot's circle of radius ρ in the middle as inside it at the ends.
+        The line has the distance from the axis that halves the maximum correction: it is as far inside the
+        foot's circle of radius ρ in the middle as outside it at the ends.
 
             ends ρ' = √(y² + (stride/2)²) = ρ + e,  middle y = ρ - e   ⇒   e = stride² / (16 ρ)
         """
@@ -206,6 +204,7 @@ class Leg:
         if beta_sign not in (1, -1):
             raise InputError("out-of-range", f"the sign of β is 1 or -1, not {beta_sign}")
         angles = self.at_height(path)[:, 0 if beta_sign == 1 else 1, :]
+        # atan2 jumps by a turn where the path crosses its cut.
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])
         return PlannedStance(alpha, angles[:, 1], foot, path - foot)

@@ -141,6 +141,7 @@ def of_arm(arm: Arm) -> Mobility:
     """Return the mobility of a serial arm or leg."""
     kinds = tuple(arm.joints[row.joint].kind for row in arm.rows if row.joint is not None)
     passive = len(kinds) - len(arm.joints)
+    # A joint that another one drives adds a joint to the formula but no freedom.
     mobility = kutzbach(len(kinds) + 1, kinds) - passive
     note = "serial: the sum of the joints' mobilities"
     if passive:

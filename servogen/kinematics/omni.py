@@ -178,6 +178,7 @@ def motion_of(signs: tuple[int, int, int]) -> OmniMotion:
         return OmniMotion(
             signs=signs, kind="translation", direction_deg=direction, turning=0, radius=None, size=None
         )
+    # Exactly 1, 2 or 4 but for rounding.
     radius = round(speed / abs(turn))
     return OmniMotion(
         signs=signs,
@@ -293,6 +294,7 @@ def decomposed(base: OmniBase, displacement: Sequence[float]) -> tuple[Translati
     angle = math.atan2(one.displacement[1], one.displacement[0])
     sixth = math.floor(angle / SIXTH)
     beyond = angle - sixth * SIXTH
+    # The sine rule in the triangle of the two routines and the translation.
     first = one.length * math.sin(SIXTH - beyond) / math.sin(SIXTH)
     second = one.length * math.sin(beyond) / math.sin(SIXTH)
     return routine(base, 60 * (sixth % 6), first), routine(base, 60 * ((sixth + 1) % 6), second)
@@ -322,6 +324,7 @@ def as_stretch(base: OmniBase, part: Translation) -> Stretch:
         angle = math.degrees(math.atan2(part.displacement[1], part.displacement[0])) % 360
         wheels = base.wheel_speeds((*part.displacement, 0.0))
         return Stretch(part.length, tuple(wheels.tolist()), f"{length} at {angle:z.1f}°, three wheels")
+    # From the routine's formula, because `wheel_speeds` would give the idle wheel a speed of about 1e-17.
     wheels = np.array(part.signs) * part.travel.wheel_m / base.wheel_radius
     return Stretch(
         part.length,

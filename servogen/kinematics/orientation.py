@@ -51,6 +51,7 @@ def to_angles(rotation: ArrayLike, order: str, second: bool = False) -> Floats:
     back to rounding, near the singular cases too.
     """
     i, j, k, sign = _order(order)
+    # The axis that is neither the first nor the second.
     m = 3 - i - j
     matrix = np.asarray(rotation, float)
     if i == k:
@@ -124,6 +125,7 @@ def to_quaternion(rotation: ArrayLike) -> Floats:
         ],
         axis=-2,
     )
+    # Row k is 4 q_k q: its diagonal element is 4 q_k².
     largest = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
     quaternion = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
     quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
@@ -210,6 +212,7 @@ def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floa
         return np.asarray(rot("z", angles[0]) @ rot("x", np.pi))
     x, y, z = np.moveaxis(np.asarray(position, float), -1, 0)
     out = np.hypot(x, y)
+    # The orientation that the arm has with these joints; those that do not affect it stay at home.
     q = np.empty((*np.broadcast_shapes(out.shape, given.shape[:-1]), len(arm.joints)))
     q[...] = arm.home
     q[..., 0] = np.where(out > 1e-12, np.arctan2(y, x), arm.home[0])

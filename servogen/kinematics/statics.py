@@ -49,6 +49,8 @@ def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
     for index, joint in enumerate(arm.joints):
         if joint.mass > 0:
             last = next(number for number, row in enumerate(arm.rows) if row.joint == index)
+            # The arm cut off after this joint, with the link's centre of mass as its tool: its Jacobian has
+            # the rest.
             link = replace(arm, rows=arm.rows[: last + 1], tool=FixedFrame(*joint.centre))
             torques += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
     if arm.payload > 0:
@@ -74,10 +76,12 @@ def _forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_
     load = np.array([weight_n, 0.0, 0.0])
     carrying = ground.copy()
     while True:
+        # The pseudo-inverse gives the shortest vector, which is that of equally stiff legs.
         forces: Floats = np.linalg.pinv(balance * carrying[:, None, :]) @ load
         pulling = forces.min(axis=1) < -BALANCED * weight_n
         if not pulling.any():
             break
+        # One foot at a time: without it others may no longer pull.
         carrying[np.flatnonzero(pulling), forces[pulling].argmin(axis=1)] = False
     left = np.abs(np.einsum("nij,nj->ni", balance, forces) - load).max(axis=1)
     forces[left > BALANCED * weight_n] = np.nan

@@ -87,6 +87,7 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
         columns[row.joint] += _metres(row.ratio) * column
     if frame == "0":
         for column, joint in zip(columns, chain.joints, strict=True):
+            # Shorter expressions than the cross product of axis and lever.
             column[:3, 0] = chain.position.diff(joint)
     return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns).applyfunc(_tidy))
 
@@ -172,6 +173,7 @@ def _angle(radians: float) -> Any:
     """Return a constant angle as a fraction of π, to nine decimals of a degree."""
     sympy = _sympy()
 
+    # Rational, so that sympy finds the exact sines of right angles and thirds of them.
     return sympy.Rational(str(round(degrees(radians), 9))) * sympy.pi / 180
 
 

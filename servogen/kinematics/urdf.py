@@ -57,6 +57,7 @@ def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], t
     tool = np.asarray(tool, float)
     frame = _next_frame(np.eye(4), *lines[0])
     base, rows = frame_of(frame), []
+    # The tool is the axis after the last joint: the last row leads to it.
     lines.append((tool[:3, 3], tool[:3, 2]))
     for index, (axis, (point, direction)) in enumerate(zip(axes, lines[1:], strict=True), 1):
         following = _next_frame(frame, point, direction, last=index == len(axes))
@@ -119,6 +120,7 @@ def _next_frame(frame: Floats, point: Floats, z: Floats, last: bool = False) -> 
 
 def _row(before: Floats, after: Floats, axis: JointAxis, turning: bool) -> DHRow:
     seen = inverse(before) @ after
+    # The x axis of the next frame, seen from this one, is (cos θ, sin θ, 0).
     theta = float(np.arctan2(seen[1, 0], seen[0, 0]))
     d = float(seen[2, 3])
     a = float(np.dot(after[:3, 3] - before[:3, 3] - d * before[:3, 2], after[:3, 0]))
@@ -196,6 +198,7 @@ def _urdf_joint(
 ) -> Any:
     number = row.joint or 0
     joint = arm.joints[number]
+    # The first row of a joint owns it; further rows become joints that mimic it.
     follows = number in owners
     if not follows and row.ratio != 1.0:
         raise InputError(
@@ -204,6 +207,7 @@ def _urdf_joint(
         )
     name = f"{joint.name}_follower_{child}" if follows else owners.setdefault(number, joint.name)
     scale = abs(row.ratio)
+    # A negative ratio exchanges the ends.
     ends = sorted((joint.lower * row.ratio, joint.upper * row.ratio))
     return urdf.Joint(
         name,

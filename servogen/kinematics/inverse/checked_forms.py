@@ -100,6 +100,8 @@ def _branches(arm: Arm, target: TargetComponents, tolerance: float, hard: bool) 
             middle = 0.5 * (joint.lower + joint.upper)
             angles -= (2 * np.pi) * np.rint((angles - middle) * (0.5 / np.pi))
         if hard:
+            # A solution at a limit may be beyond it by rounding: it is tried at the limit, and the check
+            # decides.
             wrong |= (angles < joint.lower - SLACK) | (angles > joint.upper + SLACK)
             np.clip(angles, joint.lower, joint.upper, out=angles)
     missed = _missed(arm, q, target)
@@ -119,6 +121,7 @@ def _missed(arm: Arm, q: Floats, target: TargetComponents) -> Floats:
     if target.n is not None and target.o is not None and target.a is not None:
         x, _, z = chain.axes()
         square = np.maximum(square, _square_distance(x, target.n) + _square_distance(z, target.a))
+        # A left-handed target would pass the check of n and a.
         turned = _square_distance(_cross(target.a, target.n), target.o) <= RIGHT_HANDED**2
         square = np.where(turned, square, np.inf)
     return np.asarray(np.sqrt(np.broadcast_to(square, (q.shape[0], q.shape[2]))))
@@ -140,6 +143,7 @@ def _turn_on_axis(arm: Arm, q: Floats, target: TargetComponents) -> None:
     rotation = fk(arm, np.moveaxis(near, 1, -1))[..., :3, :3]
     rest = _rotations(target, on_axis) @ np.swapaxes(rotation, -1, -2)
     missed = _missed(arm, near, _part(target, on_axis))
+    # The angle of the rotation about z that is nearest to `rest`.
     turn = np.arctan2(rest[..., 1, 0] - rest[..., 0, 1], rest[..., 0, 0] + rest[..., 1, 1])
     q[:, 0, on_axis] += np.where(missed > TOLERANCE, turn, 0.0)
 

@@ -47,6 +47,7 @@ def azimuth(y: Floats, x: Floats, home: float) -> Floats:
 def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[Floats, Floats]:
     """Return both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²))."""
     length = np.hypot(a, b)
+    # Clipped values give candidates that are not solutions; `checked_forms` refuses them.
     half = np.arccos(np.clip(c / np.where(length == 0.0, 1.0, length), -1.0, 1.0))
     middle = np.arctan2(b, a)
     return middle + half, middle - half
@@ -116,6 +117,8 @@ def _zyz(frame: Sequence[Sequence[Floats]], target: TargetComponents, home: floa
         four = np.where(stretched, home, np.arctan2(a[1], a[0]) + half_turn)
         cosine, sine = cos_sin(four)
         five = np.arctan2(cosine * a[0] + sine * a[1], a[2])
+        # q6 turns the frame after q4 and q5 into n and o; its y axis does not depend on q5, so q5 is not
+        # needed.
         six = np.arctan2(
             cosine * _dot(y, target.n) - sine * _dot(x, target.n),
             cosine * _dot(y, target.o) - sine * _dot(x, target.o),

@@ -82,6 +82,7 @@ def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
         solution = numerical.search(free, position, turn)
         if not (solution.distance_m[0] <= TYPED_M and solution.angle[0] <= TYPED_RAD):
             raise
+        # The nearest vector that the arm reaches has exact solutions.
         pose = fk(free, solution.q[0])
         solutions = ik_all(free, pose[:3, 3], pose[:3, :3])
     solutions[:, -1] = roll
@@ -99,6 +100,7 @@ def _check_roll(arm: Arm) -> None:
 
 def _any_about(approach: Floats) -> Floats:
     """Return a rotation (3, 3) whose third column is the unit vector `approach`."""
+    # The unit vector farthest from `approach`, so that the cross product is not small.
     other = np.eye(3)[int(np.argmin(np.abs(approach)))]
     normal = np.cross(approach, other)
     normal = normal / np.linalg.norm(normal)

@@ -81,6 +81,7 @@ def search(
         left -= starts_at_once
         which = np.repeat(open_, starts_at_once)
         guess = np.array(start[which])
+        # From the second batch on the starts are random; joints without effect stay at the first start.
         if left < starts - 1:
             spread = random.uniform(lower, upper, guess.shape)
             guess[:, ~idle] = spread[:, ~idle]
@@ -108,6 +109,7 @@ def improved(
 def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
     """Return which joints do not affect the targets, at any of a few configurations."""
     lower, upper = limits(arm)
+    # Eight random configurations: a joint without effect at all of them has none anywhere.
     some = np.random.default_rng(SEED).uniform(lower, upper, (8, len(lower)))
     matrix = with_pose(arm, some)[0][:, : 6 if oriented else 3]
     return np.asarray(np.abs(matrix).max(axis=(0, 1)) < 1e-12)
@@ -157,6 +159,7 @@ def _descend(
 ) -> Floats:
     """Return `q` after Levenberg–Marquardt steps, until each target is met or no step reduces its error."""
     lower, upper = limits(arm)
+    # A joint with a full turn or more is not held at its limits: it can go on in the next turn.
     free = np.array([joint.turning for joint in arm.joints]) & (upper - lower >= 2 * np.pi - 1e-9)
     low, high = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
     task, result = _Task(arm, position, rotation), np.array(q)
@@ -165,6 +168,8 @@ def _descend(
     cost = np.einsum("ij,ij->i", error, error)
     damping = np.full(len(q), 1e-2)
     for _ in range(iterations):
+        # Below the tolerance by a factor of ten the target is met; with so much damping no step is left that
+        # helps.
         going = (cost > (0.1 * tolerance) ** 2) & (damping < 1e8)
         result[which[~going]] = q[~going]
         which, q, error, matrix, cost, damping = (
@@ -178,10 +183,13 @@ def _descend(
         ahead = task.at(q + BEND * straight, which)[0]
         bend = (2 / BEND) * ((error - ahead) / BEND - np.einsum("ijk,ik->ij", matrix, straight))
         curve = -0.5 * step.towards(bend)
+        # The correction is used only where it is less than half of the step: beyond that the expansion does
+        # not hold.
         small = np.einsum("ij,ij->i", curve, curve) < 0.25 * np.einsum("ij,ij->i", straight, straight)
         trial = np.clip(q + straight + np.where(small[:, None], curve, 0.0), low, high)
         new_error, new_matrix = task.at(trial, which)
         new_cost = np.einsum("ij,ij->i", new_error, new_error)
+        # Rounding alone does not count as an improvement.
         good = new_cost < cost * (1 - 1e-12)
         q[good], error[good], matrix[good], cost[good] = (
             trial[good],
@@ -202,10 +210,12 @@ class _Step:
         self, q: Floats, error: Floats, matrix: Floats, damping: Floats, low: Floats, high: Floats
     ) -> None:
         gradient = np.einsum("ijk,ij->ik", matrix, error)
+        # The gradient points where the step would go, so this joint would leave its limits.
         stuck = ((q <= low) & (gradient < 0)) | ((q >= high) & (gradient > 0))
         self.matrix = np.where(stuck[:, None, :], 0.0, matrix)
         square = np.swapaxes(self.matrix, 1, 2) @ self.matrix
         diagonal = np.arange(q.shape[1])
+        # The small constant keeps the matrix invertible where all joints are stuck or idle.
         square[:, diagonal, diagonal] += damping[:, None] + 1e-15
         self.inverse = np.linalg.inv(square)
 

@@ -95,8 +95,10 @@ class Solutions:
         reference = np.asarray(self.arm.home if near is None else near, float)
         lower, upper = limits(self.arm)
         q = self.near(reference)
+        # Divided by the ranges, radians and metres can be added.
         moves = (q - reference[..., None, :]) / (upper - lower)
         away = np.einsum("...ij,...ij->...i", moves, moves)
+        # Rounded, so that the first of equal branches is taken on every machine.
         best = np.argmin(np.where(np.isnan(away), np.inf, np.round(away, 12)), axis=-1)
         return np.take_along_axis(q, best[..., None, None], axis=-2)[..., 0, :]
 
@@ -186,6 +188,7 @@ def ik_all(
     if has_closed_form(arm, turn is not None):
         solutions = solve(arm, target, turn)
     else:
+        # The numerical method has no list of branches: many starts find those that there are.
         starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
         turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
         met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
@@ -240,6 +243,7 @@ def _unreachable(
 def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
     """Return the reachable point (metres) nearest to `position`, in any orientation, within the limits."""
     target = np.asarray(position, float)
+    # A descent can end at a local minimum, so the best of many starts is taken.
     starts = np.vstack([arm.home, _spread(arm, 47)])
     approached = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
     best = approached.q[int(np.argmin(approached.distance_m))]
