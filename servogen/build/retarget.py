@@ -199,6 +199,6 @@ def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, s
             for channel, level in edge.changes
         )
         yield DelayPath("in", owner, index), f"in {name} after {words}"
-    yield DelayPath("again", owner), f"from {name} to the same again"
+    yield DelayPath("again", owner), f"from one {name} to the next"
     yield DelayPath("turn", step.number), f"from a call of step {step.number + 1} to its next"
     yield DelayPath("after", step.number), f"from step {step.number + 1} to the next"

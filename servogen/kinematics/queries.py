@@ -523,7 +523,7 @@ def _limb(robot: Robot, leg: str | None) -> Limb | None:
     if leg is None:
         raise InputError(
             "missing-option",
-            f"{robot.name} has {len(legs)} legs: say which",
+            f"{robot.name} has {len(legs)} legs: name one",
             hint=f"--leg {next(iter(legs))}",
         )
     if leg not in legs:

@@ -62,7 +62,7 @@ def edges(chip: VirtualChip, pin: int, cycles: int) -> list[tuple[int, int]]:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("RB0", "'RB0' does not say how an input is wired"),
+        ("RB0", "'RB0' is not the wiring of an input"),
         ("RB9=2", "the chip has no 'RB9'"),
         ("RB0=200", "200 is not a pin or port of a Firmata board"),
         ("RB0=3", "pin 3 of the input board is wired twice"),

@@ -64,7 +64,7 @@ def test_a_wire_that_is_none_is_refused(text: str) -> None:
 
 
 def test_a_pin_without_a_channel_is_refused() -> None:
-    with pytest.raises(InputError, match="no channel of the analyser is on RB1"):
+    with pytest.raises(InputError, match="no channel of the analyser is wired to RB1"):
         channel_of("RB1", wires(["0=RB0"]))
 
 

@@ -131,7 +131,7 @@ def test_cycles_that_differ_from_pass_to_pass_are_named() -> None:
         "if (--frames == 0)", "if (frames & 1) { NOP(); NOP(); NOP(); } if (--frames == 0)", 1
     )
     image = other_compiler(unsteady, "xc8", job("lab8-exercise").device, 0)
-    with pytest.raises(InputError, match="from position_1 to the same again its statements take"):
+    with pytest.raises(InputError, match="from one position_1 to the next its statements take"):
         tune_to(job("lab8-exercise"), image, "theirs.hex", "xc8")
 
 
@@ -139,7 +139,7 @@ def test_a_way_whose_statements_take_longer_than_it_may_is_named() -> None:
     text = firmware("lab8-exercise", "xc8").text
     slow = text.replace("if (--frames == 0)", "NOP(); " * 58 + "if (--frames == 0)")
     image = other_compiler(slow, "xc8", job("lab8-exercise").device, 0)
-    with pytest.raises(InputError, match="from position_1 to the same again it takes"):
+    with pytest.raises(InputError, match="from one position_1 to the next it takes"):
         tune_to(job("lab8-exercise"), image, "theirs.hex", "xc8")
 
 

@@ -296,7 +296,7 @@ def test_the_weight_of_the_links_is_held_too(tmp_path: Path) -> None:
         ),
         (lambda: q.statics_answer("scara", (0,), (1, 0, 0), (0, 0, 0)), "joints"),
         (lambda: q.statics_answer("scara", (0, 0, 0, 0), (float("inf"), 0, 0), (0, 0, 0)), "finite"),
-        (lambda: q.statics_answer("hexapod", (0, 0), (1, 0, 0), (0, 0, 0)), "has 6 legs: say which"),
+        (lambda: q.statics_answer("hexapod", (0, 0), (1, 0, 0), (0, 0, 0)), "has 6 legs: name one"),
         (lambda: q.statics_answer("hexapod", (0, 0), (1, 0, 0), (0, 0, 0), "L7"), "has no leg 'L7'"),
         (lambda: q.statics_answer("scara", (0,) * 4, (1, 0, 0), (0, 0, 0), "L1"), "it has no legs"),
     ],

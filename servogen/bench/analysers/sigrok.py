@@ -146,11 +146,13 @@ def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
             hint = did_you_mean(pin.upper(), PINS) if channel else "such as D0=RB0"
-            raise InputError("bad-wiring", f"'{text}' does not wire a channel to a pin", hint=hint)
+            raise InputError("bad-wiring", f"'{text}' does not assign a channel to a pin", hint=hint)
         wired.append((channel, pin.upper()))
     if not wired:
         raise InputError(
-            "bad-wiring", "sigrok's channels have no pins", hint="name them, such as --wire D0=RB0"
+            "bad-wiring",
+            "sigrok's channels are not assigned to pins",
+            hint="assign them, such as --wire D0=RB0",
         )
     return tuple(wired)
 

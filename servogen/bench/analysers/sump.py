@@ -191,11 +191,11 @@ def wires(texts: Iterable[str]) -> Mapping[int, int]:
         if not channel.strip().isdigit() or int(channel) >= CHANNELS:
             raise InputError(
                 "bad-wiring",
-                f"'{text}' names no channel",
+                f"'{text}' is not a channel",
                 hint=f"such as 0=RB0; channels are 0 to {CHANNELS - 1}",
             )
         if name not in PINS:
-            raise InputError("unknown-pin", f"'{text}' names no pin", hint=did_you_mean(name, PINS))
+            raise InputError("unknown-pin", f"'{text}' is not a pin", hint=did_you_mean(name, PINS))
         if int(channel) in wired or PINS.index(name) in wired.values():
             raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
         wired[int(channel)] = PINS.index(name)
@@ -207,6 +207,6 @@ def channel_of(pin: str, wired: Mapping[int, int]) -> int:
     names = {PINS[number]: channel for channel, number in wired.items()}
     if pin.upper() not in names:
         raise InputError(
-            "bad-wiring", f"no channel of the analyser is on {pin}", hint=did_you_mean(pin, names)
+            "bad-wiring", f"no channel of the analyser is wired to {pin}", hint=did_you_mean(pin, names)
         )
     return names[pin.upper()]

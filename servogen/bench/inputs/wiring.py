@@ -67,7 +67,7 @@ def input_wiring(texts: Iterable[str] = ()) -> InputWiring:
         if match is None:
             raise InputError(
                 "bad-option",
-                f"'{text}' does not say how an input is wired",
+                f"'{text}' is not the wiring of an input",
                 hint="RB0=2, RB0-RB4=22 for a contact, RA1=TX1 for a serial line, RB3=- for none",
             )
         name, other, port = _name(match["name"]), match["other"], match["port"]
