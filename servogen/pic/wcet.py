@@ -24,6 +24,7 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -158,16 +159,21 @@ class TimedProgram:
         return self.decoded[at]
 
     @cached_property
+    def _defined(self) -> Mapping[int, DecodedWord]:
+        """Return the instructions by address, without the words that no data sheet defines."""
+        defined: dict[int, DecodedWord] = {}
+        for at in self._words:
+            with suppress(Undefined):
+                defined[at] = self.word(at)
+        return defined
+
+    @cached_property
     def plain(self) -> frozenset[int]:
         """Return the addresses of instructions that only go on to the next, and begin no counting loop."""
-        return frozenset(at for at in self._words if self._is_plain(at))
+        return frozenset(at for at, word in self._defined.items() if self._is_plain(at, word))
 
-    def _is_plain(self, at: int) -> bool:
+    def _is_plain(self, at: int, word: DecodedWord) -> bool:
         if at in self.bounds or at in self._pieces or at + 1 == PROGRAM_WORDS:
-            return False
-        try:
-            word = self.word(at)
-        except Undefined:
             return False
         begins_counting = word.name == "DECF" or (word.name, word.k) == ("ADDLW", 0xFF)
         return word.flow == "next" and not word.writes_pcl and word.name != "SLEEP" and not begins_counting
@@ -255,8 +261,8 @@ class TimedProgram:
             except Undefined:
                 return Times(None, None, (Unbounded("computed jump", (start,)),))
             self._states_left -= len(walk.edges)
-            if walk.complete:
-                return walk.times()
+            if walk.complete or walk.known_places() <= counters:
+                break  # with nothing else known, the second walk would be the first again
         return walk.times()
 
     def call(self, target: int, known: Known) -> Times:
@@ -346,14 +352,15 @@ class TimedProgram:
         """
         if self._heads is None:
             self._heads = set(self.functions) | set(self.bounds)
-            for at in self._words:
-                try:
-                    word = self.word(at)
-                except Undefined:
-                    continue
+            for at, word in self._defined.items():
                 if word.flow in ("jump", "call"):
                     self._heads |= {word.k, at + 1}
         return self._heads
+
+    @cached_property
+    def loop_heads(self) -> frozenset[int]:
+        """Return the addresses that jumps lead back to."""
+        return frozenset(word.k for at, word in self._defined.items() if word.flow == "jump" and word.k <= at)
 
     def targets(self, at: int) -> Collection[int]:
         """Return the addresses that a computed jump is known to reach; none if they are not known."""
@@ -368,11 +375,7 @@ class TimedProgram:
     @cached_property
     def _callers(self) -> Mapping[int, Collection[int]]:
         after: dict[int, list[int]] = {}
-        for at in self._words:
-            try:
-                word = self.word(at)
-            except Undefined:
-                continue
+        for at, word in self._defined.items():
             if word.flow == "call":
                 after.setdefault(word.k, []).append(at + 1)
         callers: dict[int, dict[int, None]] = {}
@@ -514,6 +517,10 @@ class _Walk:
             ]
             waiting += [after for _, _, after in self.edges[number] if after is not None]
 
+    def known_places(self) -> set[int]:
+        """Return the places whose values are known in some state."""
+        return {place for *_, known in self.states for place, _ in known if place < _PASSES}
+
     def _number(self, state: _State) -> int:
         number = self.numbers.setdefault(state, len(self.states))
         if number == len(self.states):
@@ -618,7 +625,7 @@ class _Walk:
         same cycles. Empty if these conditions do not hold.
         """
         at, home, stack, before = state
-        if at in self.uneven or at not in self.program.heads:
+        if at in self.uneven or at not in self.program.loop_heads:
             return []
         self.uneven.add(at)
         cycles = 0
@@ -627,7 +634,7 @@ class _Walk:
         counted: set[int] = set()
         for _ in range(_MAX_TURN):
             word = self.program.decoded[here[0]]
-            if word.flow == "return" or word.f == INDF or here[0] in self.program.bounds:
+            if word.flow == "return" or (word.has_f and word.f == INDF) or here[0] in self.program.bounds:
                 return []
             if word.flow == "call":
                 touched.update(self.program.changes(word.k))

@@ -21,6 +21,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from operator import itemgetter
+from typing import NamedTuple
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
@@ -35,8 +37,7 @@ _MAX_TURNS = 3
 """Outer counters, the most frequent ones, for which a routine that sets them is tried."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
+class _Entry(NamedTuple):
     """An entry into a shared loop: its counters, and the outer one's value where a routine sets it."""
 
     counters: int
@@ -84,8 +85,7 @@ class _Entry:
 _ONE, _TWO = _Entry(1), _Entry(2)
 
 
-@dataclass(frozen=True, slots=True)
-class _Route:
+class _Route(NamedTuple):
     """How delays of one length are implemented: by a shared loop or not, in a routine of their own or not."""
 
     entry: _Entry | None = None
@@ -118,7 +118,7 @@ class _Route:
 _IN_PLACE = _Route()
 
 _Costs = dict[int, list[tuple[int, int, _Route]]]
-"""(words, NOPs, route) of each route that can produce a delay, by its length."""
+"""(words, NOPs, route) of each route that can produce a delay, by its length, the shortest first."""
 
 
 @dataclass(slots=True)
@@ -197,7 +197,10 @@ def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
     """Return what the delays of each length cost by each route that can produce them."""
     routes = [_Route(entry, own) for own in (True, False) for entry in (None, *entries)]
     return {
-        cycles: [(*cost, route) for route in routes if (cost := route.cost(cycles, times)) is not None]
+        cycles: sorted(
+            [(*cost, route) for route in routes if (cost := route.cost(cycles, times)) is not None],
+            key=itemgetter(0),
+        )
         for cycles, times in counts.items()
     }
 
@@ -205,11 +208,9 @@ def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
 def _choose(costs: _Costs, used: Sequence[_Entry], *, merged: bool) -> _Choice:
     """Return the cheapest implementation of each length, given these entries; `words` is the total."""
     choice = _Choice(merged=merged)
+    allowed = {None, *used}
     for cycles, priced in costs.items():
-        words, nops, route = min(
-            (row for row in priced if row[2].entry is None or row[2].entry in used),
-            key=lambda row: row[0],
-        )
+        words, nops, route = next(row for row in priced if row[2].entry in allowed)
         choice.words += words
         if route != _IN_PLACE:
             choice.routes[cycles] = route
