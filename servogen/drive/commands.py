@@ -86,6 +86,7 @@ class LineCommands:
         while not self._ended and _readable(self.descriptor):
             data = os.read(self.descriptor, READ_BYTES)
             self._ended = not data
+            # The last line may lack its line end; a part of a line waits for the rest.
             *lines, self._text = (self._text + (data or b"\n")).split(b"\n")
             self._waiting.extend(commands_in(b"\n".join(lines).decode("utf-8", "replace")))
             if self._ended:
@@ -149,6 +150,7 @@ def commands_of_keys(data: bytes, known: Keys = KEYS) -> list[str]:
     while data:
         matches = [(key, command) for command, keys in known.items() for key in keys if data.startswith(key)]
         commands += [command for _, command in matches]
+        # An unknown key is skipped byte by byte.
         data = data[len(matches[0][0]) if matches else 1 :]
     return commands
 

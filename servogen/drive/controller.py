@@ -56,6 +56,7 @@ class ControllerChannel:
         """
         width, (minimum, maximum) = self.servo.width_us(angle), self.servo.widths_us
         after = bisect_left(self.widths_us, width)
+        # Widths rise but are not evenly spaced in whole cycles, so both neighbours are compared.
         near = [
             position
             for position in (after - 1, after)

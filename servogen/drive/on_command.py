@@ -119,6 +119,8 @@ class Twin:
         if isinstance(self._stimulus, HeldButtons):
             if isinstance(self._chain.read, CommandButton):
                 if direction or self._walks:
+                    # One frame more than a press needs, in case it begins after the button was read in its
+                    # frame.
                     self._stimulus.presses.extend([NEXT] * (PRESSED_FRAMES + 1) + [""] * RELEASED_FRAMES)
                     self._walks = not self._walks
             else:
@@ -144,6 +146,7 @@ class Twin:
     def _direction(self) -> tuple[str, str]:
         ram = self._chip.machine.state().ram
         begun, until = (ram[self._variable[name] - RAM_FIRST] for name in ("begun", "until"))
+        # The starts of the direction's start, cycle and stop, and its end; `begun` 0 is standing.
         places = self._chain.places[2 * begun : 2 * begun + 4]
         if not begun:
             return (STANCE if until == places[1] else LEAD_IN), ""

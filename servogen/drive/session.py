@@ -138,6 +138,7 @@ class DriveSession:
         """Send the whole pose to a robot that may be anywhere; the motion waits until it is there."""
         begin, frames = self.time.now(), self._arrive_frames
         changed = self.controller.changes([None] * len(self._sent), angles)
+        # The controller has no groups: each servo moves as soon as its position arrives.
         if not frames:
             self._pose(changed)
         else:
@@ -174,6 +175,7 @@ class DriveSession:
         """Return the servo that is refreshed next, with the position last sent to it."""
         known = [(index, p) for index, p in enumerate(self._sent) if p is not None]
         self._turn += 1
+        # One servo at a time, in turn, so that a refresh never delays a motion by a whole pose.
         return [known[self._turn % len(known)]] if known else []
 
     def _pose(self, changed: Sequence[tuple[int, int]]) -> None:
@@ -220,6 +222,7 @@ class DriveSession:
         try:
             if self._in_group:  # the chip would wait for the end of a group that was cut off
                 self._group_goes(1)
+            # `None` for every servo sends all positions: the robot may have missed the last ones.
             self._pose(self.controller.changes([None] * len(self._sent), self.stop))
             self.line.drain()
         except ServogenError as error:

@@ -118,6 +118,7 @@ class PoseController:
         if command not in self.commands and "=" not in command:
             raise _unknown(command, self.commands)
         goal = self._now if command == STOP else pose_of(self.job, command)
+        # From where the servos are now, also in the middle of a move.
         self._start, self._since = self._now, self._moment
         self._goal = np.where(np.isnan(goal), self._goal, goal)
 
@@ -245,6 +246,8 @@ def _gait(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) 
     endless = plan_job(job, row, others).trajectory
     angles, loop = endless.angles, endless.loop_start
     cycle = len(angles) - loop
+    # A walk of few cycles may stop before it is steady. The first one that begins as the endless walk does
+    # has its stop after the cycle.
     for cycles in range(-(-loop // cycle) + 1, MAX_CYCLES):
         whole = plan_job(job, {**row, "cycles": float(cycles)}, others).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):

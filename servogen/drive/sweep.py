@@ -69,6 +69,7 @@ class Sweep:
 
     def go(self, position: int) -> None:
         """Go to a position in steps and wait until the servo is at rest. Raises Unplugged."""
+        # The positions that a servo passes in STEP_S at the speed that RANGE_S allows.
         step = max(1, round(MAX_VALUE * STEP_S / RANGE_S))
         for next_position in _steps(self.at, position, step):
             self.at = next_position

@@ -69,6 +69,7 @@ def _walking(job: Job, segment: Mapping[str, float]) -> WalkTable:
             "nothing-to-drive", (moving,), f"the job does not walk: [{moving}] moves its servos"
         )
     written = job.document.data.get("walk", {})
+    # `end` and `commands` contradict an endless route.
     walk = {key: value for key, value in written.items() if key not in ("end", "commands")}
     walk |= {"route": (dict(segment),), "repeat": "cycles" not in segment}
     return toml_file.validate(
@@ -171,11 +172,13 @@ def _overloads(job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:
     pulsed = np.flatnonzero(~np.isnan(angles).any(axis=1))
     if not len(pulsed):
         return
+    # A motion repeats most of its poses: each different one is calculated once.
     distinct, back = np.unique(angles[pulsed], axis=0, return_inverse=True)
     joints = [binding.position(column) for binding, column in zip(tip.bindings, distinct.T, strict=True)]
     torques = gravity_torques(tip.limb.arm, np.stack(joints, axis=1))[back.reshape(-1)]
     for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
         torque = np.full(len(angles), np.nan)
+        # By the power balance: the servo turns `ratio` times as fast as its joint.
         torque[pulsed] = np.abs(torques[:, index] / binding.ratio)
         yield from check_torque(servo.model, binding.joint, torque, servo=servo.name, place=servo.place)
 
@@ -194,6 +197,7 @@ def _check_soft_start(job: Job, planned: PlannedPoses) -> None:
     the first one.
     """
     motion, asked_s = planned.trajectory, job.firmware.soft_start_s
+    # Once for the neutral pose, once for the move to the first pose.
     frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)
     if frames > MAX_FRAMES:
         raise job.document.error(

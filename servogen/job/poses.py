@@ -93,6 +93,7 @@ class _Reader:
         the error is that of the nearest solution.
         """
         refused: list[ChangesBranch | LeavesReach] = []
+        # The solution nearest to the previous pose may be on a branch that the following paths leave.
         for state in self.states(first, before)[:MAX_CHOICES]:
             states: list[tuple[_State, _FollowedPath | None]] = [(state, None)]
             try:

@@ -115,6 +115,7 @@ def walk_on_command(
                 walker.walk([replace(segment, cycles=float(cycles))], others, count).trajectory,
                 job.bindings,
             )
+            # A generator, because the shortest walk that contains a start, a cycle and a stop is enough.
             for cycles in range(1, MAX_COMMANDED_CYCLES)
         )
         planned = _bound(document, endless.trajectory, job.bindings)
@@ -192,6 +193,7 @@ class _Walker:
         The middle of every swing is then at a frame, even if the walk is played backward.
         """
         walk = self.walk([segment], others, self.frames)
+        # A multiple of the grain has whole swings, an even multiple even ones.
         grain = 2 * self.gait.grain
         even = -(-walk.frames_per_cycle // grain) * grain
         return walk if even == walk.frames_per_cycle else self.walk([segment], others, even)
@@ -233,6 +235,7 @@ def _lost_motion(job: Job) -> float:
     servos = {servo.name: servo for servo in job.servos}
     return max(
         (
+            # In radians of the joint.
             servo.model.lost_motion(servo.calibration) / abs(binding.ratio)
             for binding in job.bindings
             for servo in (servos[binding.servo],)

@@ -134,6 +134,7 @@ class Manipulator:
 
 def _degrees(angle: float) -> float:
     """Return an angle in degrees, in (-180°, 180°]."""
+    # -180° becomes 180°.
     return 180 - (180 - math.degrees(angle)) % 360
 
 
@@ -183,8 +184,10 @@ def sampled(points: Floats, speeds: Floats, period_s: Fraction, even: bool = Fal
     if legs.max(initial=0.0) < STILL:
         return np.empty((0, points.shape[1]))
     shape, peak = _law()
+    # The law's peak speed is `peak` times its mean, so the path takes `peak` times as long as at top speed.
     frames = math.ceil(total * peak / float(period_s) - 1e-9)
     share = shape.share(np.arange(1, frames + 1) / frames)
+    # The share of the law at which each point is passed.
     marks = np.concatenate(([0.0], np.cumsum(times))) / total
     samples = np.stack([np.interp(share, marks, column) for column in points.T], axis=1)
     samples[-1] = points[-1]
@@ -325,6 +328,8 @@ class Mover:
 
     def kept(self) -> tuple[object, ...]:
         """Return everything that determines how the arm will move, for comparison."""
+        # Rounded, because a position that is reached again differs in the last digits; + 0.0 makes -0.0 equal
+        # to 0.0.
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
@@ -354,11 +359,13 @@ class Mover:
         """
         start = np.array(self.pose.values)
         path = np.array(pose.values) - start
+        # Pitch and roll, after x, y, z.
         path[3:] = np.degrees(short_way(np.radians(path[3:])))
         manipulator = self.manipulator
 
         def inverse(shares: Floats, near: Floats) -> Floats:
             poses = start + shares[:, None] * path
+            # The end exactly, not by addition.
             poses[shares == 1.0] = pose.values
             return manipulator.solutions(poses, near)
 
@@ -425,6 +432,7 @@ class Mover:
         few, enough = intermediate, MAX_POINTS
         if not keeps(enough):
             return None
+        # Bisection between a number that is not enough and one that is.
         while enough - few > 1:
             middle = (few + enough) // 2
             few, enough = (few, middle) if keeps(middle) else (middle, enough)

@@ -255,6 +255,7 @@ class Flow:
         The search goes backwards from the states (line, open loops) in which NX closes the last loop, along
         all paths through the program regardless of its conditions. Excessive nesting is rejected at run time.
         """
+        # `before` has the predecessors of each state (line, loops open before it).
         before: dict[tuple[int, int], list[tuple[int, int]]] = {}
         loops: list[tuple[int, int]] = []
         for index, line in enumerate(self._lines):
@@ -270,6 +271,7 @@ class Flow:
                 if state not in closed:
                     closed.add(state)
                     loops.append(state)
+        # The loop's first line, with one loop open, must lead to the NX that closes it.
         for index in sorted(self._run()):
             line = self._lines[index]
             if _mnemonic(line) == "RC" and (index + 1, 1) not in closed:

@@ -148,6 +148,7 @@ class Memory:
                     f"pallet {pallet}: counter {counter} names {name} {index} of {size}",
                     hint=f"SC {counter}, 1 sets it; {name}s count from 1",
                 )
+            # A pallet with one row or column has no second corner to interpolate to.
             shares.append((index - 1) / (size - 1) if size > 1 else 0.0)
         along, across = shares
         corners = [self.position(10 * pallet + corner) for corner in range(4)]
@@ -209,6 +210,7 @@ class InputPort:
 
     def __init__(self, inputs: tuple[PortInput, ...], period_s: Fraction) -> None:
         ordered = sorted(inputs, key=lambda change: change.at_s)
+        # Rounded up: an input is seen in the first frame that begins after it.
         self._rows = tuple((-((-entry.at_s) // period_s), entry.value) for entry in ordered)
         self._taken = 0
 

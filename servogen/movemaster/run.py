@@ -103,6 +103,7 @@ def run(
         first, loop_start, end = _repeated(controller, source, start, inputs)
     else:
         first, loop_start, end = 0, mover.frame, mover.frame + 1
+        # The frame that is held at the end is not part of the program's time.
         mover.uncounted += 1
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
@@ -200,6 +201,7 @@ def _repeated(
     after, second = controller.kept(), controller.mover.frame
     steps, outputs = len(controller.steps), len(controller.outputs)
     controller.commands = 0  # each pass has the full budget
+    # The time limit applies to each pass, too.
     controller.mover.uncounted += second + 1
     if start.statement is None:
         controller.run_program(min(controller.program), None)
@@ -218,6 +220,7 @@ def _repeated(
     loop, again = samples[start.frame : second], samples[second:]
     if loop.shape != again.shape or not np.allclose(loop, again, rtol=0, atol=SAME):
         return 0, second, len(samples)
+    # The second pass only showed that the first one repeats.
     del controller.steps[steps:], controller.outputs[outputs:]
     still = np.allclose(samples[: start.frame], loop[-1], rtol=0, atol=SAME)
     return start.frame if still else 0, start.frame, second

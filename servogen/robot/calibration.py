@@ -123,6 +123,7 @@ class Fit:
         """Return the root mean square of the residuals, allowing for the two degrees of freedom of the
         line.
         """
+        # A line through n readings leaves n - 2 degrees of freedom.
         return math.sqrt(sum(residual**2 for residual in self.residuals) / max(1, len(self.residuals) - 2))
 
     @property
@@ -321,14 +322,14 @@ def calibration_text(fit: Fit, servo: Servo) -> str:
         for angle, width in fit.ends(servo.model.travel)
     ]
     lines = [
-        "# The calibration of one servo, as `servogen calibrate` found it.",
+        "# The calibration of one servo, written by `servogen calibrate`.",
         f'servo = "{servo.name}"',
         f'model = "{servo.model.name}"',
-        "points = [ # of the shaft: reverse and trim_us of the job are not in them",
+        "points = [ # of the shaft, without the job's reverse and trim_us",
         *points,
         "]",
         "",
-        "[fit] # of the servo as it sits, trimmed; from here on for people",
+        "[fit] # of the servo as mounted and trimmed; from here on for information only",
         f"readings = {len(fit.readings)}",
         f"us_per_deg = {fit.us_per_rad * math.radians(1):z.6f}",
         f"zero_us = {fit.zero_us:z.3f}",

@@ -265,6 +265,7 @@ def servo(
     curve = points or model.calibration
     low, high = model.travel
     first, last = curve.angles
+    # Limits are angles of the mounted servo, and mirroring exchanges the ends.
     ends = (model.mirrored(last), model.mirrored(first)) if reverse else (first, last)
     widest = (max(low, ends[0]), min(high, ends[1]))
     chosen = (

@@ -217,6 +217,7 @@ def _at(
     below = max((row for row in rows if row.supply_v <= volts), key=lambda row: row.supply_v)
     above = min((row for row in rows if row.supply_v >= volts), key=lambda row: row.supply_v)
     width = above.supply_v - below.supply_v
+    # `below` and `above` are the same row at a specified voltage.
     share = (volts - below.supply_v) / width if width else 0.0
     return _mixed(below.speed, above.speed, share), _mixed(below.torque_ncm, above.torque_ncm, share)
 
