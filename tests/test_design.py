@@ -294,7 +294,7 @@ TABLES_OF_MNEMONICS = {
     "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",
     "compiler/passes/jump_threading.py": "each bit test beside its opposite",
     "compiler/sema/builtins.py": "the instructions that have a function in C",
-    "compiler/sema/chip_checks.py": "the two instructions that clear the watchdog",
+    "compiler/sema/checks.py": "the two instructions that clear the watchdog",
     "engines/stream/theorem.py": "the instructions of which the interrupt's body consists",
     "pic/analysis/state.py": "what instructions make of sets of values",
     "pic/known_values.py": "what instructions compute: the second implementation beside the simulator's",

@@ -19,13 +19,12 @@ from servogen.compiler.emit.delays import expand_delays
 from servogen.compiler.emit.layout import allocate, lay_out
 from servogen.compiler.emit.listing import make_listing
 from servogen.compiler.emit.timing import function_times
-from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.assembly import AsmBlock
 from servogen.compiler.frontend.dialects import DIALECTS, FLOAT_BITS, float_type, headers, macros
 from servogen.compiler.frontend.extensions import Rewritten, rewrite_tokens
 from servogen.compiler.frontend.preprocessor import Preprocessed, preprocess
 from servogen.compiler.frontend.settings import PragmaSettings
-from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.printer import text_of
+from servogen.compiler.ir.function import Function, text_of
 from servogen.compiler.options import LEVELS, Options, Source
 from servogen.compiler.passes.bank_select import banked, exit_banks, switch_banks
 from servogen.compiler.passes.call_depth import check_stack
@@ -33,7 +32,6 @@ from servogen.compiler.passes.manager import PASSES, PassManager
 from servogen.compiler.passes.outlining import outline
 from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
 from servogen.compiler.sema.checks import check_program
-from servogen.compiler.sema.chip_checks import check_chip
 from servogen.compiler.sema.translation_unit import analyse
 from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
 from servogen.pic.device import CONFIG_WATCHDOG_ON
@@ -145,8 +143,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     # recursion is reported first: what follows walks the calls without looking for cycles
     check_calls(graph, reporter)
     reporter.stop_on_error()
-    check_program(graph, reporter)
-    check_chip(graph, reporter, watchdog=bool(settings.config_word(clock) & CONFIG_WATCHDOG_ON))
+    check_program(graph, reporter, watchdog=bool(settings.config_word(clock) & CONFIG_WATCHDOG_ON))
     # before code is generated: `volatile` is what keeps the passes from assuming that main alone changes
     # these
     _mark_shared(graph)

@@ -12,8 +12,7 @@ from servogen.compiler.ast.types import U8
 from servogen.compiler.ir.function import Function, Line
 from servogen.compiler.ir.instruction import STATUS as STATUS_REGISTER
 from servogen.compiler.ir.instruction import Byte, Instruction, Label, Reg
-from servogen.compiler.passes.rules import FLAGS, Rule, RuleInstruction, rules
-from servogen.compiler.passes.superoptimise import superoptimise
+from servogen.compiler.passes.superoptimise import FLAGS, Rule, RuleInstruction, rules, superoptimise
 from servogen.pic.image import Image
 from servogen.pic.isa import by_mnemonic, encode
 from servogen.simulator import Machine

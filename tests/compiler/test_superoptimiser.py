@@ -11,7 +11,7 @@ from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Instruction
-from servogen.compiler.passes.rules import RuleInstruction
+from servogen.compiler.passes.superoptimise import RuleInstruction
 from tools.superoptimiser.__main__ import proven
 from tools.superoptimiser.corpus import windows
 from tools.superoptimiser.enumeration import (

@@ -15,14 +15,13 @@ from typing import Any
 
 import typer
 
-from servogen.compiler.passes import rules as rule_file
 from servogen.compiler.passes import superoptimise
-from servogen.compiler.passes.rules import Rule
+from servogen.compiler.passes.superoptimise import Rule
 from tools.superoptimiser.corpus import collected, compile_all, files_in
 from tools.superoptimiser.enumeration import Behaviours, Enumeration, Sequence_, Sought
 from tools.superoptimiser.proof import can_be_proven, differing, holds, names_in
 
-TARGET = Path(rule_file.__file__).with_name("rules.json")
+TARGET = Path(superoptimise.__file__).with_name("rules.json")
 
 
 def main(
@@ -33,7 +32,7 @@ def main(
     fewest: int = 1,
 ) -> None:
     began = time.process_time()
-    sources, found = files_in(folders), list(rule_file.rules())
+    sources, found = files_in(folders), list(superoptimise.rules())
     windows = collected(sources, longest_old)
     sought = [each for each, count in windows.items() if count >= fewest]
     behaviours = Behaviours(sought)
@@ -126,7 +125,7 @@ def write(found: Sequence[Rule]) -> None:
         for rule in sorted(found, key=lambda rule: (len(rule.old), [*map(str, rule.old)], sorted(rule.dead)))
     ]
     TARGET.write_text("[\n" + ",\n".join(rows) + "\n]\n")
-    rule_file.rules.cache_clear()
+    superoptimise.rules.cache_clear()
     superoptimise._tree.cache_clear()
 
 

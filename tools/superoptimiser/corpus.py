@@ -14,8 +14,7 @@ from servogen.compiler.ir.function import Function, is_skipped
 from servogen.compiler.ir.instruction import Instruction
 from servogen.compiler.passes import manager
 from servogen.compiler.passes.liveness import Liveness
-from servogen.compiler.passes.rules import RuleInstruction
-from servogen.compiler.passes.superoptimise import Names, dead_after, rule_instruction
+from servogen.compiler.passes.superoptimise import Names, RuleInstruction, dead_after, rule_instruction
 from servogen.errors import InputError
 from tools.superoptimiser.enumeration import POOL, Sequence_, Sought
 

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from servogen.compiler.passes.rules import FLAGS, RuleInstruction
+from servogen.compiler.passes.superoptimise import FLAGS, RuleInstruction
 from servogen.pic.isa import mnemonics
 from tools.superoptimiser.machine import NAMES, State, run
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from servogen.compiler.passes.rules import RuleInstruction
+from servogen.compiler.passes.superoptimise import RuleInstruction
 
 Values = npt.NDArray[np.uint8]
 State = dict[str, Values]

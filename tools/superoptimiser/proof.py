@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from servogen.compiler.passes.rules import FLAGS, RuleInstruction
+from servogen.compiler.passes.superoptimise import FLAGS, RuleInstruction
 from servogen.pic.isa import by_mnemonic
 from tools.superoptimiser.machine import NAMES, State, run
 

@@ -24,7 +24,9 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import FloatType, IntType, PointerType
 
-COMPARISONS = frozenset(("==", "!=", "<", ">", "<=", ">="))
+MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
+"""The comparison that holds for exchanged operands."""
+COMPARISONS = frozenset(MIRRORED)
 Interval = tuple[int, int]
 
 

@@ -1,18 +1,25 @@
-"""The operations of the chip and the library that a program calls by a built-in function's name.
+"""The operations of the chip and the library that a program calls by a built-in function's name, and those on
+floating-point values.
 
 In: `Builtin` nodes. Out: instructions, delays, calls of library routines; a result is in W, that of a
-floating-point operation in bytes.
+floating-point operation in bytes. The floating-point routines find their first operand where they leave their
+results, so that a chain of operations moves no intermediate value: where the order of the operands does not
+matter, the result of another operation becomes the first.
 """
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import FLOAT_OPERATIONS, Builtin
+from servogen.compiler.ast.nodes import FLOAT_OPERATIONS, Builtin, Expr
+from servogen.compiler.ast.types import FloatType
 from servogen.compiler.codegen.calls import library_call
-from servogen.compiler.codegen.floats import float_operation
+from servogen.compiler.codegen.effects import calls_something
+from servogen.compiler.codegen.expressions import into
+from servogen.compiler.codegen.float_routines import integer_places, second_operand, shared
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.operands import operands_of
 from servogen.compiler.codegen.operators import to_w
-from servogen.compiler.ir.instruction import PCL, PCLATH, Loc
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import PCL, PCLATH, Byte, Loc
 from servogen.errors import Location
 
 
@@ -92,3 +99,98 @@ def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
         gen.emit("GOTO", target=top, fixed=True)
     gen.emit("CLRWDT", fixed=True)
     gen.delay(cycles - used - 1)
+
+
+_COMMUTATIVE = ("float_add", "float_subtract", "float_multiply")
+"""Operations whose operands may be exchanged; a difference is a sum in which one operand changes its sign."""
+
+
+def float_operation(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit an operation and return the bytes of its result; none where it is in W."""
+    match expr.name:
+        case "float_to_integer":
+            return _to_integer(gen, expr)
+        case "float_from_integer":
+            return _from_integer(gen, expr)
+        case "float_square_root":
+            size = _size(expr)
+            routine = gen.library(expr.name, (size,))
+            _evaluate_into(gen, expr.arguments[0], shared(gen.library, size).value)
+            return _called(gen, routine)
+    return _binary(gen, expr)
+
+
+def _size(expr: Builtin) -> int:
+    """Return the size of the floating-point values of an operation, whose operand or result is one."""
+    return next(
+        operand.type.size for operand in (expr, *expr.arguments) if isinstance(operand.type, FloatType)
+    )
+
+
+def _called(gen: FunctionGenerator, routine: Function) -> list[Loc]:
+    """Call a routine and return the bytes of its result."""
+    gen.emit("CALL", target=routine.name)
+    if routine.result is None:
+        return []
+    return [Byte(routine.result, index) for index in range(routine.result.size)]
+
+
+def _to_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit the conversion to an integer and return its bytes."""
+    routine = gen.library(expr.name, (_size(expr),))
+    parameter = routine.parameters[0]
+    _evaluate_into(gen, expr.arguments[0], [Byte(parameter, index) for index in range(parameter.size)])
+    return _called(gen, routine)
+
+
+def _from_integer(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit the conversion of an integer, evaluated into the place where the routine finds its mantissa."""
+    size = _size(expr)
+    signed, integer = bool(expr.data), expr.arguments[0]
+    routine = gen.library(expr.name, (size, integer.type.size, int(signed)))
+    extra: list[Loc] = [Byte(symbol, 0) for symbol in routine.own if symbol.name == "extra"]
+    _evaluate_into(gen, integer, integer_places(shared(gen.library, size), extra, integer.type.size))
+    return _called(gen, routine)
+
+
+def _evaluate_into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+    """Evaluate an operand into a routine's bytes. What calls a function goes through a temporary, because the
+    bytes of two functions may overlap; the result of an operation lies in the routines' bytes already.
+    """
+    if not calls_something(expr) or _is_operation(expr):
+        into(gen, expr, target)
+        return
+    temporary: list[Loc] = gen.temp(len(target))
+    into(gen, expr, temporary)
+    gen.move_all(target, list(temporary))
+
+
+def _is_operation(expr: Expr) -> bool:
+    """Return whether an expression leaves its value where the routines have their results."""
+    return isinstance(expr, Builtin) and expr.name in FLOAT_OPERATIONS and isinstance(expr.type, FloatType)
+
+
+def _binary(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
+    """Emit an operation with two operands, evaluated in the order that needs the fewest copies."""
+    size = _size(expr)
+    routine = gen.library("float_add" if expr.name == "float_subtract" else expr.name, (size,))
+    value, other = shared(gen.library, size).value, second_operand(gen.library, size)
+    first, second = expr.arguments
+    second_is_there = expr.name in _COMMUTATIVE and _is_operation(second)
+    place_of_second = value if second_is_there else other
+    place_of_first = other if second_is_there else value
+    if not calls_something(second):
+        _evaluate_into(gen, first, place_of_first)
+        into(gen, second, place_of_second)
+    elif not calls_something(first):
+        _evaluate_into(gen, second, place_of_second)
+        into(gen, first, place_of_first)
+    else:
+        temporary: list[Loc] = gen.temp(size)
+        into(gen, first, temporary)
+        _evaluate_into(gen, second, place_of_second)
+        gen.move_all(place_of_first, list(temporary))
+    if expr.name == "float_subtract":
+        gen.emit("MOVLW", k=0x80)
+        gen.emit("XORWF", place_of_second[-1], 1)
+    return _called(gen, routine)

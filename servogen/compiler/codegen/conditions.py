@@ -6,7 +6,7 @@ truth value.
 
 from __future__ import annotations
 
-from servogen.compiler.ast.constant_folding import COMPARISONS, has_effect, interval
+from servogen.compiler.ast.constant_folding import COMPARISONS, MIRRORED, has_effect, interval
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Assign,
@@ -32,14 +32,12 @@ from servogen.compiler.codegen.operands import is_direct, operands_of, pair, ref
 from servogen.compiler.codegen.operators import binary_w, to_w
 from servogen.compiler.ir.instruction import INDF, SETS_Z, Byte, C, Imm, Operand, Reg, Z, exposed
 
-_MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
-
 
 def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> None:
     """Jump to `label` if the truth of a comparison is `sense`."""
     left, right, op = expr.left, expr.right, expr.op
     if isinstance(left, Num) and not isinstance(right, Num):
-        left, right, op = right, left, _MIRRORED[op]
+        left, right, op = right, left, MIRRORED[op]
     size, signed = _width(gen, left, right)
     if op in ("==", "!="):
         _equality(gen, left, right, size, sense == (op == "=="), label)
@@ -55,7 +53,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
         return
     # left < right or left >= right, by turning the others around
     if op in (">", "<="):
-        left, right, op = right, left, _MIRRORED[op]
+        left, right, op = right, left, MIRRORED[op]
     a, b = pair(gen, left, right, size)
     if signed:
         a, b = biased(gen, a), biased(gen, b)

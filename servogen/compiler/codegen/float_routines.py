@@ -19,17 +19,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from servogen.compiler.ast.float_values import INFINITE
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS
 from servogen.compiler.ast.types import FLOAT_BIAS
 from servogen.compiler.codegen.arithmetic import add, negate, one_left, one_right, subtract
 from servogen.compiler.codegen.arithmetic import compare_less as compare_bytes
-from servogen.compiler.codegen.runtime import Library, parameter, variable
-from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.codegen.runtime import parameter, variable
+from servogen.compiler.ir.builder import InstructionBuilder, Library
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import STATUS, Byte, C, Loc, Z
 
-INFINITE = 0xFF
-"""The exponent of infinities and of what is not a number."""
 MAX_SHIFT = 300
 """More than the rounds of any loop that moves a mantissa until its exponent is right."""
 

@@ -23,12 +23,9 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.builder import InstructionBuilder, Library
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import DELAY, FSR, INDF, Byte, Instruction, Loc, Operand, Reg
-
-Library = Callable[[str, tuple[int, ...]], Function]
-"""Gives a library routine by its kind and its sizes, generating it the first time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
-from servogen.compiler.frontend.asm_numbers import RADIX, binary_constants
+from servogen.compiler.frontend.assembly import RADIX, binary_constants
 from servogen.compiler.ir.function import Line
 from servogen.compiler.ir.instruction import STATUS, Byte, Instruction, Label, Loc, Reg
 from servogen.errors import Diagnostic, InputError, Location

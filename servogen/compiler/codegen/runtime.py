@@ -12,7 +12,7 @@ from collections.abc import Callable
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8, U16, U24, U32, IntType
 from servogen.compiler.codegen.arithmetic import add, compare_less, negate, one_left, one_right, subtract
-from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.builder import InstructionBuilder, Library
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import (
     DELAY,
@@ -30,9 +30,6 @@ from servogen.compiler.ir.instruction import (
     Z,
 )
 from servogen.pic.device import register_bits, registers
-
-Library = Callable[[str, tuple[int, ...]], Function]
-"""Returns a routine by its kind and sizes, generated when it is first asked for."""
 
 _UNSIGNED: tuple[IntType, ...] = (U8, U16, U24, U32)
 

@@ -10,8 +10,7 @@ import re
 from dataclasses import dataclass, field
 
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.asm_blocks import MARKER, AsmBlock
-from servogen.compiler.frontend.asm_numbers import assembler_number
+from servogen.compiler.frontend.assembly import MARKER, AsmBlock, assembler_number
 from servogen.compiler.frontend.preprocessor import PToken
 from servogen.compiler.frontend.settings import number
 from servogen.errors import Location

@@ -20,8 +20,7 @@ from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 import servogen.compiler.library as library
 import servogen.compiler.limits as limits
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.asm_blocks import AsmBlock, rewrite
-from servogen.compiler.frontend.asm_macros import assembly_macros, plain_numbers
+from servogen.compiler.frontend.assembly import AsmBlock, assembly_macros, plain_numbers, rewrite
 from servogen.errors import InputError, Location
 
 Resolver = Callable[[str, str], tuple[str, str] | None]

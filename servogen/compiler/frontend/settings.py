@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.asm_numbers import assembler_number
+from servogen.compiler.frontend.assembly import assembler_number
 from servogen.compiler.frontend.dialects import config_names
 from servogen.compiler.frontend.preprocessor import Pragma
 from servogen.errors import Location, did_you_mean

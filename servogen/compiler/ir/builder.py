@@ -25,6 +25,9 @@ from servogen.compiler.ir.instruction import (
 from servogen.errors import Location
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 
+Library = Callable[[str, tuple[int, ...]], Function]
+"""Returns a library routine by its kind and its sizes, generated when it is first asked for."""
+
 
 def _same(symbol: Symbol) -> Symbol:
     return symbol

@@ -10,6 +10,15 @@ A block is entered at its first instruction and left after its last. Its success
     BTFSC, DECFSZ, …   a conditional edge: to the next block, which holds one instruction, or over it
     a write to PCL     anywhere: out of the function, or to the next block
     anything else      the next block
+
+`text_of` prints a function with its blocks and edges:
+
+    main:                               ; 2 blocks, 3 instructions
+      block 0 -> 1
+            MOVLW 10
+            MOVWF count
+      block 1 main.top.1: -> 1
+            GOTO main.top.1
 """
 
 from __future__ import annotations
@@ -20,6 +29,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ir.instruction import ENDS, TARGETED, Instruction, Label
 from servogen.errors import Location
+from servogen.units import counted
 
 ISR_SUFFIX = "$isr"
 """The suffix of the interrupt's copy of a function that main calls too."""
@@ -188,3 +198,20 @@ def is_skipped(lines: Sequence[Line], index: int) -> bool:
     """Return whether a line directly follows a skip."""
     before = lines[index - 1] if index else None
     return isinstance(before, Instruction) and before.skips
+
+
+def text_of(function: Function) -> str:
+    """Return the function as text."""
+    size = f"; {counted(len(function.blocks), 'block')}, {counted(function.size, 'instruction')}"
+    lines = [f"{function.name}:".ljust(36) + size]
+    number = {block: index for index, block in enumerate(function.blocks)}
+    for block, successors in zip(function.blocks, function.successors(), strict=True):
+        names = "".join(f" {label.name}:" for label in block.labels)
+        lines.append(f"  block {number[block]}{names} -> {_edges(block, successors, number)}")
+        lines += [f"        {ins}{'  ; fixed' if ins.fixed else ''}" for ins in block.instructions]
+    return "\n".join(lines) + "\n"
+
+
+def _edges(block: Block, successors: tuple[Block | None, ...], number: dict[Block, int]) -> str:
+    shown = ["exit" if after is None else str(number[after]) for after in successors]
+    return f"{shown[0]} or skip to {shown[1]}" if block.skips else ", ".join(dict.fromkeys(shown))

@@ -17,7 +17,6 @@ from servogen.compiler.ast.nodes import (
     Expr,
     Num,
     Ref,
-    Symbol,
     WideField,
 )
 from servogen.compiler.ast.types import U8, U16, VOID, CType, IntType
@@ -79,14 +78,7 @@ def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
         return Comma(_stored(target, value), stored, target.type.plain(), place)
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
-    symbol = Symbol(
-        f"stored{len(analyser.function.locals)}",
-        target.type.plain(),
-        "local",
-        place,
-        function=analyser.function.name,
-    )
-    analyser.function.locals.append(symbol)
+    symbol = analyser.new_local("stored", target.type.plain(), place)
     copy = Ref(symbol, 0, None, symbol.type, place)
     steps = Comma(Assign(copy, value, symbol.type, place), _stored(target, copy), VOID, place)
     now = load(analyser, target) if isinstance(target, WideField) else copy

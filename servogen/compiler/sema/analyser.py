@@ -36,7 +36,7 @@ from servogen.compiler.ast.types import (
     IntType,
 )
 from servogen.compiler.diagnostics import Fatal, Reporter
-from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.assembly import AsmBlock
 from servogen.compiler.frontend.dialects import C2C, named_types
 from servogen.compiler.frontend.extensions import Rewritten
 from servogen.compiler.frontend.preprocessor import Preprocessed
@@ -157,6 +157,14 @@ class Analyser:
 
     def number(self, value: int, kind: CType, place: Location) -> Num:
         return Num(kind.wrap(value) if isinstance(kind, IntType) else value, kind, place)
+
+    def new_local(self, name: str, kind: CType, place: Location) -> Symbol:
+        """Return a new variable of the current function, which the program itself does not name."""
+        assert self.function is not None
+        number = len(self.function.locals)
+        symbol = Symbol(f"{name}{number}", kind, "local", place, function=self.function.name)
+        self.function.locals.append(symbol)
+        return symbol
 
     # constants
 

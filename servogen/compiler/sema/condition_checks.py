@@ -10,15 +10,15 @@ from typing import Any
 
 from pycparser import c_ast
 
-from servogen.compiler.ast.constant_folding import COMPARISONS, compare
+from servogen.compiler.ast.constant_folding import COMPARISONS, MIRRORED, compare
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import FloatType
 from servogen.compiler.ast.walk import syntax_nodes
 from servogen.compiler.frontend.dialects import chip_bits, chip_registers
 from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.lint import STEPS
 
 _INTEGERS = ("int", "unsigned int", "long int", "unsigned long int", "long long int")
-_STEPS = ("++", "--", "p++", "p--")
 
 
 def check_conditions(analyser: Analyser, function: Any) -> None:
@@ -154,10 +154,9 @@ def _range(node: Any) -> tuple[str, str, int] | None:
     """Return (variable, operator, number) of a comparison with a number."""
     if not isinstance(node, c_ast.BinaryOp) or node.op not in COMPARISONS:
         return None
-    turned = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
     for variable, number, op in (
         (node.left, node.right, node.op),
-        (node.right, node.left, turned.get(node.op, node.op)),
+        (node.right, node.left, MIRRORED[node.op]),
     ):
         value = _number(number)
         if isinstance(variable, c_ast.ID) and value is not None:
@@ -200,9 +199,7 @@ def _changed(nodes: list[Any]) -> set[str]:
     for node in nodes:
         if isinstance(node, c_ast.Assignment) and isinstance(node.lvalue, c_ast.ID):
             names.add(node.lvalue.name)
-        elif (
-            isinstance(node, c_ast.UnaryOp) and node.op in (*_STEPS, "&") and isinstance(node.expr, c_ast.ID)
-        ):
+        elif isinstance(node, c_ast.UnaryOp) and node.op in (*STEPS, "&") and isinstance(node.expr, c_ast.ID):
             names.add(node.expr.name)
     return names
 

@@ -251,6 +251,3 @@ def truth(analyser: Analyser, expr: Expr) -> Expr:
     if not expr.type.scalar:
         raise analyser.fail("c-type", f"a condition needs a number or a pointer, not '{expr.type}'", expr)
     return truth_of_float(analyser, expr) if isinstance(expr.type, FloatType) else expr
-
-
-U8_CONST = IntType("unsigned char", 1, False, const=True)

@@ -322,11 +322,8 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
         raise analyser.fail("c-unsupported", "a compound literal outside functions is not supported", node)
     named = c_ast.Decl(None, [], [], [], [], node.type, node.init, None, node.coord)
     kind = complete(analyser, kind.plain(), named)
-    symbol = Symbol(
-        f"literal{len(analyser.function.locals)}", kind, "local", place, function=analyser.function.name
-    )
+    symbol = analyser.new_local("literal", kind, place)
     symbol.pinned = isinstance(kind, (ArrayType, StructType))
-    analyser.function.locals.append(symbol)
     waiting, analyser.pending = analyser.pending, []
     fill(analyser, symbol, kind, node.init, 0, place)
     steps, analyser.pending = [statement.expr for statement in analyser.pending], waiting

@@ -25,7 +25,6 @@ from servogen.compiler.ast.nodes import (
     Logic,
     Num,
     Ref,
-    Symbol,
     Unary,
     Update,
     WideField,
@@ -220,14 +219,7 @@ def _in_temporary(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
     """Return a new variable, and add the assignment of a value to it to `before`."""
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
-    symbol = Symbol(
-        f"held{len(analyser.function.locals)}",
-        value.type.plain(),
-        "local",
-        value.place,
-        function=analyser.function.name,
-    )
-    analyser.function.locals.append(symbol)
+    symbol = analyser.new_local("held", value.type.plain(), value.place)
     temporary = Ref(symbol, 0, None, symbol.type, value.place)
     before.append(Assign(temporary, value, symbol.type, value.place))
     return temporary

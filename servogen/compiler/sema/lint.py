@@ -18,6 +18,8 @@ from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.ast.walk import syntax_nodes
 from servogen.compiler.sema.analyser import Analyser
 
+STEPS = ("++", "--", "p++", "p--")
+"""The operators that count, as pycparser writes them."""
 _BITWISE = ("&", "|", "^")
 _LOOSER = {
     **dict.fromkeys(_BITWISE, COMPARISONS),
@@ -234,13 +236,10 @@ def used_names(node: Any) -> set[str]:
     alone += [node.iftrue, node.iffalse] if isinstance(node, c_ast.If) else []
     names: set[str] = set()
     for child in node:
-        counted = isinstance(child, c_ast.UnaryOp) and child.op in _STEPS and child in alone
+        counted = isinstance(child, c_ast.UnaryOp) and child.op in STEPS and child in alone
         if not (counted and isinstance(child.expr, c_ast.ID)):
             names |= used_names(child)
     return names
-
-
-_STEPS = ("++", "--", "p++", "p--")
 
 
 # the order of changes

@@ -217,9 +217,8 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "a function cannot be called outside functions", node)
     # a function's result has no place of its own: it is stored so that its member can be named
-    result = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
-    result.function, result.pinned = analyser.function.name, True
-    analyser.function.locals.append(result)
+    result = analyser.new_local("held", base.type, place)
+    result.pinned = True
     target = Ref(result, 0, None, base.type, place)
     value = _member(analyser, target, member, place)
     return Comma(Assign(target, base, base.type, place), value, value.type, place)

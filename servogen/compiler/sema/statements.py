@@ -36,7 +36,7 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import BIT, U8, IntType, VoidType, promote
 from servogen.compiler.diagnostics import Fatal, is_own_file
-from servogen.compiler.frontend.asm_blocks import MARKER
+from servogen.compiler.frontend.assembly import MARKER
 from servogen.compiler.frontend.extensions import CRITICAL_LABEL
 from servogen.compiler.sema.analyser import Analyser, Body
 from servogen.compiler.sema.builtins import chip_bit, register_ref, set_bit
@@ -363,12 +363,8 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
     """Analyse a block in which no interrupt comes. GIE is cleared until it reads 0, because an interrupt that
     comes during the BCF sets it again when it returns.
     """
-    assert analyser.function is not None
     place = analyser.place(node)
-    before = Symbol(
-        f"intcon{len(analyser.function.locals)}", U8, "local", place, function=analyser.function.name
-    )
-    analyser.function.locals.append(before)
+    before = analyser.new_local("intcon", U8, place)
     # a jump out of the block would leave interrupts disabled
     outer = analyser.body.loops, analyser.body.breakable
     analyser.body.loops = analyser.body.breakable = 0
@@ -461,14 +457,10 @@ def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:
     """
     if not analyser.body.critical:
         return Return(value, place)
-    assert analyser.function is not None
     allow = _allow_again(analyser, analyser.body.critical[0], place)
     if value is None or isinstance(value, Num):
         return BlockStatement([allow, Return(value, place)])
-    symbol = Symbol(
-        f"result{len(analyser.function.locals)}", value.type, "local", place, function=analyser.function.name
-    )
-    analyser.function.locals.append(symbol)
+    symbol = analyser.new_local("result", value.type, place)
     target = Ref(symbol, 0, None, value.type, place)
     return BlockStatement([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
 

@@ -15,7 +15,7 @@ import servogen.compiler.sema.function_pointers as function_pointers
 from servogen.compiler.ast.nodes import FunctionDefinition
 from servogen.compiler.ast.types import FloatType, FuncType
 from servogen.compiler.diagnostics import Fatal, Reporter, is_own_file
-from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.assembly import AsmBlock
 from servogen.compiler.frontend.dialects import type_names
 from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM_NAME, ID_NAME, Rewritten
 from servogen.compiler.frontend.parser import parse

@@ -6,9 +6,8 @@ import pytest
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
-from servogen.compiler.ir.function import Block, Function, Line
+from servogen.compiler.ir.function import Block, Function, Line, text_of
 from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Label, Z
-from servogen.compiler.ir.printer import text_of
 from servogen.compiler.ir.verifier import MalformedIR, faults, verify
 from servogen.compiler.passes.manager import PassManager
 

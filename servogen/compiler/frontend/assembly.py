@@ -1,16 +1,26 @@
-"""Rewrites in the source text, line for line, what the C preprocessor cannot read.
+"""Inline assembly before the parser: its blocks in the source text, macros in operands, constants.
 
-In: the text of a source file. Out: text with the same lines, in which binary constants are hexadecimal ones
-padded to the same columns and each block of assembly that is not an `asm("…")` is a numbered marker.
+In: the text of a source file; then the preprocessor's tokens and the definition of a macro at each point.
+Out: text with the same lines, in which binary constants are hexadecimal ones padded to the same columns and
+each block of assembly that is not an `asm("…")` is a numbered marker; then the blocks with each operand that
+names a macro for numbers, registers or bits replaced by its expansion.
 """
 
 from __future__ import annotations
 
+import copy
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.errors import Location
+from servogen.pic.assembler.expressions import evaluate, parse_expression
+from servogen.pic.assembler.instructions import takes_label
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import Text
+from servogen.pic.device import register_bits, registers
 
 MARKER = "__servogen_asm"
 
@@ -139,3 +149,98 @@ def _asm_extent(text: str, position: int) -> tuple[int, int]:
         return brace.end() - 1, len(text) if end < 0 else end + 1
     end = text.find("\n", position)
     return start, len(text) if end < 0 else end
+
+
+Value = Callable[[str], str | None]
+"""The expanded text of an object-like macro; None when there is none of that name."""
+
+_LINE = re.compile(r"(\s*(?:[A-Za-z_.$][\w.$]*\s*:)?\s*[A-Za-z_]\w*\s)(.*?)(?=;|//|/\*|$)", re.DOTALL)
+_OWN = frozenset(("W", "F", "OPTION"))
+
+
+def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value) -> Iterator[Any]:
+    """Return the tokens of a file; `value` is queried as they pass: macros change in between."""
+    within = ""
+    for tok in stream:
+        if tok.value in (MARKER, "asm", "__asm", "__asm__"):
+            within = tok.value
+        elif tok.value == ";":
+            within = ""
+        elif within == MARKER and tok.value.isdigit():
+            # a macro may hold the block and be used again: it stays as it is, beside the new one
+            block = blocks[int(tok.value)]
+            lines = tuple((line, replace_macros(text, value)) for line, text in block.lines)
+            blocks.append(AsmBlock(block.file, lines))
+            tok = copy.copy(tok)
+            tok.value = str(len(blocks) - 1)
+            within = ""
+        elif within and tok.value.startswith('"'):
+            tok = copy.copy(tok)
+            texts = [replace_macros(text, value) for text in tok.value[1:-1].split("\\n")]
+            tok.value = '"' + "\\n".join(texts) + '"'
+        yield tok
+
+
+def replace_macros(line: str, value: Value) -> str:
+    """Return a line of assembly with the macros in its operands expanded, except where the operand is a
+    label.
+    """
+    match = _LINE.match(line)
+    if not match or takes_label(match[1].split()[-1]):
+        return line
+
+    def replaced(word: re.Match[str]) -> str:
+        name = word[0]
+        if name.upper() in _OWN or _of_the_chip(name):
+            return name
+        text = value(name)
+        return text if text is not None and _operands(text) else name
+
+    operands = re.sub(r"(?<![\w'.])[A-Za-z_]\w*(?!['\w])", replaced, match[2])
+    return match[1] + operands + line[match.end() :]
+
+
+def plain_numbers(text: str) -> str:
+    """Return a text with the suffixes of C's numbers removed."""
+    return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", text)
+
+
+def _operands(text: str) -> bool:
+    """Return whether a text means the same in assembly as in C; 017, for one, does not."""
+    return not re.search(r"\b0\d", text) and all(
+        _of_the_chip(part.strip()) or assembler_number(part) is not None for part in text.split(",")
+    )
+
+
+def _of_the_chip(name: str) -> bool:
+    return name.upper() in registers() or name.upper() in register_bits()
+
+
+class _NoNames:
+    """A symbol table without names, because constants consist of numbers only."""
+
+    here = 0
+
+    def value(self, name: str) -> int | None:
+        return None
+
+    def hint(self, name: str) -> str | None:
+        return None
+
+
+RADIX = 10
+"""Numbers in inline assembly are decimal unless they say otherwise."""
+
+
+def binary_constants(text: str) -> str:
+    """Return assembly with C's constants such as 0b101 in the assembler's notation."""
+    return re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)
+
+
+def assembler_number(text: str) -> int | None:
+    """Return a constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 is accepted too."""
+    try:
+        expression = parse_expression(Text.of(binary_constants(text)), RADIX)
+        return evaluate(expression, _NoNames())
+    except SourceError:
+        return None
