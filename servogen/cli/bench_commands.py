@@ -113,7 +113,8 @@ def rig(
         Path | None, typer.Option("--hex", help="The program on the chip at the start (default: the job's).")
     ] = None,
     crystal_ppm: Annotated[
-        float, typer.Option("--crystal-ppm", help="By how many ppm the chip's crystal is fast.")
+        float,
+        typer.Option("--crystal-ppm", help="Error of the chip's crystal in ppm; positive if it is fast."),
     ] = 0.0,
     memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = 24
     * 1024,

@@ -129,7 +129,7 @@ def gait(
         bool,
         typer.Option(
             "--compensate/--no-compensate",
-            help="Whether swings take up the motion that the servos lose when a joint turns round.",
+            help="Compensate in swings for the motion that servos lose when a joint reverses.",
         ),
     ] = True,
     allow_falling: Annotated[
