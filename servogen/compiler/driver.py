@@ -156,7 +156,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     functions = generator.generate()
     manager.finished_all("codegen", functions)
     reporter.stop_on_error()
-    arrangement = arrange(generator, analysis.program, settings, reporter)
+    arrangement = arrange(generator, analysis.program)
     manager.finished_all("startup", functions)
     _transform(functions, arrangement.roots, options, manager)
     # before delays are expanded: one may become a call only where a level of the stack is free

@@ -30,7 +30,7 @@ def imms(value: int, size: int) -> list[Operand]:
     return [Imm(value >> 8 * index & 0xFF) for index in range(size)]
 
 
-def destination_bit(gen: InstructionBuilder, target: Loc, left: Operand) -> int:
+def destination_bit(target: Loc, left: Operand) -> int:
     """Return the destination bit: in place if the target is the left operand, otherwise W."""
     return int(target == left)
 
@@ -71,7 +71,7 @@ def add(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: 
             gen.load(a)
             gen.skip_if(C, False)
             gen.emit("ADDLW", k=1)
-            gen.emit("ADDWF", b, destination_bit(gen, t, b))
+            gen.emit("ADDWF", b, destination_bit(t, b))
             store_result(gen, t, b)
         elif t == b:
             a = load_twice(gen, a)
@@ -103,7 +103,7 @@ def _add_first(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
         gen.emit("ADDLW", k=a.value)
         gen.store(t)
         return
-    gen.emit("ADDWF", a, destination_bit(gen, t, a))
+    gen.emit("ADDWF", a, destination_bit(t, a))
     store_result(gen, t, a)
 
 
@@ -128,7 +128,7 @@ def _carry_last(gen: InstructionBuilder, t: Loc, a: Operand, b: Imm) -> None:
         gen.emit("MOVLW", k=b.value)
         gen.skip_if(C, False)
         gen.emit("MOVLW", k=b.value + 1)
-        gen.emit("ADDWF", a, destination_bit(gen, t, a))
+        gen.emit("ADDWF", a, destination_bit(t, a))
         store_result(gen, t, a)
     else:
         # only the layout knows the byte of an address: the carry is added to the variable instead
@@ -200,7 +200,7 @@ def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand
     if len(t) == 1 and not isinstance(a[0], Imm) and low in (1, 0xFF):
         # INCF and DECF do not change C, which nobody reads after the top byte
         op = "INCF" if low == 1 else "DECF"
-        gen.emit(op, a[0], destination_bit(gen, t[0], a[0]))
+        gen.emit(op, a[0], destination_bit(t[0], a[0]))
         store_result(gen, t[0], a[0])
         return
     for number in range(len(t)):
@@ -269,7 +269,7 @@ def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], ri
                 gen.emit("SUBLW", k=a.value)
                 gen.store(t)
             else:
-                gen.emit("SUBWF", a, destination_bit(gen, t, a))
+                gen.emit("SUBWF", a, destination_bit(t, a))
                 store_result(gen, t, a)
             continue
         if isinstance(b, Imm):
@@ -309,7 +309,7 @@ def complement(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
             gen.emit("XORLW", k=0xFF)
             gen.store(t)
         else:
-            gen.emit("COMF", a, destination_bit(gen, t, a))
+            gen.emit("COMF", a, destination_bit(t, a))
             store_result(gen, t, a)
 
 
@@ -337,7 +337,7 @@ def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Opera
             gen.move(t, Imm(value))
             return
         if (op, value) == ("^", 0xFF):
-            gen.emit("COMF", a, destination_bit(gen, t, a))
+            gen.emit("COMF", a, destination_bit(t, a))
             store_result(gen, t, a)
             return
         # one bit is set or cleared in one instruction, without W
@@ -357,7 +357,7 @@ def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Opera
         gen.emit(mnemonic + "LW", k=a.value)
         gen.store(t)
     else:
-        gen.emit(mnemonic + "WF", a, destination_bit(gen, t, a))
+        gen.emit(mnemonic + "WF", a, destination_bit(t, a))
         store_result(gen, t, a)
 
 
@@ -381,7 +381,7 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
         # the MOVWF between two rotations leaves C alone, so that the bits pass from byte to byte
         for t, a in zip(target, operand, strict=True):
             assert not isinstance(a, Imm)
-            gen.emit("RLF", a, destination_bit(gen, t, a))
+            gen.emit("RLF", a, destination_bit(t, a))
             store_result(gen, t, a)
         return
     gen.move_all(target, sources)
@@ -411,7 +411,7 @@ def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left
         _repeat(gen, towards, t, count - 4)
     elif count == 1:
         gen.emit("BCF", STATUS, b=C)
-        gen.emit(towards, a, destination_bit(gen, t, a))
+        gen.emit(towards, a, destination_bit(t, a))
         store_result(gen, t, a)
     else:
         gen.move(t, a)
@@ -450,7 +450,7 @@ def shift_right(
         gen.emit("BCF", STATUS, b=C)
         for t, a in zip(reversed(target), reversed(operand), strict=True):
             assert not isinstance(a, Imm)
-            gen.emit("RRF", a, destination_bit(gen, t, a))
+            gen.emit("RRF", a, destination_bit(t, a))
             store_result(gen, t, a)
         return
     else:

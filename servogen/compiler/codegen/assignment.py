@@ -28,7 +28,7 @@ from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Operand,
 
 def assign_bytes(gen: FunctionGenerator, target: Ref | Deref, value: list[Operand]) -> None:
     """Store bytes that are already evaluated; they are temporaries or constants."""
-    if isinstance(target, Ref) and is_direct(gen, target):
+    if isinstance(target, Ref) and is_direct(target):
         gen.move_all(ref_locs(gen, target), value)
         return
     point_fsr(gen, target)
@@ -44,11 +44,11 @@ def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
         assign_field(gen, target, value)
         return
     size = target.type.size
-    if isinstance(target, Ref) and is_direct(gen, target):
+    if isinstance(target, Ref) and is_direct(target):
         _assign_direct(gen, ref_locs(gen, target), target, value)
         return
     if size == 1 and isinstance(value.type, IntType):
-        if not has_effect(value) and operand_ready(gen, value):
+        if not has_effect(value) and operand_ready(value):
             point_fsr(gen, target)
             gen.move(INDF, operands_of(gen, value, 1)[0])
             return
@@ -66,7 +66,7 @@ def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
 
 def _struct_value(gen: FunctionGenerator, value: Expr) -> list[Operand]:
     """Return the bytes of a structure: its own, or copies."""
-    if isinstance(value, Ref) and is_direct(gen, value):
+    if isinstance(value, Ref) and is_direct(value):
         return list(ref_locs(gen, value))
     copy: list[Loc] = gen.temp(value.type.size)
     gen.lower.into(gen, value, copy)
@@ -96,7 +96,7 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
     symbols: list[Loc] = [loc if isinstance(loc, Reg) else Byte(loc.symbol, 0) for loc in locs]
     if inner.type.size < len(locs) or (len(locs) > 1 and isinstance(locs[0], Reg)):
         return False
-    if is_direct(gen, inner):
+    if is_direct(inner):
         return True
     if isinstance(inner, Binary) and exposed(locs[0]) and _is_identity(inner, len(locs)):
         return False  # in place nothing would be left of it, but a volatile object is read and written
@@ -120,7 +120,7 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
 def same_bytes(gen: FunctionGenerator, expr: Expr, locs: list[Loc]) -> bool:
     """Return whether an expression is the variable that lies at `locs`."""
     inner = stripped(expr)
-    return is_direct(gen, inner) and ref_locs(gen, inner)[: len(locs)] == locs  # type: ignore[arg-type]
+    return is_direct(inner) and ref_locs(gen, inner)[: len(locs)] == locs  # type: ignore[arg-type]
 
 
 def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
@@ -130,7 +130,7 @@ def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
         return
     whole = updated(expr, target)
     plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
-    behind = plain and kind.size == 1 and not (isinstance(target, Ref) and is_direct(gen, target))
+    behind = plain and kind.size == 1 and not (isinstance(target, Ref) and is_direct(target))
     if behind and _update_indirect(gen, expr.op, target, update_operand(expr)):
         return
     assign(gen, target, whole)
@@ -157,7 +157,7 @@ def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right
         up = (right.value & 0xFF == 1) == (op == "+")
         gen.emit("INCF" if up else "DECF", INDF, 1)
         return True
-    if operand_ready(gen, right):
+    if operand_ready(right):
         point_fsr(gen, target)
         gen.load(operands_of(gen, right, 1)[0])
     else:
@@ -185,7 +185,7 @@ def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> No
     mask = (1 << target.width) - 1
     if isinstance(value, Num):
         if pointed:
-            point_fsr(gen, field_byte(gen, target))
+            point_fsr(gen, field_byte(target))
         gen.emit("MOVF", byte, 0)
         gen.emit("ANDLW", k=~(mask << target.bit))
         if value.value & mask:
@@ -197,7 +197,7 @@ def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> No
     shift_left(gen, field, list(field), target.bit)
     bitwise(gen, "&", field, list(field), [Imm(mask << target.bit & 0xFF)])
     if pointed:
-        point_fsr(gen, field_byte(gen, target))
+        point_fsr(gen, field_byte(target))
     # the byte is read once and written once, so that no pin of a port changes in between
     gen.emit("MOVF", byte, 0)
     gen.emit("ANDLW", k=~(mask << target.bit))
@@ -218,7 +218,7 @@ def _assign_bit(
     low_bit_only = isinstance(value, Cast) and isinstance(value.type, IntType) and value.type.is_bit
     if isinstance(value, Num):
         if pointed:
-            point_fsr(gen, field_byte(gen, target))
+            point_fsr(gen, field_byte(target))
         gen.emit("BSF" if value.value & 1 else "BCF", byte, b=bit)
         return
     if low_bit_only:
@@ -227,7 +227,7 @@ def _assign_bit(
     if pointed:
         temporary = gen.temp()[0]
         gen.lower.into(gen, value, [temporary])
-        point_fsr(gen, field_byte(gen, target))
+        point_fsr(gen, field_byte(target))
         source: Loc = temporary
         source_bit = 0
     else:

@@ -38,7 +38,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
     left, right, op = expr.left, expr.right, expr.op
     if isinstance(left, Num) and not isinstance(right, Num):
         left, right, op = right, left, MIRRORED[op]
-    size, signed = _width(gen, left, right)
+    size, signed = _width(left, right)
     if op in ("==", "!="):
         _equality(gen, left, right, size, sense == (op == "=="), label)
         return
@@ -61,7 +61,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
     gen.goto_if(C, sense == (op == ">="), label)
 
 
-def _width(gen: FunctionGenerator, left: Expr, right: Expr) -> tuple[int, bool]:
+def _width(left: Expr, right: Expr) -> tuple[int, bool]:
     """Return (bytes, signed) in which two operands are compared: as few as hold the values of both."""
     if not isinstance(left.type, IntType) or not isinstance(right.type, IntType):
         return max(left.type.size, right.type.size), False
@@ -100,12 +100,12 @@ def _against_constant(
             gen.goto_if(Z, not at_least, label)
             return
         # an unsigned value is at least 128 if its top bit is set
-        elif bound == 0x80 and is_direct(gen, stripped(left)):
+        elif bound == 0x80 and is_direct(stripped(left)):
             top = operands_of(gen, left, 1)[0]
             assert not isinstance(top, Imm)
             gen.goto_if(7, at_least, label, bit_source(gen, top))
             return
-        elif is_direct(gen, stripped(left)):
+        elif is_direct(stripped(left)):
             operand = operands_of(gen, left, 1)[0]
             assert not isinstance(operand, Imm)
             if bound == 0xFF:
@@ -179,7 +179,7 @@ def _all_set(gen: FunctionGenerator, expr: Expr, mask: int) -> bool:
     left, right = masked.left, masked.right
     if isinstance(left, Num):
         left, right = right, left
-    if not isinstance(right, Num) or right.value != mask or not is_direct(gen, stripped(left)):
+    if not isinstance(right, Num) or right.value != mask or not is_direct(stripped(left)):
         return False
     operand = operands_of(gen, left, 1)[0]
     if isinstance(operand, Imm):
@@ -275,7 +275,7 @@ def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
             comparison(gen, expr, sense, label)
         case Binary("&") if _bit_test(gen, expr, sense, label):
             pass
-        case Cast(operand) if isinstance(expr.type, IntType) and _same_truth(gen, expr):
+        case Cast(operand) if isinstance(expr.type, IntType) and _same_truth(expr):
             jump(gen, operand, sense, label)
         case Cast(operand) if isinstance(expr.type, IntType) and expr.type.is_bit:
             _lowest_bit(gen, operand, sense, label)
@@ -284,7 +284,7 @@ def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
         case Update() if _counted(gen, expr, sense, label):
             pass
         case Assign(target, value) if (
-            not target.width and isinstance(target, Ref) and is_direct(gen, target) and not has_effect(target)
+            not target.width and isinstance(target, Ref) and is_direct(target) and not has_effect(target)
         ):
             effect(gen, expr)
             zero_test(gen, list(ref_locs(gen, target)))
@@ -303,7 +303,7 @@ def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) 
     gen.goto_if(0, sense, label, bit_source(gen, byte))
 
 
-def _same_truth(gen: FunctionGenerator, expr: Cast) -> bool:
+def _same_truth(expr: Cast) -> bool:
     """Return whether a conversion keeps the truth value of its operand."""
     assert isinstance(expr.type, IntType)
     if expr.type.is_bool and not expr.type.is_bit:
@@ -332,14 +332,14 @@ def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> 
     """Jump on one bit of memory."""
     assert expr.bit is not None
     if in_flash(expr):
-        to_w(gen, field_byte(gen, expr))
+        to_w(gen, field_byte(expr))
         gen.emit("ANDLW", k=1 << expr.bit)
         gen.goto_if(Z, not sense, label)
         return
     if isinstance(expr, Ref) and expr.index is None:
         gen.goto_if(expr.bit, sense, label, bit_source(gen, gen.loc(expr.symbol, expr.offset)))
         return
-    point_fsr(gen, field_byte(gen, expr))
+    point_fsr(gen, field_byte(expr))
     gen.goto_if(expr.bit, sense, label, INDF)
 
 
@@ -348,7 +348,7 @@ def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> 
     left, right = stripped(expr.left), expr.right
     if isinstance(expr.left, Num):
         left, right = stripped(expr.right), expr.left
-    if not isinstance(right, Num) or not is_direct(gen, left) or not isinstance(left, Ref):
+    if not isinstance(right, Num) or not is_direct(left) or not isinstance(left, Ref):
         return False
     mask = right.value & (1 << 8 * expr.type.size) - 1
     if mask.bit_count() != 1:
@@ -363,7 +363,7 @@ def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> 
 def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> bool:
     """Jump on a one-byte `--n`, `n--` or `++n` with DECFSZ or INCFSZ; return whether that was possible."""
     target = expr.target
-    if not (isinstance(target, Ref) and is_direct(gen, target) and target.type.size == 1):
+    if not (isinstance(target, Ref) and is_direct(target) and target.type.size == 1):
         return False
     if expr.op not in "+-" or not isinstance(expr.value, Num) or expr.value.value != 1:
         return False

@@ -71,7 +71,7 @@ def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
     back.
     """
     size = len(target)
-    if size > expr.type.size and negative_possible(gen, expr):
+    if size > expr.type.size and negative_possible(expr):
         return False
     match expr:
         case Unary("-"):
@@ -87,7 +87,7 @@ def _operator_stores_once(gen: FunctionGenerator, expr: Binary, target: list[Loc
     """Return whether an operator's code stores each byte of its target at most once."""
     size = len(target)
     need = min(size, expr.type.size, width_of(*interval(expr))[0])
-    if need < size and negative_possible(gen, expr):
+    if need < size and negative_possible(expr):
         return False
     match expr.op, expr.right:
         case ("&" | "|" | "^", _):
@@ -104,7 +104,7 @@ def _into_num(gen: FunctionGenerator, expr: Num, target: list[Loc]) -> None:
 
 
 def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
-    if is_direct(gen, expr):
+    if is_direct(expr):
         operands = operands_of(gen, expr, len(target))
         for byte, operand in zip(target, operands, strict=True):
             if byte == operand and exposed(byte):  # x = x
@@ -156,7 +156,7 @@ def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
             gen.move_all(target, operands_of(gen, expr.operand, len(target)))
     else:
         into(gen, expr.operand, target[:size])
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))
 
 
 def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
@@ -169,7 +169,7 @@ def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
     operand = apart(gen, part, operand)
     (partial(negate, gen) if expr.op == "-" else partial(complement, gen))(part, operand)
     if len(target) > size:
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))
 
 
 def _into_logic(gen: FunctionGenerator, expr: Logic, target: list[Loc]) -> None:
@@ -212,7 +212,7 @@ def _into_choice(gen: FunctionGenerator, expr: Choice, target: list[Loc]) -> Non
     into(gen, expr.no, part)
     gen.label(end)
     if len(target) > len(part):
-        widen(gen, target, len(part), signed=negative_possible(gen, expr))
+        widen(gen, target, len(part), signed=negative_possible(expr))
 
 
 def _into_comma(gen: FunctionGenerator, expr: Comma, target: list[Loc]) -> None:
@@ -257,7 +257,7 @@ def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
 
 def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> None:
     """Update an object, and store the value that the expression has: the new one, or the previous one."""
-    direct = isinstance(expr.target, Ref) and is_direct(gen, expr.target)
+    direct = isinstance(expr.target, Ref) and is_direct(expr.target)
     # the address is evaluated once: an index or pointer with effects must not run twice
     source = expr.target if direct else settled(gen, expr.target)
     if has_effect(source):
@@ -297,7 +297,7 @@ def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> Non
         case _:
             gen.lower.divide(gen, expr, part)
     if len(target) > need:
-        widen(gen, target, need, signed=negative_possible(gen, expr))
+        widen(gen, target, need, signed=negative_possible(expr))
 
 
 def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:

@@ -19,7 +19,7 @@ def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
     """Return the same object with its address evaluated once, into a temporary."""
     if isinstance(target, Ref) and (target.index is None or isinstance(target.index, Num)):
         return target
-    if isinstance(target, Deref) and is_direct(gen, target.pointer) and not has_effect(target.pointer):
+    if isinstance(target, Deref) and is_direct(target.pointer) and not has_effect(target.pointer):
         return target
     address = gen.temp()
     address_to_w(gen, target)
@@ -72,7 +72,7 @@ def indirect_load(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) 
         gen.emit("MOVF", INDF, 0)
         gen.store(target[number])
     if len(target) > size:
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))
 
 
 def into_field(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> None:
@@ -82,7 +82,7 @@ def into_field(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> 
     if expr.width == 1 and not signed:
         gen.lower.boolean(gen, expr, target)
         return
-    byte = field_byte(gen, expr)
+    byte = field_byte(expr)
     gen.lower.into(gen, byte, target[:1])
     shift_right(gen, target[:1], list(target[:1]), expr.bit, signed=False)
     cut_to_field(gen, target[:1], expr)
@@ -100,7 +100,7 @@ def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -
         gen.emit("SUBWF", value[0], 1)
 
 
-def field_byte(gen: FunctionGenerator, expr: Ref | Deref) -> Ref | Deref:
+def field_byte(expr: Ref | Deref) -> Ref | Deref:
     """Return the byte that holds a bit-field."""
     if isinstance(expr, Ref):
         return Ref(expr.symbol, expr.offset, expr.index, U8, expr.place)

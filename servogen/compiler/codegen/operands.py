@@ -22,7 +22,7 @@ def operands_of(gen: FunctionGenerator, expr: Expr, size: int) -> list[Operand]:
             return imms(value, size)
         case AddressOf(target) if target.index is None:
             return address_operands(gen, target, expr.type.size, size)
-        case Ref() if is_direct(gen, expr):
+        case Ref() if is_direct(expr):
             return extended(gen, list(ref_locs(gen, expr)), expr, size)
         case Cast(operand) if isinstance(expr.type, IntType) and not expr.type.is_bool:
             if expr.type.size >= size and operand.type.scalar:
@@ -56,7 +56,7 @@ def extended(gen: FunctionGenerator, operands: list[Operand], expr: Expr, size: 
     if len(operands) >= size:
         return operands[:size]
     missing = size - len(operands)
-    if not negative_possible(gen, expr):
+    if not negative_possible(expr):
         return operands + imms(0, missing)
     operands = [*operands[:-1], gen.steady(operands[-1])]
     sign = sign_byte(gen, operands[-1])
@@ -79,15 +79,15 @@ def widen(gen: FunctionGenerator, target: list[Loc], size: int, *, signed: bool)
 def widen_result(gen: FunctionGenerator, expr: Expr, target: list[Loc], size: int) -> None:
     """Extend a result of `size` bytes that lies in `target`."""
     if len(target) > size:
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))
 
 
-def negative_possible(gen: FunctionGenerator, expr: Expr) -> bool:
+def negative_possible(expr: Expr) -> bool:
     """Return whether the value of an expression may be negative, so that extending it must copy the sign."""
     return isinstance(expr.type, IntType) and expr.type.signed and interval(expr)[0] < 0
 
 
-def is_direct(gen: FunctionGenerator, expr: Expr) -> bool:
+def is_direct(expr: Expr) -> bool:
     """Return whether an expression is a whole variable, or a part of one at a known offset."""
     return isinstance(expr, Ref) and expr.index is None and not expr.width and expr.symbol.kind != "flash"
 
@@ -111,9 +111,7 @@ def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[li
 
 def preserved(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
     """Return operands in which variables are replaced by copies, so that nothing can change them."""
-    variables = [
-        operand for operand in operands if not isinstance(operand, Imm) and not _is_temp(gen, operand)
-    ]
+    variables = [operand for operand in operands if not isinstance(operand, Imm) and not _is_temp(operand)]
     if not variables:
         return operands
     copies: list[Loc] = gen.temp(len(operands))
@@ -121,7 +119,7 @@ def preserved(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
     return list(copies)
 
 
-def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
+def _is_temp(operand: Operand) -> bool:
     return isinstance(operand, Byte) and operand.symbol.kind == "temp"
 
 
@@ -135,18 +133,18 @@ def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) ->
     return operands
 
 
-def is_constant(gen: FunctionGenerator, expr: Expr) -> bool:
+def is_constant(expr: Expr) -> bool:
     """Return whether the low byte of an expression is a constant, or part of an address."""
     return isinstance(stripped(expr), Num) or (
         isinstance(stripped(expr), AddressOf) and stripped(expr).target.index is None  # type: ignore[union-attr]
     )
 
 
-def is_simple_operand(gen: FunctionGenerator, expr: Expr) -> bool:
+def is_simple_operand(expr: Expr) -> bool:
     """Return whether the low byte of an expression is already a byte of memory."""
-    return is_direct(gen, stripped(expr))
+    return is_direct(stripped(expr))
 
 
-def operand_ready(gen: FunctionGenerator, value: Expr) -> bool:
+def operand_ready(value: Expr) -> bool:
     """Return whether the low byte of a value is an operand already, without code to compute it."""
-    return is_constant(gen, value) or is_simple_operand(gen, value)
+    return is_constant(value) or is_simple_operand(value)

@@ -53,9 +53,9 @@ def _apply(gen: FunctionGenerator, op: str, target: list[Loc], a: list[Operand],
 def _through_w(gen: FunctionGenerator, expr: Binary, target: Loc) -> bool:
     """Compute one byte in W and store it once; return False if the target is an operand."""
     left, right = expr.left, expr.right
-    if is_simple_operand(gen, left) and operands_of(gen, left, 1)[0] == target:
+    if is_simple_operand(left) and operands_of(gen, left, 1)[0] == target:
         return False
-    if expr.op != "-" and is_simple_operand(gen, right) and operands_of(gen, right, 1)[0] == target:
+    if expr.op != "-" and is_simple_operand(right) and operands_of(gen, right, 1)[0] == target:
         return False
     binary_w(gen, expr)
     gen.store(target)
@@ -66,11 +66,11 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
     """Load the low byte of a sum, difference or bitwise operation into W."""
     left, right, op = expr.left, expr.right, expr.op
     # where the order is free, the operand that needs code is computed in W, the other one read from memory
-    if (op != "-" and is_simple_operand(gen, left) and not is_simple_operand(gen, right)) or (
-        op != "-" and is_constant(gen, left)
+    if (op != "-" and is_simple_operand(left) and not is_simple_operand(right)) or (
+        op != "-" and is_constant(left)
     ):
         left, right = right, left
-    if is_constant(gen, right):
+    if is_constant(right):
         value = operands_of(gen, right, 1)[0]
         assert isinstance(value, Imm)
         if op == "-":
@@ -83,7 +83,7 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
             to_w(gen, left)
             _w_constant(gen, op, value.value)
             return
-    if op == "-" and is_constant(gen, left):
+    if op == "-" and is_constant(left):
         to_w(gen, right)
         value = operands_of(gen, left, 1)[0]
         assert isinstance(value, Imm)
@@ -92,7 +92,7 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
     mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}[op]
     # SUBWF computes f - W, so that the left operand must be in memory; all others commute
     in_memory, in_w = (left, right) if op == "-" else (right, left)
-    if is_simple_operand(gen, in_memory) and not changes(in_w):
+    if is_simple_operand(in_memory) and not changes(in_w):
         to_w(gen, in_w)
         gen.emit(mnemonic, operands_of(gen, in_memory, 1)[0], 0)  # type: ignore[arg-type]
         return
@@ -113,7 +113,7 @@ def _w_constant(gen: FunctionGenerator, op: str, value: int | AddressByte) -> No
 def to_w(gen: FunctionGenerator, expr: Expr) -> None:
     """Load the low byte of a value into W."""
     inner = stripped(expr)
-    if isinstance(inner, Num) or is_direct(gen, inner):
+    if isinstance(inner, Num) or is_direct(inner):
         gen.load(operands_of(gen, inner, 1)[0])
     elif isinstance(inner, Binary) and inner.op in ("+", "-", "&", "|", "^"):
         binary_w(gen, inner)
@@ -140,7 +140,7 @@ def _unary_w(gen: FunctionGenerator, expr: Unary) -> None:
     """Load the low byte of `-x` or `~x` into W."""
     operand = stripped(expr.operand)
     if expr.op == "~":
-        if is_direct(gen, operand):
+        if is_direct(operand):
             gen.emit("COMF", operands_of(gen, operand, 1)[0], 0)  # type: ignore[arg-type]
         else:
             to_w(gen, operand)

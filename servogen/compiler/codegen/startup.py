@@ -16,8 +16,6 @@ from servogen.compiler.ast.nodes import AddressByte, Data, ProgramTree, Symbol
 from servogen.compiler.ast.types import U8
 from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.tables import add_tables, pointed_to
-from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.settings import PragmaSettings
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, TARGETED, Byte, Instruction, Label, Z
 from servogen.pic.device import INTERRUPT_VECTOR
@@ -47,9 +45,7 @@ class Arrangement:
         return [functions[name] for name in names if name in functions]
 
 
-def arrange(
-    generator: ProgramGenerator, program: ProgramTree, settings: PragmaSettings, reporter: Reporter
-) -> Arrangement:
+def arrange(generator: ProgramGenerator, program: ProgramTree) -> Arrangement:
     """Add the start-up code and the interrupt's frame to the functions, and return how they are arranged."""
     functions = generator.functions
     statics = used_statics(

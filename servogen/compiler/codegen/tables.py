@@ -173,7 +173,7 @@ def from_flash(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
         _flash_call(gen, expr.symbol, index, number)
         gen.store(target[number])
     if len(target) > size:
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))
 
 
 def wide_load(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
@@ -189,4 +189,4 @@ def wide_load(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
         _read_pointer(gen, pointer)
         gen.store(target[number])
     if len(target) > size:
-        widen(gen, target, size, signed=negative_possible(gen, expr))
+        widen(gen, target, size, signed=negative_possible(expr))

@@ -189,7 +189,7 @@ def parse(
     def fault(error: Exception, start: int, stop: int) -> int:
         if isinstance(error, RecursionError):
             raise reporter.too_deep(tokens[min(stop, len(tokens) - 1)].place) from None
-        report_syntax(error, stream, tokens, start, stop, reporter)
+        report_syntax(error, tokens, start, stop, reporter)
         after = resume(tokens, start, max(stop, start + 1))
         reporter.lost |= declared(tokens[start:after])
         return after

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from pycparser import c_lexer
 from pycparser.c_parser import ParseError
 
 from servogen.compiler.diagnostics import Reporter
@@ -33,7 +32,6 @@ def place_of(coord: Any) -> Location:
 
 def report_syntax(
     error: Exception,
-    stream: list[c_lexer.Token],
     tokens: list[PToken],
     start: int,
     stop: int,

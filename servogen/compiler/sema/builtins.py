@@ -52,7 +52,7 @@ def chip_bit(analyser: Analyser, name: str, place: Location) -> Ref:
     return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
 
 
-def set_bit(analyser: Analyser, target: Ref | Deref, value: int) -> Expr:
+def set_bit(target: Ref | Deref, value: int) -> Expr:
     return Assign(target, Num(value, BIT, target.place), BIT, target.place)
 
 
@@ -82,7 +82,7 @@ def bit_target(
     return base, bit
 
 
-def bit_mask(analyser: Analyser, base: Ref | Deref, bit: Expr, place: Location) -> Expr:
+def bit_mask(base: Ref | Deref, bit: Expr, place: Location) -> Expr:
     assert isinstance(base.type, IntType)
     work = base.type.plain()
     assert isinstance(work, IntType)
@@ -175,7 +175,7 @@ def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any])
     target = bit_target(analyser, arguments[0], arguments[1], node)
     if isinstance(target, tuple):
         base, bit = target
-        mask = bit_mask(analyser, base, bit, place)
+        mask = bit_mask(base, bit, place)
         assert isinstance(base.type, IntType)
         work = base.type.plain()
         assert isinstance(work, IntType)
@@ -192,7 +192,7 @@ def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any])
     assignable(analyser, target, node)
     if name == "toggle_bit":
         return Cast(Update("^", target, Num(1, U8, place), U8, False, BIT, place), VOID, place)
-    return Cast(set_bit(analyser, target, int(name == "set_bit")), VOID, place)
+    return Cast(set_bit(target, int(name == "set_bit")), VOID, place)
 
 
 def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -235,7 +235,7 @@ def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]
 
 def global_interrupts(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     return Cast(
-        set_bit(analyser, chip_bit(analyser, "GIE", analyser.place(node)), int(name == "ei")),
+        set_bit(chip_bit(analyser, "GIE", analyser.place(node)), int(name == "ei")),
         VOID,
         analyser.place(node),
     )

@@ -52,9 +52,9 @@ def decay(analyser: Analyser, expr: Expr) -> Expr:
     if isinstance(expr.type, ArrayType):
         kind = PointerType(expr.type.element)
         if isinstance(expr, Ref):
-            return address(analyser, expr, kind)
+            return address(expr, kind)
         if isinstance(expr, Deref):
-            return offset_pointer(analyser, expr.pointer, expr.offset, kind)
+            return offset_pointer(expr.pointer, expr.offset, kind)
         if isinstance(expr, Comma):
             second = decay(analyser, expr.second)
             return Comma(expr.first, second, second.type, expr.place)
@@ -63,22 +63,22 @@ def decay(analyser: Analyser, expr: Expr) -> Expr:
     return expr
 
 
-def address(analyser: Analyser, target: Ref, kind: PointerType) -> Expr:
+def address(target: Ref, kind: PointerType) -> Expr:
     """Return the address of an object, which from now on may be accessed through pointers."""
     target.symbol.pinned = True
     target.symbol.read = target.symbol.written = True
     return AddressOf(target, kind, target.place)
 
 
-def offset_pointer(analyser: Analyser, pointer: Expr, offset: int, kind: CType) -> Expr:
+def offset_pointer(pointer: Expr, offset: int, kind: CType) -> Expr:
     """Return a pointer moved by a number of bytes."""
     moved = Cast(pointer, kind, pointer.place)
     if offset == 0:
         return moved
-    return Binary("+", moved, Num(offset, address_int(analyser, kind), pointer.place), kind, pointer.place)
+    return Binary("+", moved, Num(offset, address_int(kind), pointer.place), kind, pointer.place)
 
 
-def address_int(analyser: Analyser, kind: CType) -> IntType:
+def address_int(kind: CType) -> IntType:
     """Return the integer type of a pointer's size."""
     return U8 if kind.size == 1 else U16
 

@@ -356,7 +356,7 @@ def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
         return
     init = node.init.exprs[0] if isinstance(node.init, c_ast.InitList) else node.init
     value = convert(analyser, expression(analyser, init), kind, "the initialiser")
-    target = use(analyser, symbol, place)
+    target = use(symbol, place)
     assert isinstance(target, Ref)
     target.type = kind
     analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
@@ -395,7 +395,7 @@ def declare_function(
     elif is_own_file(known.place):
         _replace_library(analyser, known, kind, node)
     else:
-        _same_signature(analyser, known, kind, node, define=define)
+        _same_signature(analyser, known, kind, node)
     analyser.scopes.stack[0].names[name] = known
     if define:
         if known in analyser.defined:
@@ -419,9 +419,7 @@ def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncTy
     known.prototyped = kind.parameters is not None
 
 
-def _same_signature(
-    analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any, *, define: bool
-) -> None:
+def _same_signature(analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any) -> None:
     """Reject a declaration that is not compatible with the one before it (ISO C 6.7.6.3)."""
     both = FuncType(
         known.result, tuple(parameter.type for parameter in known.parameters) if known.prototyped else None

@@ -124,7 +124,7 @@ def _step(analyser: Analyser, node: Any) -> Expr:
         return cast(analyser, back, target.type)
     if isinstance(target.type, PointerType):
         one = Num(target.type.target.size, U8, place)
-        return Update(op, target, one, address_int(analyser, target.type), post, target.type.plain(), place)
+        return Update(op, target, one, address_int(target.type), post, target.type.plain(), place)
     if not isinstance(target.type, IntType):
         raise analyser.fail("c-type", f"'{node.op.lstrip('p')}' cannot be applied to '{target.type}'", node)
     return Update(op, target, one, promote(target.type, c2c=analyser.c2c), post, target.type.plain(), place)
@@ -407,8 +407,8 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     if isinstance(kind, PointerType):
         if op not in "+-":
             raise analyser.fail("c-type", f"'{node.op}' cannot be applied to a pointer", node)
-        step = scaled(analyser, value, kind.target.size, address_int(analyser, kind))
-        return Update(op, target, step, address_int(analyser, kind), False, kind, place)
+        step = scaled(analyser, value, kind.target.size, address_int(kind))
+        return Update(op, target, step, address_int(kind), False, kind, place)
     if not isinstance(kind, IntType):
         raise analyser.fail("c-type", f"'{node.op}' cannot be applied to '{kind}'", node)
     assert isinstance(value.type, IntType)

@@ -83,13 +83,13 @@ def shown(bits: int, kind: FloatType) -> str:
 def converted(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
     """Return the conversion between floating-point and another type."""
     if isinstance(kind, FloatType) and isinstance(expr.type, IntType):
-        return _from_integer(analyser, expr, kind)
+        return _from_integer(expr, kind)
     if isinstance(kind, IntType) and isinstance(expr.type, FloatType):
         return _to_integer(analyser, expr, kind)
     raise analyser.fail("c-type", f"'{expr.type}' cannot be converted to '{kind}'", expr)
 
 
-def _from_integer(analyser: Analyser, expr: Expr, kind: FloatType) -> Expr:
+def _from_integer(expr: Expr, kind: FloatType) -> Expr:
     assert isinstance(expr.type, IntType)
     if isinstance(expr, Num):
         return Num(encode(Fraction(expr.value), kind), kind, expr.place)

@@ -175,7 +175,7 @@ def pointer_plus(analyser: Analyser, pointer: Expr, index: Expr, op: str) -> Exp
         move = index.value * kind.target.size * (1 if op == "+" else -1)
         moved = Ref(target.symbol, target.offset + move, target.index, target.type, target.place)
         return AddressOf(moved, kind, pointer.place)
-    step = scaled(analyser, index, kind.target.size, address_int(analyser, kind))
+    step = scaled(analyser, index, kind.target.size, address_int(kind))
     return Binary(op, pointer, step, kind, pointer.place)
 
 
@@ -381,13 +381,11 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
     if isinstance(target, EepromObject):
         raise analyser.fail("c-unsupported", "there are no pointers into the EEPROM", node)
     if isinstance(target, Deref) and not target.width:
-        return offset_pointer(
-            analyser, rvalue(analyser, target.pointer), target.offset, PointerType(target.type)
-        )
+        return offset_pointer(rvalue(analyser, target.pointer), target.offset, PointerType(target.type))
     if not isinstance(target, Ref) or target.width:
         subject = "a bit" if isinstance(target, (Ref, Deref)) else "this"
         raise analyser.fail("c-lvalue", f"{subject} has no address", node)
-    return address(analyser, target, PointerType(target.type))
+    return address(target, PointerType(target.type))
 
 
 def _address_of_last(analyser: Analyser, expr: Expr) -> Expr:
@@ -396,7 +394,7 @@ def _address_of_last(analyser: Analyser, expr: Expr) -> Expr:
         second = _address_of_last(analyser, expr.second)
         return Comma(expr.first, second, second.type, expr.place)
     assert isinstance(expr, Ref)
-    return address(analyser, expr, PointerType(expr.type))
+    return address(expr, PointerType(expr.type))
 
 
 def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Accessor:

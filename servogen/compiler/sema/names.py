@@ -149,7 +149,7 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
     place = analyser.place(node)
     match meaning:
         case Symbol():
-            return use(analyser, meaning, place)
+            return use(meaning, place)
         case Constant(value, kind):
             return Num(value, kind, place)
         case ChipBit(register, bit):
@@ -180,7 +180,7 @@ def _suggest(analyser: Analyser, name: str) -> str | None:
     return hint if hint.startswith("did you") else None
 
 
-def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
+def use(symbol: Symbol, place: Location) -> Expr:
     """Return a variable as an expression; a constant of known value is that number."""
     kind = symbol.type
     if symbol.kind == "eeprom":

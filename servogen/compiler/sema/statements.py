@@ -260,9 +260,7 @@ def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
     )
 
 
-def _loop(
-    analyser: Analyser, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None
-) -> Stmt:
+def _loop(analyser: Analyser, node: Any, condition: Expr | None, step: Expr | None, post: bool) -> Stmt:
     """Return a loop; a condition that is a constant other than 0 is dropped."""
     kind = {c_ast.While: "while", c_ast.For: "for"}.get(type(node), "do")
     analyser.body.loops += 1
@@ -372,7 +370,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
     gie = chip_bit(analyser, "GIE", place)
     out: list[Stmt] = [
         ExprStmt(Assign(Ref(before, 0, None, U8, place), register_ref(analyser, "INTCON", place), U8, place)),
-        Loop(gie, ExprStmt(set_bit(analyser, gie, 0)), None, True, place, "do"),
+        Loop(gie, ExprStmt(set_bit(gie, 0)), None, True, place, "do"),
         nested(analyser, node.stmt),
         _allow_again(analyser, before, place),
     ]
@@ -384,7 +382,7 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
 def _allow_again(analyser: Analyser, before: Symbol, place: Location) -> Stmt:
     """Return the statement that allows interrupts again if they were allowed before a critical block."""
     was = Ref(before, 0, None, BIT, place, 7, 1)
-    return If(was, ExprStmt(set_bit(analyser, chip_bit(analyser, "GIE", place), 1)), None, place)
+    return If(was, ExprStmt(set_bit(chip_bit(analyser, "GIE", place), 1)), None, place)
 
 
 def _stmt_label(analyser: Analyser, node: Any) -> Stmt:

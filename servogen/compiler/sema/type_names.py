@@ -41,12 +41,12 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
             return declared_type(analyser, node.type)
         case c_ast.TypeDecl():
             base = specified(analyser, node.type, node)
-            return _qualified(analyser, base, node.quals or [])
+            return _qualified(base, node.quals or [])
         case c_ast.PtrDecl():
             target = declared_type(analyser, node.type)
             if isinstance(target, IntType) and target.is_bit:
                 raise analyser.fail("c-type", "there are no pointers to bits", node)
-            return _qualified(analyser, PointerType(target), node.quals or [])
+            return _qualified(PointerType(target), node.quals or [])
         case c_ast.ArrayDecl():
             return _array(analyser, node)
         case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
@@ -56,7 +56,7 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
     raise analyser.fail("c-unsupported", "this type is not supported", node)
 
 
-def _qualified(analyser: Analyser, kind: CType, quals: list[str]) -> CType:
+def _qualified(kind: CType, quals: list[str]) -> CType:
     return qualified(kind, const="const" in quals, volatile="volatile" in quals)
 
 
