@@ -118,7 +118,7 @@ def _program(program: Mapping[int, int], labels: Mapping[int, str]) -> Iterator[
 
 
 FILL_FROM = 8
-"""So many equal words that are no plain instructions become one `fill`."""
+"""The minimum number of equal words, none of them an instruction, that become one `fill`."""
 
 
 def _repeated(words: Sequence[int], address: int, labels: Mapping[int, str]) -> int:

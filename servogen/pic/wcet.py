@@ -104,9 +104,9 @@ class _Piece:
 class _NoBound(Exception):
     """Raised for something whose time is not known."""
 
-    def __init__(self, kind: str, at: int) -> None:
+    def __init__(self, kind: str, address: int) -> None:
         super().__init__(kind)
-        self.why = Unbounded(kind, (at,))
+        self.why = Unbounded(kind, (address,))
 
 
 class _Decoded(dict[int, DecodedWord]):
@@ -116,8 +116,8 @@ class _Decoded(dict[int, DecodedWord]):
         super().__init__()
         self._words = words
 
-    def __missing__(self, at: int) -> DecodedWord:
-        word = self[at] = word_of(self._words.get(at, ERASED))
+    def __missing__(self, address: int) -> DecodedWord:
+        word = self[address] = word_of(self._words.get(address, ERASED))
         return word
 
 
@@ -154,26 +154,26 @@ class TimedProgram:
         self._heads: set[int] | None = None
         self._states_left = MAX_PROGRAM_STATES
 
-    def word(self, at: int) -> DecodedWord:
+    def word(self, address: int) -> DecodedWord:
         """Return the instruction at an address. Raises Undefined."""
-        return self.decoded[at]
+        return self.decoded[address]
 
     @cached_property
     def _defined(self) -> Mapping[int, DecodedWord]:
         """Return the instructions by address, without the words that no data sheet defines."""
         defined: dict[int, DecodedWord] = {}
-        for at in self._words:
+        for address in self._words:
             with suppress(Undefined):
-                defined[at] = self.word(at)
+                defined[address] = self.word(address)
         return defined
 
     @cached_property
     def plain(self) -> frozenset[int]:
         """Return the addresses of instructions that only go on to the next, and begin no counting loop."""
-        return frozenset(at for at, word in self._defined.items() if self._is_plain(at, word))
+        return frozenset(address for address, word in self._defined.items() if self._is_plain(address, word))
 
-    def _is_plain(self, at: int, word: DecodedWord) -> bool:
-        if at in self.bounds or at in self._pieces or at + 1 == PROGRAM_WORDS:
+    def _is_plain(self, address: int, word: DecodedWord) -> bool:
+        if address in self.bounds or address in self._pieces or address + 1 == PROGRAM_WORDS:
             return False
         begins_counting = word.name == "DECF" or (word.name, word.k) == ("ADDLW", 0xFF)
         return word.flow == "next" and not word.writes_pcl and word.name != "SLEEP" and not begins_counting
@@ -182,12 +182,12 @@ class TimedProgram:
     def home(self) -> Mapping[int, int]:
         """Return the first address of the function that each address belongs to."""
         return {
-            at: function.start
+            address: function.start
             for function in self.functions.values()
-            for at in range(function.start, function.end)
+            for address in range(function.start, function.end)
         }
 
-    # what is asked
+    # times
 
     def times(self, start: int) -> Times:
         """Return the times of the function at `start`, for any arguments."""
@@ -196,7 +196,7 @@ class TimedProgram:
     def times_with_arguments(self, start: int) -> Times:
         """Return the times over all its calls, if they are bounded only with the values that these pass."""
         alone = self.times(start)
-        calls = [times for (at, known), times in self._times.items() if at == start and known]
+        calls = [times for (address, known), times in self._times.items() if address == start and known]
         if alone.longest is not None or not calls or any(call.longest is None for call in calls):
             return alone
         shortest = [call.shortest for call in calls if call.shortest is not None]
@@ -237,12 +237,12 @@ class TimedProgram:
             return Times(None, None, (Unbounded("undefined word", (start,)),))
         return walk.times()
 
-    # what the walks ask
+    # facts for the walks, computed once
 
-    def _home_of(self, at: int) -> int:
-        if at not in self.home:
-            raise _NoBound("computed jump", at)
-        return self.home[at]
+    def _home_of(self, address: int) -> int:
+        if address not in self.home:
+            raise _NoBound("computed jump", address)
+        return self.home[address]
 
     def _times_from(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
         key = (start, known)
@@ -253,6 +253,7 @@ class TimedProgram:
 
     def _explored(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
         counters = self._counters(start)
+        # A function with too many states is explored once more with only what bounds its loops.
         for tracked in (None, counters):
             limit = min(MAX_FUNCTION_STATES, self._states_left)
             walk = _Walk(self, frozenset(), frozenset(), limit, tracked=tracked)
@@ -269,20 +270,21 @@ class TimedProgram:
         """Return the times of a function called with these values."""
         times = self.times(target)
         if times.longest is None:
+            # Values that the function never reads would only split the calls into more cases.
             read = self.live.get(target, -1) & self._reads(target)
             brought = tuple(sorted((place, known[place]) for place in known if read & _bit(place)))
             if brought:
                 return self._times_from(target, brought)
         return times
 
-    def piece(self, at: int) -> _Piece | None:
+    def piece(self, address: int) -> _Piece | None:
         """Return the piece of code that begins at an address, if it always takes the same time."""
-        if at not in self._pieces:
+        if address not in self._pieces:
             return None
-        if at not in self._piece_times:
-            self._piece_times[at] = None  # while it is being explored it is not one step
-            self._piece_times[at] = self._explored_piece(at, self._pieces[at])
-        return self._piece_times[at]
+        if address not in self._piece_times:
+            self._piece_times[address] = None  # while it is being explored it is not one step
+            self._piece_times[address] = self._explored_piece(address, self._pieces[address])
+        return self._piece_times[address]
 
     def _explored_piece(self, start: int, end: int) -> _Piece | None:
         walk = _Walk(self, frozenset({end}), frozenset(), MAX_FUNCTION_STATES)
@@ -290,9 +292,10 @@ class TimedProgram:
         times = walk.times()
         if not walk.complete or times.longest is None or times.shortest != times.longest:
             return None
-        words = [self.word(at) for at in range(start, end)]
+        words = [self.word(address) for address in range(start, end)]
         changed = {W, CARRY, ZERO}.union(*(self.changes(word.k) for word in words if word.flow == "call"))
         fs = {word.f for word in words if word.writes_f}
+        # A write through INDF may change any byte: a step over the piece would have to forget everything.
         return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs))
 
     def reached(self, start: int) -> frozenset[int]:
@@ -301,26 +304,26 @@ class TimedProgram:
             addresses: set[int] = set()
             waiting = [start]
             while waiting:
-                at = waiting.pop()
-                if at not in addresses and at in self._words:
-                    addresses.add(at)
+                address = waiting.pop()
+                if address not in addresses and address in self._words:
+                    addresses.add(address)
                     waiting += [
-                        *self._followers(at),
-                        *([self.word(at).k] if self.word(at).flow == "call" else []),
+                        *self._followers(address),
+                        *([self.word(address).k] if self.word(address).flow == "call" else []),
                     ]
             self._reached[start] = frozenset(addresses)
         return self._reached[start]
 
-    def _followers(self, at: int) -> list[int]:
+    def _followers(self, address: int) -> list[int]:
         """Return the addresses inside the function where execution may continue."""
-        word = self.word(at)
+        word = self.word(address)
         if word.flow == "jump":
             return [word.k]
         if word.writes_pcl:
-            return list(self._targets.get(at, ()))
+            return list(self._targets.get(address, ()))
         if word.flow == "return":
             return []
-        return [at + 1, at + 2] if word.flow == "skip" else [at + 1]
+        return [address + 1, address + 2] if word.flow == "skip" else [address + 1]
 
     def changes(self, start: int) -> frozenset[int]:
         """Return the places that a call of `start` may change; through INDF this may be any place."""
@@ -334,14 +337,14 @@ class TimedProgram:
         """Return the places that a call of `start` may read, as a bit set."""
         if start not in self._read:
             places = 0
-            for at in self.reached(start):
-                places |= _uses_and_kills(self.word(at))[0]
+            for address in self.reached(start):
+                places |= _uses_and_kills(self.word(address))[0]
             self._read[start] = places
         return self._read[start]
 
     def _counters(self, start: int) -> frozenset[int]:
         """Return the bytes that the function at `start` counts in, W, FSR and the flags."""
-        words = [self.word(at) for at in self.reached(start)]
+        words = [self.word(address) for address in self.reached(start)]
         counts = {word.f for word in words if word.name in ("DECFSZ", "INCFSZ", "DECF", "INCF")}
         return frozenset({W, CARRY, ZERO, FSR, *counts})
 
@@ -352,56 +355,58 @@ class TimedProgram:
         """
         if self._heads is None:
             self._heads = set(self.functions) | set(self.bounds)
-            for at, word in self._defined.items():
+            for address, word in self._defined.items():
                 if word.flow in ("jump", "call"):
-                    self._heads |= {word.k, at + 1}
+                    self._heads |= {word.k, address + 1}
         return self._heads
 
     @cached_property
     def loop_heads(self) -> frozenset[int]:
         """Return the addresses that jumps lead back to."""
-        return frozenset(word.k for at, word in self._defined.items() if word.flow == "jump" and word.k <= at)
+        return frozenset(
+            word.k for address, word in self._defined.items() if word.flow == "jump" and word.k <= address
+        )
 
-    def targets(self, at: int) -> Collection[int]:
+    def targets(self, address: int) -> Collection[int]:
         """Return the addresses that a computed jump is known to reach; none if they are not known."""
-        return self._targets.get(at, ())
+        return self._targets.get(address, ())
 
-    def callers(self, at: int) -> Collection[int]:
-        """Return the addresses to which a return at `at` may lead: those after every call of a function whose
-        code, with the code that it jumps to, includes `at`.
+    def callers(self, address: int) -> Collection[int]:
+        """Return the addresses to which a return at `address` may lead: those after every call of a function
+        whose code, with the code that it jumps to, includes `address`.
         """
-        return self._callers.get(at, ())
+        return self._callers.get(address, ())
 
     @cached_property
     def _callers(self) -> Mapping[int, Collection[int]]:
         after: dict[int, list[int]] = {}
-        for at, word in self._defined.items():
+        for address, word in self._defined.items():
             if word.flow == "call":
-                after.setdefault(word.k, []).append(at + 1)
+                after.setdefault(word.k, []).append(address + 1)
         callers: dict[int, dict[int, None]] = {}
         for start, returns in after.items():
             body: set[int] = set()
             waiting = [start]
             while waiting:
-                at = waiting.pop()
-                if at in body or at not in self._words:
+                address = waiting.pop()
+                if address in body or address not in self._words:
                     continue
-                body.add(at)
-                callers.setdefault(at, {}).update(dict.fromkeys(returns))
+                body.add(address)
+                callers.setdefault(address, {}).update(dict.fromkeys(returns))
                 try:
-                    waiting += self._followers(at)
+                    waiting += self._followers(address)
                 except Undefined:
                     continue
-        return {at: tuple(returns) for at, returns in callers.items()}
+        return {address: tuple(returns) for address, returns in callers.items()}
 
-    def check_table(self, at: int) -> None:
-        """Check that a computed jump at `at` leads to a RETLW: only RETLWs may follow it, up to the end of
-        the function.
+    def check_table(self, address: int) -> None:
+        """Check that a computed jump at `address` leads to a RETLW: only RETLWs may follow it, up to the end
+        of the function. Raises _NoBound.
         """
-        start = self._home_of(at)
+        start = self._home_of(address)
         end = self.functions[start].end
-        if any(self.word(after).name != "RETLW" for after in range(at + 1, end)):
-            raise _NoBound("computed jump", at)
+        if any(self.word(after).name != "RETLW" for after in range(address + 1, end)):
+            raise _NoBound("computed jump", address)
 
     @cached_property
     def live(self) -> Mapping[int, int]:
@@ -412,28 +417,33 @@ class TimedProgram:
         """
         at_return = 0
         live: dict[int, int] = dict.fromkeys(self._words, 0)
-        facts = [(at, *fact) for at in sorted(self._words, reverse=True) if (fact := self._live_fact(at))]
+        facts = [
+            (address, *fact)
+            for address in sorted(self._words, reverse=True)
+            if (fact := self._live_fact(address))
+        ]
         changed = True
         while changed:
             changed = False
             returned = at_return
-            for at, followers, returns, uses, kills in facts:
+            for address, followers, returns, uses, kills in facts:
                 after = at_return if returns else 0
                 for follower in followers:
                     after |= live.get(follower, 0)
                 if returns is None:  # a call: what it returns to
-                    at_return |= live.get(at + 1, 0)
+                    at_return |= live.get(address + 1, 0)
+                # Backward liveness. The bit sets only grow, so the iteration ends.
                 before = uses | after & ~kills
-                if before != live[at]:
-                    live[at] = before
+                if before != live[address]:
+                    live[address] = before
                     changed = True
             changed |= returned != at_return
         return live
 
-    def _live_fact(self, at: int) -> tuple[Sequence[int], bool | None, int, int] | None:
+    def _live_fact(self, address: int) -> tuple[Sequence[int], bool | None, int, int] | None:
         """Return where an instruction leads, whether it returns (None: it calls), what it uses and kills."""
         try:
-            word = self.word(at)
+            word = self.word(address)
         except Undefined:
             return None
         uses, kills = _uses_and_kills(word)
@@ -441,7 +451,7 @@ class TimedProgram:
             return (word.k,), None, uses, kills
         if word.flow == "return" or word.writes_pcl:
             return (), word.name != "RETFIE", uses, kills
-        return self._followers(at), False, uses, kills
+        return self._followers(address), False, uses, kills
 
 
 def _bit(place: int) -> int:
@@ -530,6 +540,9 @@ class _Walk:
     # answers
 
     def times(self) -> Times:
+        """Return the times from the start to the ends of the explored graph, with what has no bound."""
+        # Without a cycle every state has finitely many paths to the end, so both extremes come from one pass
+        # over the states, each after its followers.
         if self.complete and not self.reasons:
             order = bottom_up(
                 0, lambda number: [after for _, _, after in self.edges[number] if after is not None]
@@ -539,8 +552,8 @@ class _Walk:
         shortest = self._shortest()
         if not self.complete:
             often = Counter(self.states[number][0] for number in self.edges)
-            at = max(often, key=lambda address: often[address], default=self.states[0][0])
-            return Times(shortest, None, (Unbounded("too many states", (at,)),))
+            busiest = max(often, key=lambda address: often[address], default=self.states[0][0])
+            return Times(shortest, None, (Unbounded("too many states", (busiest,)),))
         return Times(shortest, None, self._unbounded(returns=shortest is not None))
 
     def _times_without_loops(self, order: Sequence[int]) -> Times:
@@ -582,6 +595,7 @@ class _Walk:
             if not returns and len(part) == 1 and self._stands_still(self.states[part[0]][0]):
                 continue
             addresses = tuple(sorted({self.states[number][0] for number in part}))
+            # What is still a cycle without its first address is a loop nested in this one.
             yield addresses
             inside = {number for number in part if self.states[number][0] != addresses[0]}
             yield from self._loops(
@@ -589,9 +603,9 @@ class _Walk:
                 returns=returns,
             )
 
-    def _stands_still(self, at: int) -> bool:
-        word = self.program.word(at)
-        return word.flow == "jump" and word.k == at
+    def _stands_still(self, address: int) -> bool:
+        word = self.program.word(address)
+        return word.flow == "jump" and word.k == address
 
     def _shortest(self) -> Cycles | None:
         """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
@@ -624,12 +638,13 @@ class _Walk:
         whether it is 0. Then every iteration down to the last value of the counter is the same path with the
         same cycles. Empty if these conditions do not hold.
         """
-        at, home, stack, before = state
-        if at in self.uneven or at not in self.program.loop_heads:
+        address, home, stack, before = state
+        if address in self.uneven or address not in self.program.loop_heads:
             return []
-        self.uneven.add(at)
+        # Set first, so that every return below without a result leaves the loop to be followed turn by turn.
+        self.uneven.add(address)
         cycles = 0
-        here: _Point = (at, home, stack, dict(before))
+        here: _Point = (address, home, stack, dict(before))
         touched: Counter[int] = Counter()
         counted: set[int] = set()
         for _ in range(_MAX_TURN):
@@ -650,7 +665,7 @@ class _Walk:
                 return []
             cycles += minimum
             here = following
-            if here[0] == at:
+            if here[0] == address:
                 break
         else:
             return []
@@ -659,16 +674,16 @@ class _Walk:
         counter = next(iter(changed)) if len(changed) == 1 else None
         if counter not in counted or touched[counter] != 1 or counter not in known or counter not in after:
             return []
-        self.uneven.discard(at)
+        self.uneven.discard(address)
         turns = (known[counter] - 1) & 0xFF
         if not turns or not after[counter]:
             return []
-        return [(turns * cycles, turns * cycles, (at, home, stack, known | {counter: 1}))]
+        return [(turns * cycles, turns * cycles, (address, home, stack, known | {counter: 1}))]
 
     def _run(self, state: _State) -> list[_Step]:
         """Follow the only path from a state up to where paths part or meet."""
-        at, home, stack, before = state
-        point: _Point = (at, home, stack, dict(before))
+        address, home, stack, before = state
+        point: _Point = (address, home, stack, dict(before))
         heads = self.program.heads
         minimum, maximum = 0, 0
         unknown = False
@@ -698,11 +713,16 @@ class _Walk:
         program = self.program
         plain, heads, decoded, changing = program.plain, program.heads, program.decoded, program.changing
         first, home, stack, known = point
-        at = first
-        while at in plain and at + 1 not in heads and at not in self.ends and at not in self.without:
-            execute(decoded[at], known, changing)
-            at += 1
-        return (at, home, stack, known), at - first
+        address = first
+        while (
+            address in plain
+            and address + 1 not in heads
+            and address not in self.ends
+            and address not in self.without
+        ):
+            execute(decoded[address], known, changing)
+            address += 1
+        return (address, home, stack, known), address - first
 
     def _within(self, before: _Point, step: _Step) -> _Step:
         """Return the edge, ended at the boundary of the function if its code runs on into another: the
@@ -716,33 +736,33 @@ class _Walk:
 
     def _kept(self, point: _Point) -> _State:
         """Return a point as a state, without the values that need not be remembered."""
-        at, home, stack, known = point
+        address, home, stack, known = point
         if not known:
-            return at, home, stack, ()
-        live, tracked = self.program.live.get(at, 0), self.tracked
-        kept = [
+            return address, home, stack, ()
+        live, tracked = self.program.live.get(address, 0), self.tracked
+        remembered = [
             (place, value)
             for place, value in known.items()
             if place >= _PASSES
             or (live >> _BITS.get(place, place) & 1 and (tracked is None or place in tracked))
         ]
-        return at, home, stack, tuple(sorted(kept))
+        return address, home, stack, tuple(sorted(remembered))
 
     def _steps(self, point: _Point) -> list[_Step]:
         """Return the successors of one instruction, or of one loop that only counts; the values known at the
         point are those of its successors afterwards.
         """
-        at, home, stack, known = point
-        if at in self.ends and (at, home, stack, tuple(sorted(known.items()))) != self.states[0]:
+        address, home, stack, known = point
+        if address in self.ends and (address, home, stack, tuple(sorted(known.items()))) != self.states[0]:
             return [(0, 0, None)]
-        if at in self.without or not self._passed(at, known):
+        if address in self.without or not self._passed(address, known):
             return []
-        piece = self.program.piece(at)
-        if piece is not None and not any(at < end < piece.end for end in self.ends):
-            kept = {place: value for place, value in known.items() if place not in piece.changes}
-            return [(piece.cycles, piece.cycles, (piece.end, home, stack, kept))]
-        word = self.program.decoded[at]
-        counted = _counted_loop(self.program, at, word, known)
+        piece = self.program.piece(address)
+        if piece is not None and not any(address < end < piece.end for end in self.ends):
+            unchanged = {place: value for place, value in known.items() if place not in piece.changes}
+            return [(piece.cycles, piece.cycles, (piece.end, home, stack, unchanged))]
+        word = self.program.decoded[address]
+        counted = _counted_loop(self.program, address, word, known)
         if counted is not None:
             cycles, after = counted
             return [(cycles, cycles, (after, home, stack, known))]
@@ -757,104 +777,111 @@ class _Walk:
         if word.writes_pcl:
             return self._computed_jump(point)
         if word.name == "SLEEP":
-            return self._no_bound("sleep", at)
+            return self._no_bound("sleep", address)
         if word.flow == "skip":
             taken = skipped(word, known, self.program.changing)
-            following: _Step = (1, 1, (_beyond(at, 1), home, stack, known))
-            beyond: _Step = (2, 2, (_beyond(at, 2), home, stack, known))
+            # A skip that is taken executes the next word as a NOP: one cycle more (DS35007 table 7-2, note
+            # 3).
+            following: _Step = (1, 1, (_beyond(address, 1), home, stack, known))
+            beyond: _Step = (2, 2, (_beyond(address, 2), home, stack, known))
             return [following, beyond] if taken is None else [beyond] if taken else [following]
         execute(word, known, self.program.changing)
-        return [(1, 1, (_beyond(at, 1), home, stack, known))]
+        return [(1, 1, (_beyond(address, 1), home, stack, known))]
 
     def _jump(self, word: DecodedWord, point: _Point) -> list[_Step]:
         """Return the step of a jump inside the function, or to another function, which returns in its
         place.
         """
-        at, home, stack, known = point
+        address, home, stack, known = point
         elsewhere = word.k in self.program.functions and word.k != home
         if self.returns_to_callers:
             return [(2, 2, (word.k, self._home(word.k, home), stack, known))]
         if not elsewhere:
             return [(2, 2, (word.k, home, stack, known))]
-        times = self._call_times(at, word, known)
+        # The other function returns to the caller of this one, so its end is the end here.
+        times = self._call_times(address, word, known)
         if times.shortest is None:
             return []
         return [(2 + times.shortest, None if times.longest is None else 2 + times.longest, None)]
 
-    def _home(self, at: int, home: int) -> int:
-        return self.program.home.get(at, home)
+    def _home(self, address: int, home: int) -> int:
+        return self.program.home.get(address, home)
 
-    def _passed(self, at: int, known: Known) -> bool:
+    def _passed(self, address: int, known: Known) -> bool:
         """Count a pass of an address, and return whether another is allowed."""
-        bound = self.program.bounds.get(at)
+        bound = self.program.bounds.get(address)
         if bound is None:
             return True
-        known[_PASSES + at] = known.get(_PASSES + at, 0) + 1
-        return known[_PASSES + at] <= bound
+        known[_PASSES + address] = known.get(_PASSES + address, 0) + 1
+        return known[_PASSES + address] <= bound
 
-    def _no_bound(self, kind: str, at: int) -> list[_Step]:
+    def _no_bound(self, kind: str, address: int) -> list[_Step]:
         if self.returns_to_callers:
-            raise _NoBound(kind, at)
-        self.reasons[Unbounded(kind, (at,))] = None
+            raise _NoBound(kind, address)
+        self.reasons[Unbounded(kind, (address,))] = None
         return [(2, None, None)]
 
     def _call(self, word: DecodedWord, point: _Point) -> list[_Step]:
-        at, home, stack, known = point
+        address, home, stack, known = point
+        # An end inside the callee has to be seen: the callee is followed, not replaced by its time.
         if (self.ends or self.without) and self.program.reached(word.k) & (self.ends | self.without):
-            return [(2, 2, (word.k, word.k, (*stack, at + 1), known))]
-        times = self._call_times(at, word, known)
+            return [(2, 2, (word.k, word.k, (*stack, address + 1), known))]
+        times = self._call_times(address, word, known)
         if times.shortest is None:
             return []  # it never comes back
         changed = self.program.changes(word.k)
-        kept = {place: value for place, value in known.items() if place not in changed}
+        unchanged = {place: value for place, value in known.items() if place not in changed}
         maximum = None if times.longest is None else 2 + times.longest
-        return [(2 + times.shortest, maximum, (at + 1, home, stack, kept))]
+        return [(2 + times.shortest, maximum, (address + 1, home, stack, unchanged))]
 
-    def _call_times(self, at: int, word: DecodedWord, known: Known) -> Times:
-        """Return the times of the function that is entered at `at`."""
+    def _call_times(self, address: int, word: DecodedWord, known: Known) -> Times:
+        """Return the times of the function that is entered at `address`."""
         times = self.program.call(word.k, known)
         if times.longest is None:
             if self.returns_to_callers:
-                raise _NoBound("call", at)
-            self.reasons[Unbounded("call", (at,))] = None
+                raise _NoBound("call", address)
+            self.reasons[Unbounded("call", (address,))] = None
         return times
 
     def _computed_jump(self, point: _Point) -> list[_Step]:
         """Return the step of a jump into a table: the jump takes two cycles, the RETLW it reaches two more;
         or those of a jump whose targets are known.
         """
-        at, home, stack, known = point
+        address, home, stack, known = point
         try:
-            self.program.check_table(at)
+            self.program.check_table(address)
         except _NoBound:
-            targets = self.program.targets(at)
+            targets = self.program.targets(address)
             if not targets:
-                return self._no_bound("computed jump", at)
-            execute(self.program.word(at), known, self.program.changing)
+                return self._no_bound("computed jump", address)
+            execute(self.program.word(address), known, self.program.changing)
             return [(2, 2, (target, self._home(target, home), stack, known)) for target in targets]
         known.pop(W, None)
         return self._return(2 + 2, point)
 
     def _return(self, cycles: int, point: _Point) -> list[_Step]:
-        at, home, stack, known = point
+        address, home, stack, known = point
         if stack:
             return [(cycles, cycles, (stack[-1], self._home(stack[-1], home), stack[:-1], known))]
         if not self.returns_to_callers:
             return [(cycles, cycles, None)]
-        if self.program.word(at).name == "RETFIE":
-            raise _NoBound("computed jump", at)
+        # An interrupt may come anywhere, so there is no list of callers to return to.
+        if self.program.word(address).name == "RETFIE":
+            raise _NoBound("computed jump", address)
         return [
             (cycles, cycles, (back, self.program._home_of(back), (), known))
-            for back in self.program.callers(at)
+            for back in self.program.callers(address)
         ]
 
 
-def _beyond(at: int, words: int) -> int:
+def _beyond(address: int, words: int) -> int:
     """Return the address that many words on: behind the last one the program counter wraps around."""
-    return (at + words) % PROGRAM_WORDS
+    return (address + words) % PROGRAM_WORDS
 
 
-def _counted_loop(program: TimedProgram, at: int, word: DecodedWord, known: Known) -> tuple[int, int] | None:
+def _counted_loop(
+    program: TimedProgram, address: int, word: DecodedWord, known: Known
+) -> tuple[int, int] | None:
     """Return the cycles of a loop that only counts, and the address after it; None for other code. Updates
     `known`.
 
@@ -862,25 +889,26 @@ def _counted_loop(program: TimedProgram, at: int, word: DecodedWord, known: Know
          GOTO loop           BTFSS STATUS,Z          BTFSS STATUS,Z
                              GOTO loop               GOTO loop
     """
-    if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, at + 1, at):
+    if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, address + 1, address):
+        # A counter of 0 is decremented to 255 first: 256 turns.
         turns = known[word.f] or 256
         known[word.f] = 0
-        return 3 * (turns - 1) + 2, at + 2
+        return 3 * (turns - 1) + 2, address + 2
     place = (
         word.f if word.name == "DECF" and word.d else W if word.name == "ADDLW" and word.k == 0xFF else None
     )
-    if place is None or place not in known or not _is_goto(program, at + 2, at):
+    if place is None or place not in known or not _is_goto(program, address + 2, address):
         return None
-    test = program.word(at + 1)
+    test = program.word(address + 1)
     if (test.name, test.f, test.b) != ("BTFSS", STATUS, 2):
         return None
     turns = known[place] or 256
     known[place], known[ZERO] = 0, 1
     if place == W:
         known[CARRY] = 1  # the last addition is 1 + 0xFF
-    return 4 * (turns - 1) + 3, at + 3
+    return 4 * (turns - 1) + 3, address + 3
 
 
-def _is_goto(program: TimedProgram, at: int, target: int) -> bool:
-    word = program.word(at)
+def _is_goto(program: TimedProgram, address: int, target: int) -> bool:
+    word = program.word(address)
     return word.name == "GOTO" and word.k == target

@@ -1,8 +1,8 @@
-"""Demand: which bytes, at each point of a program, an index, a pointer or pins are going to be made from.
+"""Demand: the bytes, at each point of a program, from which an index, a pointer or pins are computed later.
 
 In: the graph of what a first exploration executed, and the instructions that are to be decided. Out: a
-`SplitPlan`: for each node, the places whose values decide them. It only tells which states the analysis keeps
-apart and which values it does not widen: a place too few costs precision, a place too many costs time, and
+`SplitPlan`: for each node, the places whose values decide them. It only determines which states are kept
+apart and which values are not widened: a missing place costs precision, an unnecessary one costs time, and
 neither affects soundness.
 """
 
@@ -38,9 +38,9 @@ class Graph:
     def __init__(self, words: Mapping[int, int], visits: Mapping[Node, ExecutionGroup]) -> None:
         self._visits = visits
         self._words: dict[int, DecodedWord] = {}
-        for at in {at for at, _ in visits}:
+        for address in {address for address, _ in visits}:
             try:
-                self._words[at] = word_of(words[at])
+                self._words[address] = word_of(words[address])
             except Undefined:
                 continue
         self._preceding: dict[Node, list[Node]] = {node: [] for node in visits}
@@ -61,9 +61,12 @@ class Graph:
         word, stack = self._words.get(node[0]), node[1]
         if word is None or word.writes_pcl or not word.writes_f:
             return [node]  # None: only a jump beyond its table leads there
-        found = [other for other in self._visits if other[1] == stack and other[0] in self._words]
-        words = [(other, self._words[other[0]]) for other in found]
-        return [node, *(other for other, each in words if each.writes_f and each.f == word.f)]
+        candidates = [other for other in self._visits if other[1] == stack and other[0] in self._words]
+        words = [(other, self._words[other[0]]) for other in candidates]
+        return [
+            node,
+            *(other for other, written in words if written.writes_f and written.f == word.f),
+        ]
 
     def demanded(self, uses: Mapping[Node, int]) -> dict[Node, int]:
         """Return, for each node, the places from which those are made that are used later, as bit sets."""
@@ -95,6 +98,7 @@ class Graph:
         written, certain = _written(word, places)
         if not written & after:
             return after
+        # A byte that is certainly overwritten here is not demanded from before; one that may be, still is.
         before = after & ~certain
         if not _bounds(word):
             if "W" in word.reads:
@@ -116,11 +120,11 @@ class Graph:
     def _given_what_is_free(self) -> int:
         """Follow, forward, where W holds what is not followed."""
         free = 0
-        held: dict[Node, bool] = {}
+        holds_free: dict[Node, bool] = {}
         waiting = list(self._visits)
         while waiting:
             node = waiting.pop()
-            holds = held.setdefault(node, False)
+            holds = holds_free.setdefault(node, False)
             word = self._words.get(node[0])
             places = self._visits[node].places
             if word is not None:
@@ -128,8 +132,8 @@ class Graph:
                     free |= bits(place for place in places if place is not None)
                 holds = _holds_free(word, places, before=holds)
             for follower in self._visits[node].followers & self._visits.keys():
-                if holds and not held.get(follower, False):
-                    held[follower] = True
+                if holds and not holds_free.get(follower, False):
+                    holds_free[follower] = True
                     waiting.append(follower)
         return free
 

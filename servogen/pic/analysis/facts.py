@@ -130,21 +130,26 @@ class Facts:
         """Return whether every path could be followed: the other answers rely on it."""
         paths = self.paths
         gaps = [
-            self._finding(at, f"{why}: paths were not followed beyond it") for at, why in paths.lost.items()
+            self._finding(address, f"{why}: paths were not followed beyond it")
+            for address, why in paths.lost.items()
         ]
         gaps += [
-            self._finding(at, f"a jump into the table 0x{first:03X} to 0x{last:03X}: assumed to stay in it")
-            for at, (first, last) in paths.tables.items()
+            self._finding(
+                address, f"a jump into the table 0x{first:03X} to 0x{last:03X}: assumed to stay in it"
+            )
+            for address, (first, last) in paths.tables.items()
         ]
         beyond = [
-            self._finding(at, f"the index leads beyond the table of RETLWs after it, to 0x{target:03X}")
-            for at, target in sorted(paths.beyond.items())
+            self._finding(address, f"the index leads beyond the table of RETLWs after it, to 0x{target:03X}")
+            for address, target in sorted(paths.beyond.items())
         ]
         gaps += [
-            self._finding(at, "the pointer is unknown: assumed to address a byte of RAM")
-            for at in sorted(paths.pointers)
+            self._finding(address, "the pointer is unknown: assumed to address a byte of RAM")
+            for address in sorted(paths.pointers)
         ]
-        gaps += [self._finding(at, "no data sheet defines this word") for at in sorted(paths.undefined)]
+        gaps += [
+            self._finding(address, "no data sheet defines this word") for address in sorted(paths.undefined)
+        ]
         question = "every path is followed"
         if beyond:
             text = f"{counted(len(beyond), 'computed jump')} may go beyond the table"
@@ -174,14 +179,18 @@ class Facts:
             interrupted = paths.depth_when_interrupted + max(1, paths.depth_of_interrupt)
         depth = max(paths.depth, interrupted)
         findings = [
-            self._finding(at, "a call pushes a ninth return address; the calls before it are at "
+            self._finding(address, "a call pushes a ninth return address; the calls before it are at "
                           + ", ".join(f"0x{(back - 1) % PROGRAM_WORDS:03X}" for back in stack if back >= 0))
-            for at, stack in sorted(paths.overflows.items())
+            for address, stack in sorted(paths.overflows.items())
         ]  # fmt: skip
-        findings += [self._finding(at, "a return finds the stack empty") for at in sorted(paths.underflows)]
         findings += [
-            self._finding(at, "interrupts are enabled inside the interrupt: they may nest without a bound")
-            for at in sorted(paths.nested_interrupts)[:1]
+            self._finding(address, "a return finds the stack empty") for address in sorted(paths.underflows)
+        ]
+        findings += [
+            self._finding(
+                address, "interrupts are enabled inside the interrupt: they may nest without a bound"
+            )
+            for address in sorted(paths.nested_interrupts)[:1]
         ]
         numbers: tuple[tuple[str, int | None], ...]
         if findings:
@@ -202,12 +211,14 @@ class Facts:
         """Return the reads of bytes that were not written on some path from reset."""
         reads = sorted(self.paths.unwritten_reads)
         findings = [
-            self._finding(at, f"reads {place_text(place, self._names)}, not written on every path from reset")
-            for at, place in reads
+            self._finding(
+                address, f"reads {place_text(place, self._names)}, not written on every path from reset"
+            )
+            for address, place in reads
         ]
         findings += [
-            self._finding(at, f"makes {pins} outputs before their latches are written")
-            for at, pins in _pins_by_address(self.paths.driven_unwritten)
+            self._finding(address, f"makes {pins} outputs before their latches are written")
+            for address, pins in _pins_by_address(self.paths.driven_unwritten)
         ]
         text = (
             f"{counted(len(findings), 'instruction')} may use values that were never written"
@@ -226,20 +237,21 @@ class Facts:
         certain += [pin for pin in paths.early_writes if pin.certain and pin.pin not in paths.outputs]
         never = [pin for pin in certain if pin.pin not in paths.outputs]
         findings = [
-            self._finding(at, f"writes {pins}, never an output") for at, pins in _pins_by_address(never)
+            self._finding(address, f"writes {pins}, never an output")
+            for address, pins in _pins_by_address(never)
         ]
         sometimes = [pin for pin in certain if pin.pin in paths.outputs]
         findings += [
-            self._finding(at, f"writes {pins}, which may be an input then")
-            for at, pins in _pins_by_address(sometimes)
+            self._finding(address, f"writes {pins}, which may be an input then")
+            for address, pins in _pins_by_address(sometimes)
         ]
         if findings:
             text = f"pins that are inputs are written by {counted(len(findings), 'instruction')}"
             return Answer(question, Status.FOUND, text, findings=tuple(findings))
         uncertain = [pin for pin in paths.input_writes if not pin.certain]
         possible = [
-            self._finding(at, f"may write {pins}, which may be inputs then")
-            for at, pins in _pins_by_address(uncertain)
+            self._finding(address, f"may write {pins}, which may be inputs then")
+            for address, pins in _pins_by_address(uncertain)
         ]
         if possible:
             text = "the values that are written are not known well enough"
@@ -269,7 +281,9 @@ class Facts:
         config = self._image.config
         if config is not None and not config & CONFIG_WATCHDOG_ON:
             return Answer(question, Status.HOLDS, "the configuration word leaves it off", "every path")
-        feeds = sorted(at for at in self.paths.executed if _clears_watchdog(self._image.program.get(at)))
+        feeds = sorted(
+            address for address in self.paths.executed if _clears_watchdog(self._image.program.get(address))
+        )
         limit_us = WATCHDOG_US[0] * min(
             1 << (option & 7) if option & PSA else 1 for option in self.paths.options
         )
@@ -281,7 +295,7 @@ class Facts:
         if span.maximum is None:
             reasons = ", ".join((*span.reasons, *conditional))
             findings = tuple(
-                self._finding(at, "the time from here is not bounded") for at in span.addresses[:4]
+                self._finding(address, "the time from here is not bounded") for address in span.addresses[:4]
             )
             return Answer(
                 question=question,
@@ -302,7 +316,9 @@ class Facts:
         return Answer(question, status, text, over, numbers=(("cycles", span.maximum),))
 
     def _conditional(self) -> list[str]:
-        conditions = [f"paths beyond 0x{at:03X} were not followed" for at in sorted(self.paths.lost)]
+        conditions = [
+            f"paths beyond 0x{address:03X} were not followed" for address in sorted(self.paths.lost)
+        ]
         if self.paths.not_restored:
             conditions.append("the interrupt does not restore every register that it changes")
         return conditions
@@ -310,7 +326,7 @@ class Facts:
     def time(self, start: str, end: str, *, interrupts: bool) -> Answer:
         """Return the best and the worst time between two marks. Raises InputError for an unknown mark."""
         starts, ends = self.mark(start), self.mark(end)
-        reached = [at for at in starts if at in self.paths.executed]
+        reached = [address for address in starts if address in self.paths.executed]
         question = f"the time from {start} to {end}"
         conditional = self._conditional()
         if not reached:
@@ -347,7 +363,7 @@ class Facts:
                 f"'{text}' is not an address such as 0x12A",
                 hint="labels and lines need C or assembly source",
             )
-        labels = {at for name, at in listing.labels if name == text}
+        labels = {address for name, address in listing.labels if name == text}
         labels |= {function.start for function in listing.functions if function.name == text}
         if labels:
             return sorted(labels)
@@ -391,7 +407,7 @@ def _pins_by_address(writes: Iterable[PinWrite]) -> list[tuple[int, str]]:
     by_address: dict[int, set[int]] = {}
     for write in writes:
         by_address.setdefault(write.address, set()).add(write.pin)
-    return [(at, ", ".join(map(pin_text, sorted(pins)))) for at, pins in sorted(by_address.items())]
+    return [(address, ", ".join(map(pin_text, sorted(pins)))) for address, pins in sorted(by_address.items())]
 
 
 def _clears_watchdog(number: int | None) -> bool:

@@ -104,9 +104,9 @@ class Paths:
 
     executed: set[int] = field(default_factory=set)
     depth: int = 0
-    """Return addresses on the stack at most, outside interrupts."""
+    """The maximum number of return addresses on the stack, outside interrupts."""
     depth_when_interrupted: int | None = None
-    """The same where an interrupt may come; None if none ever does."""
+    """The same where an interrupt may come; None if none ever comes."""
     depth_of_interrupt: int = 0
     """The stack levels that the interrupt needs, including its own return address."""
     overflows: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -180,6 +180,7 @@ class _Interrupt:
     """The values of the special registers at the end of the interrupt."""
 
     def signature(self) -> object:
+        """Return what the next round depends on, for comparison with the round before."""
         return (
             frozenset(self.changes),
             frozenset(self.not_restored),
@@ -213,12 +214,13 @@ class PathExplorer:
         self.open_pins: dict[Node, int] = {}
         """The same for writes of which it is not known whether they write inputs."""
         self.gave_up = False
-        self.words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
+        self.words = {address: in_memory(words.get(address, ERASED)) for address in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
         self._heads = self._find_heads()
         live = TimedProgram(self.words, ()).live
         self._dead = {
-            at: frozenset(place for place in _PRUNED if not is_live(place, live[at])) for at in self._heads
+            address: frozenset(place for place in _PRUNED if not is_live(place, live[address]))
+            for address in self._heads
         }
         self._interrupt = _Interrupt()
         self.steps = 0
@@ -253,20 +255,20 @@ class PathExplorer:
 
     def _find_heads(self) -> frozenset[int]:
         heads = {0, INTERRUPT_VECTOR}
-        for at, number in self.words.items():
+        for address, number in self.words.items():
             try:
                 word = word_of(number)
             except Undefined:
                 continue
             if word.flow in ("jump", "call"):
-                heads |= {word.k, (at + 1) % PROGRAM_WORDS}
-                if word.flow == "jump" and word.k <= at and self._plan is not None:
+                heads |= {word.k, (address + 1) % PROGRAM_WORDS}
+                if word.flow == "jump" and word.k <= address and self._plan is not None:
                     self._loops.add(word.k)
         return frozenset(heads)
 
-    def _prune(self, at: int, state: AbstractState) -> None:
+    def _prune(self, address: int, state: AbstractState) -> None:
         """Forget values that no instruction will read again, so that paths meet."""
-        dead = self._dead.get(at, frozenset())
+        dead = self._dead.get(address, frozenset())
         for place in state.values.keys() & dead:
             del state.values[place]
         for flag in state.facts.keys() & dead:
@@ -274,20 +276,22 @@ class PathExplorer:
         if W in dead:
             state.copies = ()
 
-    def _follow(self, at: int, stack: tuple[int, ...], state: AbstractState) -> None:
+    def _follow(self, address: int, stack: tuple[int, ...], state: AbstractState) -> None:
         """Follow every path from a state to its end."""
         nodes: dict[tuple[int, tuple[int, ...]], _Node] = {}
         waiting: deque[tuple[int, tuple[int, ...], AbstractState]] = deque()
         pending: set[int] = set()
         entry: AbstractState | None = None
 
-        def reach(at: int, stack: tuple[int, ...], state: AbstractState) -> None:
-            for part in self._parts(at, stack, state):
-                self._prune(at, part)
-                reach_with(at, stack, part)
+        def reach(address: int, stack: tuple[int, ...], state: AbstractState) -> None:
+            """Note that a state reaches an address, split where the plan keeps states apart."""
+            for part in self._parts(address, stack, state):
+                self._prune(address, part)
+                reach_with(address, stack, part)
 
-        def reach_with(at: int, stack: tuple[int, ...], state: AbstractState) -> None:
-            node = nodes.setdefault((at, stack), _Node())
+        def reach_with(address: int, stack: tuple[int, ...], state: AbstractState) -> None:
+            """Store a state at its node, and queue it if the node did not cover it yet."""
+            node = nodes.setdefault((address, stack), _Node())
             if node.joined is None:
                 key = (
                     frozenset(state.values.items()),
@@ -297,37 +301,40 @@ class PathExplorer:
                 )
                 # `written` is not part of the key: states that differ only in it are joined, and keep
                 # what both have written.
-                kept = node.apart.get(key)
-                if kept is not None:
-                    if kept.written & ~state.written:
-                        kept.written &= state.written
-                        waiting.append((at, stack, kept))
+                known_state = node.apart.get(key)
+                if known_state is not None:
+                    if known_state.written & ~state.written:
+                        known_state.written &= state.written
+                        waiting.append((address, stack, known_state))
                     return
                 if len(node.apart) < MAX_STATES:
                     node.apart[key] = state
-                    waiting.append((at, stack, state))
+                    waiting.append((address, stack, state))
                     return
                 node.joined = {}
                 for separate in node.apart.values():
-                    add(at, stack, node, separate)
-            add(at, stack, node, state)
+                    add(address, stack, node, separate)
+            add(address, stack, node, state)
 
-        def add(at: int, stack: tuple[int, ...], node: _Node, state: AbstractState) -> None:
+        def add(address: int, stack: tuple[int, ...], node: _Node, state: AbstractState) -> None:
+            """Join a state to those of its node with the same key, and queue the result if it has grown."""
             joined = node.joined
             assert joined is not None
-            key = tuple(state.get(place).constant for place in (FSR, *self._apart(at, stack)))
+            key = tuple(state.get(place).constant for place in (FSR, *self._apart(address, stack)))
             if key not in joined and len(joined) >= self._max_joined:
                 key = _REST
             known = joined.get(key)
             if known is None:
                 joined[key] = state.copy()
                 pending.add(id(joined[key]))
-                waiting.append((at, stack, joined[key]))
-            elif known.join(state, *self._growth(at, stack)) and id(known) not in pending:
+                waiting.append((address, stack, joined[key]))
+            # A state that is still waiting will be executed with what was added to it.
+            elif known.join(state, *self._growth(address, stack)) and id(known) not in pending:
                 pending.add(id(known))
-                waiting.append((at, stack, known))
+                waiting.append((address, stack, known))
 
         def interruptible(state: AbstractState) -> None:
+            """Add a state in which an interrupt may come to the state in which its code begins."""
             nonlocal entry
             if entry is None:
                 entry = state.copy()
@@ -336,26 +343,26 @@ class PathExplorer:
                 self._interrupt.entry = entry
 
         self._reach, self._interruptible = reach, interruptible
-        reach(at, stack, state.copy())
+        reach(address, stack, state.copy())
         while waiting:
-            at, stack, state = waiting.popleft()
+            address, stack, state = waiting.popleft()
             pending.discard(id(state))
-            self._run(at, stack, state.copy())
+            self._run(address, stack, state.copy())
 
-    def _apart(self, at: int, stack: tuple[int, ...]) -> tuple[Place, ...]:
+    def _apart(self, address: int, stack: tuple[int, ...]) -> tuple[Place, ...]:
         """Return the places by whose values the states of a node are kept apart."""
-        return () if self._plan is None else self._plan.apart.get((at, stack), ())
+        return () if self._plan is None else self._plan.apart.get((address, stack), ())
 
-    def _growth(self, at: int, stack: tuple[int, ...]) -> tuple[int, int]:
+    def _growth(self, address: int, stack: tuple[int, ...]) -> tuple[int, int]:
         """Return how many members a value may grow to where states meet, and the places that are exempt."""
-        if self._plan is None or at not in self._loops:
+        if self._plan is None or address not in self._loops:
             return 256, 0
-        return MAX_GROWN, self._plan.kept.get((at, stack), 0)
+        return MAX_GROWN, self._plan.kept.get((address, stack), 0)
 
-    def _parts(self, at: int, stack: tuple[int, ...], state: AbstractState) -> list[AbstractState]:
+    def _parts(self, address: int, stack: tuple[int, ...], state: AbstractState) -> list[AbstractState]:
         """Return a state, split into one for each member of the values that keep states apart."""
         parts = [state]
-        for place in self._apart(at, stack):
+        for place in self._apart(address, stack):
             value = state.values.get(place)
             if place == W or value is None or value.constant is not None:
                 continue  # W alone would be split just before the jump that it is the index of
@@ -364,39 +371,39 @@ class PathExplorer:
             parts = [part for whole in parts for part in whole.split(place)]
         return parts
 
-    def _run(self, at: int, stack: tuple[int, ...], state: AbstractState) -> None:
+    def _run(self, address: int, stack: tuple[int, ...], state: AbstractState) -> None:
         """Execute instructions up to where paths part or meet."""
         while True:
-            followers = self._step(at, stack, state)
+            followers = self._step(address, stack, state)
             if self._plan is None:
-                self._visit(at, stack, state, followers)
+                self._visit(address, stack, state, followers)
             if len(followers) != 1 or followers[0][0] in self._heads:
                 for follower in followers:
                     self._reach(*follower)
                 return
-            at, stack, state = followers[0]
+            address, stack, state = followers[0]
 
     def _visit(
         self,
-        at: int,
+        address: int,
         stack: tuple[int, ...],
         state: AbstractState,
         followers: list[tuple[int, tuple[int, ...], AbstractState]],
     ) -> None:
         """Note where an instruction continues, and which bytes it addressed."""
-        visit = self.visits.get((at, stack))
+        visit = self.visits.get((address, stack))
         if visit is None:
-            visit = self.visits[at, stack] = ExecutionGroup()
+            visit = self.visits[address, stack] = ExecutionGroup()
         visit.followers.update((follower, then) for follower, then, _ in followers)
         try:
-            word = word_of(self.words[at])
+            word = word_of(self.words[address])
         except Undefined:
             return
         if word.has_f:
             visit.places.update(operand.place for operand in operands(state, word.f)[0])
 
     def _step(
-        self, at: int, stack: tuple[int, ...], state: AbstractState
+        self, address: int, stack: tuple[int, ...], state: AbstractState
     ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         self.steps += 1
         if self.steps > self._max_steps:
@@ -404,51 +411,53 @@ class PathExplorer:
         if not self.steps % STEPS_TOLD:
             self._tell(f"following every path: {self.steps} of at most {self._max_steps} instructions")
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
-        paths.executed.add(at)
+        paths.executed.add(address)
         if state.interruptible:
-            self._note_interrupt(at, stack, state, inside=inside)
+            self._note_interrupt(address, stack, state, inside=inside)
         try:
-            word = word_of(self.words[at])
+            word = word_of(self.words[address])
         except Undefined:
-            paths.undefined.add(at)
-            return [((at + 1) % PROGRAM_WORDS, stack, state)]
+            paths.undefined.add(address)
+            return [((address + 1) % PROGRAM_WORDS, stack, state)]
         if state.interruptible and not inside:
             self._after_interrupt(state)
         if word.writes_pcl:
-            return self._computed_jump(at, stack, state, word)
-        after, effects = execute(state, word, at)
-        self._note(at, stack, state, after, word, effects, inside=inside)
+            return self._computed_jump(address, stack, state, word)
+        after, effects = execute(state, word, address)
+        self._note(address, stack, state, after, word, effects, inside=inside)
         if effects.jumps:
-            self._leave_open(at, stack, FSR)
-            paths.lost[at] = "a pointer may address PCL"
+            self._leave_open(address, stack, FSR)
+            paths.lost[address] = "a pointer may address PCL"
             return []
         if word.flow == "skip":
             return [
-                ((at + step) % PROGRAM_WORDS, stack, self._settled(refined, inside=inside))
-                for step, refined in skip_ways(after, state, word, at)
+                ((address + step) % PROGRAM_WORDS, stack, self._settled(refined, inside=inside))
+                for step, refined in skip_ways(after, state, word, address)
             ]
         after = self._settled(after, inside=inside)
         if word.flow == "jump":
             return [(word.k, stack, after)]
         if word.flow == "call":
-            return self._call(at, stack, after, word)
+            return self._call(address, stack, after, word)
         if word.flow == "return":
-            return self._return(at, stack, after, word)
-        return [((at + 1) % PROGRAM_WORDS, stack, after)]
+            return self._return(address, stack, after, word)
+        return [((address + 1) % PROGRAM_WORDS, stack, after)]
 
     def _settled(self, state: AbstractState, *, inside: bool) -> AbstractState:
         if not inside and state.interruptible:
             self._after_interrupt(state)
         return state
 
-    def _note_interrupt(self, at: int, stack: tuple[int, ...], state: AbstractState, *, inside: bool) -> None:
+    def _note_interrupt(
+        self, address: int, stack: tuple[int, ...], state: AbstractState, *, inside: bool
+    ) -> None:
         paths = self.paths
         paths.interrupts = True
         for member in state.get(INTCON):
             if member & GIE:
                 paths.interrupt_sources |= member & 0x78
         if inside:
-            paths.nested_interrupts.add(at)
+            paths.nested_interrupts.add(address)
             return
         paths.depth_when_interrupted = max(paths.depth_when_interrupted or 0, len(stack))
         self._interruptible(state)
@@ -462,9 +471,9 @@ class PathExplorer:
                 state.values[place] |= value
                 state.unrelate(place)
 
-    def _leave_open(self, at: int, stack: tuple[int, ...], *used: Place, pins: bool = False) -> None:
+    def _leave_open(self, address: int, stack: tuple[int, ...], *used: Place, pins: bool = False) -> None:
         """Note an instruction that is not decided. Raises Undecided if the plan leaves out what it uses."""
-        node, plan = (at, stack), self._plan
+        node, plan = (address, stack), self._plan
         kind = self.open_pins if pins else self.undecided
         kind[node] = kind.get(node, 0) | bits(used)
         if plan is not None and plan.pins >= pins and kind[node] & ~plan.uses.get(node, 0):
@@ -472,7 +481,7 @@ class PathExplorer:
 
     def _note(
         self,
-        at: int,
+        address: int,
         stack: tuple[int, ...],
         before: AbstractState,
         after: AbstractState,
@@ -483,10 +492,10 @@ class PathExplorer:
     ) -> None:
         paths = self.paths
         for place in effects.unwritten:
-            paths.unwritten_reads.add((at, place))
+            paths.unwritten_reads.add((address, place))
         if effects.any_byte or effects.wild:
-            self._leave_open(at, stack, FSR)
-            paths.pointers.add(at)
+            self._leave_open(address, stack, FSR)
+            paths.pointers.add(address)
         if inside:
             changed = set(effects.changed)
             if effects.wild:
@@ -494,10 +503,12 @@ class PathExplorer:
             self._interrupt.changes |= changed
             self._interrupt.lost |= {place for place in changed if RAM_FIRST <= place <= RAM_LAST}
         if effects.timer_writes is not None:
-            known = paths.timer_writes.get(at)
-            paths.timer_writes[at] = effects.timer_writes if known is None else known | effects.timer_writes
+            known = paths.timer_writes.get(address)
+            paths.timer_writes[address] = (
+                effects.timer_writes if known is None else known | effects.timer_writes
+            )
         for pin in effects.driven_unwritten:
-            paths.driven_unwritten.add(PinWrite(at, pin))
+            paths.driven_unwritten.add(PinWrite(address, pin))
         for place, port in ((TRISA, PORTA), (TRISB, 6)):
             if place in effects.changed:
                 first, count = PORT_BITS[port]
@@ -506,10 +517,10 @@ class PathExplorer:
         if OPTION in effects.changed:
             paths.options |= after.get(OPTION)
         for port, may, must in effects.pins:
-            if self._note_pins(at, before, port, may, must):
-                self._leave_open(at, stack, FSR, W, pins=True)
+            if self._note_pins(address, before, port, may, must):
+                self._leave_open(address, stack, FSR, W, pins=True)
 
-    def _note_pins(self, at: int, state: AbstractState, port: int, may: int, must: int) -> bool:
+    def _note_pins(self, address: int, state: AbstractState, port: int, may: int, must: int) -> bool:
         """Note the inputs that are written; return whether it is not known which."""
         first, count = PORT_BITS[port]
         direction = TRISA if port == PORTA else TRISB
@@ -519,20 +530,20 @@ class PathExplorer:
             if may >> bit & 1 and directions.may_be_1 >> bit & 1:
                 target = self.paths.early_writes if untouched else self.paths.input_writes
                 certain = bool(must >> bit & 1)
-                target.add(PinWrite(at, first + bit, certain))
+                target.add(PinWrite(address, first + bit, certain))
                 open_ |= not (certain or untouched)
         return open_
 
     def _call(
-        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+        self, address: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
     ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         paths, target = self.paths, word.k
-        paths.called_from.setdefault(target, set()).add(at)
+        paths.called_from.setdefault(target, set()).add(address)
         if len(stack) >= STACK_LEVELS:
-            paths.overflows.setdefault(at, stack)
-            paths.lost[at] = "a ninth return address"
+            paths.overflows.setdefault(address, stack)
+            paths.lost[address] = "a ninth return address"
             return []
-        deeper = (*stack, (at + 1) % PROGRAM_WORDS)
+        deeper = (*stack, (address + 1) % PROGRAM_WORDS)
         if deeper[0] == IN_INTERRUPT:
             paths.depth_of_interrupt = max(paths.depth_of_interrupt, len(deeper))
         elif len(deeper) > paths.depth:
@@ -540,11 +551,11 @@ class PathExplorer:
         return [(target, deeper, state)]
 
     def _return(
-        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+        self, address: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
     ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         if not stack:
-            self.paths.underflows.add(at)
-            self.paths.lost[at] = "a return with an empty stack"
+            self.paths.underflows.add(address)
+            self.paths.lost[address] = "a return with an empty stack"
             return []
         if word.name == "RETFIE":
             enables = values.mapped(state.get(INTCON), lambda member: member | GIE)
@@ -569,24 +580,24 @@ class PathExplorer:
                 interrupt.exits[place] = interrupt.exits[place] | value if place in interrupt.exits else value
 
     def _computed_jump(
-        self, at: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
+        self, address: int, stack: tuple[int, ...], state: AbstractState, word: DecodedWord
     ) -> list[tuple[int, tuple[int, ...], AbstractState]]:
         paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
-        after, effects = execute(state, word, at)
-        self._note(at, stack, state, after, word, effects, inside=inside)
-        low, high, table = _low_byte(state, word, at), state.get(PCLATH), self._table(at)
+        after, effects = execute(state, word, address)
+        self._note(address, stack, state, after, word, effects, inside=inside)
+        low, high, table = _low_byte(state, word, address), state.get(PCLATH), self._table(address)
         targets = {(page << 8 | byte) % PROGRAM_WORDS for page in high for byte in low}
         if len(targets) > 1 and not targets <= set(table):
-            self._leave_open(at, stack, W)
+            self._leave_open(address, stack, W)
             if not table:
-                paths.lost[at] = "a computed jump"
+                paths.lost[address] = "a computed jump"
                 return []
-            paths.tables[at] = (table[0], table[-1])
+            paths.tables[address] = (table[0], table[-1])
             targets = set(table)
         elif not targets <= set(table) and word.name == "ADDWF" and self._is_table_of_bytes(table):
-            self._leave_open(at, stack, W)
-            paths.beyond[at] = min(targets)
-        paths.computed.setdefault(at, set()).update(targets)
+            self._leave_open(address, stack, W)
+            paths.beyond[address] = min(targets)
+        paths.computed.setdefault(address, set()).update(targets)
         after = self._settled(after, inside=inside)
         words = [decode(self.words[target]) for target in sorted(targets)]
         returned = [word.k for word in words if word is not None and _is_retlw(word.instruction)]
@@ -595,17 +606,17 @@ class PathExplorer:
             paths.executed |= targets
             self.steps += len(targets)
             after.put(W, values.of(returned))
-            return self._return(at, stack, self._settled(after, inside=inside), word)
+            return self._return(address, stack, self._settled(after, inside=inside), word)
         return [(target, stack, after.copy()) for target in sorted(targets)]
 
     def _is_table_of_bytes(self, table: list[int]) -> bool:
-        words = [decode(self.words[at]) for at in table]
+        words = [decode(self.words[address]) for address in table]
         return len(words) > 1 and all(word is not None and _is_retlw(word.instruction) for word in words)
 
-    def _table(self, at: int) -> list[int]:
+    def _table(self, address: int) -> list[int]:
         """Return the RETLWs or GOTOs that follow a computed jump without a gap."""
         addresses = []
-        for following in range(at + 1, PROGRAM_WORDS):
+        for following in range(address + 1, PROGRAM_WORDS):
             decoded = decode(self.words[following])
             if decoded is None or not (decoded.instruction.flow == "jump" or _is_retlw(decoded.instruction)):
                 break
@@ -627,9 +638,9 @@ def _is_retlw(row: Opcode) -> bool:
     return row.flow == "return" and row.writes == "W"
 
 
-def _low_byte(state: AbstractState, word: DecodedWord, at: int) -> Value:
+def _low_byte(state: AbstractState, word: DecodedWord, address: int) -> Value:
     """Return what an instruction writes to PCL."""
-    return computed(word, state.get(W), values.constant(at + 1 & 0xFF), state.get(CARRY))[0]
+    return computed(word, state.get(W), values.constant(address + 1 & 0xFF), state.get(CARRY))[0]
 
 
 def explore(words: Mapping[int, int], tell: Callable[[str], None] = lambda text: None) -> Paths:

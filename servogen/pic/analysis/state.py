@@ -79,11 +79,13 @@ class AbstractState:
     """The places whose values are equal to W, the latest copy last."""
 
     def copy(self) -> AbstractState:
+        """Return an independent copy; values are immutable and shared."""
         return AbstractState(
             self.values.copy(), self.written, self.saved.copy(), self.facts.copy(), self.copies
         )
 
     def get(self, place: Place) -> Value:
+        """Return the values that a place may have; a flag that is not known is 0 or 1."""
         value = self.values.get(place)
         if value is None:
             return BIT if place in _FLAGS else ANY
@@ -91,6 +93,7 @@ class AbstractState:
 
     def put(self, place: Place, value: Value) -> None:
         """Write a place; whatever it had saved is lost."""
+        # A missing place means any value, so that equal knowledge has one representation.
         if value is ANY:
             self.values.pop(place, None)
         else:
@@ -116,8 +119,8 @@ class AbstractState:
         for place in self.saved.keys() & places:
             del self.saved[place]
         if self.copies:
-            kept = () if W in places else self.copies
-            self.copies = tuple(copy for copy in kept if copy not in places)
+            unchanged = () if W in places else self.copies
+            self.copies = tuple(copy for copy in unchanged if copy not in places)
         for flag, fact in list(self.facts.items()):
             if flag in places or fact[0] in places:
                 del self.facts[flag]
@@ -135,12 +138,14 @@ class AbstractState:
         `max_grown` members when it grows becomes any, except at the places in the bit set `exempt`.
         """
         changed = False
+        # Only places that both states know stay known: a missing place already stands for any value.
         for place in list(self.values):
             if place not in other.values:
                 del self.values[place]
                 changed = True
                 continue
             joined = self.values[place] | other.values[place]
+            # Widening: a counter that grows with every turn of a loop would otherwise be joined 256 times.
             if joined is not self.values[place] and joined.size > max_grown and not exempt & bit(place):
                 joined = ANY
             if joined is not self.values[place]:
@@ -175,6 +180,7 @@ class AbstractState:
         equal = self.equal_to(place)
         parts = []
         for member in self.get(place):
+            # A copy of the byte may have been narrowed further than the byte itself, by a test of the copy.
             if all(member in self.get(copy) for copy in equal):
                 part = self.copy()
                 part.values.update(dict.fromkeys(equal, values.constant(member)))
@@ -214,6 +220,7 @@ def at_reset() -> AbstractState:
 def at_interrupt(interrupted: AbstractState) -> AbstractState:
     """Return the state in which the interrupt's code begins."""
     state = interrupted.copy()
+    # Serving an interrupt clears GIE (DS35007 section 6.8).
     state.put(INTCON, values.mapped(state.get(INTCON), lambda member: member & ~GIE))
     state.saved = {place: (place, False) for place in PRESERVED}
     state.facts, state.copies = {}, ()
@@ -289,6 +296,7 @@ def operands(state: AbstractState, f: int) -> tuple[list[_Operand], bool]:
     if f != INDF:
         return _direct(f, state.get(BANK)), False
     pointer = state.get(FSR)
+    # More than half of all addresses: in practice a pointer of which nothing, or one bit, is known.
     if pointer.size > 128:
         return _EVERY_BYTE, True
     return _through(pointer), False
@@ -303,9 +311,9 @@ def _status(state: AbstractState) -> Value:
     return values.of_bits(zeros, ones)
 
 
-def _special(state: AbstractState, place: int, at: int) -> Value:
+def _special(state: AbstractState, place: int, address: int) -> Value:
     if place == PCL:
-        return values.constant(at + 1 & 0xFF)
+        return values.constant(address + 1 & 0xFF)
     if place == STATUS:
         return _status(state)
     if place == INTCON:  # the interrupt flags change at any time
@@ -315,7 +323,7 @@ def _special(state: AbstractState, place: int, at: int) -> Value:
 
 
 def _read(
-    state: AbstractState, word: DecodedWord, at: int, effects: Effects
+    state: AbstractState, word: DecodedWord, address: int, effects: Effects
 ) -> tuple[Value, list[_Operand], bool]:
     addressed, any_byte = operands(state, word.f)
     reads = "f" in word.reads
@@ -325,7 +333,7 @@ def _read(
     value: Value | None = None
     for operand in addressed:
         if operand.special is not None:
-            single = _special(state, operand.special, at)
+            single = _special(state, operand.special, address)
             if reads and operand.special == TMR0 and not state.has_written(TMR0):
                 effects.unwritten.add(TMR0)
             if reads and operand.special == STATUS and not modifies_bit:
@@ -414,7 +422,7 @@ def _preserving(
     return source[0], not source[1]
 
 
-def execute(before: AbstractState, word: DecodedWord, at: int) -> tuple[AbstractState, Effects]:
+def execute(before: AbstractState, word: DecodedWord, address: int) -> tuple[AbstractState, Effects]:
     """Return the state after an instruction, without where it continues, and its effects."""
     state, effects = before.copy(), Effects()
     if "W" in word.reads and not before.has_written(W):
@@ -429,7 +437,7 @@ def execute(before: AbstractState, word: DecodedWord, at: int) -> tuple[Abstract
         if word.name == "RETLW":
             _write_place(state, W, values.constant(word.k), effects, definitely=True)
         return state, effects
-    f, addressed, any_byte = _read(before, word, at, effects) if word.has_f else (ANY, [], False)
+    f, addressed, any_byte = _read(before, word, address, effects) if word.has_f else (ANY, [], False)
     if word.name in ("BTFSC", "BTFSS"):
         return state, effects
     copied = _preserving(before, word, addressed)
@@ -478,7 +486,9 @@ def _relate(
         compared: tuple[Place, int, str] = (place, w, ">=")
     elif word.name in ("SUBLW", "XORLW", "ADDLW") and before.copies:
         k = word.k if word.name != "ADDLW" else -word.k & 0xFF
+        # SUBLW computes k - W: no borrow, C = 1, if W <= k. ADDLW -k carries if W >= k.
         compared = (before.copies[-1], k, "<=" if word.name == "SUBLW" else ">=")
+        # ADDLW 0 never carries, whereas `place >= 0` always holds.
         if word.name == "ADDLW" and k == 0:
             return
     else:
@@ -585,13 +595,14 @@ def _write_status(
         zero, one = result.may_be_0 >> number & 1, result.may_be_1 >> number & 1
         value = values.of([bit for bit, may in ((0, zero), (1, one)) if may])
         _write_place(state, place, value, effects, definitely=definitely)
+    # MOVWF and SWAPF affect no flags, so that the restored STATUS stays as it was saved.
     if copied == (_SAVED_STATUS, False) and word.name in ("MOVWF", "SWAPF") and definitely:
         for place in _STATUS_PLACES:
             state.saved[place] = (place, False)
 
 
 def skip_ways(
-    state: AbstractState, before: AbstractState, word: DecodedWord, at: int
+    state: AbstractState, before: AbstractState, word: DecodedWord, address: int
 ) -> list[tuple[int, AbstractState]]:
     """Return (words to advance by, state) for each outcome of a skip; `before` is the state that it tests."""
     if word.name in ("BTFSC", "BTFSS"):
@@ -599,7 +610,7 @@ def skip_ways(
         addressed, _ = operands(before, word.f)
         ways = []
         for level in (0, 1):
-            refined = _refined(state, before, word, addressed, level, at)
+            refined = _refined(state, before, word, addressed, level, address)
             if refined is not None:
                 ways.append((2 if level == skip_level else 1, refined))
         return ways
@@ -633,7 +644,7 @@ def _refined(
     word: DecodedWord,
     addressed: list[_Operand],
     level: int,
-    at: int,
+    address: int,
 ) -> AbstractState | None:
     """Return the state in which the tested bit has that level; None if it cannot."""
     place: Place | None = None
@@ -652,7 +663,7 @@ def _refined(
         mask = 1 << tested
         if not (value.may_be_1 if level else value.may_be_0) & mask:
             return None
-        kept = values.of_bits(
+        narrowed_value = values.of_bits(
             value.may_be_0 & ~mask if level else value.may_be_0,
             value.may_be_1 if level else value.may_be_1 & ~mask,
         )
@@ -660,14 +671,15 @@ def _refined(
         remaining = values.where(value, lambda member: member >> tested & 1 == level)
         if remaining is None:
             return None
-        kept = remaining
+        narrowed_value = remaining
     after = state.copy()
-    after.values[place] = kept
+    after.values[place] = narrowed_value
     fact = before.facts.get(place)
     if fact is not None:
         possible = values.where(before.get(fact[0]), lambda member: _satisfies(fact, member) == bool(level))
         if possible is None:
             return None
+        # W and the copies of the compared byte have its value, so the comparison bounds them as well.
         for equal in after.equal_to(fact[0]):
             narrowed = values.where(possible, after.get(equal).__contains__)
             if narrowed is None:

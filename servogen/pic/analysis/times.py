@@ -1,8 +1,8 @@
 """Times between two points of a program, and between two clearings of the watchdog, over all paths.
 
 In: the words and `Paths`, which say which code runs and what an interrupt may change. Out: `CycleSpan`: the
-fewest and the most cycles, or why there is no bound. Without interrupts these are the times of `pic.wcet`.
-With interrupts, the most cycles R are the least solution of
+minimum and the maximum number of cycles, or why there is no bound. Without interrupts these are the times of
+`pic.wcet`. With interrupts, the maximum R is the least solution of
 
     R = C + (R // T + 2) * I
 
@@ -51,7 +51,7 @@ class ProgramTimes:
 
     def __init__(self, words: Mapping[int, int], paths: Paths) -> None:
         self._paths = paths
-        self._words = {at: in_memory(words.get(at, ERASED)) for at in sorted(paths.executed)}
+        self._words = {address: in_memory(words.get(address, ERASED)) for address in sorted(paths.executed)}
         changing = {place for place in paths.interrupt_changes if RAM_FIRST <= place <= RAM_LAST}
         self._program = TimedProgram(
             self._words,
@@ -85,7 +85,7 @@ class ProgramTimes:
             if unbounded or times.longest is None:
                 maximum = None
                 reasons += [_reason(loop) for loop in unbounded]
-                addresses += [at for loop in unbounded for at in loop.addresses]
+                addresses += [address for loop in unbounded for address in loop.addresses]
                 if not unbounded:
                     reasons.append(f"no path from 0x{start:03X} gets there")
                     addresses.append(start)
@@ -116,7 +116,10 @@ class ProgramTimes:
         times = self._program.between(INTERRUPT_VECTOR, self._interrupt_ends(), must_end=True)
         if times.longest is None or times.unbounded:
             return None, f"the interrupt: {', '.join(map(_reason, times.unbounded)) or 'it never returns'}"
+        # 2: the RETFIE with which the interrupt's code ends, at which the measured time stops.
         one = times.longest + 2 + LATENCY
+        # The least solution is approached from below; the bound only grows, so the first fixed point is the
+        # least.
         bound = cycles
         while bound < MAX_CYCLES:
             following = cycles + (bound // period + 2) * one
@@ -127,34 +130,41 @@ class ProgramTimes:
 
     def _interrupt_ends(self) -> list[int]:
         """Return the addresses of the RETFIEs."""
-        rows = {at: decode(number) for at, number in self._words.items()}
-        return [at for at, row in rows.items() if row is not None and row.instruction.mnemonic == "RETFIE"]
+        rows = {address: decode(number) for address, number in self._words.items()}
+        return [
+            address
+            for address, row in rows.items()
+            if row is not None and row.instruction.mnemonic == "RETFIE"
+        ]
 
     def _clears_its_flag(self) -> bool:
         """Return whether every path through the interrupt clears T0IF."""
         seen: set[int] = set()
         waiting = [INTERRUPT_VECTOR]
         while waiting:
-            at = waiting.pop()
-            if at in seen or at not in self._words:
+            address = waiting.pop()
+            if address in seen or address not in self._words:
                 continue
-            seen.add(at)
+            seen.add(address)
             try:
-                word = word_of(self._words[at])
+                word = word_of(self._words[address])
             except Undefined:
                 return False
+            # This path has cleared the flag; what follows on it does not matter.
             if word.name == "BCF" and (word.f, word.b) == (INTCON, T0IF_BIT):
                 continue
             if word.flow == "return":
                 return False
-            waiting += [word.k] if word.flow in ("jump", "call") else [at + 1]
+            waiting += [word.k] if word.flow in ("jump", "call") else [address + 1]
             if word.flow == "skip":
-                waiting.append(at + 2)
+                waiting.append(address + 2)
         return True
 
     def _overflow_period(self) -> tuple[int | None, str]:
-        """Return the fewest cycles between two overflows of TMR0, or why they are not known."""
+        """Return the minimum number of cycles between two overflows of TMR0, or why it is not known."""
         options = self._paths.options
+        # 0xFF is the value after a reset: a program is taken to set the timer up before it enables the
+        # interrupt.
         used = [member for member in options if member != 0xFF] or [0xFF]
         if any(member & T0CS for member in used):
             return None, "TMR0 counts pulses of RA4"
@@ -162,6 +172,7 @@ class ProgramTimes:
         written: Value | None = None
         for value in self._paths.timer_writes.values():
             written = value if written is None else written | value
+        # TMR0 counts up: the largest value that is written to it overflows first.
         first = 0 if written is None else max(written)
         if written is not None and written.members is None:
             return None, "what the program writes to TMR0 is not known"
@@ -177,7 +188,7 @@ def _functions(paths: Paths) -> list[ListedFunction]:
 
 def _reason(why: Unbounded) -> str:
     """Return in words why a time has no bound."""
-    places = ", ".join(f"0x{at:03X}" for at in why.addresses[:4])
+    places = ", ".join(f"0x{address:03X}" for address in why.addresses[:4])
     more = "" if len(why.addresses) <= 4 else ", …"
     texts = {
         "loop": "loop at",

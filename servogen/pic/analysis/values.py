@@ -131,8 +131,8 @@ def mapped(one: Value, operation: Callable[[int], int]) -> Value:
 
 def where(one: Value, condition: Callable[[int], bool]) -> Value | None:
     """Return the members that satisfy a condition; None if there are none."""
-    kept = frozenset(filter(condition, one))
-    return _of_set(kept) if kept else None
+    members = frozenset(filter(condition, one))
+    return _of_set(members) if members else None
 
 
 def zero_flag(one: Value) -> Value:

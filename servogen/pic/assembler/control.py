@@ -27,6 +27,7 @@ def _open_closed(state: Pass, statement: Statement) -> bool:
 
 def _if(state: Pass, statement: Statement) -> None:
     if not _open_closed(state, statement):
+        # Opened before the expression is evaluated: after an error in it, the ENDIF still has its IF.
         _open(state, statement, False)
         holds = state.one(statement) != 0
         state.conditions[-1] = Condition(holds, holds, statement.place)

@@ -193,6 +193,8 @@ class Parser:
                 raise SourceError(
                     "asm-syntax", f"more than {MAX_OPERATORS} operators in a line", token.column
                 )
+            # Precedence climbing: the right side takes only operators that bind tighter, so equal ones group
+            # to the left.
             left = BinaryOperation(token.text, left, self.expression(strength + 1), token.column)
 
     def _operand(self) -> Expression:

@@ -131,8 +131,8 @@ def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> Parsed
             hint = suggestion(word, mnemonics())
             raise SourceError("asm-syntax", f"unknown instruction '{word}'", text.column(0), hint)
         fields = Parser.of(text[len(word) :], radix).fields()
-        at = replace(place, column=text.column(0))
-        return ParsedLine(label, tuple(instructions(word, fields, at)))
+        address = replace(place, column=text.column(0))
+        return ParsedLine(label, tuple(instructions(word, fields, address)))
     except SourceError as error:
         column = place.column if error.column is None else error.column
         raise InputError.of(

@@ -34,7 +34,7 @@ from servogen.pic.isa import WORD_MASK
 from servogen.units import counted
 
 Include = Callable[[str], str | None]
-"""Gives the text of an include file by the name that the source writes; None when there is no such file."""
+"""Maps the name of an include file, as the source writes it, to its text; None if there is no such file."""
 
 Directive = Callable[["Pass", Statement], None]
 
@@ -180,6 +180,7 @@ class Pass:
         parsed = statement(line, self)
         if parsed.operation in CONDITIONAL:
             self.directives[parsed.operation](self, parsed)
+        # In lines that are left out only conditions are read, so that each ENDIF finds its IF.
         elif parsed.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
             text = f"{parsed.word.upper()} is not a directive: it is skipped with the lines around it"
             self.report("warning", "asm-else-if", text, line, parsed.column, ELSE_IF_HINT)

@@ -106,6 +106,7 @@ def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, in
     parts = [end]
     while end < len(text.chars) and depth:
         char = text.chars[end]
+        # Parentheses and commas in strings and characters separate nothing.
         if not any(a <= end < b for a, b in spans):
             depth += (char == "(") - (char == ")")
             if char == "," and depth == 1:
