@@ -50,7 +50,7 @@ def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_te
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
     over = [node.spec.phase == OVER for node in nodes]
     columns["time"] = [node.spec.time for node in nodes]
-    columns["frame"] = [-1 if done else node.spec.frame for node, done in zip(nodes, over, strict=True)]
+    columns["frame"] = [-1 if is_over else node.spec.frame for node, is_over in zip(nodes, over, strict=True)]
     reader = None if proof.held else schedule.commands
     places: dict[Place, int] = {}
     columns["place"] = [places.setdefault(_place(node.spec, schedule, reader), len(places)) for node in nodes]
@@ -95,7 +95,7 @@ def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | Non
         return (spec.wanted, frames, kind), 0, spec.line_read << pin
     levels = sampled = 0
     buttons = (direction.selector for direction in commands.directions)
-    for number, button in enumerate(each for each in buttons if isinstance(each, Input)):
+    for number, button in enumerate(selector for selector in buttons if isinstance(selector, Input)):
         pin, seen = PINS.index(button.pin), spec.line_read >> 2 * number
         sampled |= (seen >> 1 & 1) << pin
         levels |= (button.level if seen & 4 else 1 - button.level) * (seen >> 1 & 1) << pin

@@ -1,4 +1,4 @@
-"""What commands a walk, as the specification follows it: "Walk on command" in docs/firmware.md.
+"""The inputs that command a walk, as the specification follows them: "Walk on command" in docs/firmware.md.
 
 In: a `CommandRule`, and the frames of its directions as numbers. Out: what is heard of the line or seen of
 the buttons, level by level, what it commands, and the frame that follows a frame.
@@ -19,12 +19,14 @@ from servogen.pulse.schedule import (
 )
 
 AT_REST = 0
-"""Heard: the line has been at rest for so long that a code may begin."""
+"""`heard` once the line has been at rest long enough for a code to begin. Values from 1 to 63 are a 1
+followed, in binary, by the levels since a code began.
+"""
 OFF_REST, ON_REST = 64, 128
-"""Heard: so many levels more that are equal, and no code. Between: a 1, and the levels since a start."""
+"""`heard` while the levels are not a code: one of these, plus the number of equal levels in a row."""
 COUNT = 8
-"""Seen of buttons: the number of the direction, plus this times the frames in which it was the same. Of one
-button: the number of frames in which it was seen pressed, plus this times the latest direction.
+"""`heard` of several buttons is the number of the direction, plus COUNT times the frames in which it was the
+same; of one button, the number of frames in which it was pressed, plus COUNT times the latest direction.
 """
 
 
@@ -179,11 +181,11 @@ class WalkCommands:
 
     def __init__(self, schedule: PulseSchedule, rule: CommandRule) -> None:
         self.reader = reader_of(rule)
-        at = schedule.lead_in_frames
-        self._first: list[tuple[int, int, int]] = [(at, at, at)]
-        self._after: dict[int, int] = {at - 1: 0, at + schedule.loop_frames - 1: 0}
+        first_frame = schedule.lead_in_frames
+        self._first: list[tuple[int, int, int]] = [(first_frame, first_frame, first_frame)]
+        self._after: dict[int, int] = {first_frame - 1: 0, first_frame + schedule.loop_frames - 1: 0}
         """The last frame of each part, and the direction whose start or cycle it is; 0: the robot stands."""
-        at += schedule.loop_frames
+        first_frame += schedule.loop_frames
         for number, direction in enumerate(rule.directions):
             firsts = []
             for runs, then in (
@@ -191,9 +193,9 @@ class WalkCommands:
                 (direction.cycle, number + 1),
                 (direction.stop, 0),
             ):
-                firsts.append(at)
-                at += sum(run.frames for run in runs)
-                self._after[at - 1] = then
+                firsts.append(first_frame)
+                first_frame += sum(run.frames for run in runs)
+                self._after[first_frame - 1] = then
             self._first.append((firsts[0], firsts[1], firsts[2]))
 
     def following(self, frame: int, wanted: int) -> int:

@@ -1,8 +1,8 @@
-"""A violation of abstract states as a run of one chip, which anybody can repeat.
+"""A violation of abstract states as a run of one chip, which can be repeated.
 
 In: the way to a violation. Out: levels of the pins over time and the options of one chip with which the
 plain simulator makes a wrong edge, or nothing where none was found: an abstract way need not be the way of
-any chip.
+any real chip.
 """
 
 from __future__ import annotations
@@ -113,6 +113,7 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
     end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=path.tmr0_phase)
     for trial in trials(board, case.quantifiers, path.start, case.spec.period):
+        # The way of the finding counts from the first instruction after the last reset.
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
         for falling in (False, True) if path.requests else (False,):
             changes = [*path.samples, *_requesting(case, path.requests, falling)]
@@ -136,6 +137,7 @@ def _requesting(case: Case, requests: Sequence[tuple[int, int]], falling: bool) 
     if moments:
         samples.append((0, RB0, int(falling)))
     for cycle in moments:
+        # INTEDG may select either edge of RB0: both are tried.
         samples += [(cycle, RB0, 1 - falling), (cycle + 1, RB0, int(falling))]
     changes = [cycle for cycle, flags in requests if flags & RBIF]
     if changes and free:
@@ -221,9 +223,9 @@ def _path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
     return path
 
 
-def levels_of(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
+def levels_of(samples: Sequence[Sample], held_levels: Mapping[int, int]) -> AllLevels:
     """Return the pins' levels: each from the cycle of its reading on, the first from the beginning."""
-    levels: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
+    levels: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held_levels.items()}
     for cycle, pin, level in sorted(samples):
         changes = levels.setdefault(pin, [(0, level)])
         if changes[-1][1] != level:

@@ -1,4 +1,4 @@
-"""Where to cut a program, and what is dead there: guesses from one run as the schedule's inputs say.
+"""The choice of cut points, and of the bytes that are dead there: guesses from one run with the inputs held.
 
 In: an image and a schedule. Out: cut points with guesses. A good cut point is met once in a frame and has few
 live bytes: in a player it is the beginning of the next frame's widths.
@@ -120,6 +120,7 @@ def choose_cuts(
         if walk is None:
             continue
         live = live_places(walk.reads, walk.writes, ALL_PLACES)
+        # The second half of the walk only serves to find out what is live in the first.
         count = max((len(places) for places in live[: len(live) // 2]), default=1 << 20)
         # After a button was read there are two states for each one before; runs that differ in W are not
         # shared.
@@ -154,6 +155,7 @@ def _needs_w(program: PreparedProgram, pc: int) -> bool:
 
 def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int, Guess]:
     live = live_places(walk.reads, walk.writes, ALL_PLACES)
+    # Liveness is exact only some runs before the walk's end, after which everything counts as live.
     half = max(1, len(live) // 2)
     guesses = {}
     for pc in cuts:
@@ -163,6 +165,7 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
         states = [walk.states[n] for n in range(len(walk.pcs)) if walk.pcs[n] == pc]
         timers = [transitions.rest(rest)[FIELD["T0_VALUE"]] for _, rest in states]
         known = all(transitions.rest(rest)[FIELD["T0_UNKNOWN"]] == 0 for _, rest in states)
+        # With fewer phases of TMR0 it is cheaper to keep them apart than to follow the distance.
         if known and len(set(timers)) >= 16:
             guess.phased = {
                 place

@@ -30,12 +30,12 @@ class TrimSearch:
     """Runs a program with contents of the EEPROM."""
 
     def __init__(
-        self, image: Image, schedule: PulseSchedule, board: SimulatorOptions, held: Mapping[int, int]
+        self, image: Image, schedule: PulseSchedule, board: SimulatorOptions, held_levels: Mapping[int, int]
     ) -> None:
         self._image = image
         self._schedule = schedule
         self._board = board
-        self._held = held
+        self._held = held_levels
         runs = (*schedule.lead_in, *schedule.loop)
         self._frames = [run.pulses for run in runs for _ in range(run.frames)]
         self._bytes = {byte: channel for byte in range(EEPROM_BYTES) for channel in self._probed(byte)}
@@ -59,12 +59,12 @@ class TrimSearch:
         program plays.
         """
         first = len(self._schedule.channels)
-        held = sorted(n for n, value in self._image.eeprom.items() if n >= first and value != NO_TRIM)
-        mismatch = self._compared({}, len(self._frames)) if held else None
+        beyond = sorted(n for n, value in self._image.eeprom.items() if n >= first and value != NO_TRIM)
+        mismatch = self._compared({}, len(self._frames)) if beyond else None
         if mismatch is None:
             return None
         cycle, message = mismatch
-        message = f"the EEPROM holds more than trims: with bytes {held[0]} to {held[-1]} erased {message}"
+        message = f"the EEPROM holds more than trims: with bytes {beyond[0]} to {beyond[-1]} erased {message}"
         return Counterexample(message, cycle, self._board, levels_of((), self._held), eeprom={})
 
     def _contents(self, suspect: Mapping[int, int]) -> Iterator[tuple[Mapping[int, int], int]]:
@@ -76,6 +76,7 @@ class TrimSearch:
     def _probed(self, byte: int) -> list[int]:
         """Return the channels whose first pulse a byte of the EEPROM makes longer."""
         first = next((n for n, frame in enumerate(self._frames) if any(frame)), 0)
+        # A byte is a servo's trim if changing it alone moves a fall.
         plain, seen = (set(self._seen(content, first + 1)) for content in ({}, {byte: PROBE}))
         moved = {pin for cycle, pin, level in seen - plain if not level}
         return [n for n, channel in enumerate(self._schedule.channels) if PINS.index(channel.pin) in moved]

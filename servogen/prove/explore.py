@@ -1,8 +1,8 @@
 """The search through all abstract states that a program can reach at its cut points.
 
 In: the transitions of a program, a specification, cut points with what is generalised there. Out: the
-states, each of which was run from, in all ways, to the next ones, with every edge on the way as specified;
-or what was found instead. Breadth first: the first violation is one of the nearest.
+states, from each of which every run to the next cut was followed, with all its edges as specified; or what
+was found instead. Breadth first: the first violation is one of the nearest.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class SearchResult:
     open_nodes: int = 0
     cut: int = 0
     waits: tuple[tuple[int, int], ...] = ()
-    """The ways between states before the first pulse, which must not form a circle."""
+    """The ways between states before the first pulse, which must not form a cycle."""
     asynchronous: bool = False
     """Whether something other than TMR0 may interrupt the program, end its SLEEP or its EEPROM write."""
 
@@ -159,13 +159,13 @@ class Explorer:
         """Return all states, or the first finding."""
         for start in self._starts:
             self._store(start.ram, self._transitions.number(start.rest), self._spec.start(), -1, 0, ())
-        done = 0
+        expanded = 0
         while self._queue:
             number = self._queue.popleft()
             ended = self._expand(number)
-            done += 1
-            if done % 500 == 0:
-                self._tell(done, len(self._nodes))
+            expanded += 1
+            if expanded % 500 == 0:
+                self._tell(expanded, len(self._nodes))
             if ended is not None:
                 return ended
             if len(self._nodes) > self._max_states:
@@ -204,8 +204,8 @@ class Explorer:
             self._queue.append(len(self._nodes))
             self._nodes.append(Node(ram, rest, spec, parent, cycles, decisions, raw))
         if spec.phase == BEFORE and parent >= 0:
-            # The time before the first pulse is no part of a state, so a program that waits endlessly closes
-            # the search. It is found as a circle of these pairs.
+            # The time before the first pulse is not part of a state, so a program that waits endlessly closes
+            # the search. It is found as a cycle among these pairs.
             self._waits.append((parent, self._known[key]))
 
     def _expand(self, number: int) -> SearchResult | None:
@@ -230,6 +230,8 @@ class Explorer:
             ways = self._ways(point)
             if ways is None:
                 return self._stuck(number, point, "what decides is not known", point.use)
+            # The ways cover every value of what is unknown (`forks`), so following all of them covers every
+            # chip.
             for choices in ways:
                 ended = self._follow(number, point, choices, points)
                 if ended is not None:
@@ -311,6 +313,7 @@ class Explorer:
             return self._ended(SearchAnswer.VIOLATED, finding)
         if outcome.reason is Reason.LIMIT:  # a loop without a cut, which would be followed endlessly
             return self._ended(SearchAnswer.CUT, None, transitions.pc(rest))
+        # The induction: whatever the state is replaced by contains it, and is expanded in its turn.
         if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
             self._store(ram, rest, spec, number, cycle, _decisions(trail))
             return None

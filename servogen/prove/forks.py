@@ -1,4 +1,4 @@
-"""Where an unknown bit decides: the ways that together cover every value of it.
+"""Case distinctions where an unknown bit decides: choices that together cover every value of it.
 
 In: a state, the instruction about to be executed, and which of its bits decides. Out: choices, each making
 some bits known for that instruction; every chip of the state agrees with at least one of them.
@@ -60,6 +60,7 @@ class PreparedProgram:
     """Whether an EEPROM write may end in any cycle."""
 
     def at(self, pc: int) -> Decoded | None:
+        """Return the decoded instruction at an address; None if there is none."""
         word = self.image.program.get(pc & 0x3FF)
         return None if word is None else decode(word)
 
@@ -164,6 +165,7 @@ def before_instruction(
     if row.mnemonic == "SLEEP":
         return [(ALONE,)]
     if _in_eecon1(decoded, state):
+        # The write in progress may be over already, or not yet: EECON1 reads differently.
         writing = state["EE_DONE_AT"] != layout.NEVER and program.any_write_time
         return [(ALONE,), (AssumedBits("EE_DONE", 0, 0),)] if writing else [(ALONE,)]
     if row.mnemonic == "OPTION" or (decoded.f == TMR0 and bank_1 and _writes(decoded)):
@@ -200,9 +202,10 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
         return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
+        # A pin may set its flag before the instruction, or in the second cycle of one that takes two.
         ways = [AssumedBits(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
         ways += [AssumedBits("EE_DONE", 0, late) for late in (0, 1) if use.subject & WRITTEN]
-        return [(*chosen, way) for way in (AssumedBits("INTCON", use.subject & 7, 0), *ways)]
+        return [(*chosen, event) for event in (AssumedBits("INTCON", use.subject & 7, 0), *ways)]
     decoded = program.at(state["PC"])
     if decoded is None:
         return None
@@ -271,6 +274,8 @@ def _counted(decoded: Decoded, state: ChipState, field: str, chosen: Choices) ->
     cell = state.ram[int(field, 16) - RAM_FIRST]
     last = 1 if decoded.instruction.mnemonic == "DECFSZ" else 0xFF
     mask = 0xFF if cell >= CELL_PHASED else cell >> CELL_MASK_SHIFT
+    # Any value other than `last` stands for all others: the result is not 0, so the skip is not taken.
+    # `steer` leaves the byte unknown.
     other = last ^ (mask & -mask)
     return [
         (*chosen, AssumedBits(field, 0xFF, last)),

@@ -1,5 +1,5 @@
-"""What a state need not say at a cut point: bytes that are overwritten before they are read, and TMR0's
-phase.
+"""Generalisation of states at cut points: bytes that are overwritten before they are read become unknown, and
+so does TMR0's phase.
 
 In: cut points, and a guess of what is dead there. Out: more general states. A guess needs no proof: the
 search continues from the general state, so whatever follows holds for all of its chips. If something
@@ -49,6 +49,7 @@ class Guess:
     registers: set[str] = field(default_factory=lambda: set(REGISTERS))
 
     def drop(self, place: str) -> None:
+        """Keep a place as it is from now on."""
         if place == PHASE:
             self.phased = None
         elif place.startswith("0x"):
@@ -68,6 +69,7 @@ class Generaliser:
 
     @property
     def cuts(self) -> dict[int, Guess]:
+        """Return the cut points with what is general at each."""
         return self.guesses
 
     def add_cut(self, pc: int) -> None:
@@ -82,6 +84,8 @@ class Generaliser:
             generalised = self._rests[rest] = self._general_rest(rest, guess)
         general, timer, moved = generalised
         cells = list(ram)
+        # If one of these is read after all, it decides nothing, or it stops the run with a use that `blamed`
+        # looks into: a wrong guess is found out.
         for place in guess.dead:
             cells[place] = ALL_UNKNOWN
         if moved:
@@ -148,6 +152,7 @@ class Generaliser:
             return False
         guess = self.guesses[self._transitions.pc(node.rest)]
         suspects = [*self._suspects(node, guess)]
+        # Each alone first. If none alone is to blame, a combination may be: then all are kept.
         guilty = [place for place in suspects if not self._decides(node, [place], decisions, cycle)]
         if not guilty and suspects and not self._decides(node, suspects, decisions, cycle):
             guilty = suspects
@@ -167,29 +172,30 @@ class Generaliser:
         if guess.phased is not None:
             yield PHASE
 
-    def _decides(self, node: Node, kept: list[str], decisions: tuple[Decision, ...], cycle: int) -> bool:
+    def _decides(self, node: Node, restored: list[str], decisions: tuple[Decision, ...], cycle: int) -> bool:
         """Return whether an unknown bit decides at `cycle`, or before, if `kept` had not been made
         general.
         """
-        ram, rest = self._restored(node, kept)
+        ram, rest = self._restored(node, restored)
         transitions = self._transitions
-        at = 0
+        now = 0
+        # The same way again, from the more particular state: without the use, the general part was its cause.
         pending = {decision.cycle: decision.choices for decision in decisions}
-        while at <= cycle:
-            outcome = transitions.run(ram, transitions.number(rest), pending.pop(at, ()))
-            at += outcome.cycles
-            if outcome.reason is Reason.USE and (at == cycle or at not in pending):
-                return at <= cycle
-            if outcome.reason is Reason.LIMIT or (not outcome.cycles and at not in pending):
+        while now <= cycle:
+            outcome = transitions.run(ram, transitions.number(rest), pending.pop(now, ()))
+            now += outcome.cycles
+            if outcome.reason is Reason.USE and (now == cycle or now not in pending):
+                return now <= cycle
+            if outcome.reason is Reason.LIMIT or (not outcome.cycles and now not in pending):
                 return False
             ram, rest = applied(ram, outcome), outcome.rest
         return False
 
-    def _restored(self, node: Node, kept: list[str]) -> tuple[Ram, tuple[int, ...]]:
+    def _restored(self, node: Node, restored: list[str]) -> tuple[Ram, tuple[int, ...]]:
         """Return the state at `node` with `kept` as it was before, and with some phase if that is kept."""
         raw_ram, raw_rest = node.raw[0], self._transitions.rest(node.raw[1])
         cells, rest = list(node.ram), list(self._transitions.rest(node.rest))
-        for place in kept:
+        for place in restored:
             if place.startswith("0x"):
                 cells[int(place, 16)] = raw_ram[int(place, 16)]
             elif place == PHASE:

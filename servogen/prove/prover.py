@@ -95,6 +95,8 @@ class _Prover:
         inputs = {PINS.index(source.pin): source.level for source in schedule.inputs}
         known = schedule.buttons is not None or schedule.commands is not None
         free = quantifiers.inputs and not quantifiers.any_eeprom
+        # A pin is free only if the schedule says what each of its levels means; another one keeps the level
+        # that the schedule states, which then is an assumption of the proof.
         self._held = {} if known and free else inputs
         rules = (schedule.buttons, schedule.commands) if free else (None, None)
         self._spec = Specification(schedule, *rules)
@@ -105,13 +107,16 @@ class _Prover:
         )
         self._longest = longest
         self._program = PreparedProgram(image, quantifiers.eeprom_write)
+        # No run between two stops may be longer than the time in which an edge has to come.
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
         self._cuts: set[int] = set()
+        # Before these instructions the search has to choose something, so a run stops at each of them.
         self._always = self._program.port_reads() | self._program.option_writes()
         self._always |= self._program.sleeps | self._program.eeprom_accesses
 
     def prove(self) -> Proof:
+        """Return the answer: search, add what the search asks for, and search again until it is decided."""
         unfit = self._unfit_oscillator()
         if unfit is not None:
             return unfit
@@ -142,7 +147,10 @@ class _Prover:
                 and self._quantifiers.start
                 and self._transitions.written - written
             ):
-                written = frozenset(self._transitions.written)  # a reset may come after any of these
+                # A reset leaves the RAM as it was (DS35007 table 6-4): of the known start values, only those
+                # hold that the program never writes. Runs with fewer of them may write more places, so this
+                # repeats until none is added.
+                written = frozenset(self._transitions.written)
             else:
                 self._cuts = set(generaliser.cuts)
                 answer = self._answer(search)
@@ -156,6 +164,7 @@ class _Prover:
         erased = runs.erased()
         if erased is not None:
             return replace(plain, proven=False, counterexample=erased)
+        # NOPs only: what the timers do while so many cycles pass.
         idle = replace(self._image, program=dict.fromkeys(range(PROGRAM_WORDS), encode("NOP")))
         chip = AbstractChip(
             idle, self._schedule.clock, self._board, self._held, self._quantifiers.watchdog, self._longest
@@ -314,5 +323,7 @@ def _waits_endlessly(search: SearchResult) -> int | None:
     for before, after in search.waits:
         graph.setdefault(before, []).append(after)
         graph.setdefault(after, [])
+    # No pulse is due before the first one, so each of these waits obeys the specification; only a cycle of
+    # them means that the first pulse may never come.
     cycles = components(graph)
     return cycles[0][0] if cycles else None

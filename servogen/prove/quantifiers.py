@@ -1,4 +1,4 @@
-"""What a proof is about, each part of which can be switched off.
+"""The quantifiers of a proof, each of which can be switched off.
 
 In: switches. Out: `Quantifiers`, and the concrete chips among which a counterexample is looked for.
 """
@@ -26,7 +26,7 @@ Start = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Quantifiers:
-    """What a proof is about; all of it by default."""
+    """The quantifiers of a proof; all of them by default."""
 
     inputs: bool = True
     """Every input pin at any level in any cycle; else the levels of the schedule."""
@@ -87,6 +87,8 @@ def trials(
         for part in range(WRITE_TIMES + 1):
             yield chip(base=replace(board, eeprom_write_us=max(1, longest * part // WRITE_TIMES)))
     if quantifiers.resets:
+        # Five resets in each frame; the 7 cycles more each time keep them from always hitting the same
+        # instruction.
         moments = [period * n // 5 + 7 * n for n in range(1, RESETS + 1)]
         yield from (ChipTrial(chip(chosen).options, moment) for moment in moments)
     for seed, floating in product(range(SEEDS), (0, 1)):

@@ -1,4 +1,4 @@
-"""What the pins may do: the schedule with its buttons or its commands, as a function of time.
+"""The specification of the pins: the schedule with its buttons or its commands, as a function of time.
 
 In: a `PulseSchedule`. Out: `Specification`, which follows runs of a program: it takes a state of its own, the
 edges and the levels that the program read, and returns the state later, or a `Violation`.
@@ -103,11 +103,12 @@ class Specification:
 
     @property
     def frames(self) -> int:
+        """Return the number of frames of the lead-in, the loop and the directions of a walk on command."""
         return len(self._frames)
 
     @property
     def longest_silence(self) -> int:
-        """Return the most cycles between two edges, as far as the loop has any."""
+        """Return the maximum number of cycles between two edges, as far as the loop has any."""
         longest = silent = 0
         for frame in (*self._frames, *self._frames[self._loop :]):
             silent = 0 if frame else silent + 1
@@ -120,6 +121,7 @@ class Specification:
         return frozenset(self._pins)
 
     def start(self) -> SpecState:
+        """Return the state at reset."""
         running = 0 if self.rule and self.rule.start else 1
         heard = self._commands.reader.at_power_up if self._commands else 0
         return SpecState(BEFORE, 0, self._waiting, running, heard=heard)
@@ -151,6 +153,7 @@ class Specification:
     def advance(self, state: SpecState, edges: Sequence[Edge], cycles: int) -> SpecState:
         """Return the state after a run of `cycles` that made `edges`. Raises Violation."""
         begun = 0
+        # The first rise fixes when the first frame with pulses began: when a program starts is left open.
         if state.phase == BEFORE:
             rise = next((edge for edge in edges if edge[2]), None)
             if rise is None:
@@ -248,6 +251,7 @@ class Specification:
                     frame = self._waiting if rule.start else frame
         if running:
             frame = self._following(frame)
+        # Switched off, and no button switches it on again.
         if not on and not rule.start:
             return SpecState(OVER, 0, self._loop)
         return SpecState(IN_FRAME, 0, frame, running, on, start_seen, stop_seen)

@@ -28,10 +28,16 @@ class _Memory:
         self._examples: list[tuple[Ram, RunOutcome]] = []
 
     def get(self, ram: Ram) -> RunOutcome | None:
+        """Return the outcome for a RAM that agrees with a remembered one in all bytes that were read; None if
+        none does.
+        """
         return self._outcomes.get(self._key(ram))
 
     def put(self, ram: Ram, outcome: RunOutcome) -> None:
+        """Remember an outcome."""
         self._examples.append((ram, outcome))
+        # The runs remembered so far read fewer bytes; their keys are made again, with the RAM that each began
+        # with, so that one key serves all of them.
         if not self.read.issuperset(outcome.read):
             self.read = self.read.union(outcome.read)
             self._key = itemgetter(*sorted(self.read))
@@ -74,9 +80,11 @@ class Transitions:
         return number
 
     def rest(self, number: int) -> Rest:
+        """Return the state beside the RAM with this number."""
         return self._rests[number]
 
     def pc(self, number: int) -> int:
+        """Return the address of the next instruction, 0 to 0x3FF, in the state with this number."""
         return self._rests[number][_PC] & 0x3FF
 
     def run(self, ram: Ram, rest: int, choices: Choices) -> RunOutcome:

@@ -204,9 +204,11 @@ class _Memory:
     """By byte of the EEPROM: what its tables say, numbered."""
 
     def key(self, ram: Ram) -> tuple[int, ...]:
+        """Return the cells of the bytes that runs read."""
         return tuple(ram[place] for place in sorted(self.read))
 
     def note(self, read: frozenset[int]) -> None:
+        """Note that runs read more bytes: the remembered ways get longer keys."""
         if not self.read.issuperset(read):
             self.read |= read
             self.found = {self.key(ways.example): ways for ways in self.found.values()}
@@ -303,6 +305,7 @@ class TrimProof:
             if outcome.reason is not Reason.STOP:
                 why = "; ".join(outcome.warnings) or "an unknown bit decides"
                 raise UndecidedTrims(self._place(why, state))
+            # An interrupt would make the cycle of everything after it depend on the time.
             if outcome.rest[FIELD["INTCON"]] & layout.GIE:
                 raise UndecidedTrims(self._place("an interrupt is enabled", state))
             if any(place in state.tables for place in outcome.read):
@@ -336,9 +339,12 @@ class TrimProof:
 
         Tables that decide, or are copied, are taken apart.
         """
+        # The watchdog's time-out depends on the cycle, which the chips of one state do not share.
         if len(state.times) > 1 and self._chip.watchdog:
             raise UndecidedTrims("the watchdog is on")
         taken: frozenset[Place] = frozenset()
+        # W and the flags rarely matter where tables are taken apart; with them unknown, more states share the
+        # ways. If they decide after all, the ways of the exact state are run.
         general = replace(state, rest=_loosened(state.rest))
         while True:
             ways, rows, cells = self._ways(general if taken else state, taken)
@@ -350,8 +356,11 @@ class TrimProof:
             more = taken | {place for place in ways.read if place in state.tables}
             if more == taken and EEDATA in state.tables:
                 more = taken | {EEDATA}
+            # Tables with a source hold pairs of values: they are taken apart together with others of the same
+            # source, or not at all.
             joint = next((t.source for t in map(state.tables.get, more) if t is not None and t.source), None)
             more = frozenset(place for place in more if state.tables[place].source is joint)
+            # Nothing more can be taken apart, so what decides is not a byte of the EEPROM.
             if more == taken:
                 raise UndecidedTrims(self._place("an unknown bit decides", state))
             taken = more
@@ -444,12 +453,12 @@ class TrimProof:
         """Run what has not been run of `classes`; return the ways, which others no longer share if they read
         more.
         """
-        new, at = np.unique(classes, return_index=True)
+        new, indices = np.unique(classes, return_index=True)
         fresh = ways.row_of[new] < 0
-        new, at = new[fresh], at[fresh]
+        new, indices = new[fresh], indices[fresh]
         values = np.zeros((len(new), len(taken)), dtype=np.int64)
         for column, table in enumerate(taken.values()):
-            values[:, column] = _spread(table, cells).ravel()[at]
+            values[:, column] = _spread(table, cells).ravel()[indices]
         stops, runs = self._stops | self._timer, []
         for begin in range(0, len(new), CHUNK):
             part = slice(begin, begin + CHUNK)
@@ -478,18 +487,19 @@ class TrimProof:
         new_tables: dict[Place, ByteTable] = {}
         for place, column in ways.ram.items():
             values = column[rows]
-            kept = values < 0
-            if kept.all():
+            unwritten = values < 0
+            if unwritten.all():
                 continue
-            if kept.any():
+            if unwritten.any():
                 before = _spread(state.tables[place], cells) if place in taken else np.array(state.ram[place])
-                values = np.where(kept, before, values)
+                values = np.where(unwritten, before, values)
             tables.pop(place, None)
             ram[place] = int(values.flat[0])
             if (values != ram[place]).any():
                 ram[place] = ALL_UNKNOWN
                 if (values < VALUES).all():
                     new_tables[place] = _table(values, cells, ways, rows)
+        # Tables of pairs have to come from the same ways, so that the same pair indexes them all.
         if any(table.source is ways for table in new_tables.values()):
             new_tables = {}
             for place in ways.differing():
@@ -555,14 +565,14 @@ class TrimProof:
         for pin in sorted(pins):
             rise = rises.get(pin)
             fall = edges.get((pin, 0))
-            at = int(rise.flat[0]) if rise is not None else -1
-            pulse = due.get((pin, start.time + at))
-            if rise is None or fall is None or pulse is None or (rise != at).any():
-                other = int(np.argmax(rise != at)) if rise is not None else 0
+            rise_cycle = int(rise.flat[0]) if rise is not None else -1
+            pulse = due.get((pin, start.time + rise_cycle))
+            if rise is None or fall is None or pulse is None or (rise != rise_cycle).any():
+                other = int(np.argmax(rise != rise_cycle)) if rise is not None else 0
                 message = f"a pulse on {PINS[pin]} is not the schedule's"
                 raise WrongEdge(message, self._content(cells, other), start.frame)
             ahead, channel, width = pulse
-            self._compare(channel, fall - at - width, cells, start.frame + ahead)
+            self._compare(channel, fall - rise_cycle - width, cells, start.frame + ahead)
             matched.add((ahead, channel))
         return self._moved(start, start.time, first, last - first + state.times[-1], frozenset(matched))
 
@@ -572,6 +582,8 @@ class TrimProof:
         differs = {NO_BYTE: longer != 0}
         for axis, cell in enumerate(cells):
             differs[cell] = longer != _along(TRIMS, axis, len(cells))
+        # The first pulse of a channel shows which byte is its trim: the one that explains most lengths. From
+        # then on the channel keeps that byte.
         options = [known if known in differs else NO_BYTE] if known is not None else [*differs]
         fewest, cell = min((int(np.count_nonzero(differs[option])), option) for option in options)
         wrong = differs[cell]
@@ -611,12 +623,17 @@ class TrimProof:
         for ahead, channel, pin, rise, _ in self._due(state):
             if rise < end + spread and (ahead, channel) not in matched:
                 raise WrongEdge(f"the rise of {PINS[pin]} is missing", {}, frame)
-        done = state.done | {channel for ahead, channel in matched if not ahead}
+        pulsed = state.done | {channel for ahead, channel in matched if not ahead}
         ahead_done = frozenset(channel for ahead, channel in matched if ahead)
         while end >= self._period:
             self._played.add(frame)
-            frame, end, done, ahead_done = self._following(frame), end - self._period, ahead_done, frozenset()
-        return {"frame": frame, "time": end, "done": frozenset(done)}
+            frame, end, pulsed, ahead_done = (
+                self._following(frame),
+                end - self._period,
+                ahead_done,
+                frozenset(),
+            )
+        return {"frame": frame, "time": end, "done": frozenset(pulsed)}
 
     def _settled(self, state: _State) -> Iterator[_State]:
         """Yield the state, more general at a cut point, unless it has been there before."""

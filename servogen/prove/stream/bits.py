@@ -1,4 +1,4 @@
-"""Bit-vectors that are numbers where they are known, and terms of the solver bitwuzla where they are not.
+"""Bit-vectors: numbers where they are known, terms of the solver bitwuzla where they are not.
 
 In: numbers, named unknowns, and the operations of a byte machine. Out: `Bits` and `Truth`, and from `Solver`
 whether a statement can be true. Operations on numbers give numbers: specifications that are written with
@@ -59,12 +59,13 @@ class Truth:
 
     __slots__ = ("_made", "known")
 
-    def __init__(self, known: bool | None, made: Any = None) -> None:
+    def __init__(self, known: bool | None, term: Any = None) -> None:
         self.known = known
-        self._made = made
+        self._made = term
 
     @property
     def term(self) -> Any:
+        """Return the solver's term, made when it is first needed."""
         if self._made is None:
             self._made = _manager().mk_true() if self.known else _manager().mk_false()
         return self._made
@@ -94,16 +95,17 @@ class Bits:
     __slots__ = ("_made", "_parts", "value", "width")
 
     def __init__(
-        self, width: int, value: int | None, made: Any = None, parts: tuple[Bits, Bits] | None = None
+        self, width: int, value: int | None, term: Any = None, parts: tuple[Bits, Bits] | None = None
     ) -> None:
         self.width = width
         self._parts = parts
         """The higher and the lower bits that it was put together from."""
         self.value = None if value is None else value & ((1 << width) - 1)
-        self._made = made
+        self._made = term
 
     @property
     def term(self) -> Any:
+        """Return the solver's term, made when it is first needed."""
         if self._made is None:
             assert self.value is not None
             self._made = _number(self.width, self.value)
@@ -126,6 +128,8 @@ class Bits:
             return self
         if self._parts is not None and number is not None and number > 0:
             upper, lower = self._parts
+            # Without a carry the upper bits stay as they are, and the sum remains a pair of which one part is
+            # known.
             if lower.value is not None and lower.value + number < 1 << lower.width:
                 return upper.above(lower + number)
         return self._of_two(other, "BV_ADD")
@@ -203,8 +207,8 @@ class Bits:
     def with_bit(self, number: int, value: int) -> Bits:
         """Return the same with one bit set to a value."""
         bit = Bits(1, value)
-        found = bit if number == 0 else bit.above(self[:number])
-        return found if number + 1 == self.width else self[number + 1 :].above(found)
+        lower = bit if number == 0 else bit.above(self[:number])
+        return lower if number + 1 == self.width else self[number + 1 :].above(lower)
 
     def above(self, low: Bits) -> Bits:
         """Return these bits followed by lower ones."""
@@ -224,6 +228,7 @@ class Bits:
         return Bits(width, None, _term("BV_SIGN_EXTEND", self._made, indices=(width - self.width,)))
 
     def equals(self, other: Bits | int) -> Truth:
+        """Return whether both are the same number."""
         number = self._known_with(other)
         if self.value is not None and number is not None:
             return Truth(self.value == number & ((1 << self.width) - 1))
@@ -272,10 +277,10 @@ def as_bit(truth: Truth) -> Bits:
 
 def all_of(truths: Iterable[Truth]) -> Truth:
     """Return whether all are true."""
-    found = TRUE
+    conjunction = TRUE
     for truth in truths:
-        found = found & truth
-    return found
+        conjunction = conjunction & truth
+    return conjunction
 
 
 class Solver:

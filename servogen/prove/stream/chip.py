@@ -1,4 +1,4 @@
-"""What a chip of the stream engine does, as docs/firmware.md states it: the specification of its program.
+"""The specification of a stream program: what its chip does, as docs/firmware.md states it.
 
 In: the numbers of a stream, and the chip's variables. Out: the variables after a frame's beginning, after a
 pulse is prepared, after a command, after a look at the line. Values are `Bits`, known or not.
@@ -65,19 +65,20 @@ class StreamChip:
     def valid(self) -> Truth:
         """Return what holds of the variables between any two steps."""
         servos = range(self.servos)
-        found = [self._within(n, value) for n in servos for value in (self.widths[n], self.goals[n])]
+        conditions = [self._within(n, value) for n in servos for value in (self.widths[n], self.goals[n])]
         if self.streamed.stream.fail_safe == OFF:
             off = [(self.widths[n].equals(0), self.goals[n].equals(0)) for n in servos]
-            found = [
+            conditions = [
                 (within_width & within_goal & ~no_pulse & ~no_goal) | (no_pulse & no_goal)
                 for within_width, within_goal, (no_pulse, no_goal) in zip(
-                    found[::2], found[1::2], off, strict=True
+                    conditions[::2], conditions[1::2], off, strict=True
                 )
             ]
-        found += [~self.left.equals(0) | ~member for member in self.group]
+        # A group moves only with frames left: the way of its servos is divided by their number.
+        conditions += [~self.left.equals(0) | ~member for member in self.group]
         if self.streamed.stream.fail_safe != HOLD:
-            found.append(self.silence.less(self._most_silence + 1))
-        return all_of(found)
+            conditions.append(self.silence.less(self._most_silence + 1))
+        return all_of(conditions)
 
     def _within(self, n: int, value: Bits) -> Truth:
         """Return whether a width without its trim is in the servo's range."""
@@ -123,10 +124,10 @@ class StreamChip:
             self.widths[n] = choose(silent, Bits(16, 0), self.widths[n])
         goal, width = self.goals[n], self.widths[n]
         down = goal.less(width)
-        way = choose(down, width - goal, goal - width)
+        distance = choose(down, width - goal, goal - width)
         speed = self.speeds[n].wide(16)
-        limited = choose(~speed.equals(0) & speed.less(way), speed, way)
-        step = choose(self.group[n], way // self.left.wide(16), limited)
+        limited = choose(~speed.equals(0) & speed.less(distance), speed, distance)
+        step = choose(self.group[n], distance // self.left.wide(16), limited)
         step = choose(self.waiting[n] | (self.group[n] & self.starting), Bits(16, 0), step)
         self.widths[n] = choose(down, width - step, width + step)
 
@@ -161,7 +162,7 @@ class StreamChip:
             begins = value.equals(0)
             self.gathering = begins
             self.starting = choose_truth(begins, self.starting, TRUE)
-            self.group = [choose_truth(begins, *each) for each in zip(self.group, self.waiting, strict=True)]
+            self.group = [choose_truth(begins, *pair) for pair in zip(self.group, self.waiting, strict=True)]
             self.waiting = [choose_truth(begins, waits, FALSE) for waits in self.waiting]
             self.left = choose(begins, self.left, value)
         elif kind is CommandKind.QUERY:
@@ -179,7 +180,7 @@ class StreamChip:
 
 
 NOTHING = 0xFE
-"""What `command` and `todo` are while there is no command, a byte with which no command begins."""
+"""The value of `command` and `todo` while there is no command: a byte with which no command begins."""
 BROKEN, SENDING = 7, 6
 """Bits of `bits`: a byte without its stop bit came, the line is not high again; the chip answers."""
 
@@ -233,6 +234,7 @@ class ReceiverState:
         self.bits = byte(bits)
         if bits == 0:
             self._end(line)
+        # Of the counts 9 to 1 only 9 has bits 3 and 0 set: these are the bits that the words test.
         elif bits & 9 == 9:  # the start bit: a high line was noise
             self.bits = choose(line, byte(0), byte(bits))
         else:
@@ -244,8 +246,8 @@ class ReceiverState:
         third = ~sync & ~second & ~self.command.equals(NOTHING) & line
         self.todo = choose(third, self.command, self.todo)
         self.value = choose(third, self.byte, self.value)
-        kept = choose(sync, byte(SYNC), choose(second, self.byte, byte(NOTHING)))
-        self.command = choose(line, kept, byte(NOTHING))
+        next_command = choose(sync, byte(SYNC), choose(second, self.byte, byte(NOTHING)))
+        self.command = choose(line, next_command, byte(NOTHING))
         self.bits = choose(line, byte(0), byte(1 << BROKEN))
 
     def _send(self, bits: int) -> None:

@@ -43,7 +43,7 @@ from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.layout import GLITCH
 
 PAUSES_S = {CommandKind.TRIM: Fraction(30, 1000), CommandKind.QUERY: Fraction(25, 1000)}
-"""For so long the sender leaves the line alone after a command: docs/firmware.md, "Protocol"."""
+"""The time for which the sender leaves the line idle after a command: docs/firmware.md, "Protocol"."""
 MAX_ERROR = 190
 """The sender's maximum error in 1/10 000: less than 2 %, because its edges are rounded to cycles."""
 VOID = bytes((SYNC, NOTHING, 0))
@@ -98,6 +98,7 @@ class Sender:
 
     @property
     def bit(self) -> Fraction:
+        """Return the length of a bit in cycles."""
         return self.streamed.plan.schedule.clock.cycles_per_second / Fraction(self.streamed.stream.baud)
 
     @property
@@ -105,12 +106,15 @@ class Sender:
         return len(self.streamed.neutral)
 
     def wait(self, cycles: float | Fraction) -> None:
+        """Leave the line as it is for a number of cycles, rounded down."""
         self.now += int(cycles)
 
     def frames(self, frames: float) -> None:
+        """Leave the line as it is for a number of frames."""
         self.wait(frames * self.streamed.layout.period)
 
     def level(self, level: int) -> None:
+        """Set the line to a level from now on."""
         self.levels.append((int(self.now), level))
 
     def byte(self, value: int, rate: Fraction = Fraction(1), stop: bool = True) -> None:
@@ -173,7 +177,7 @@ class Sender:
         self.wait(BITS * self.bit)
 
 
-# what is sent
+# sending
 
 
 def _talk(sender: Sender, suspect: Suspect) -> None:
@@ -213,9 +217,9 @@ def _group(sender: Sender) -> None:
 
 def _broken(sender: Sender) -> None:
     data = position_command(sender.dice.randrange(sender.servos), _third(sender.dice))
-    at = sender.dice.randrange(len(data))
-    sender.send(data[:at])
-    sender.byte(data[at] & 0x7F, stop=False)
+    broken = sender.dice.randrange(len(data))
+    sender.send(data[:broken])
+    sender.byte(data[broken] & 0x7F, stop=False)
 
 
 def _suspected(sender: Sender, suspect: Suspect) -> None:
@@ -270,7 +274,7 @@ def _show(sender: Sender) -> None:
     sender.frames(3)
 
 
-# what is tried
+# trials
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,7 +359,7 @@ class CounterexampleSearch:
         )
 
 
-# what is right
+# judging a run
 
 
 @dataclass(frozen=True, slots=True)
@@ -437,6 +441,8 @@ class _Possible:
         if number % chip.streamed.layout.slots < chip.servos:
             chip.prepare(number % chip.streamed.layout.slots)
         width = _width(chip, number)
+        # A command is executed after the first request that follows its stop bit. Where the stop bit may end
+        # on either side of the request, both outcomes remain possible.
         while executed < len(sent) and sent[executed].begins <= rise + slot:
             if sent[executed].ends + ROUND > rise:
                 yield _Possible(chip.copy(), executed, width)
@@ -474,9 +480,11 @@ def _described(
     """Return in words what is wrong with the edges of a slot, of which none of `due` is right."""
     longest, cycle = [], -1
     for right in due:
-        at = next((n for n, pair in enumerate(zip(pulse, right, strict=False)) if pair[0] != pair[1]), None)
-        at = min(len(pulse), len(right)) if at is None else at
-        first = min(edges[at][0] for edges in (pulse, right) if at < len(edges))
+        differing = next(
+            (n for n, pair in enumerate(zip(pulse, right, strict=False)) if pair[0] != pair[1]), None
+        )
+        differing = min(len(pulse), len(right)) if differing is None else differing
+        first = min(edges[differing][0] for edges in (pulse, right) if differing < len(edges))
         if first > cycle:
             longest, cycle = right, first
     names = [channel.name for channel in streamed.plan.schedule.channels]

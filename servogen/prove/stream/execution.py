@@ -1,8 +1,8 @@
 """Symbolic execution of a program's words: every path between two places, for every value of every byte.
 
 In: words, a state in which bytes may be unknown, and where to stop. Out: the states there, as terms over the
-bytes of the first one. Where an unknown bit decides, both ways are followed that the solver finds possible;
-states that meet again at an address become one, whose bytes depend on the way.
+bytes of the first one. Where an unknown bit decides, every outcome that the solver finds possible is
+followed; states that meet again at an address become one, whose bytes depend on the path.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class Execution:
 
     def byte(self, state: SymbolicState, place: int) -> Bits:
         """Return the byte at a place."""
-        found = state.bytes.get(place)
-        return self.at_first(place) if found is None else found
+        current = state.bytes.get(place)
+        return self.at_first(place) if current is None else current
 
     def at_first(self, place: int) -> Bits:
         """Return the byte that was at a place in the first state."""
@@ -108,7 +108,7 @@ class Execution:
         waiting: list[tuple[int, int, int]] = []
         states: dict[tuple[object, ...], SymbolicState] = {}
         numbers: dict[int, tuple[object, ...]] = {}
-        found: list[SymbolicState] = []
+        reached: list[SymbolicState] = []
         depth = len(start.stack)
 
         def add(state: SymbolicState) -> None:
@@ -119,16 +119,18 @@ class Execution:
             states[key] = state
             number = next(self._number)
             numbers[number] = key
+            # The deepest subroutine first, then the lowest address: the ways through a branch are merged
+            # before the code after it is executed.
             heapq.heappush(waiting, (-len(state.stack), state.pc, number))
 
         for following in self._step(start):
             add(following)
         for _ in range(MAX_STEPS):
             if not waiting:
-                return found
+                return reached
             state = states.pop(numbers.pop(heapq.heappop(waiting)[2]))
             if state.pc == RETURNED or (state.pc in stops and (anywhere or len(state.stack) <= depth)):
-                found.append(state)
+                reached.append(state)
                 continue
             for following in self._step(state):
                 add(following)
@@ -137,6 +139,8 @@ class Execution:
     def _key(self, state: SymbolicState) -> tuple[object, ...]:
         pointer = self.byte(state, FSR).value
         page = self.byte(state, PCLATH).value
+        # Only states that agree in what steers the execution are merged: a pointer that became a term would
+        # have to be split into its values again at every access.
         return state.pc, state.stack, state.bank, pointer, page, state.looks
 
     def _merged(self, one: SymbolicState, other: SymbolicState) -> SymbolicState:
@@ -163,26 +167,26 @@ class Execution:
         """Return the state where a condition holds, and where it does not, if they are possible."""
         if condition.known is not None:
             return [(state, condition.known)]
-        found = []
+        outcomes = []
         for holds, truth in ((True, condition), (False, ~condition)):
             if self._possible(state, truth):
-                found.append((replace(state, bytes=dict(state.bytes), path=state.path & truth), holds))
-        return found
+                outcomes.append((replace(state, bytes=dict(state.bytes), path=state.path & truth), holds))
+        return outcomes
 
     def _values(self, state: SymbolicState, bits: Bits) -> Iterable[tuple[SymbolicState, int]]:
         """Return the state with each of the values that bits can have."""
         if bits.value is not None:
             return [(state, bits.value)]
-        found: list[tuple[SymbolicState, int]] = []
+        outcomes: list[tuple[SymbolicState, int]] = []
         left = state.path
         while self.solver.possible(self.given & left):
             value = self.solver.example(bits)
             this = bits.equals(value)
-            found.append((replace(state, bytes=dict(state.bytes), path=state.path & this), value))
+            outcomes.append((replace(state, bytes=dict(state.bytes), path=state.path & this), value))
             left = left & ~this
-            if len(found) > MAX_VALUES:
+            if len(outcomes) > MAX_VALUES:
                 raise NotFollowed(f"a pointer has too many values at 0x{state.pc:03X}")
-        return found
+        return outcomes
 
     # registers
 
@@ -206,11 +210,13 @@ class Execution:
             return self.status(state)
         if place in VOLATILE:
             state.looks = (*state.looks, place)
+            # The first read has a name, so that a lemma can speak of the level that was read; later ones may
+            # give anything.
             return self.at_first(place) if state.looks.count(place) == 1 else unknown("later")
         if place == EECON1:
-            kept = self.byte(state, place)
+            stored = self.byte(state, place)
             self.busy.append(unknown("WR", 1).bit(0))
-            return kept[2:8].above(as_bit(self.busy[-1])).above(Bits(1, 0))
+            return stored[2:8].above(as_bit(self.busy[-1])).above(Bits(1, 0))
         if place == INTCON:
             return self.byte(state, place)[3:8].above(unknown("flags", 3))
         if place in (INDF, INDF | BANK_1, EECON2, PCL) or not self._exists(place):

@@ -1,4 +1,4 @@
-"""What the words of a stream program do with every byte: each lemma for every value of every variable.
+"""The lemmas about the words of a stream program: each holds for every value of every variable.
 
 In: a program's words and names, and the numbers of its stream. Out: nothing where a lemma holds; `Fails` with
 what differs, for which values, or `NotFollowed` where the execution does not reach so far.
@@ -73,31 +73,31 @@ def between_steps(names: Names, chip: StreamChip, of: Callable[[int], Bits]) -> 
     groups that belong to no servo; `of` reads these bytes.
     """
     everybody = sum(1 << names.group_bit(n) for n in range(names.servos))
-    kept = [of(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
-    return chip.valid() & all_of(each.equals(0) for each in kept)
+    unused_bits = [of(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
+    return chip.valid() & all_of(bits.equals(0) for bits in unused_bits)
 
 
 def bytes_of(names: Names, chip: StreamChip, slot: Bits) -> dict[int, Bits]:
     """Return the bytes of a chip's variables, by address."""
-    found = {}
+    content = {}
     for n in range(names.servos):
         for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
-            found[names.at(f"{name}_low", n)] = pair[0:8]
-            found[names.at(f"{name}_high", n)] = pair[8:16]
-        found[names.at("speed", n)] = chip.speeds[n]
-        found[EEPROM + n] = chip.trims[n]
+            content[names.at(f"{name}_low", n)] = pair[0:8]
+            content[names.at(f"{name}_high", n)] = pair[8:16]
+        content[names.at("speed", n)] = chip.speeds[n]
+        content[EEPROM + n] = chip.trims[n]
     for name, members in (("group", chip.group), ("waiting", chip.waiting)):
         together = byte(0)
         for n, member in enumerate(members):
             together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
-        found[names.at(name)] = together
-    found[names.at("left")] = chip.left
+        content[names.at(name)] = together
+    content[names.at("left")] = chip.left
     if names.streamed.stream.fail_safe != HOLD:
-        found[names.at("silence")] = chip.silence
+        content[names.at("silence")] = chip.silence
     flags = choose(chip.starting, byte(1 << STARTING), byte(0))
     flags = flags | choose(chip.gathering, byte(1 << GATHERING), byte(0))
-    found[names.at("slot")] = slot | flags
-    return found
+    content[names.at("slot")] = slot | flags
+    return content
 
 
 def receiver_counts(streamed: Streaming) -> list[int]:
@@ -177,6 +177,7 @@ class Lemmas:
         some = ~more
         for truth in differs.values():
             some = some | truth
+        # One question about all bytes together; only if something differs is each asked about on its own.
         context = one.given & state.path
         if not self.solver.possible(context & some):
             return
@@ -211,13 +212,13 @@ class Lemmas:
 
     @property
     def _named(self) -> dict[int, str]:
-        found = {EEPROM + n: f"byte {n} of the EEPROM" for n in range(self.names.servos)}
+        place_names = {EEPROM + n: f"byte {n} of the EEPROM" for n in range(self.names.servos)}
         for name, register in registers().items():
-            found[register.address] = name
+            place_names[register.address] = name
         for name, (address, size) in self.names.variables.items():
             for offset in range(size):
-                found[address + offset] = f"{name}[{offset}]" if size > 1 else name
-        return found
+                place_names[address + offset] = f"{name}[{offset}]" if size > 1 else name
+        return place_names
 
     def _name(self, place: int) -> str:
         return self._named.get(place, f"place 0x{place:02X}")
@@ -240,8 +241,8 @@ class Lemmas:
                 wanted[names.at(name)] = byte(value)
             wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
             wanted |= {INTCON: byte(ENABLED), OPTION: byte(TMR0_COUNTS_CYCLES)}
-            outputs = [one.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
-            self._compare("after a reset", one, end, wanted, chip.valid() & all_of(~each for each in outputs))
+            tris_bits = [one.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
+            self._compare("after a reset", one, end, wanted, chip.valid() & all_of(~bit for bit in tris_bits))
         if not ends:
             raise Fails("after a reset the main loop is not reached")
         return Accesses(frozenset(one.reads), frozenset(one.writes))
@@ -270,11 +271,13 @@ class Lemmas:
         for number in range(slots) if numbers is None else numbers:
             self.tell("pulses prepared", number, slots)
             slot = unknown("flags", 2).above(Bits(STARTING, number))
+            # Bits of `due`: 0 a pulse was late, 1 the request, 2 a command is complete.
             due = Bits(5, 0).above(unknown("command", 1)).above(Bits(1, 1)).above(unknown("late", 1))
             one = self._execution()
             begin = one.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
             chip = self._chip(one.at_first)
             one.given = between_steps(names, chip, one.at_first)
+            # The rise of slot n requests the pulse of slot n + 1.
             following = (number + 1) % slots
             if following == 0:
                 chip.begin_frame()
@@ -336,14 +339,15 @@ class Lemmas:
             one.given = one.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
             ends = self._ends(one, begin, {names.head}, where)
+            # A command waits while the EEPROM is being written. The words test this once; both answers are
+            # followed.
             if len(one.busy) != 1:
                 raise NotFollowed(f"{where}: EECON1 is read {len(one.busy)} times")
             runs = copied.bit(COMMAND) & ~one.busy[0]
             chip = self._chip(one.at_first)
             chip.execute(second, value)
-            after = bytes_of(names, chip, slot & SLOT)
             wanted = self._unchanged(one)
-            for place, changed in after.items():
+            for place, changed in bytes_of(names, chip, slot & SLOT).items():
                 wanted[place] = choose(runs, changed, one.at_first(place))
             wanted[names.at("todo")] = choose(runs, byte(NOTHING), byte(second))
             wanted.pop(names.at("value"))
@@ -353,8 +357,9 @@ class Lemmas:
                     wanted[names.at(name)] = choose(runs, changed, one.at_first(names.at(name)))
             wanted[INTCON] = byte(ENABLED)
             for end in ends:
-                kept = runs | one.byte(end, names.at("value")).equals(value)
-                self._compare(where, one, end, wanted, kept & self._chip(lambda p: one.byte(end, p)).valid())  # noqa: B023
+                value_kept = runs | one.byte(end, names.at("value")).equals(value)
+                after = self._chip(lambda place: one.byte(end, place))  # noqa: B023 - used in this turn only
+                self._compare(where, one, end, wanted, value_kept & after.valid())
             reads |= one.reads
             writes |= one.writes
         return Accesses(frozenset(reads), frozenset(writes))
@@ -385,10 +390,10 @@ class Lemmas:
             raise Fails("a rise does not end")
 
     def _reachable(self, one: Execution) -> Truth:
-        found = FALSE
+        among = FALSE
         for count in receiver_counts(self.names.streamed):
-            found = found | one.at_first(self.names.at("rx_bits")).equals(count)
-        return found
+            among = among | one.at_first(self.names.at("rx_bits")).equals(count)
+        return among
 
     def receive(self) -> None:
         """Check a look at the line, in every state of the receiver and of the parser."""
@@ -401,6 +406,7 @@ class Lemmas:
             own = ("rx_left", "rx_last", "rx_byte", "command", "todo", "value")
             line = one.at_first(port).bit(bit)
             timer, ticks = one.at_first(TMR0), one.at_first(names.at("ticks"))
+            # Where `ticks` is even, TMR0 is 128 cycles ahead of the time.
             now = choose(ticks.bit(0), timer, timer + 128) >> 2
             left, last_look, shifted, command, todo, value = (one.at_first(names.at(name)) for name in own)
             receiver = ReceiverState(
@@ -411,7 +417,7 @@ class Lemmas:
                 receiver.look(now & SLOT, line)
             else:
                 receiver.start(now & SLOT, line)
-            values = [getattr(receiver, each.name) for each in fields(receiver)[1:8]]
+            values = [getattr(receiver, variable.name) for variable in fields(receiver)[1:8]]
             wanted = self._unchanged(one) | dict(
                 zip([names.at(name) for name in ("rx_bits", *own)], values, strict=True)
             )
@@ -427,8 +433,8 @@ class Lemmas:
                 covered = covered | end.path
                 if end.looks.count(port) > 1 or end.looks.count(TMR0) > 1:
                     raise Fails(f"{where}: the line or the timer is read twice")
-                kept = ((one.byte(end, last) ^ wanted_last) & SLOT).equals(0)
-                self._compare(where, one, end, wanted, kept & among & self._sent(one, end, receiver))
+                same_look = ((one.byte(end, last) ^ wanted_last) & SLOT).equals(0)
+                self._compare(where, one, end, wanted, same_look & among & self._sent(one, end, receiver))
             if self.solver.possible(one.given & ~covered):
                 raise Fails(f"{where}: it does not return")
 
@@ -472,10 +478,10 @@ class Lemmas:
         (inside,) = one.run(before, {names.body})
         if inside.bank:
             raise Fails("the interrupt does not select bank 0")
-        kept = frozenset(one.writes) - {STATUS, PCLATH, FSR, INTCON}
-        changed = {word_of(names.words[at]) for at in self._between()}
+        context = frozenset(one.writes) - {STATUS, PCLATH, FSR, INTCON}
+        changed = {word_of(names.words[address]) for address in self._between()}
         own = {word.f for word in changed if word.writes_f}
-        if kept & own:
+        if context & own:
             raise Fails("the interrupt writes where the compiler keeps the C's registers")
         after = copy(inside)
         after.bytes = dict(inside.bytes)
@@ -483,6 +489,7 @@ class Lemmas:
         after.pc = names.listing.label("st_out")
         after.w = unknown("W")
         after.carry, after.digit_carry, after.zero = (unknown(name, 1).bit(0) for name in ("C", "DC", "Z"))
+        # Whatever the interrupt has done in between, its end must restore the context.
         for place in own - {STATUS}:
             after.bytes[place] = unknown(f"0x{place:02X}")
         # RETFIE returns to what was interrupted.
@@ -491,9 +498,9 @@ class Lemmas:
             wanted = {place: one.at_first(place) for place in (FSR, PCLATH)}
             same = end.w.equals(first.w) & one.status(end).equals(status)
             self._compare("an interrupt's end", one, end, wanted, same)
-        if frozenset(one.writes) - kept - {STATUS, PCLATH, FSR, INTCON}:
+        if frozenset(one.writes) - context - {STATUS, PCLATH, FSR, INTCON}:
             raise Fails("the interrupt's end writes a variable")
-        return kept
+        return context
 
     def _between(self) -> Iterator[int]:
         """Yield the addresses of the interrupt without the compiler's words before and after it."""
@@ -503,19 +510,23 @@ class Lemmas:
         outside = TimedProgram(names.words, ()).reached(end)
         yield from sorted(reached - outside)
 
-    def apart(self, main: Accesses, preparing: Accesses, executing: Accesses, kept: frozenset[int]) -> None:
+    def apart(
+        self, main: Accesses, preparing: Accesses, executing: Accesses, context: frozenset[int]
+    ) -> None:
         """Check that main and the interrupt share only what the argument about times covers."""
         names = self.names
-        interrupt = {word_of(names.words[at]) for at in self._between()}
+        interrupt = {word_of(names.words[address]) for address in self._between()}
         touched = {word.f for word in interrupt if word.has_f and word.f >= RAM_FIRST}
         written = {word.f for word in interrupt if word.writes_f and RAM_FIRST <= word.f <= RAM_LAST}
 
         def addresses(*wanted: str) -> set[int]:
             return {names.at(name) for name in wanted if names.has(name)}
 
+        # These are shared on purpose: one side writes them before the other reads them, which the request in
+        # `due` and the times in `response` ensure.
         taken_over = addresses("mask", "next_lo", "next_hi", "next_port", "due", "todo", "value")
         sent = addresses("rx_byte", "rx_left", "rx_bits")
-        for place in sorted(kept & (main.reads | main.writes)):
+        for place in sorted(context & (main.reads | main.writes)):
             raise Fails(f"main uses {self._name(place)}, where the interrupt keeps its registers")
         loop = (preparing.reads | preparing.writes | executing.reads | executing.writes) & written
         for place in sorted(loop - taken_over - sent):

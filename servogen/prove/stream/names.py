@@ -1,4 +1,4 @@
-"""Where a stream program has its variables and the parts of its interrupt, as its listing says.
+"""The addresses of a stream program's variables and of the parts of its interrupt, from its listing.
 
 A wrong name cannot make a wrong program proven: the lemmas are about what the words do with these places.
 """
@@ -49,6 +49,7 @@ class Names:
         return self.variables[name][0] + offset
 
     def has(self, name: str) -> bool:
+        """Return whether the C has a variable of this name."""
         return name in self.variables
 
     @property
@@ -57,10 +58,12 @@ class Names:
 
     @property
     def pins(self) -> list[str]:
+        """Return the servos' pins in the order of their slots."""
         return [channel.pin for channel in self.streamed.plan.schedule.channels]
 
     @property
     def two_ports(self) -> bool:
+        """Return whether there are servos on both ports."""
         return len({pin[1] for pin in self.pins}) > 1
 
     def group_bit(self, n: int) -> int:
@@ -96,18 +99,18 @@ class Names:
     def body(self) -> int:
         """Return the first address of the interrupt after the compiler's words. Raises LookupError."""
         first = encode("BCF", f=registers()["INTCON"].address, b=T0IF)
-        for at in range(INTERRUPT_VECTOR, max(self.words)):
-            if self.words.get(at) == first:
-                return at
+        for address in range(INTERRUPT_VECTOR, max(self.words)):
+            if self.words.get(address) == first:
+                return address
         raise LookupError("the interrupt does not begin with clearing its flag")
 
     @cached_property
     def edge(self) -> int:
         """Return the address of the instruction that makes an edge. Raises LookupError."""
         wait = encode("CALL", k=self.listing.label("st_exactly"))
-        called = [at for at in self.of_interrupt if self.words[at] == wait]
-        after = [at for at in self.of_interrupt if called and at > called[0]]
-        found = next((at for at in after if word_of(self.words[at]).name == "MOVWF"), None)
-        if found is None:
+        called = [address for address in self.of_interrupt if self.words[address] == wait]
+        after = [address for address in self.of_interrupt if called and address > called[0]]
+        edge = next((address for address in after if word_of(self.words[address]).name == "MOVWF"), None)
+        if edge is None:
             raise LookupError("the interrupt makes no edge")
-        return found
+        return edge

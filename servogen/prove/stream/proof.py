@@ -34,7 +34,7 @@ DIALECTS = ("c2c", "xc8", "sdcc")
 MAX_UNLIKE = 24
 """Words in which a program may differ from servogen's own one, whose names it then borrows."""
 AFTER_TRIM_MS, AFTER_QUERY_MS = 25, 20
-"""For so long a sender leaves the line alone after these commands (docs/firmware.md, "Protocol")."""
+"""The times for which a sender leaves the line idle after these commands (docs/firmware.md, "Protocol")."""
 
 Tell = Callable[[str], None]
 
@@ -64,6 +64,7 @@ def prove_line(
 ) -> LineProof:
     """Return the answer for a program. Raises ToolError without the solver."""
     search = CounterexampleSearch(image, job, streamed, tell)
+    # Plain runs first: a fault that most lines show needs no lemma, and comes with its example.
     shown = search.first()
     if shown is not None:
         return LineProof(shown.message, counterexample=shown)
@@ -79,7 +80,7 @@ def _proof(
     lemmas = None
     try:
         names = Names(_listing(image, listing, job, streamed, tell), streamed)
-        lemmas = Lemmas(names, Solver(), lambda what, done, of: tell(f"{what}: {done} of {of}"))
+        lemmas = Lemmas(names, Solver(), lambda task, count, of: tell(f"{task}: {count} of {of}"))
         findings = _Proof(names.listing, job, streamed, lemmas, tell).prove()
         return LineProof("", tuple(findings), _assumptions(streamed)), NOBODY
     except (UndecidedPart, InterruptChanged, Fails, NotFollowed) as error:
@@ -94,14 +95,14 @@ def _proof(
 
 
 def _assumptions(streamed: Streaming) -> tuple[str, ...]:
-    found = [
+    assumptions = [
         f"the line is idle for {AFTER_TRIM_MS} ms after a trim: the EEPROM is being written",
         "a byte begins while the chip waits for one: after a byte, or after the line was high for ten bits",
         f"a sender's rate is within {float(100 * BAUD_ERROR):g} % of {streamed.stream.baud} baud",
     ]
     if streamed.stream.transmit_pin is not None:
-        found.append(f"no byte ends within {AFTER_QUERY_MS} ms of a query: the chip answers")
-    return tuple(found)
+        assumptions.append(f"no byte ends within {AFTER_QUERY_MS} ms of a query: the chip answers")
+    return tuple(assumptions)
 
 
 def _listing(
@@ -115,16 +116,16 @@ def _listing(
     for dialect in DIALECTS if listing is None else ():
         tell(f"looking for its names: {dialect}")
         candidates.append(compiled(job, streamed, dialect).compilation.listing)
-    unlike = [(_unlike(image, each), number) for number, each in enumerate(candidates)]
+    unlike = [(_unlike(image, candidate), number) for number, candidate in enumerate(candidates)]
     fewest, number = min(unlike)
     if fewest > MAX_UNLIKE:
         raise UndecidedPart(
             "the names of its variables are not known: the program is not one of servogen's for this job; "
             "give its C file instead"
         )
-    found = candidates[number]
-    rows = tuple(replace(row, word=image.program[row.address]) for row in found.rows)
-    return replace(found, rows=rows)
+    chosen = candidates[number]
+    rows = tuple(replace(row, word=image.program[row.address]) for row in chosen.rows)
+    return replace(chosen, rows=rows)
 
 
 def _unlike(image: Image, listing: Listing) -> int:
@@ -132,7 +133,7 @@ def _unlike(image: Image, listing: Listing) -> int:
     listed = {row.address: row.word for row in listing.rows}
     if listed.keys() - image.program.keys():
         return len(listed) + len(image.program)
-    return sum(listed.get(at) != word for at, word in image.program.items())
+    return sum(listed.get(address) != word for address, word in image.program.items())
 
 
 @dataclass(slots=True)
@@ -161,11 +162,11 @@ class _Proof:
         streamed, rounds = self.streamed, self.streamed.layout.rounds
         byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
         travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
-        found = response(self.listing, rounds, travel, BYTES * byte)
-        worst = found.after_command
-        if worst is None or found.supply is None or found.execute is None or worst > found.supply:
-            raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {found.supply} cycles")
-        self._command_in_time(found, worst, BYTES * byte, travel)
+        bound = response(self.listing, rounds, travel, BYTES * byte)
+        worst = bound.after_command
+        if worst is None or bound.supply is None or bound.execute is None or worst > bound.supply:
+            raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {bound.supply} cycles")
+        self._command_in_time(bound, worst, BYTES * byte, travel)
         clock = streamed.plan.schedule.clock
         written = self.job.device.max_eeprom_write_us
         if streamed.stream.fail_safe != HOLD:
@@ -179,27 +180,29 @@ class _Proof:
         after_us = clock.us(Cycles((2 * rounds + 1) * ROUND))
         latest_us = after_us + clock.us(streamed.layout.period)
         return [
-            f"the C takes at most {worst} cycles to prepare a pulse; interrupts leave it {found.supply} of "
+            f"the C takes at most {worst} cycles to prepare a pulse; interrupts leave it {bound.supply} of "
             f"{rounds * ROUND}",
             f"a command takes effect in every pulse that begins {float(after_us):g} µs after its stop bit "
             f"or later: within {float(latest_us):g} µs",
         ]
 
-    def _command_in_time(self, found: Response, worst: int, apart: int, travel: int) -> None:
+    def _command_in_time(self, bound: Response, worst: int, apart: int, travel: int) -> None:
         """Check that a command is executed before the next one can end: then none is torn."""
         rounds = self.streamed.layout.rounds
+        # The request that starts the execution comes up to a slot after the command. An interval that begins
+        # at any phase contains one whole round less than it is long.
         window = (apart - rounds * ROUND) // ROUND - 1
         if window >= rounds:
-            left = (window // rounds) * (found.supply or 0)
+            left = (window // rounds) * (bound.supply or 0)
         else:
             left = response(self.listing, window, travel, apart).supply or 0 if window > 3 else 0
-        if worst + (found.execute or 0) > left:
+        if worst + (bound.execute or 0) > left:
             raise UndecidedPart("a command may end before the one before it is executed")
 
     def _data(self) -> list[str]:
         """Check what the words do with every byte."""
         lemmas = self.lemmas
-        kept = lemmas.context()
+        context = lemmas.context()
         lemmas.dispatch()
         lemmas.rise()
         lemmas.receive()
@@ -207,7 +210,7 @@ class _Proof:
         lemmas.idle()
         executing = lemmas.execute()
         preparing = lemmas.prepare()
-        lemmas.apart(main, preparing, executing, kept)
+        lemmas.apart(main, preparing, executing, context)
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
             f"{lemmas.solver.questions} questions to the solver"
@@ -215,25 +218,26 @@ class _Proof:
 
     def _edges(self) -> list[str]:
         """Check the cycle of every edge, and that every bit is sampled within its time."""
-        found = guarantee(
+        guaranteed = guarantee(
             self.listing,
             self.streamed,
-            tell=lambda what, done, of: self.tell(f"{what}: {done} of {of} cycles"),
+            tell=lambda task, count, of: self.tell(f"{task}: {count} of {of} cycles"),
         )
-        self._sampled(found)
+        self._sampled(guaranteed)
         return [
-            f"every edge is exact: a pulse begins in cycle {found.rise} of its round; interrupts begin in "
-            f"{found.states} states",
-            f"samples of the line are at most {found.start_gap} cycles apart before a start bit, "
-            f"{found.bit_gap} within a byte",
+            f"every edge is exact: a pulse begins in cycle {guaranteed.rise} of its round; interrupts "
+            f"begin in {guaranteed.states} states",
+            f"samples of the line are at most {guaranteed.start_gap} cycles apart before a start bit, "
+            f"{guaranteed.bit_gap} within a byte",
         ]
 
-    def _sampled(self, found: Guarantee) -> None:
+    def _sampled(self, guaranteed: Guarantee) -> None:
         streamed = self.streamed
         bit = streamed.plan.schedule.clock.cycles_per_second / Fraction(streamed.stream.baud)
         for k in range(BITS):
-            latest = found.latest_sample(k, streamed.first_units, streamed.bit_units)
-            earliest = found.earliest_sample(k, streamed.first_units, streamed.bit_units)
+            latest = guaranteed.latest_sample(k, streamed.first_units, streamed.bit_units)
+            earliest = guaranteed.earliest_sample(k, streamed.first_units, streamed.bit_units)
+            # A slow sender's bits begin late, a fast sender's end early: a sample has to be within both.
             begins, ends = k * bit / (1 - BAUD_ERROR), (k + 1) * bit / (1 + BAUD_ERROR)
             if earliest < begins or latest > ends:
                 raise UndecidedPart(
