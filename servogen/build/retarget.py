@@ -19,8 +19,7 @@ from servogen.build.engines import planned
 from servogen.build.proof import checked_cycles, motion_cycles, prove_image, running
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
-from servogen.engines.sequence.overheads import START, DelayPath, Overheads
-from servogen.engines.sequence.programs import Hold
+from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
 from servogen.engines.sequence.programs import Sequence as Program
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import MARGIN, sequence

@@ -24,8 +24,8 @@ def machine_of(
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
     """Return the levels at which a schedule's inputs are held from power-up on."""
-    held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
-    return Stimuli(held) if held else None
+    sources = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
+    return Stimuli(sources) if sources else None
 
 
 def board_of(

@@ -16,6 +16,7 @@ from traceback import walk_tb
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 
 from servogen.errors import Location, ServogenError
+from servogen.pic.device import Device, oscillator_for
 from servogen.pulse import PulseSchedule
 
 SUFFIXES = (".j2", ".asm")
@@ -102,6 +103,21 @@ class PortText:
 
     name: str
     tris: str
+
+
+def header_values(dialect: str, title: str, device: Device, schedule: PulseSchedule) -> dict[str, object]:
+    """Return the template's values that the header of every engine's C file uses, by name."""
+    clock = schedule.clock
+    return {
+        "dialect": dialect,
+        "title": title,
+        "device": device.name,
+        "clock_hz": clock.hz,
+        "clock_mhz": decimal(Fraction(clock.hz, 1_000_000)),
+        "oscillator": oscillator_for(clock.hz),
+        "period_us": decimal(clock.us(schedule.period)),
+        "ports": list(ports_of(schedule)),
+    }
 
 
 def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:

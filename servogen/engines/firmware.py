@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from servogen.compiler import Compilation, Options, Source, compile_sources
-from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.sequence.programs import Overheads
 from servogen.engines.stored_script import Stored
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.units import Cycles

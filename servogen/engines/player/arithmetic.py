@@ -35,8 +35,8 @@ def blended(key: npt.ArrayLike, other: npt.ArrayLike, weight: npt.ArrayLike, *, 
 def weights(table: npt.ArrayLike, time: npt.ArrayLike) -> Whole:
     """Return the weights at times, given as bytes, from a law's table."""
     entries, times = np.asarray(table, dtype=np.int64), np.asarray(time, dtype=np.int64)
-    at = times >> 4
-    return blended(entries[at], entries[at + 1], times << 4 & 0xFF) >> FRACTION
+    whole = times >> 4
+    return blended(entries[whole], entries[whole + 1], times << 4 & 0xFF) >> FRACTION
 
 
 def excursion(value: npt.ArrayLike, shifts: npt.ArrayLike) -> Whole:

@@ -80,9 +80,9 @@ class ControlButtons:
             yield f"{self.start.pin}: start, {seen}: {self.start.text()}."
             yield "Until then: the first frame's pulses."
         if self.stop:
-            what = "no more pulses" if self.off else "the same pulses again and again"
+            outcome = "no more pulses" if self.off else "the same pulses again and again"
             again = "reset" if not self.start else "start begins anew" if self.off else "start goes on"
-            yield f"{self.stop.pin}: stop, {seen}: {self.stop.text()}. Then {what}, until {again}."
+            yield f"{self.stop.pin}: stop, {seen}: {self.stop.text()}. Then {outcome}, until {again}."
 
 
 def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:

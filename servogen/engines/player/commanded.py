@@ -105,15 +105,15 @@ def commanded(
         return tuple(runs_of(widths[first:end], np.ones(end - first, dtype=bool), rises))
 
     published = []
-    at = stance + 1
+    begins_at = stance + 1
     for direction in directions:
         first, begin, end, last = (
-            at + row for row in (0, direction.first, direction.end, len(direction.angles) - 1)
+            begins_at + row for row in (0, direction.first, direction.end, len(direction.angles) - 1)
         )
         parts = runs(first, begin), runs(begin, end), runs(end, last)
         if read.has(direction.name):
             published.append(DirectionRuns(direction.name, read.selector(direction.name), *parts))
-        at = last
+        begins_at = last
     schedule = PulseSchedule(
         clock,
         slots.period,
@@ -152,10 +152,12 @@ def encoded_directions(
     # The last frame occurs twice, because events need a frame after them.
     chained = replace(lead_in, angles=np.vstack((*angles, angles[-1][-1:])))
     rows = ideal_widths(chained, servos, lead_in.clock)
-    cuts, at = [], len(lead_in.angles)
+    cuts, frame = [], len(lead_in.angles)
     for direction in ahead:
-        cuts.append(_Cuts(at, at + direction.first, at + direction.end, at + len(direction.angles) - 1))
-        at = cuts[-1].last
+        cuts.append(
+            _Cuts(frame, frame + direction.first, frame + direction.end, frame + len(direction.angles) - 1)
+        )
+        frame = cuts[-1].last
     walk = None
     if 2 * len(pairs) == rows.shape[1] and len(pairs) <= MAX_LEGS:
         walk = walk_events(rows, soft, pairs, [mark for cut in cuts for mark in cut.forward])
@@ -173,7 +175,7 @@ def encoded_directions(
         )
     smallest: tuple[Encoded, DirectionPlaces] | None = None
     for near in NEAR:
-        made = _with_rows(
+        candidate = _with_rows(
             keyed_walk(walk, wanted[-1], near),
             directions,
             cuts,
@@ -182,10 +184,10 @@ def encoded_directions(
             soft,
             limited=limited,
         )
-        if smallest is None or made[0].size < smallest[0].size:
-            smallest = made
-        if made[0].size <= max_bytes:
-            return made
+        if smallest is None or candidate[0].size < smallest[0].size:
+            smallest = candidate
+        if candidate[0].size <= max_bytes:
+            return candidate
     assert smallest is not None
     return smallest
 
@@ -233,9 +235,9 @@ def _with_rows(
     places_of: list[list[int]] = []
     for cut in cuts:
         for marks in (cut.forward, cut.backward):
-            found = [entry[mark] for mark in marks]
-            places_of.append(found)
-            sequences += [_read(steps, *pair) for pair in pairwise(found)]
+            joined = [entry[mark] for mark in marks]
+            places_of.append(joined)
+            sequences += [_read(steps, *pair) for pair in pairwise(joined)]
     values = [
         played_steps(part, rows, keyed.laws, keyed.legs, soft=bool(soft) and number == 0)
         for number, part in enumerate(sequences)
@@ -245,7 +247,7 @@ def _with_rows(
         keyed.scale,
         rows,
         keyed.laws,
-        Script(data, 0, timings, ENTRY * entry[stance], tuple(at // ENTRY for at in range(len(data)))),
+        Script(data, 0, timings, ENTRY * entry[stance], tuple(index // ENTRY for index in range(len(data)))),
         keyed.legs,
         np.arange(len(widths)),
         widths,
@@ -267,9 +269,9 @@ def _read(steps: Sequence[ScriptStep], first: int, last: int) -> list[ScriptStep
     The later of two poses determines the step between them; steps on the spot end where the part ends.
     """
     poses = list(range(first, last + 1) if first <= last else range(first, last - 1, -1))
-    found = [replace(steps[first], spot=False)]
+    joined = [replace(steps[first], spot=False)]
     for one, other in pairwise(poses):
         later = steps[max(one, other)]
         row = steps[last].row if later.spot else steps[other].row
-        found.append(replace(steps[other], row=row, timing=later.timing, spot=later.spot))
-    return found
+        joined.append(replace(steps[other], row=row, timing=later.timing, spot=later.spot))
+    return joined

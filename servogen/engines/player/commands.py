@@ -33,7 +33,8 @@ CODES: Mapping[str, str] = MappingProxyType(
     dict(zip((*STRAIGHT, *TURN), ("01010", "00110", "11000", "11011"), strict=True))
 )
 """The levels after the start. No single level that is wrong, missing or doubled turns a code into that of
-another direction; of all sets of five-level codes with this property, this one needs the fewest states.
+another direction; of all sets of five-level codes with this property, this one needs the minimum number of
+states.
 """
 
 CODE_LEVELS = 5
@@ -102,11 +103,11 @@ class CommandButtons:
 
     def text(self) -> tuple[str, ...]:
         """Return the wiring of the buttons and their effects, as text for the header of the C."""
-        each = (
+        buttons = (
             f"{button.pin}: {direction} while it is held: {button.text()}."
             for direction, button in self.buttons.items()
         )
-        return (*each, f"None or several for {PRESSED_FRAMES} frames: stop.")
+        return (*buttons, f"None or several for {PRESSED_FRAMES} frames: stop.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +189,7 @@ def hearing_table(names: Sequence[str]) -> bytes:
     codes = {CODES[name]: number + 1 for number, name in enumerate(names)}
     states: list[str] = ["0"]
     rows: list[tuple[int, int]] = []
+    # New states are found while the table is written, in the order in which they get their numbers.
     while len(rows) < len(states):
         row = []
         for level in "01":
@@ -214,7 +216,9 @@ def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int |
         if any(code.startswith(levels) for code in codes):
             if len(levels) < CODE_LEVELS:
                 return f"s{levels}", None
+            # After a code its last levels count as rest or stop, as if no code had begun.
             return _latest("0" + levels), codes[levels]
+        # No code begins like this: the levels since the start, which is low, are only a run.
         state = "0" + state[1:]
     after = _latest(state + level)
     if after == "1" * REST_FRAMES:

@@ -85,6 +85,7 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
     except ResourceError as error:
         stored = in_eeprom(script, len(played.order))
         needed = error.details.get(WORDS_NEEDED)
+        # Even without the bytes that go to the EEPROM it is too large: not compiled again.
         if not isinstance(needed, int) or needed - len(stored.eeprom) > PROGRAM_WORDS:
             raise
         try:
@@ -104,9 +105,17 @@ def firmware(text: str, job: EngineJob, layout: SlotLayout, dialect: str) -> Fir
     """Return a player's compiled C with its timing budgets. Raises ResourceError if the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    found = timing_budgets(made.listing, layout)
-    return Firmware(dialect, file, text, made, found, made.listing.variable(OVERRUN), tuple(cautions(found)))
+    built = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
+    budgets = timing_budgets(built.listing, layout)
+    return Firmware(
+        dialect,
+        file,
+        text,
+        built,
+        budgets,
+        built.listing.variable(OVERRUN),
+        tuple(cautions(budgets)),
+    )
 
 
 def timing_budgets(listing: Listing, layout: SlotLayout) -> tuple[TimingBudget, ...]:
@@ -155,6 +164,7 @@ class PlayerEngine:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         motion, played, whole = play(job)
         if _error_us(played) > job.firmware.max_error_us:
+            # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
             finer = play(job, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
             if _error_us(finer[1]) <= job.firmware.max_error_us:
                 motion, played, whole = finer

@@ -86,15 +86,16 @@ class SlotLayout:
 
     @property
     def period(self) -> Cycles:
+        """Return the frame's length in cycles."""
         return Cycles(self.tick * sum(slot.ticks for slot in self.slots))
 
     def rise(self, channel: int) -> Cycles:
         """Return the cycle of the frame in which a channel's pulse begins."""
-        at = 0
+        cycle = 0
         for number, slot in enumerate(self.slots):
-            at += self.tick * slot.ticks if number else 0
+            cycle += self.tick * slot.ticks if number else 0
             if channel in slot.channels:
-                return Cycles(at + self.stagger * slot.channels.index(channel))
+                return Cycles(cycle + self.stagger * slot.channels.index(channel))
         raise KeyError(channel)
 
     @property
@@ -149,9 +150,9 @@ def layout(
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
     for pairs in (_by_pins(servos), _by_length(servos, rooms)):
         longest = _longest(pairs, rooms, stagger)
-        found = _slots(pairs, longest, motion_c, frame, clock)
-        if found is not None:
-            return SlotLayout(found[0], found[1], stagger)
+        fitting = _slots(pairs, longest, motion_c, frame, clock)
+        if fitting is not None:
+            return SlotLayout(fitting[0], fitting[1], stagger)
     minimum = demand(servos, used, frame, clock, doublings, legs=legs).minimum
     raise InputError(
         "frame-too-short",
@@ -293,6 +294,8 @@ class _Frame:
                 parts = _filled(minimum, maximum, rest)
                 # Ticks are counted from the previous slot, so those of the first slot come last in the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
+            # One more slot without pulses, since the rest exceeds what 8 bits, or the watchdog, allow as one
+            # wait.
             waits = [self.whole(0, self.slot_c)] * (len(minimum) - 1)
             minimum = [slots[-1], *waits, self.whole(0, self.slot_c + self.frame_c)]
         return None

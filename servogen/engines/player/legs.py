@@ -83,6 +83,7 @@ class WalkEvents:
         return np.asarray((self.rows[event // 2] + self.rows[(event + 1) // 2]) / 2)
 
     def lifted(self, event: int) -> int:
+        """Return the legs whose swing has its middle at an event, as a bit set."""
         return sum(1 << swing.leg for swing in self.swings if swing.middle == event)
 
 
@@ -123,8 +124,8 @@ def legs_encoded(
         return None
     if not begins:
         return None
-    made = _encoded(walk, begins[0], begins[0] + 2 * loop, near, limited=limited)
-    return replace(made, silent=np.arange(len(made.frames)) >= made.lead) if released else made
+    encoded = _encoded(walk, begins[0], begins[0] + 2 * loop, near, limited=limited)
+    return replace(encoded, silent=np.arange(len(encoded.frames)) >= encoded.lead) if released else encoded
 
 
 def walk_events(
@@ -141,6 +142,7 @@ def walk_events(
     swings = []
     for leg, lift in enumerate(lifts):
         up = np.abs(rows[first:, lift] - stands[leg]) > STANDS
+        # A leg that never lifts, or is in the air already, has no whole swing.
         if not up.any() or up[0]:
             return None
         edges = np.flatnonzero(np.diff(up)) + 1 + first
@@ -155,33 +157,34 @@ def walk_events(
         if not any(swing.lift < end < swing.land for swing in swings):
             events.add(2 * end)
     last = max((2 * swing.land for swing in swings), default=0)
-    found = sorted(event for event in events if event <= max(last, 2 * ends[-1]))
-    for one, other in pairwise(list(found)):
-        found += [*range(one + 2 * LONGEST, other, 2 * LONGEST)]
-    found.sort()
+    times = sorted(event for event in events if event <= max(last, 2 * ends[-1]))
+    # A step has at most LONGEST frames: what lasts longer is divided.
+    for one, other in pairwise(list(times)):
+        times += [*range(one + 2 * LONGEST, other, 2 * LONGEST)]
+    times.sort()
     for swing in swings:
-        if [event for event in found if 2 * swing.lift < event < 2 * swing.land] != [swing.middle]:
+        if [event for event in times if 2 * swing.lift < event < 2 * swing.land] != [swing.middle]:
             return None
     return WalkEvents(
-        rows, first, turns, lifts, tuple(swings), tuple(found), tuple(_spots(rows, turns, swings))
+        rows, first, turns, lifts, tuple(swings), tuple(times), tuple(_spots(rows, turns, swings))
     )
 
 
 def _spots(rows: Floats, turns: Sequence[int], swings: Sequence[Swing]) -> Iterator[_Spot]:
     """Yield the groups of swings during which no leg on the ground turns, as large as one row can end."""
     moves = np.abs(np.diff(rows[:, list(turns)], axis=0)) > RESTS
-    for each in swings:
-        moves[each.lift : each.land, each.leg] = False
+    for member in swings:
+        moves[member.lift : member.land, member.leg] = False
     walked = np.concatenate(([0], np.cumsum(moves.any(axis=1))))
     group: list[Swing] = []
-    for each in sorted(swings, key=lambda swing: (swing.lift, swing.leg)):
+    for member in sorted(swings, key=lambda swing: (swing.lift, swing.leg)):
         if group and (
-            walked[group[0].lift] != walked[each.land] or any(each.leg == other.leg for other in group)
+            walked[group[0].lift] != walked[member.land] or any(member.leg == other.leg for other in group)
         ):
             yield from _spot(group, swings)
             group = []
-        if walked[each.lift] == walked[each.land]:
-            group.append(each)
+        if walked[member.lift] == walked[member.land]:
+            group.append(member)
     yield from _spot(group, swings)
 
 
@@ -219,7 +222,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     turns, lifts = list(walk.turns), list(walk.lifts)
     tops = _tops(walk)
     scale = _scale(walk, tops)
-    kept = Rows(near)
+    pose_rows = Rows(near)
     events = [event for event in walk.events if event <= end]
     stand = scale.exact(walk.rows[walk.soft])[lifts]
     neutral = scale.exact(walk.rows[0])[lifts]
@@ -230,7 +233,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     columns, count = len(turns), len(fixed)
 
     def number(event: int) -> int:
-        return count + kept.number(scale.exact(walk.pose(event))[turns])
+        return count + pose_rows.number(scale.exact(walk.pose(event))[turns])
 
     steps = [ScriptStep(number(0), _timing(*events[:2]), walk.lifted(0))]
     for ends in pairwise(events):
@@ -239,7 +242,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
         steps.append(ScriptStep(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
     laws = swing_table(*_swing_law(walk)) + lift_table() + (spot_table() if walk.spots else b"")
-    return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
+    return KeyedWalk(scale, [*fixed, *pose_rows.kept], count, steps, events, legs, laws)
 
 
 def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bool) -> Encoded:
@@ -249,7 +252,7 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bo
     steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
     rows = row_table([*keyed.rows[: keyed.fixed], *kept_rows], limited=limited)
-    made = script(lead, loop, len(walk.turns), legs=True, limited=limited)
+    encoded_script = script(lead, loop, len(walk.turns), legs=True, limited=limited)
     values = played_steps([*lead, *loop], rows, keyed.laws, keyed.legs)
     frames = np.arange(end // 2)
     turns = list(walk.turns)
@@ -262,7 +265,7 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bo
         scale,
         rows,
         keyed.laws,
-        made,
+        encoded_script,
         keyed.legs,
         frames,
         scale.widths(values),
@@ -317,11 +320,12 @@ def _swing_law(walk: WalkEvents) -> tuple[float, float]:
         u = np.arange(len(column)) / (len(column) - 1)
         middle = walk.pose(swing.middle)[turn]
         # If the body starts or stops during a swing, one half of the swing has no length.
-        way = np.where(u < 0.5, middle - column[0], column[-1] - middle)
+        path = np.where(u < 0.5, middle - column[0], column[-1] - middle)
         plain, faster, farther = (2 * swing_share(u, *law) - 1 for law in ((0.0,), (1.0,), (0.0, 1.0)))
-        effects = way * np.stack([faster - plain, farther - plain])
+        # The law is linear in `rate` and `beyond`, so what each adds to the plain one is a column of the fit.
+        effects = path * np.stack([faster - plain, farther - plain])
         squares += effects @ effects.T
-        products += effects @ (column - middle - way * plain)
+        products += effects @ (column - middle - path * plain)
     rate, beyond = np.linalg.lstsq(squares, products, rcond=None)[0].tolist()
     return max(0.0, rate), max(0.0, beyond)
 
@@ -344,7 +348,7 @@ def played_steps(
     table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, columns).astype(np.int64)
     swing, lift, on_spot = laws[:ENTRIES], laws[ENTRIES : 2 * ENTRIES], laws[2 * ENTRIES :]
     stand, lifted = table[legs.stand // columns], table[legs.lifted // columns]
-    found = []
+    values = []
     here, landed = steps[0].row, 0
     for index, (before, step) in enumerate(pairwise(steps)):
         if not (before.spot and step.spot and step.row == before.row):
@@ -373,5 +377,5 @@ def played_steps(
                 start, end = table[legs.neutral // columns][leg], stand[leg]
                 weight = time if index else np.zeros_like(time)
             parts[:, raised] = blended(start, end, weight)
-        found.append(parts)
-    return np.concatenate(found)
+        values.append(parts)
+    return np.concatenate(values)

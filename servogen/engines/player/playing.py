@@ -154,18 +154,19 @@ def encoded_motion(
     refused: ResourceError | None = None
     smallest: Encoded | None = None
     for encoder in encoders:
+        # From the closest encoding to the coarsest: the first that fits is the best.
         for far, near in zip(FAR, NEAR, strict=True):
             try:
-                made = encoder(far, near)
+                encoded = encoder(far, near)
             except ResourceError as error:
                 refused = error
                 continue
-            if made is None:
+            if encoded is None:
                 break
-            if made.size <= max_bytes:
-                return made
-            if smallest is None or made.size < smallest.size:
-                smallest = made
+            if encoded.size <= max_bytes:
+                return encoded
+            if smallest is None or encoded.size < smallest.size:
+                smallest = encoded
         else:
             break
     if smallest is not None:
@@ -194,14 +195,14 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
 
 
 def plan_error_of(
-    trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
+    trajectory: JointTrajectory, servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
     """Return the largest distance between the widths `made` and `ideal`, in cycles per frame and servo."""
     cycle_us = float(clock.cycle_us)
     errors = []
     for index, servo in enumerate(servos):
         pulsed = ~np.isnan(ideal[:, index])
-        widths = [cycle_us * cycles[pulsed, index] for cycles in (ideal, made)]
+        widths = [cycle_us * cycles[pulsed, index] for cycles in (ideal, achieved)]
         errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
     return largest(errors)
 

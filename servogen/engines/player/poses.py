@@ -1,6 +1,6 @@
 """Any motion as poses, between which all servos move by the same law.
 
-In: widths frame by frame. Out: `Encoded`, with the fewest bytes that stay within a distance of the widths.
+In: widths frame by frame. Out: `Encoded`, with as few bytes as the limit on its distance from them allows.
 
     frames   ────●───────────●────●●──────────●      the cheapest path over all frames at which steps could
     law          trapezoid     straight  (jump)      begin: its cost is bytes, and a law must
@@ -87,12 +87,12 @@ def poses_encoded(
     for laws in LAW_SETS:
         pieces = list(_pieces(whole, marks, loop_start, laws, far))
         try:
-            made = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited)
+            candidate = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited)
         except ResourceError as error:
             refused = error
             continue
-        if best is None or made.size < best.size:
-            best = made
+        if best is None or candidate.size < best.size:
+            best = candidate
         if best.size < ENOUGH:
             break
     if best is None:
@@ -108,14 +108,14 @@ def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
     more.
     """
     begins = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
-    held, lengths = rows[begins], np.diff(np.append(begins, len(rows)))
-    change = np.diff(held, axis=0)
+    poses_held, lengths = rows[begins], np.diff(np.append(begins, len(rows)))
+    change = np.diff(poses_held, axis=0)
     before, after = change[:-1], change[1:]
     # A law neither reverses nor rests between two jumps: a step must end in such a run of frames.
     turns = ((before > 2 * far) & (after < -2 * far)) | ((before < -2 * far) & (after > 2 * far))
     jumps = np.abs(change).max(axis=1, initial=0) > 4 * far
     needed = turns.any(axis=1) | (jumps[:-1] & jumps[1:] & (lengths[1:-1] > 1))
-    poses = held[1:-1]
+    poses = poses_held[1:-1]
     # A repeated move may be in the script only once, but its first occurrence takes a byte.
     both = needed[:-1] & needed[1:]
     apart = 2 * (far + near)
@@ -127,13 +127,13 @@ def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
 
 def _far_apart(points: Floats, apart: float) -> int:
     """Return a number of points that lie more than `apart` from one another, up to that of a full table."""
-    kept = points[:1]
+    chosen = points[:1]
     for point in points[1:]:
-        if len(kept) > MAX_BYTES:
+        if len(chosen) > MAX_BYTES:
             break
-        if np.abs(kept - point).max(axis=1).min() > apart:
-            kept = np.vstack((kept, point))
-    return len(kept)
+        if np.abs(chosen - point).max(axis=1).min() > apart:
+            chosen = np.vstack((chosen, point))
+    return len(chosen)
 
 
 def _pieces(
@@ -146,8 +146,8 @@ def _pieces(
     bounds = sorted({0, loop_start, *(edge for edge in (*marks, *edges) if edge < frames), frames})
     for first, end in pairwise(bounds):
         if silent[first]:
-            for at in range(first, end, LONGEST):
-                yield _Piece(at, min(at + LONGEST, end), "silent", end)
+            for begin in range(first, end, LONGEST):
+                yield _Piece(begin, min(begin + LONGEST, end), "silent", end)
         else:
             last = end - 1 if silent[end] else end
             yield from _cut(np.vstack((rows[first:end], rows[last])), first, last, laws, far)
@@ -159,6 +159,7 @@ def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) 
     nodes = _nodes(rows, far)
     cost = {(0, True): 0.0}
     came: dict[tuple[int, bool], tuple[tuple[int, bool], str]] = {}
+    # Steps only lead forward, so one pass over the nodes in order settles every cost.
     for index, first in enumerate(nodes):
         ends = nodes[index + 1 :]
         ends = ends[: int(np.searchsorted(ends, first + LONGEST, side="right"))]
@@ -172,13 +173,13 @@ def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) 
                     came[target] = state, law
     # The next part starts from its own first pose, so a jump at the end is a straight step of one frame.
     goal = frames, True
-    found = []
+    pieces = []
     while goal[0]:
         before, law = came[goal]
         pose = offset + before[0] if law == "stay" else (last if goal[0] == frames else offset + goal[0])
-        found.append(_Piece(offset + before[0], offset + goal[0], law, pose))
+        pieces.append(_Piece(offset + before[0], offset + goal[0], law, pose))
         goal = before
-    yield from reversed(found)
+    yield from reversed(pieces)
 
 
 def _ways(
@@ -186,12 +187,13 @@ def _ways(
 ) -> Iterator[tuple[int, bool, str, float]]:
     """Return the possible steps from a frame: their end, whether its pose is reached, the law, the bytes."""
     still = np.abs(rows[first : ends[-1] + 1] - rows[first]).max(axis=1) <= far
-    held = int(np.argmin(still)) if not still.all() else len(still)
+    frames_still = int(np.argmin(still)) if not still.all() else len(still)
     columns = rows.shape[1]
-    for end in ends[ends - first <= held].tolist():
+    for end in ends[ends - first <= frames_still].tolist():
         # A step can continue from there only if the next frame has the same pose.
-        same = end - first < held
+        same = end - first < frames_still
         yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
+    # A law begins at a stored pose: from a frame whose own pose was not reached, only staying is possible.
     if not joined:
         return
     for law in ("straight", *laws):
@@ -202,18 +204,18 @@ def _ways(
 
 def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Whole:
     """Return those of `ends` that the law reaches within `far` of every row."""
-    start, way = rows[first], rows[ends] - rows[first]
-    kept = np.ones(len(ends), dtype=bool)
+    start, distance = rows[first], rows[ends] - rows[first]
+    fits = np.ones(len(ends), dtype=bool)
     for probe in PROBES:
         frames = ((ends - first) * probe).astype(np.int64)
         shares = _share(law, frames / (ends - first))
-        kept &= (np.abs(rows[first + frames] - start - shares[:, None] * way) <= far).all(axis=1)
-    found = []
-    for end in ends[kept].tolist():
+        fits &= (np.abs(rows[first + frames] - start - shares[:, None] * distance) <= far).all(axis=1)
+    reached = []
+    for end in ends[fits].tolist():
         away = rows[first : end + 1] - start - _shares(law, end - first)[:, None] * (rows[end] - start)
         if np.abs(away).max() <= far:
-            found.append(end)
-    return np.array(found, dtype=np.int64)
+            reached.append(end)
+    return np.array(reached, dtype=np.int64)
 
 
 @cache
@@ -235,6 +237,8 @@ def _nodes(rows: Floats, far: float) -> Whole:
     for away in range(4):
         near |= set(np.minimum(np.flatnonzero(change) + away, frames).tolist())
     apart = max(4, frames // NODES)
+    # Where a straight step does not fit between two nodes, every frame is one: then some path exists
+    # everywhere.
     for first in range(0, frames, apart):
         end = min(first + apart, frames)
         straight = rows[first] + _shares("straight", end - first)[:, None] * (rows[end] - rows[first])
@@ -255,7 +259,7 @@ def _encoded(
 ) -> Encoded:
     places = {law: number * ENTRIES for number, law in enumerate(laws)}
     places |= {"straight": STRAIGHT, "stay": STAY, "silent": SILENT}
-    kept = Rows(near)
+    pose_rows = Rows(near)
     frames = len(rows) - 1
 
     def number(frame: int) -> int:
@@ -263,23 +267,23 @@ def _encoded(
         if np.isnan(pose).any():  # no pulses up to the end, or once more
             following = np.flatnonzero(~np.isnan(rows[frame:]).any(axis=1))
             pose = rows[frame + following[0]] if len(following) else rows[~np.isnan(rows).any(axis=1)][0]
-        return kept.number(scale.exact(pose))
+        return pose_rows.number(scale.exact(pose))
 
     steps = [ScriptStep(number(0), timing(pieces[0].end - pieces[0].first, STRAIGHT))]
     steps += [
         ScriptStep(number(piece.pose), timing(piece.end - piece.first, places[piece.law])) for piece in pieces
     ]
     first = 1 + sum(piece.end <= loop_start for piece in pieces)
-    lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept)
+    lead, loop, kept_rows = ordered(steps[:first], steps[first:], pose_rows.kept)
     table = row_table(kept_rows, limited=limited)
-    made = script(lead, loop, rows.shape[1], legs=False, limited=limited)
+    encoded_script = script(lead, loop, rows.shape[1], legs=False, limited=limited)
     tables = b"".join(table_of(law) for law in laws)
     values, silent = _played([*lead, *loop], kept_rows, tables)
     return Encoded(
         scale,
         table,
         tables,
-        made,
+        encoded_script,
         None,
         np.arange(frames),
         scale.widths(values),
@@ -296,12 +300,12 @@ def _played(
     pulses.
     """
     table = np.array(rows, dtype=np.int64)
-    found, silent = [], []
+    values, silent = [], []
     for before, step in pairwise(steps):
         time = np.array(step.timing.times(), dtype=np.int64)
         law = step.timing.law
         start = table[step.row if law in (STAY, SILENT) else before.row]
         weight = time if law >= SILENT else weights(list(laws[law : law + ENTRIES]), time)
-        found.append(blended(start[None, :], table[step.row][None, :], weight[:, None]))
+        values.append(blended(start[None, :], table[step.row][None, :], weight[:, None]))
         silent.append(np.full(len(time), law == SILENT))
-    return np.concatenate(found), np.concatenate(silent)
+    return np.concatenate(values), np.concatenate(silent)

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from fractions import Fraction
 
-from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
+from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
 from servogen.engines.player.commands import (
@@ -25,7 +24,7 @@ from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
 from servogen.engines.stored_script import Stored
-from servogen.pic.device import EEPROM_ADDRESS, Device, oscillator_for, registers
+from servogen.pic.device import EEPROM_ADDRESS, Device, registers
 from servogen.units import Cycles
 
 PRESCALER = 0x84
@@ -57,7 +56,7 @@ class _Slot:
 class _Slots:
     """The slots of a frame, and what the C computes from the previous value instead of a table."""
 
-    each: tuple[_Slot, ...]
+    all: tuple[_Slot, ...]
     ports: tuple[str, ...]
     """The addresses of the ports, in the order in which slots use them."""
     first: int
@@ -66,30 +65,30 @@ class _Slots:
     @classmethod
     def of(cls, played: Playing) -> _Slots:
         """Return the slots of a frame: those of each port are consecutive, those without pulses come last."""
-        found = []
+        slots = []
         for slot in played.layout.slots:
             masks = [1 << int(played.plan.schedule.channels[channel].pin[2]) for channel in slot.channels]
             a, b = [*masks, 0, 0][:2]
             places = [played.order.index(channel) for channel in slot.channels] or [0]
-            found.append(_Slot(a, b, slot.ticks, places[0], places[-1]))
+            slots.append(_Slot(a, b, slot.ticks, places[0], places[-1]))
         used = [slot.port for slot in played.layout.slots if slot.channels]
         ports = tuple(f"0x{registers()[f'PORT{name}'].address:02X}" for name in dict.fromkeys(used))
-        return cls(tuple(found), ports, used.count(used[0]))
+        return cls(tuple(slots), ports, used.count(used[0]))
 
     @property
     def b_follows(self) -> bool:
         """Return whether pin B is everywhere the port's next pin after pin A."""
-        return all(slot.b == slot.a << 1 for slot in self.each)
+        return all(slot.b == slot.a << 1 for slot in self.all)
 
     @property
     def singles(self) -> bool:
         """Return whether a slot has one channel."""
-        return any(slot.a and not slot.b for slot in self.each)
+        return any(slot.a and not slot.b for slot in self.all)
 
     @property
     def other_follows(self) -> bool:
         """Return whether the channel of pin B is everywhere the next one after that of pin A."""
-        return all(slot.other == slot.channel + 1 for slot in self.each if slot.b)
+        return all(slot.other == slot.channel + 1 for slot in self.all if slot.b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,20 +138,13 @@ def render_player(
     laws = [timing.law for timing in timings]
     return render_template(
         "player/main.c.j2",
+        **header_values(dialect, title, device, schedule),
         overrun=OVERRUN,
-        dialect=dialect,
-        title=title,
-        device=device.name,
-        clock_hz=clock.hz,
-        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
-        oscillator=oscillator_for(clock.hz),
-        period_us=decimal(clock.us(schedule.period)),
         tick=tick,
         tick_us=decimal(clock.us(tick)),
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
         step_us=" or ".join(decimal(clock.us(1 << shift)) for shift in sorted(set(shifts.tolist()))),
         channels=[_channel(played, channel) for channel in played.order],
-        ports=list(ports_of(schedule)),
         columns=columns,
         rows=list(_rows(played)),
         legs=legs is not None,
@@ -243,46 +235,52 @@ class _Constants:
     places: list[tuple[str, int, str]] = field(default_factory=list)
 
     def add(self, name: str, values: Iterable[int | str], note: str = "") -> None:
+        """Append a table."""
         self.places.append((name, len(self.data), note))
         self.data += values
 
     def place(self, name: str) -> int:
-        return next(place for each, place, _ in self.places if each == name)
+        """Return the index at which a table begins. Raises StopIteration for an unknown name."""
+        return next(place for existing, place, _ in self.places if existing == name)
 
 
 def _constants(played: Playing, slots: _Slots) -> _Constants:
     encoded = played.encoded
-    made = _Constants()
+    constants = _Constants()
     timings = encoded.script.timings
     bases = [int(encoded.scale.bases[channel]) for channel in played.order]
-    made.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
+    constants.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
     if len({base >> 8 for base in bases}) > 1:
-        made.add("BASE_HIGH", [base >> 8 for base in bases])
-    made.add("SLOT_A", [f"0x{slot.a:02X}" for slot in slots.each], "the pins that rise together in a slot")
+        constants.add("BASE_HIGH", [base >> 8 for base in bases])
+    constants.add(
+        "SLOT_A", [f"0x{slot.a:02X}" for slot in slots.all], "the pins that rise together in a slot"
+    )
     if not slots.b_follows:
-        made.add("SLOT_B", [f"0x{slot.b:02X}" for slot in slots.each])
-    made.add("SLOT_TICKS", [slot.ticks for slot in slots.each], "ticks from the slot before")
-    made.add("SLOT_CHANNEL", [slot.channel for slot in slots.each], "the channel of pin A")
+        constants.add("SLOT_B", [f"0x{slot.b:02X}" for slot in slots.all])
+    constants.add("SLOT_TICKS", [slot.ticks for slot in slots.all], "ticks from the slot before")
+    constants.add("SLOT_CHANNEL", [slot.channel for slot in slots.all], "the channel of pin A")
     if not slots.other_follows:
-        made.add("SLOT_OTHER", [slot.other for slot in slots.each], "and of pin B")
-    made.add("FRAMES", [timing.frames & 0xFF for timing in timings], "of a step; 0 is 256")
-    made.add("SPEED_LOW", [timing.speed & 0xFF for timing in timings], "65536ths of a step in a frame")
-    made.add("SPEED_HIGH", [timing.speed >> 8 for timing in timings])
+        constants.add("SLOT_OTHER", [slot.other for slot in slots.all], "and of pin B")
+    constants.add("FRAMES", [timing.frames & 0xFF for timing in timings], "of a step; 0 is 256")
+    constants.add("SPEED_LOW", [timing.speed & 0xFF for timing in timings], "65536ths of a step in a frame")
+    constants.add("SPEED_HIGH", [timing.speed >> 8 for timing in timings])
     if any(timing.start for timing in timings):
-        made.add("START", [timing.start for timing in timings], "256ths of a step at its first frame")
+        constants.add("START", [timing.start for timing in timings], "256ths of a step at its first frame")
     if played.chain is not None:
         if isinstance(played.chain.read, CommandLine):
-            made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
+            constants.add(
+                "HEARING", hearing_table(played.chain.names), "for each state the line low, and high"
+            )
         note = "for standing and each direction, where its start, its cycle and its stop begin, and its end"
-        made.add("PARTS", played.chain.places, note)
+        constants.add("PARTS", played.chain.places, note)
     if encoded.laws:
-        made.add("LAW", encoded.laws, "weights at each sixteenth of a step")
+        constants.add("LAW", encoded.laws, "weights at each sixteenth of a step")
     if encoded.legs is None and any(timing.law != STRAIGHT for timing in timings):
-        first = made.place("LAW") if encoded.laws else 0
+        first = constants.place("LAW") if encoded.laws else 0
         places = [timing.law + (first if timing.law < SILENT else 0) for timing in timings]
         note = f"where its law begins; {STRAIGHT}: straight, {STAY}: at once, {SILENT}: no pulses"
-        made.add("TIMING_LAW", places, note)
-    return made
+        constants.add("TIMING_LAW", places, note)
+    return constants
 
 
 def _repeats(data: bytes) -> bool:
@@ -335,5 +333,7 @@ def _channel(played: Playing, channel: int) -> ChannelText:
     schedule = played.plan.schedule
     widths = played.encoded.widths[~played.encoded.silent, channel]
     ends = sorted({Cycles(int(widths.min())), Cycles(int(widths.max()))})
-    each = schedule.channels[channel]
-    return ChannelText(each.name, each.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends))
+    described = schedule.channels[channel]
+    return ChannelText(
+        described.name, described.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends)
+    )

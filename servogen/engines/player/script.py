@@ -144,11 +144,11 @@ ALL_LEGS = 0x3F
 
 
 def _entries(steps: Sequence[ScriptStep], hows: Sequence[int]) -> list[RowEntry]:
-    found: list[RowEntry] = []
+    entries: list[RowEntry] = []
     for step, how in zip(steps, hows, strict=True):
-        goes_on = bool(found) and step.spot and found[-1].spot and found[-1].row == step.row
-        found.append(RowEntry(step.row, how, step.spot, goes_on))
-    return found
+        goes_on = bool(entries) and step.spot and entries[-1].spot and entries[-1].row == step.row
+        entries.append(RowEntry(step.row, how, step.spot, goes_on))
+    return entries
 
 
 def _bytes(entries: Sequence[RowEntry], columns: int) -> tuple[bytes, list[int]]:
@@ -156,26 +156,26 @@ def _bytes(entries: Sequence[RowEntry], columns: int) -> tuple[bytes, list[int]]
 
     Consecutive repetitions are stored once, with their number.
     """
-    made = bytearray()
+    data = bytearray()
     owners: list[int] = []
-    at = 0
+    number = 0
     last: int | None = None
     for body, times in folded(entries):
-        begin = len(made)
+        begin = len(data)
         for index, entry in enumerate(body):
             again = times > 1 and index == 0 and not _follows(body[-1], entry)
             if entry.spot:
-                made += b"" if entry.goes_on else bytes((SPOT, entry.row * columns & 0xFF))
+                data += b"" if entry.goes_on else bytes((SPOT, entry.row * columns & 0xFF))
             elif last is None or entry.row != last + 1 or again:
-                made += bytes((AT, entry.row * columns & 0xFF))
-            made.append(entry.how & 0xFF)
-            owners += [at + index] * (len(made) - len(owners))
+                data += bytes((AT, entry.row * columns & 0xFF))
+            data.append(entry.how & 0xFF)
+            owners += [number + index] * (len(data) - len(owners))
             last = None if entry.spot else entry.row
         if times > 1:
-            made += bytes((AGAIN, len(made) + 3 - begin & 0xFF, times))
-            owners += [at + len(body) - 1] * (len(made) - len(owners))
-        at += len(body) * times
-    return bytes(made), owners
+            data += bytes((AGAIN, len(data) + 3 - begin & 0xFF, times))
+            owners += [number + len(body) - 1] * (len(data) - len(owners))
+        number += len(body) * times
+    return bytes(data), owners
 
 
 def _follows(one: RowEntry, other: RowEntry) -> bool:
@@ -200,7 +200,7 @@ def chained(lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], rows: int) -
                 last = None if entry.spot else entry.row
     # Greedy: the most frequent pairs first, each unless a row would get two followers or a chain would close.
     after: dict[int, int] = {}
-    for (one, other), _ in sorted(wanted.items(), key=lambda each: (-each[1], each[0])):
+    for (one, other), _ in sorted(wanted.items(), key=lambda item: (-item[1], item[0])):
         end = other
         while end in after:
             end = after[end]
@@ -208,10 +208,10 @@ def chained(lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], rows: int) -
             after[one] = other
     order = []
     for row in range(rows):
-        at = None if row in after.values() else row
-        while at is not None:
-            order.append(at)
-            at = after.get(at)
+        current = None if row in after.values() else row
+        while current is not None:
+            order.append(current)
+            current = after.get(current)
     return order
 
 
@@ -241,9 +241,11 @@ def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
             saved = (min(times, MAX_TIMES) - 1) * length - AGAIN_BYTES
             if saved > best[0]:
                 best = (saved, start, length, min(times, MAX_TIMES))
+            # Beginnings in between would only shift the same repetition.
             start += max(1, (times - 1) * length)
     saved, start, length, times = best
     if not saved:
         return [(list(entries), 1)] if entries else []
+    # The repetition that saves most is taken first; what is before and after it is folded in the same way.
     body = list(entries[start : start + length])
     return [*folded(entries[:start]), (body, times), *folded(entries[start + length * times :])]

@@ -85,6 +85,7 @@ class _Ledger:
     found: dict[str, Share] = field(default_factory=dict)
 
     def of(self, name: str) -> Share:
+        """Return the share of a part, a new one at its first use."""
         return self.found.setdefault(name, Share(name))
 
 
@@ -106,10 +107,10 @@ def shares(job: EngineJob) -> Shares:
             DATA_BYTES,
             limited=False,
         )
-        at = len(begun.angles)
+        begin = len(begun.angles)
         for one, other in zip(job.directions[::2], job.directions[1::2], strict=True):
-            parts.append(Part(f"{one.name} and {other.name}", at))
-            at += len(one.angles) - 1
+            parts.append(Part(f"{one.name} and {other.name}", begin))
+            begin += len(one.angles) - 1
     else:
         ideal = ideal_widths(begun, servos, clock)
         pairs = leg_channels(servos, job.bindings)
@@ -122,14 +123,14 @@ def shares(job: EngineJob) -> Shares:
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
     frames = len(encoded.widths) if ideal is None else len(ideal)
     loop = frames - begun.loop_start
-    made = _shares(encoded, parts, frames, loop)
+    ledger = _shares(encoded, parts, frames, loop)
     if ideal is not None:
         order = np.where(encoded.frames < frames, encoded.frames, encoded.frames - loop)
         away = np.abs(encoded.widths - ideal[order]) * float(clock.cycle_us)
         away[encoded.silent] = 0
-        _add_errors(made, [_part(parts, frame) for frame in order.tolist()], away.max(axis=1))
+        _add_errors(ledger, [_part(parts, frame) for frame in order.tolist()], away.max(axis=1))
     doublings = int(encoded.scale.shifts.sum())
-    return Shares(tuple(made.found.values()), tuple(used), doublings, encoded.legs is not None)
+    return Shares(tuple(ledger.found.values()), tuple(used), doublings, encoded.legs is not None)
 
 
 def _part(parts: Sequence[Part], frame: int) -> str:
@@ -143,9 +144,9 @@ def _shares(encoded: Encoded, parts: Sequence[Part], frames: int, loop: int) -> 
     # The first step only tells where the second begins.
     begins = [0, 0, *accumulate(step.timing.frames for step in steps[1:])][: len(steps)]
     owner = [_part(parts, begin if begin < frames else begin - loop) for begin in begins]
-    made = _Ledger()
+    ledger = _Ledger()
     for name in owner:
-        made.of(name)
+        ledger.of(name)
     columns = len(encoded.legs.turns) if encoded.legs else encoded.widths.shape[1]
     users: dict[int, str] = {}
     timings: dict[object, str] = {}
@@ -153,18 +154,18 @@ def _shares(encoded: Encoded, parts: Sequence[Part], frames: int, loop: int) -> 
         users.setdefault(step.row, name)
         timings.setdefault(step.timing, name)
     for row in range(len(encoded.rows) // columns):
-        made.of(users.get(row, "lifts")).rows += columns
+        ledger.of(users.get(row, "lifts")).rows += columns
     for byte_owner in encoded.script.owners:
-        made.of(owner[byte_owner]).script += 1
+        ledger.of(owner[byte_owner]).script += 1
     for timing in encoded.script.timings:
-        made.of(timings[timing]).timings += TIMING_BYTES
+        ledger.of(timings[timing]).timings += TIMING_BYTES
     if encoded.laws:
-        made.of("laws").laws += len(encoded.laws)
-    return made
+        ledger.of("laws").laws += len(encoded.laws)
+    return ledger
 
 
-def _add_errors(made: _Ledger, names: Sequence[str], away_us: Floats) -> None:
+def _add_errors(ledger: _Ledger, names: Sequence[str], away_us: Floats) -> None:
     """Add the largest distance from the plan of each part, from its name and the distance in each frame."""
     for name, away in zip(names, away_us.tolist(), strict=True):
-        share = made.of(name)
+        share = ledger.of(name)
         share.error_us = max(share.error_us or 0.0, round(away, 3))

@@ -60,7 +60,8 @@ class _Pulses:
 
     writes: tuple[tuple[int, int], ...]
     """(cycle, value) of each write to the port that changes it."""
-    done: int
+    end: int
+    """The cycle in which the kernel is at its end."""
 
 
 class KernelChanged(Exception):
@@ -76,19 +77,21 @@ def allowances(listing: Listing, layout: SlotLayout) -> tuple[Allowance, Allowan
     spent = kernel.spent_beside_the_pulse()
 
     def of(slot: Slot, following: Slot) -> Allowance:
-        done = spent + slot.longest
+        taken = spent + slot.longest
         ticks = following.ticks
         seen = kernel.late_ticks_seen(ticks)
-        return Allowance(Cycles(ticks * layout.tick - 1 - done), Cycles(seen * layout.tick - 1 - done))
+        # The kernel has to read the timer before the tick at which the next slot begins: one cycle less.
+        return Allowance(Cycles(ticks * layout.tick - 1 - taken), Cycles(seen * layout.tick - 1 - taken))
 
     pairs = [of(*pair) for pair in zip(layout.slots, layout.slots[1:], strict=False)]
     frames = of(layout.slots[-1], layout.slots[0])
     return _smallest(pairs or [frames]), frames
 
 
-def _smallest(found: Sequence[Allowance]) -> Allowance:
+def _smallest(allowances: Sequence[Allowance]) -> Allowance:
     return Allowance(
-        min(allowance.same_edges for allowance in found), min(allowance.late_is_seen for allowance in found)
+        min(allowance.same_edges for allowance in allowances),
+        min(allowance.late_is_seen for allowance in allowances),
     )
 
 
@@ -115,13 +118,13 @@ class _Kernel:
             shorter = MIN_WIDTH + apart % 8
             arrivals = range(POLL_CYCLES) if apart < 8 else [apart % POLL_CYCLES]
             for one, other in ((shorter, shorter + apart), (shorter + apart, shorter)):
-                found = {self._run(one, other, arrival) for arrival in arrivals}
-                if len(found) != 1:
+                outcomes = {self._run(one, other, arrival) for arrival in arrivals}
+                if len(outcomes) != 1:
                     raise KernelChanged(f"widths {one} and {other}: the edges depend on the time of the C")
-                (pulses,) = found
+                (pulses,) = outcomes
                 self._compare(pulses, one, other)
                 # The layout's longest pulse includes the stagger.
-                maximum = max(maximum, pulses.done - max(one, other + self._stagger))
+                maximum = max(maximum, pulses.end - max(one, other + self._stagger))
         return maximum
 
     def late_ticks_seen(self, ahead: int) -> int:
@@ -140,6 +143,7 @@ class _Kernel:
         """Return whether the kernel sets `overrun` if it reads the timer `ticks` ticks after the last
         slot.
         """
+        # Any target: the kernel uses only differences, modulo 256.
         target = 200
         overrun = self._ram["overrun"]
         known: Known = {
@@ -149,17 +153,17 @@ class _Kernel:
             CARRY: 0,
             W: target,
         }
-        at = self._check
-        while at != self._poll:
-            word = decoded(self._words[at])
-            following = at + 1
+        address = self._check
+        while address != self._poll:
+            word = decoded(self._words[address])
+            following = address + 1
             if word.flow == "skip":
                 following += bool(skipped(word, known))
             elif word.has_f and word.f == TMR0:
-                self._look(word, known, target - ahead + ticks & 0xFF, at)
+                self._look(word, known, target - ahead + ticks & 0xFF, address)
             else:
                 execute(word, known)
-            at = following
+            address = following
         return bool(known[overrun] & 1)
 
     def _compare(self, pulses: _Pulses, one: int, other: int) -> None:
@@ -184,24 +188,24 @@ class _Kernel:
             known[self._ram[name]] = value
         begin = 1 << 16
         """The cycle, counted from the kernel's first instruction, of the tick that it waits for."""
-        at, now, level = self._start, 0, 0
+        address, now, level = self._start, 0, 0
         writes: list[tuple[int, int]] = []
         for _ in range(MAX_STEPS):
-            if at == self._check:
+            if address == self._check:
                 begin = now + 1 + arrival
-            if at == self._done:
+            if address == self._done:
                 return _Pulses(tuple(writes), now - begin)
-            word = decoded(self._words[at])
-            following, cycles = at + 1, 1
+            word = decoded(self._words[address])
+            following, cycles = address + 1, 1
             if word.flow == "jump":
                 following, cycles = word.k, 2
             elif word.flow == "skip":
                 taken = skipped(word, known)
                 if taken is None:
-                    raise KernelChanged(f"0x{at:03X} tests what is not the kernel's")
-                following, cycles = (at + 2, 2) if taken else (at + 1, 1)
+                    raise KernelChanged(f"0x{address:03X} tests what is not the kernel's")
+                following, cycles = (address + 2, 2) if taken else (address + 1, 1)
             elif word.has_f and word.f == TMR0:
-                self._look(word, known, (target + (now - begin) // tick) & 0xFF, at)
+                self._look(word, known, (target + (now - begin) // tick) & 0xFF, address)
             elif word.f == INDF and word.writes_f and known[FSR] == PORT:
                 value = 0 if word.name == "CLRF" else known[W]
                 if value != level:
@@ -211,14 +215,14 @@ class _Kernel:
                     known[ZERO] = int(value == 0)
             else:
                 execute(word, known)
-            at, now = following, now + cycles
+            address, now = following, now + cycles
         raise KernelChanged("it does not end")
 
-    def _look(self, word: DecodedWord, known: Known, timer: int, at: int) -> None:
+    def _look(self, word: DecodedWord, known: Known, timer: int, address: int) -> None:
         """Execute an instruction that reads the timer into W."""
         result, carry = known_result(word.name, known[W], timer, word.k, word.b, known[CARRY])
         if result is None or not word.writes_w:
-            raise KernelChanged(f"0x{at:03X} writes the timer")
+            raise KernelChanged(f"0x{address:03X} writes the timer")
         known[W] = result
         if "C" in word.flags and carry is not None:
             known[CARRY] = carry

@@ -1,6 +1,7 @@
 """The `sequence` engine's program as values: frame functions, steps that call them, every delay in cycles.
 
-`Sequence.walk` yields the delays between any two edges, so that a compiler's overheads can be measured.
+`Sequence.walk` yields the delays between any two edges, so that the cycles that a compiler's code takes in
+addition (`Overheads`) can be measured; the next rendering subtracts them from its delays.
 
     position(frames)          main
     ┌─ edge, wait, edge …      ┌─ position_1(100), wait
@@ -11,19 +12,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
-from servogen.engines.sequence.overheads import START, DelayPath
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class DelayPath:
+    """A path through the program from one edge to the next that has its own delay.
+
+    `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
+    "again" (from a frame to the same frame again), "turn" (from a call of step `owner` to its next call)
+    or "after" (from step `owner` to the next one).
+    """
+
+    kind: str
+    owner: int = 0
+    edge: int = 0
+
+
+START = DelayPath("start")
+
+
+@dataclass(frozen=True, slots=True)
+class Overheads:
+    """Cycles by path; a path that was not measured yet costs 0."""
+
+    cycles: Mapping[DelayPath, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cycles", MappingProxyType(dict(self.cycles)))
+
+    def of(self, path: DelayPath) -> int:
+        """Return the cycles of a path."""
+        return self.cycles.get(path, 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
     """A port write: `value` goes to port A or B; `channels` are the (channel, level) that it changes."""
 
-    at: Cycles
+    cycle: Cycles
     port: str
     value: int
     changes: tuple[tuple[int, int], ...]
@@ -40,11 +72,11 @@ class FrameEdges:
 
     @property
     def first(self) -> Cycles:
-        return self.edges[0].at
+        return self.edges[0].cycle
 
     @property
     def last(self) -> Cycles:
-        return self.edges[-1].at
+        return self.edges[-1].cycle
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +107,7 @@ class Hold:
 
     @property
     def all_frames(self) -> int:
+        """Return the frames of all turns."""
         return self.turns * self.frames
 
 

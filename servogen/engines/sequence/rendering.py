@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 
-from servogen.engines.c_text import ChannelText, decimal, ports_of, render_template
+from servogen.engines.c_text import ChannelText, decimal, header_values, render_template
 from servogen.engines.sequence.programs import FrameEdges, Hold, Sequence, SilentStep, Step
 from servogen.engines.sequence.waits import CALLS
-from servogen.pic.device import Device, oscillator_for
+from servogen.pic.device import Device
 from servogen.pulse import PulseSchedule
 from servogen.units import Clock, Cycles
 
@@ -26,16 +25,9 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
     clock = program.schedule.clock
     return render_template(
         "sequence/main.c.j2",
-        dialect=dialect,
-        title=title,
-        device=device.name,
-        clock_hz=clock.hz,
-        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
+        **header_values(dialect, title, device, program.schedule),
         cycle_us=decimal(clock.cycle_us),
-        oscillator=oscillator_for(clock.hz),
-        period_us=decimal(clock.us(program.schedule.period)),
         channels=list(_channels(program.schedule)),
-        ports=list(ports_of(program.schedule)),
         start=_calls(program.start, dialect, clock),
         positions=[
             _PositionText(

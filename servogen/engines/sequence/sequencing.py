@@ -13,8 +13,17 @@ from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 
-from servogen.engines.sequence.overheads import START, DelayPath, Overheads
-from servogen.engines.sequence.programs import Edge, FrameEdges, FrameFunction, Hold, Sequence, SilentStep
+from servogen.engines.sequence.programs import (
+    START,
+    DelayPath,
+    Edge,
+    FrameEdges,
+    FrameFunction,
+    Hold,
+    Overheads,
+    Sequence,
+    SilentStep,
+)
 from servogen.errors import InputError
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
@@ -85,6 +94,7 @@ def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
 
 def _equal_calls(frames: int) -> tuple[int, int]:
     """Return (frames per call, calls) for all of `frames`, or for as many as possible."""
+    # Equal calls are one loop; a remainder would need a call of its own.
     for size in range(MAX_COUNTED, FEW_FRAMES_A_CALL, -1):
         if frames % size == 0 and frames // size <= MAX_COUNTED:
             return size, frames // size
@@ -105,23 +115,23 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
     times = sorted(changes)
     ports = {"A": 0, "B": 0}
     edges = []
-    for index, at in enumerate(times):
-        touched = {schedule.channels[channel].pin[1] for channel, _ in changes[at]}
+    for index, cycle in enumerate(times):
+        touched = {schedule.channels[channel].pin[1] for channel, _ in changes[cycle]}
         if len(touched) > 1:
             raise InputError(
                 "edges-too-close",
-                f"edges of both ports fall on cycle {at} of a frame",
+                f"edges of both ports fall on cycle {cycle} of a frame",
                 hint="one write reaches one port: move one servo to the other's port or to another slot",
             )
         (port,) = touched
-        for channel, level in changes[at]:
+        for channel, level in changes[cycle]:
             mask = 1 << int(schedule.channels[channel].pin[2])
             ports[port] = ports[port] | mask if level else ports[port] & ~mask
         wait = Cycles(0)
         if index + 1 < len(times):
             path = DelayPath("in", owner, index)
-            wait = _delay(times[index + 1] - at, path, overheads, f"after cycle {at} of a frame")
-        edges.append(Edge(Cycles(at), port, ports[port], tuple(changes[at]), wait))
+            wait = _delay(times[index + 1] - cycle, path, overheads, f"after cycle {cycle} of a frame")
+        edges.append(Edge(Cycles(cycle), port, ports[port], tuple(changes[cycle]), wait))
     return FrameEdges(tuple(edges), run)
 
 

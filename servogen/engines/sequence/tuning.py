@@ -16,8 +16,7 @@ from servogen.compiler import Compilation, Options
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware, ResourceError, compiled_to_fit
-from servogen.engines.sequence.overheads import DelayPath, Overheads
-from servogen.engines.sequence.programs import Sequence
+from servogen.engines.sequence.programs import DelayPath, Overheads, Sequence
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import ServogenError

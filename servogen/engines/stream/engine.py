@@ -66,9 +66,9 @@ def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
 
 def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
     """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
-    made = firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
-    budgets = timing_budgets(made.compilation.listing, streamed)
-    return replace(made, timing_budgets=budgets)
+    built = firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
+    budgets = timing_budgets(built.compilation.listing, streamed)
+    return replace(built, timing_budgets=budgets)
 
 
 def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget, ...]:
@@ -77,11 +77,11 @@ def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget,
     """
     byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
     travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
-    found = response(listing, streamed.layout.rounds, travel, BYTES * byte)
-    supply = found.supply or Cycles(0)
+    bound = response(listing, streamed.layout.rounds, travel, BYTES * byte)
+    supply = bound.supply or Cycles(0)
     return (
-        TimingBudget("a request and its slot", found.prepare, supply),
-        TimingBudget("the same, after a command", found.after_command, supply),
+        TimingBudget("a request and its slot", bound.prepare, supply),
+        TimingBudget("the same, after a command", bound.after_command, supply),
     )
 
 

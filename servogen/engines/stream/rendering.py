@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 
-from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
+from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
 from servogen.engines.stream.layout import RISE
 from servogen.engines.stream.protocol import TRIM_ZERO
 from servogen.engines.stream.streaming import Streaming
-from servogen.pic.device import Device, oscillator_for, registers
+from servogen.pic.device import Device, registers
 
 NONE = 0xFE
 """The mark for "no command", a byte with which no command begins."""
@@ -46,26 +45,18 @@ class _Out:
 def render_stream(streamed: Streaming, dialect: str, device: Device, title: str) -> str:
     """Return the C file of `streamed` in `dialect`. Raises RenderError."""
     schedule, stream = streamed.plan.schedule, streamed.stream
-    clock = schedule.clock
     pins = [channel.pin for channel in schedule.channels]
     two_ports = len({pin[1] for pin in pins}) > 1
     return render_template(
         "stream/main.c.j2",
+        **header_values(dialect, title, device, schedule),
         overrun=OVERRUN,
-        dialect=dialect,
-        title=title,
-        device=device.name,
-        clock_hz=clock.hz,
-        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
-        oscillator=oscillator_for(clock.hz),
-        period_us=decimal(clock.us(schedule.period)),
         baud=stream.baud,
         line=stream.receive_pin,
         channels=list(_channels(streamed)),
         servos=len(pins),
         slots=streamed.layout.slots,
         slot_ticks=streamed.layout.rounds,
-        ports=list(ports_of(schedule)),
         out=_out(stream.transmit_pin),
         answers=stream.transmit_pin is not None,
         two_ports=two_ports,

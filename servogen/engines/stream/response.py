@@ -46,7 +46,9 @@ HALF = 128
 TMR0_STANDS = 3
 """Cycles from a write of TMR0 in which it does not count, that of the write included (DS35007 figure 5-2)."""
 LATENCY = 4
-"""Cycles from the overflow to the first instruction of the interrupt at most (DS35007 section 6.9)."""
+"""The maximum number of cycles from the overflow to the first instruction of the interrupt (DS35007 section
+6.9).
+"""
 TMR0, INTCON, GIE = 1, 11, 7
 PORTS = (5, 6)
 MAX_END = 3 * ROUND
@@ -129,15 +131,15 @@ def _addresses(listing: Listing) -> Mapping[str, int]:
     return {name: address for address, name, _ in listing.variables}
 
 
-# what the C needs
+# the demand of the C
 
 
 def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | None, int]:
     """Return the longest `prepare` and `execute` of the main loop, and how long it masks interrupts."""
     words = {row.address: row.word for row in listing.rows}
     due = _addresses(listing)["due"]
-    mask = [at for at, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
-    unmask = [at for at, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
+    mask = [address for address, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
+    unmask = [address for address, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
     # Interrupts repeat this loop: each round has at most one, and lets the C do more than one turn.
     whole, parts = listing.label("st_whole"), listing.label("st_parts")
     bounds = dict.fromkeys(mask, 2) | {whole: 1}
@@ -146,15 +148,15 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     # The division takes one turn of this loop per 256 cycles of distance, with at least one frame left.
     turn = TimedProgram(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
     head, clear = main_loop(listing)
-    test = _only(at for at in range(head, clear) if words[at] == encode("BTFSS", f=due, b=1))
+    test = _only(address for address in range(head, clear) if words[address] == encode("BTFSS", f=due, b=1))
     poll = program.longest(head, {test})
     until_cleared = program.longest(head, {clear + 1}, without={test + 1})
     back = program.longest(clear + 1, {head})
     masked = 0
     for begin, end in zip(mask, unmask, strict=True):
-        repeat = [at for at in range(begin, end) if word_of(words[at]).flow == "jump"]
-        found = program.longest(begin, {end + 1}, without=set(repeat))
-        masked = max(masked, found or MAX_END)
+        repeat = [address for address in range(begin, end) if word_of(words[address]).flow == "jump"]
+        longest = program.longest(begin, {end + 1}, without=set(repeat))
+        masked = max(masked, longest or MAX_END)
     if poll is None or until_cleared is None or back is None or turn.longest is None:
         return None, None, masked
     # The request may come just after the loop has tested for it: one turn of four cycles more.
@@ -167,13 +169,17 @@ def main_loop(listing: Listing) -> tuple[int, int]:
     words = {row.address: row.word for row in listing.rows}
     main = next(function for function in listing.functions if function.name.strip("_") == "main")
     due = _addresses(listing)["due"]
-    clear = _only(at for at in range(main.start, main.end) if words[at] == encode("ANDWF", f=due, d=1))
-    enable = max(at for at in range(main.start, main.end) if words[at] == encode("MOVWF", f=INTCON))
+    clear = _only(
+        address for address in range(main.start, main.end) if words[address] == encode("ANDWF", f=due, d=1)
+    )
+    enable = max(
+        address for address in range(main.start, main.end) if words[address] == encode("MOVWF", f=INTCON)
+    )
     return _loop_head(words, main, enable), clear
 
 
-def _only(found: Iterator[int]) -> int:
-    (one,) = found
+def _only(candidates: Iterator[int]) -> int:
+    (one,) = candidates
     return one
 
 
@@ -181,9 +187,9 @@ def _loop_head(words: Mapping[int, int], main: ListedFunction, after: int) -> in
     """Return where the endless loop of main begins: the first target of a jump back."""
     targets = [
         word.k
-        for at in range(after, main.end)
-        for word in [word_of(words[at])]
-        if word.flow == "jump" and after < word.k <= at
+        for address in range(after, main.end)
+        for word in [word_of(words[address])]
+        if word.flow == "jump" and after < word.k <= address
     ]
     return min(targets)
 
@@ -192,10 +198,14 @@ def _changed_by_interrupt(listing: Listing) -> set[int]:
     """Return the bytes that the interrupt's code may write."""
     words = {row.address: row.word for row in listing.rows}
     program = TimedProgram(words, ())
-    return {program.word(at).f for at in program.reached(INTERRUPT_VECTOR) if program.word(at).writes_f}
+    return {
+        program.word(address).f
+        for address in program.reached(INTERRUPT_VECTOR)
+        if program.word(address).writes_f
+    }
 
 
-# what the interrupts leave
+# the supply that the interrupts leave
 
 
 @dataclass(slots=True)
@@ -209,7 +219,7 @@ class Round:
     edge: int
     """The address of the instruction that makes an edge."""
     masked: int
-    """The most cycles in which the C masks interrupts."""
+    """The maximum number of cycles for which the C masks interrupts."""
     _ends: dict[tuple[int, int, int], tuple[tuple[int, int, int], ...] | None] = field(default_factory=dict)
     _look_cycles: tuple[int, ...] = ()
 
@@ -259,11 +269,11 @@ class Round:
     def rise(self) -> int:
         """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
         known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1, AHEAD: 0}
-        at, now = INTERRUPT_VECTOR, 2
+        address, now = INTERRUPT_VECTOR, 2
         stack: tuple[int, ...] = ()
-        while at != self.edge:
-            ways = list(self.steps(at, stack, now, word_of(self.words[at]), known))
-            at, stack, cycles, known = ways[0]
+        while address != self.edge:
+            ways = list(self.steps(address, stack, now, word_of(self.words[address]), known))
+            address, stack, cycles, known = ways[0]
             now += cycles
             if now > MAX_END:
                 raise LookupError("the interrupt makes no edge")
@@ -272,39 +282,41 @@ class Round:
     def looks(self) -> tuple[int, ...]:
         """Return all durations of a look at the line, whatever the receiver does."""
         if not self._look_cycles:
-            found: set[int] = set()
+            durations: set[int] = set()
             waiting: list[tuple[int, tuple[int, ...], int]] = [(self.look, (), 0)]
             seen = set(waiting)
             while waiting:
-                at, stack, now = waiting.pop()
-                for following, more, cycles, _ in self.steps(at, stack, now, word_of(self.words[at]), {}):
+                address, stack, now = waiting.pop()
+                for following, more, cycles, _ in self.steps(
+                    address, stack, now, word_of(self.words[address]), {}
+                ):
                     if following < 0:
-                        found.add(now + cycles)
+                        durations.add(now + cycles)
                     elif (state := (following, more, now + cycles)) not in seen:
                         seen.add(state)
                         waiting.append(state)
-            self._look_cycles = tuple(sorted(found))
+            self._look_cycles = tuple(sorted(durations))
         return self._look_cycles
 
-    def _latest(self, at: int, now: int, known: Known) -> tuple[tuple[int, int, int], ...] | None:
+    def _latest(self, address: int, now: int, known: Known) -> tuple[tuple[int, int, int], ...] | None:
         """Return the latest end of the interrupt from a state on, for each number of cycles that TMR0 is then
         ahead of the time and each value of CLEARED; None if no bound is found.
         """
         if "port" in self.ram:
             known |= {self.ram[name]: PORTS[1] for name in PORT_NAMES}
-        begun = (at, now, known[AHEAD])
-        if begun in self._ends and at == INTERRUPT_VECTOR:
+        begun = (address, now, known[AHEAD])
+        if begun in self._ends and address == INTERRUPT_VECTOR:
             return self._ends[begun]
         followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *known, WRITTEN}
-        waiting: list[_State] = [(at, (), now, tuple(sorted(known.items())))]
+        waiting: list[_State] = [(address, (), now, tuple(sorted(known.items())))]
         seen = set(waiting)
         latest: dict[tuple[int, int], int] = {}
         while waiting:
-            at, stack, now, frozen = waiting.pop()
+            address, stack, now, frozen = waiting.pop()
             if now > MAX_END or len(seen) > MAX_STATES:
                 return None
             try:
-                word = word_of(self.words[at])
+                word = word_of(self.words[address])
             except (KeyError, Undefined):
                 return None
             known = dict(frozen)
@@ -312,9 +324,11 @@ class Round:
                 how = known[AHEAD], known.get(CLEARED, 0)
                 latest[how] = max(latest.get(how, 0), now + 2)
                 continue
-            for following, more, cycles, after in self.steps(at, stack, now, word, known):
-                kept = tuple(sorted((place, value) for place, value in after.items() if place in followed))
-                state = (following, more, now + cycles, kept)
+            for following, more, cycles, after in self.steps(address, stack, now, word, known):
+                remembered = tuple(
+                    sorted((place, value) for place, value in after.items() if place in followed)
+                )
+                state = (following, more, now + cycles, remembered)
                 if state not in seen:
                     seen.add(state)
                     waiting.append(state)
@@ -322,36 +336,39 @@ class Round:
         return self._ends[begun]
 
     def steps(
-        self, at: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
+        self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
+        """Yield (address, return addresses, cycles, known values) after one instruction; the address is -1
+        after the last return. Updates `known`. Raises LookupError for a use of TMR0 that is not followed.
+        """
         if word.flow == "jump":
             yield word.k, stack, 2, known
         elif word.flow == "call" and word.k == self.look:
             for place in (W, CARRY, ZERO, self.ram["t"]):
                 known.pop(place, None)
             for cycles in self.looks():
-                yield at + 1, stack, 2 + cycles, known
+                yield address + 1, stack, 2 + cycles, known
         elif word.flow == "call":
-            yield word.k, (*stack, at + 1), 2, known
+            yield word.k, (*stack, address + 1), 2, known
         elif word.flow == "return":
             yield (stack[-1], stack[:-1], 2, known) if stack else (-1, (), 2, known)
         elif word.has_f and word.f == TMR0:
-            yield from self._timer(at, stack, now, word, known)
+            yield from self._timer(address, stack, now, word, known)
         elif word.flow == "skip":
             taken = skipped(word, known)
             if taken is not True:
-                yield at + 1, stack, 1, known
+                yield address + 1, stack, 1, known
             if taken is not False:
-                yield at + 2, stack, 2, dict(known)
+                yield address + 2, stack, 2, dict(known)
         else:
             if word.name == "BCF" and word.f == INTCON and CLEARED in known:
                 known[CLEARED] = 1
             if not (word.f == INDF and word.writes_f and known.get(FSR) in PORTS):
                 execute(word, known)
-            yield at + 1, stack, 1, known
+            yield address + 1, stack, 1, known
 
     def _timer(
-        self, at: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
+        self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
         """Execute an instruction that reads the timer, or adds a constant to it."""
         if now - known.get(WRITTEN, now - ROUND) <= TMR0_STANDS:
@@ -361,17 +378,18 @@ class Round:
             added = known.get(W)
             if word.name != "ADDWF" or added is None:
                 raise LookupError("TMR0 is written by an instruction that is not followed")
+            # It would set T0IF too early: an interrupt that no time accounts for.
             if timer + added >= ROUND:
                 raise LookupError("TMR0 overflows because it is written")
             known[AHEAD] = (known.get(AHEAD, 0) + added - TMR0_STANDS) % ROUND
             known[WRITTEN] = now
             for place in (CARRY, ZERO):
                 known.pop(place, None)
-            yield at + 1, stack, 1, known
+            yield address + 1, stack, 1, known
             return
         if word.flow == "skip":
             taken = bool(timer >> word.b & 1) == (word.name == "BTFSS")
-            yield at + 1 + taken, stack, 1 + taken, known
+            yield address + 1 + taken, stack, 1 + taken, known
             return
         w = known.get(W)
         result, carry = known_result(word.name, w, timer, word.k, word.b, known.get(CARRY))
@@ -383,19 +401,21 @@ class Round:
         known.pop(ZERO, None)
         if result is not None:
             known[ZERO] = int(result == 0)
-        yield at + 1, stack, 1, known
+        yield address + 1, stack, 1, known
 
 
 def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
     """Return the minimum cycles left in a slot, from the request in the round of its rise on."""
     words = {row.address: row.word for row in listing.rows}
     exactly = encode("CALL", k=listing.label("st_exactly"))
-    wait = _only(at for at, word in words.items() if word == exactly)
-    edge = next(at for at in range(wait, max(words)) if word_of(words[at]).name == "MOVWF")
+    wait = _only(address for address, word in words.items() if word == exactly)
+    edge = next(address for address in range(wait, max(words)) if word_of(words[address]).name == "MOVWF")
     ran = sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))
-    ram = tuple((name, at) for name, at in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES))
+    ram = tuple(
+        (name, address) for name, address in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES)
+    )
     looks = listing.label("st_look")
-    return _supply_of(tuple((at, words[at]) for at in ran), ram, looks, edge, rounds, masked)
+    return _supply_of(tuple((address, words[address]) for address in ran), ram, looks, edge, rounds, masked)
 
 
 @cache
@@ -424,6 +444,7 @@ def _supply_of(
             with_fall = min(with_fall, left)
     except LookupError:
         return None
+    # The rounds of a slot: that of the rise, those of the fall and after it, and all others.
     return Cycles(max(0, ROUND - rise[0]) + with_fall + (rounds - 3) * usual)
 
 
@@ -442,7 +463,7 @@ def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
     return None if late is None else max(0, ROUND - end) + min(late, usual)
 
 
-def _minimum(found: list[int | None]) -> int | None:
+def _minimum(bounds: list[int | None]) -> int | None:
     """Return the minimum of all; None if one of them has no bound."""
-    numbers = [number for number in found if number is not None]
-    return min(numbers) if len(numbers) == len(found) else None
+    numbers = [number for number in bounds if number is not None]
+    return min(numbers) if len(numbers) == len(bounds) else None

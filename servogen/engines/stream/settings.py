@@ -107,6 +107,7 @@ def _windows(bit: Fraction) -> tuple[int, int]:
         for k in range(1, BITS)
     )
     last = MAX_UNITS
+    # A larger `first` only moves samples later, so the search downwards ends at the maximum.
     while last >= 0 and any(_latest_sample(bit, k, last) > (k + 1) * fast for k in range(BITS)):
         last -= 1
     return max(0, first), last

@@ -114,6 +114,8 @@ class Guarantee:
         latest = 0
         for stamp, since, gap in self.starts:
             due = UNIT * (stamp // UNIT + first_units + 1 + k * bit_units)
+            # The bit is taken by the first look whose time stamp is at `due` or later: within a wait in which
+            # `due` falls, that is the look at its end.
             passed = (due - before - 1) % ROUND
             later = (wait - 1 - passed)[passed < wait]
             latest = max(latest, gap + since + due - stamp + int(later.max(initial=0)) + after)
@@ -181,12 +183,12 @@ class _Seen:
 
     def add(self, state: _State) -> bool:
         """Add a state; return whether none stood for it."""
-        at, stack, now, known, (kind, sample, stamp), bit = state
-        held = self.times.setdefault((at, stack, now, known, kind), [])
-        for other in held:
+        address, stack, now, known, (kind, sample, stamp), bit = state
+        times = self.times.setdefault((address, stack, now, known, kind), [])
+        for other in times:
             if other[0] <= sample and other[1] <= stamp and other[2] <= bit:
                 return False
-        held.append((sample, stamp, bit))
+        times.append((sample, stamp, bit))
         return True
 
 
@@ -202,7 +204,7 @@ class _Interrupt:
     gaps: bool
     """Whether the gaps between looks are of interest, too."""
     bits_apart: int
-    """Cycles that pass at least from one bit taken to the next within an interrupt."""
+    """The minimum number of cycles from one bit taken to the next within an interrupt."""
     first_apart: int
     """The same from a start bit's time stamp to the first bit taken."""
     edges: set[int] = field(default_factory=set)
@@ -234,28 +236,28 @@ class _Interrupt:
         going: tuple[int, tuple[int, ...], int, Known, _Last, int] | None = None
         while waiting or going:
             if going:
-                at, stack, now, known, last, bit = going
+                address, stack, now, known, last, bit = going
                 going = None
             else:
-                at, stack, now, frozen, last, bit = waiting.pop()
+                address, stack, now, frozen, last, bit = waiting.pop()
                 known = dict(frozen)
             if now > MAX_TIMES or len(seen.times) > MAX_STATES:
                 raise InterruptChanged(f"the interrupt does not end within {MAX_TIMES} cycles")
             try:
-                word = word_of(code.words[at])
+                word = word_of(code.words[address])
             except (KeyError, Undefined):
-                raise InterruptChanged(f"the interrupt leaves its words at 0x{at:03X}") from None
+                raise InterruptChanged(f"the interrupt leaves its words at 0x{address:03X}") from None
             if word.name == "RETFIE":
                 if not self.gaps:
                     last = (BIT, bit, bit) if now + 2 - bit < self.bits_apart else NO_LOOK
                 ends.add(self._end(now + 2, known, last))
                 continue
-            if at == code.edge:
+            if address == code.edge:
                 self._check_edge(known)
                 self.edges.add(now)
                 known[CLEARED] = 0
             elif writes_port(word, known):
-                self._check_answer(at, word)
+                self._check_answer(address, word)
             following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
             if word.flow == "call" and word.k in self.looks:
                 receiving = code.ram["rx_bits"]
@@ -278,18 +280,18 @@ class _Interrupt:
                         kind = SENT if (last[0], look.kind) == (HUNT, BIT) else look.kind
                         seen_at = (kind, called + look.sample, called + look.stamp)
                         self._note_gap(last, seen_at)
-                    following.append((at + 1, stack, called + look.cycles, after, seen_at, taken))
+                    following.append((address + 1, stack, called + look.cycles, after, seen_at, taken))
             else:
-                for target, more, cycles, after in code.steps(at, stack, now, word, known):
+                for target, more, cycles, after in code.steps(address, stack, now, word, known):
                     following.append((target, more, now + cycles, after, last, bit))
             if len(following) == 1 and word.flow != "jump":
                 (going,) = following  # states are compared where paths part, and where they can meet again
                 continue
             for target, more, then, after, looked, taken in following:
-                kept = frozenset(item for item in after.items() if item[0] in followed)
+                remembered = frozenset(item for item in after.items() if item[0] in followed)
                 if then - taken >= self.bits_apart:
                     taken = LONG_AGO
-                state = (target, more, then, kept, looked, taken)
+                state = (target, more, then, remembered, looked, taken)
                 if seen.add(state):
                     waiting.append(state)
         yield from ends
@@ -310,9 +312,9 @@ class _Interrupt:
         if not rest and self.code.words[self.code.edge - 1] != mask:
             raise InterruptChanged("a rise does not write the pin that the C prepared")
 
-    def _check_answer(self, at: int, word: DecodedWord) -> None:
+    def _check_answer(self, address: int, word: DecodedWord) -> None:
         if self.out is None or word.name not in ("BSF", "BCF") or (word.f, word.b) != self.out:
-            raise InterruptChanged(f"the word at 0x{at:03X} writes a port")
+            raise InterruptChanged(f"the word at 0x{address:03X} writes a port")
 
     def _may_follow(self, last: _Last, look: _Look, stamp: int) -> bool:
         """Return whether a look can be the next one after `last`."""
@@ -342,7 +344,7 @@ def guarantee(
     listing: Listing,
     streamed: Streaming,
     fines: Iterable[int] = range(ROUND),
-    tell: Tell = lambda what, done, of: None,
+    tell: Tell = lambda task, count, of: None,
 ) -> Guarantee:
     """Return what the interrupt of a program guarantees. Raises InterruptChanged.
 
@@ -417,6 +419,7 @@ class _Closure:
         entries = self.firsts if first else self.seconds
         if not self.one.gaps:
             last = (last[0], last[2], last[2])  # only when a bit was taken is of interest
+        # An entry with an earlier look, in a round that may be all that this one may be, stands for it.
         for other in MAYS:
             if set(may) <= set(other):
                 before = entries.get((begin, last[0], other))
@@ -459,6 +462,7 @@ class _Closure:
             self._next(end, 1, PLAIN + FALL)
 
     def _fall(self, begins: list[tuple[int, _Last]], fine: int) -> None:
+        # Only after an early fall can the next rise be in the next round (`layout.LATEST`).
         rests = (1, MANY) if fine <= LATEST else (MANY,)
         for rest in rests:
             for end in self._edge(begins, rest, fine):
@@ -481,14 +485,15 @@ class _Closure:
             (self.rise,) = wanted = set(self.one.edges)
         if self.one.edges != wanted:
             name = "rise" if fine is None else f"fall, {fine} cycles after a rise in its round,"
-            found = ", ".join(map(str, sorted(self.one.edges)))
-            raise InterruptChanged(f"a {name} is in cycle {found} of its round, not {min(wanted)}")
+            cycles = ", ".join(map(str, sorted(self.one.edges)))
+            raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {min(wanted)}")
         return ends
 
     def _check_counts(self) -> None:
         """Check, for every width, in how many interrupts the fall and the next rise are due."""
         ram, rounds = self.one.code.ram, self.layout.rounds
         for whole in range(1, rounds):
+            # The low byte is only passed on to `fine`: some other value for each number of rounds.
             low = 37 * whole % ROUND
             known: Known = {ram["ticks"]: 1, ram["rest"]: 0, AHEAD: 0}
             known |= {ram["next_hi"]: whole, ram["next_lo"]: low}
@@ -500,10 +505,10 @@ class _Closure:
                     end,
                 )
 
-    def _check(self, holds: bool, what: str, end: _End) -> None:
+    def _check(self, holds: bool, where: str, end: _End) -> None:
         if not holds:
             raise InterruptChanged(
-                f"{what}: it ends with TMR0 {end.ahead} cycles ahead, ticks {end.ticks}, rest {end.rest}"
+                f"{where}: it ends with TMR0 {end.ahead} cycles ahead, ticks {end.ticks}, rest {end.rest}"
             )
 
 
@@ -512,20 +517,22 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     words = {row.address: row.word for row in listing.rows}
     bit_units, first_units = streamed.bit_units, streamed.first_units
     names = (*FOLLOWED, *PORT_NAMES, *WRITTEN_BY_INTERRUPT, "next_hi", "next_lo")
-    ram = {name: address for address, name, _ in listing.variables if name in names}
+    ram = {name: place for place, name, _ in listing.variables if name in names}
     try:
         wait = encode("CALL", k=listing.label("st_exactly"))
-        called = next(at for at in sorted(words) if words[at] == wait)
-        edge = next(at for at in range(called, max(words)) if word_of(words[at]).name == "MOVWF")
+        called = next(address for address in sorted(words) if words[address] == wait)
+        edge = next(
+            address for address in range(called, max(words)) if word_of(words[address]).name == "MOVWF"
+        )
         subroutines = [listing.label(name) for name in ("st_look", "st_take", "st_hunt")]
     except (LookupError, StopIteration) as error:
         raise InterruptChanged(f"the interrupt's parts are not there: {error}") from None
-    ran = {at: words[at] for at in sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))}
+    ran = {address: words[address] for address in sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))}
     code = Round(ran, ram, subroutines[0], edge, MASKED)
     hunt = subroutines[2]
     _check_writes(ran, ram, listing)
     _check_receiver(words, ram, subroutines[1], hunt, bit_units, first_units)
-    looks = {at: _looks(code, at, hunt) for at in subroutines}
+    looks = {address: _looks(code, address, hunt) for address in subroutines}
     _check_samples(code, subroutines[1])
     answers = {
         (word.f, word.b)
@@ -534,9 +541,11 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     }
     if len(answers) > 1:
         raise InterruptChanged("the interrupt writes more than one pin bit by bit")
-    return _Interrupt(
-        code, looks, next(iter(answers), None), gaps, 4 * (bit_units - ROUND // 4), UNIT * first_units + 1
-    )
+    # Time stamps count modulo 64 units, so a bit is taken at most 64 units after it is due, and the next one
+    # no earlier than that much less than a bit after it.
+    bits_apart = UNIT * (bit_units - ROUND // UNIT)
+    first_apart = UNIT * first_units + 1
+    return _Interrupt(code, looks, next(iter(answers), None), gaps, bits_apart, first_apart)
 
 
 def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listing) -> None:
@@ -545,24 +554,24 @@ def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listi
     for first, name, count in listing.variables:
         if name.endswith("(temporary)"):
             own |= set(range(first, first + count))  # the context, kept by the compiler
-    for at, word in ((at, word_of(ran[at])) for at in ran):
+    for address, word in ((address, word_of(ran[address])) for address in ran):
         if not word.writes_f or word.f in PORTS or word.f in (TMR0, INDF):
             continue  # these are checked where they are executed
         bit = word.name in ("BSF", "BCF")
-        fine = {
+        allowed = {
             INTCON: word.name == "BCF" and word.b == T0IF,
             STATUS: not bit or word.b == 0 or (word.name == "BCF" and word.b in BANK_BITS),
             FSR_ADDRESS: word.name == "MOVWF",
             ram["due"]: word.name == "BSF",
-            ram["mask"]: _is_unprepared(ran, at, ram),
+            ram["mask"]: _is_unprepared(ran, address, ram),
         }.get(word.f, word.f in own)
-        if not fine:
-            raise InterruptChanged(f"the word at 0x{at:03X} writes what is not the interrupt's")
+        if not allowed:
+            raise InterruptChanged(f"the word at 0x{address:03X} writes what is not the interrupt's")
 
 
-def _is_unprepared(ran: Mapping[int, int], at: int, ram: Mapping[str, int]) -> bool:
+def _is_unprepared(ran: Mapping[int, int], address: int, ram: Mapping[str, int]) -> bool:
     """Return whether the pin is cleared only where the C is late, and the overrun bit is set then."""
-    return (ran.get(at - 2), ran.get(at), ran.get(at + 1)) == (
+    return (ran.get(address - 2), ran.get(address), ran.get(address + 1)) == (
         encode("BTFSS", f=ram["due"], b=1),
         encode("CLRF", f=ram["mask"]),
         encode("BSF", f=ram["due"], b=0),
@@ -581,7 +590,7 @@ def _check_receiver(
         encode("MOVWF", f=t),
         encode("RRF", f=t, d=1),
     )
-    found = (
+    fixed_words = (
         (take, (*time, encode("RRF", f=t, d=1), encode("BTFSC", f=bits, b=7))),
         (
             take + 8,
@@ -613,10 +622,10 @@ def _check_receiver(
             ),
         ),
     )
-    for begin, wanted in found:
-        for at, word in enumerate(wanted, begin):
-            if words.get(at) != word:
-                raise InterruptChanged(f"the receiver's clock is not kept by the word at 0x{at:03X}")
+    for begin, wanted in fixed_words:
+        for address, word in enumerate(wanted, begin):
+            if words.get(address) != word:
+                raise InterruptChanged(f"the receiver's clock is not kept by the word at 0x{address:03X}")
     sample = word_of(words[hunt])
     if sample.name != "BTFSC" or sample.f not in PORTS:
         raise InterruptChanged("a start bit is not looked for at a pin")
@@ -630,42 +639,44 @@ def _check_samples(code: Round, take: int) -> None:
         waiting: list[tuple[int, tuple[int, ...], int, int, bool, Known]] = [(take, (), 0, 0, False, begin)]
         seen = set()
         while waiting:
-            at, stack, now, stamp, taken, known = waiting.pop()
-            word = word_of(code.words[at])
+            address, stack, now, stamp, taken, known = waiting.pop()
+            word = word_of(code.words[address])
             stamp = now if word.has_f and word.f == TMR0 else stamp
             taken |= word.writes_f and word.f == code.ram["rx_left"] and word.name == "ADDWF"
             after = now - stamp
             if taken and word.tests_bit and word.f in PORTS and not limits[0] <= after <= limits[1]:
-                raise InterruptChanged(f"a bit is sampled {after} cycles after its time stamp, at 0x{at:03X}")
-            for target, more, cycles, then in code.steps(at, stack, now, word, dict(known)):
-                kept = {place: value for place, value in then.items() if place in (bits, ZERO)}
-                state = (target, more, now + cycles, stamp, taken, tuple(sorted(kept.items())))
+                raise InterruptChanged(
+                    f"a bit is sampled {after} cycles after its time stamp, at 0x{address:03X}"
+                )
+            for target, more, cycles, then in code.steps(address, stack, now, word, dict(known)):
+                remembered = {place: value for place, value in then.items() if place in (bits, ZERO)}
+                state = (target, more, now + cycles, stamp, taken, tuple(sorted(remembered.items())))
                 if target >= 0 and state not in seen:
                     seen.add(state)
-                    waiting.append((target, more, now + cycles, stamp, taken, kept))
+                    waiting.append((target, more, now + cycles, stamp, taken, remembered))
 
 
 def _looks(code: Round, begin: int, hunt: int) -> tuple[_Look, ...]:
     """Return every outcome of a subroutine that looks at the line."""
-    found = set()
+    outcomes = set()
     waiting: list[tuple[int, tuple[int, ...], int, str, int, int]] = [(begin, (), 0, "", 0, 0)]
     seen = set(waiting)
     while waiting:
-        at, stack, now, kind, sample, stamp = waiting.pop()
+        address, stack, now, kind, sample, stamp = waiting.pop()
         if len(seen) > MAX_STATES:
             raise InterruptChanged("a look at the line does not end")
-        word = word_of(code.words[at])
-        if at == hunt:
+        word = word_of(code.words[address])
+        if address == hunt:
             kind, sample = HUNT, now
         elif word.has_f and word.f == TMR0:
             kind, stamp = (START if kind == HUNT else WAIT), now
             sample = sample if kind == START else now + SAMPLE_AFTER[0]
         elif word.writes_f and word.f == code.ram["rx_left"] and word.name == "ADDWF":
             kind = BIT
-        for target, more, cycles, _ in code.steps(at, stack, now, word, {}):
+        for target, more, cycles, _ in code.steps(address, stack, now, word, {}):
             if target < 0:
-                found.add(_Look(kind, now + cycles, sample, stamp))
+                outcomes.add(_Look(kind, now + cycles, sample, stamp))
             elif (state := (target, more, now + cycles, kind, sample, stamp)) not in seen:
                 seen.add(state)
                 waiting.append(state)
-    return tuple(sorted(found, key=lambda look: (look.kind, look.cycles, look.stamp)))
+    return tuple(sorted(outcomes, key=lambda look: (look.kind, look.cycles, look.stamp)))

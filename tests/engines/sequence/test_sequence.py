@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.engines.c_text import DIALECTS, RenderError, _environment
-from servogen.engines.sequence.overheads import DelayPath, Overheads
+from servogen.engines.sequence.programs import DelayPath, Overheads
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import InputError
