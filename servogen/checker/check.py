@@ -69,8 +69,9 @@ class Checker:
     """Runs the chip from power-up and from the listed states."""
 
     def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
-        held = {PINS.index(pin): level for pin, level in certificate.held.items()}
-        if any(plan.buttons >> pin & 1 for pin in held):
+        levels = {PINS.index(pin): level for pin, level in certificate.held.items()}
+        # With a button held the schedule's own frames are claimed, as they follow one another.
+        if any(plan.buttons >> pin & 1 for pin in levels):
             plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
         self._plan = plan
         watched = image.config is None or image.config & WATCHDOG_ON
@@ -86,8 +87,8 @@ class Checker:
             period=plan.period,
             channels=plan.channels,
             buttons=plan.buttons,
-            held=sum(1 << pin for pin in held),
-            levels=sum(level << pin for pin, level in held.items()),
+            held=sum(1 << pin for pin in levels),
+            levels=sum(level << pin for pin, level in levels.items()),
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
         )
         self._following, self._sampled = cache(self._after), cache(self._sample)
@@ -123,6 +124,8 @@ class Checker:
         rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
         rows[over, chip.FRAME] = chip.NEVER
         rows[:, ORIGIN] = np.arange(len(rows))
+        # Among states with the same unknown bits, containment is equality of the known ones: a look-up by
+        # key.
         cells = rows[:, BYTES].astype(np.int32)
         shapes: dict[bytes, list[int]] = defaultdict(list)
         for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & chip.UNKNOWN)):
@@ -135,6 +138,7 @@ class Checker:
     def _started(self, rows: Ints) -> Ints:
         """Return listed states as those of a chip that runs on from there."""
         rows, ratio = rows.copy(), _ratio(rows)
+        # TMR0 counts the edges of RA4, which may have any level at any time.
         rows[rows[:, chip.OPTION] & chip.T0CS != 0, chip.T0] = chip.UNKNOWN
         rows[:, chip.T0_ZERO] -= (rows[:, chip.T0] & 0xFF) * ratio
         due = rows[:, chip.T0_ZERO] + 256 * ratio - 1
@@ -203,6 +207,7 @@ class Checker:
         edge_at, edge_out = self._plan.edges[s[DUE]]
         board = self._board if s[chip.CYCLE] >= PAUSE else self._board._replace(limit=PAUSE)
         why = chip.run(s, used, edge_at, edge_out, self._memory, board)
+        # The run has read nothing else, so all states that agree in these go the same way.
         decide = np.flatnonzero(ALWAYS | (used & chip.READ != 0))
         alike = (states[:, decide] == states[0, decide]).all(axis=1)
         rows, others = states[alike], states[~alike]
@@ -242,6 +247,7 @@ class Checker:
         pin = bit.bit_length() - 1 + (5 if slot == chip.PORTB else 0)
         both = [rows, rows.copy()]
         for level, its in enumerate(both):
+            # A level is given for one instruction only, whereas a bit of a register stays as it was chosen.
             stored = chip.GIVEN if why == chip.BUTTON else slot
             its[:, stored] = its[:, stored] & ~(bit << 8) | bit * level
             if why == chip.BUTTON and its[0, chip.FRAME] not in (chip.BEFORE, chip.NEVER):
@@ -260,11 +266,12 @@ class Checker:
         settled = _settled(rows)
         missing = np.ones(len(rows), dtype=bool)
         for shape, listed in self._listed:
-            found = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
-            within = found >= 0
+            numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
+            within = numbers >= 0
             if self._board.watchdog:
                 ages = [chip.CLEARED, chip.WDT_DUE]
-                within &= (settled[:, ages] >= self._states[found][:, ages]).all(axis=1)
+                # A watchdog that was cleared later than in the listed state times out later, too.
+                within &= (settled[:, ages] >= self._states[numbers][:, ages]).all(axis=1)
             missing &= ~within
         for row in rows[missing]:
             raise self._refused(row, "the state is within no listed one")

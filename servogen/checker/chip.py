@@ -131,25 +131,25 @@ def program_code(image: Image, cuts: frozenset[int]) -> Ints:
     """Return the program decoded; runs stop at `cuts`."""
     code = np.zeros((1024, IS_CUT + 1), dtype=np.int64)
     for address, word in image.program.items():
-        found = decode(word)
-        if found is None:
+        decoded = decode(word)
+        if decoded is None:
             continue
-        row = found.instruction
+        row = decoded.instruction
         name = SAME_AS.get(row.mnemonic, row.mnemonic)
         name = name if name in OPERATIONS else name[:3] if name[:3] in OPERATIONS else "CLR"
         carry, from_w = "C" in row.reads, "W" in row.reads
-        slot = {"RETFIE": INTCON, "OPTION": OPTION, "TRIS": found.f + BANK_1}.get(row.mnemonic, NOWHERE)
+        slot = {"RETFIE": INTCON, "OPTION": OPTION, "TRIS": decoded.f + BANK_1}.get(row.mnemonic, NOWHERE)
         code[address] = (
             FLOWS.index(row.mnemonic if row.mnemonic in FLOWS else row.flow),
             list(OPERATIONS).index(name),
-            found.f if "f" in row.operands and not slot else -1,
+            decoded.f if "f" in row.operands and not slot else -1,
             slot,
             "f" in row.reads or row.mnemonic == "RETFIE",
-            found.k,
-            X_IS_CARRY if carry else X_IS_W if from_w else GIE if slot == INTCON else 1 << found.b,
+            decoded.k,
+            X_IS_CARRY if carry else X_IS_W if from_w else GIE if slot == INTCON else 1 << decoded.b,
             sum(bit for flag, bit in (("C", C), ("D", DC), ("Z", Z)) if flag in row.flags),
-            row.writes_w(found.d),
-            row.writes_file(found.d) or slot,
+            row.writes_w(decoded.d),
+            row.writes_file(decoded.d) or slot,
             address in cuts,
         )
     return code
@@ -209,10 +209,11 @@ def operate(results: npt.NDArray[np.int16], memo: Ints, op: int, a: int, x: int)
         word = results[op, x, a]
         return int(word & 0xFF | word >> 8 << 24)
     key = (op << 17 | a) << 17 | x
-    found = memo[(key * SPREAD >> 40) % MEMO]
-    if found[0] != key:
-        found[0], found[1] = key, joined(results[op], a, x)
-    return int(found[1])
+    entry = memo[(key * SPREAD >> 40) % MEMO]
+    # A collision replaces the entry; the whole key is compared, so it costs time only.
+    if entry[0] != key:
+        entry[0], entry[1] = key, joined(results[op], a, x)
+    return int(entry[1])
 
 
 @compiled
@@ -222,88 +223,89 @@ def ratio(s: Ints) -> int:
 
 
 @compiled
-def timer(s: Ints, at: int) -> int:
-    """Return what an instruction in cycle `at` reads from TMR0."""
+def timer(s: Ints, cycle: int) -> int:
+    """Return what an instruction in `cycle` reads from TMR0."""
     if s[T0] & UNKNOWN:
         return UNKNOWN
-    return int((max(at, s[T0_FROM]) - s[T0_ZERO]) // ratio(s) & 0xFF | s[T0] & 1 << 16)
+    return int((max(cycle, s[T0_FROM]) - s[T0_ZERO]) // ratio(s) & 0xFF | s[T0] & 1 << 16)
 
 
 @compiled
-def plan_time_out(s: Ints, board: ChipSurroundings, changed: int, at: int) -> None:
+def plan_time_out(s: Ints, board: ChipSurroundings, changed: int, cycle: int) -> None:
     """Set the first cycle in which any chip's watchdog may time out, after bits of OPTION have changed."""
     if board.watchdog:
         scaled = s[OPTION] & PSA and not changed & PSA  # its prescaler's count is 0 since CLRWDT
         s[WDT_DUE] = s[CLEARED] + (board.watchdog << (s[OPTION] & PS) if scaled else board.watchdog)
-        if changed and at - s[CLEARED] >= board.watchdog:
-            s[WDT_DUE] = at
+        if changed and cycle - s[CLEARED] >= board.watchdog:
+            s[WDT_DUE] = cycle
 
 
 @compiled
-def request(s: Ints, at: int) -> None:
-    """Note whether an interrupt is requested from cycle `at` on."""
+def request(s: Ints, cycle: int) -> None:
+    """Note whether an interrupt is requested from `cycle` on."""
     if s[INTCON] & (GIE | T0IE | T0IF) == GIE | T0IE | T0IF:
-        s[IRQ] = min(s[IRQ], at)
-    elif s[IRQ] >= at:
+        s[IRQ] = min(s[IRQ], cycle)
+    elif s[IRQ] >= cycle:
         s[IRQ] = NEVER
 
 
 @compiled
-def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: ChipSurroundings, at: int) -> int:
-    """Compare the pins with the expected edges after the instruction of cycle `at` wrote a port or TRIS."""
+def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: ChipSurroundings, cycle: int) -> int:
+    """Compare the pins with the expected edges after the instruction of `cycle` wrote a port or TRIS."""
     tris = s[TRISA] | s[TRISB] << 5
     out = (s[PORTA] & 0x1F | (s[PORTB] & 0xFF) << 5) & ~tris
     dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & ~tris
-    s[DARK] = min(s[DARK], at + GLITCH) if dark else NEVER
+    s[DARK] = min(s[DARK], cycle + GLITCH) if dark else NEVER
     if s[FRAME] == BEFORE and out == 0:
         return GOES_ON
     if dark or tris & board.channels:
         return DARK_PIN
     if s[FRAME] == BEFORE:
-        s[FRAME] = at - edge_at[0]
+        # The first rise is the schedule's first edge: it fixes the beginning of the frame.
+        s[FRAME] = cycle - edge_at[0]
     edge = s[EDGE]
     if out != (edge_out[edge - 1] if edge else 0):
-        if edge == len(edge_at) or at != s[FRAME] + edge_at[edge] or out != edge_out[edge]:
+        if edge == len(edge_at) or cycle != s[FRAME] + edge_at[edge] or out != edge_out[edge]:
             return WRONG_EDGE
         s[EDGE] += 1
     return GOES_ON
 
 
 @compiled
-def read(s: Ints, board: ChipSurroundings, slot: int, at: int) -> int:
-    """Return the byte that an instruction in cycle `at` reads from a register."""
+def read(s: Ints, board: ChipSurroundings, slot: int, cycle: int) -> int:
+    """Return the byte that an instruction in `cycle` reads from a register."""
     if slot in (PORTA, PORTB):
         driven, used, shift = ~s[slot + BANK_1], 0xFF, 5
         if slot == PORTA:
             used, shift = 0x1F, 0
             if s[PORTA] & ~board.channels & 0x10:
-                driven &= ~0x10  # RA4 is an open drain: anybody may pull it low
+                driven &= ~0x10  # RA4 is an open drain: something outside may pull it low
         held = ~driven & board.held >> shift
         unknown = (s[slot] >> 8 & driven | ~driven & ~held) & used
         return int((s[slot] & driven | board.levels >> shift & held) & used & ~unknown | unknown << 8)
-    if slot == INTCON:  # INT and RB change are anybody's
+    if slot == INTCON:  # INTF and RBIF may be set by any level of the pins
         unknown = s[INTCON] >> 8 | 3 | (T0IF if s[T0] >> 8 else 0)
         return int(s[INTCON] & 0xFF & ~unknown | unknown << 8)
     if slot == T0:
-        return timer(s, at)
+        return timer(s, cycle)
     return int(s[PC] + 1 & 0xFF if slot == PCL else s[slot])
 
 
 @compiled
-def write(s: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, at: int, r: int) -> int:
-    """Write a register other than PCL, STATUS and the ports by an instruction in cycle `at`."""
+def write(s: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, cycle: int, r: int) -> int:
+    """Write a register other than PCL, STATUS and the ports by an instruction in `cycle`."""
     m = 0xFF if r >> 16 else r >> 8
     if slot == T0:
         if s[T0] >> 8:  # it may have overflowed
             s[INTCON] = s[INTCON] & ~T0IF | T0IF << 8
         s[T0] = UNKNOWN if (m and not r >> 16) or s[OPTION] & T0CS else r & 1 << 16
-        s[T0_FROM], s[T0_ZERO] = at + 3, at + 3 - (r & 0xFF) * ratio(s)
+        s[T0_FROM], s[T0_ZERO] = cycle + 3, cycle + 3 - (r & 0xFF) * ratio(s)
         s[T0_DUE] = NEVER if s[T0] else s[T0_ZERO] + 256 * ratio(s) - 1
     elif slot == INTCON:
         if m & ~7:
             return REGISTER
         s[INTCON] = r & 0xFF | (m & T0IF) << 8
-        request(s, at + 1)
+        request(s, cycle + 1)
     elif slot == OPTION:
         if m:
             return REGISTER
@@ -311,7 +313,7 @@ def write(s: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, at: int, r:
         s[OPTION] = r
         if changed & (T0CS | PSA | PS):  # when TMR0 begins to count by the new clock is not specified
             s[T0], s[T0_FROM], s[T0_ZERO], s[T0_DUE] = UNKNOWN, 0, 0, NEVER
-            plan_time_out(s, board, changed, at)
+            plan_time_out(s, board, changed, cycle)
     elif slot == EECON1:
         if m & ~8 or r & 0x12:
             return EEPROM_WRITE
@@ -389,14 +391,18 @@ def run(
                 return LAST_EDGE
             if why != GOES_ON:
                 return why
-        pc, at, w, status = s[PC], s[CYCLE], s[W], s[STATUS]
+        pc, cycle, w, status = s[PC], s[CYCLE], s[W], s[STATUS]
         flow = code[pc, FLOW]
         if flow in (NO_FLOW, SLEEP):
             return SLEEPS if flow == SLEEP else NO_WORD
-        if code[pc, IS_CUT] and at > 0 and at >= s[T0_FROM] and s[IRQ] == NEVER and s[FRAME] != BEFORE:
+        # A listed state has no time of a timer that stands still, and no pending interrupt: such a visit is
+        # passed by.
+        if code[pc, IS_CUT] and cycle > 0 and cycle >= s[T0_FROM] and s[IRQ] == NEVER and s[FRAME] != BEFORE:
             return CUT
         # 1: the operands
         slot, f, a, x = code[pc, SLOT], code[pc, ADDRESS], code[pc, K] & 0xFF, code[pc, X]
+        # What decides where an operand is, or where execution goes on, has to be known: the checker tries
+        # both values.
         if f == 0 and s[FSR] >> 8:
             return ask(s, FSR, s[FSR] >> 8)
         if f > 0 and status >> 8 & RP0 and slots[f] != slots[f | 0x80]:
@@ -408,7 +414,7 @@ def run(
             if used[slot] == 0:
                 used[slot] = READ
             if slot < RAM:
-                a = read(s, board, slot, at)
+                a = read(s, board, slot, cycle)
                 given = a >> 8 & ~s[GIVEN] >> 8 & 0xFF
                 a = a & ~(given << 8) | s[GIVEN] & given
         source = GIVEN if slot in (PORTA, PORTB, INTCON, T0) else slot
@@ -457,10 +463,10 @@ def run(
                 return REGISTER
             s[slot] = r & 0x1F1F if slot in (PORTA, TRISA) else r
             s[NEXT_EVENT] = 0
-            why = drive(s, edge_at, edge_out, board, at)
+            why = drive(s, edge_at, edge_out, board, cycle)
         elif code[pc, TO_F] and slot != PCL:
             s[NEXT_EVENT] = 0
-            why = write(s, eeprom, board, slot, at, r)
+            why = write(s, eeprom, board, slot, cycle, r)
         if why != GOES_ON:
             return why
         # 4: where it goes on
@@ -480,8 +486,8 @@ def run(
             s[STACK + s[DEPTH]] = 0
         elif flow == CLRWDT:
             s[STATUS] = s[STATUS] & ~(TO_PD << 8) | TO_PD
-            s[CLEARED], s[NEXT_EVENT] = at + 1, 0
-            plan_time_out(s, board, 0, at)
+            s[CLEARED], s[NEXT_EVENT] = cycle + 1, 0
+            plan_time_out(s, board, 0, cycle)
         s[GIVEN] = UNKNOWN
         s[PC] = after & 0x3FF
-        s[CYCLE] = at + cycles
+        s[CYCLE] = cycle + cycles

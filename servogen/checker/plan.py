@@ -69,9 +69,11 @@ class StartStop:
 
     @property
     def power_up(self) -> Memory:
+        """Return the memory at power-up."""
         return int(self.start is None), 1, 0, 0
 
     def hear(self, memory: Memory, levels: int) -> Memory:
+        """Return the memory after a frame in which the buttons had these levels."""
         running, on, started, stopped = memory
         if self.start:
             before, started = started, self._count(self.start, started, levels)
@@ -104,9 +106,11 @@ class Line:
 
     @property
     def power_up(self) -> Memory:
+        """Return the memory at power-up: one level that is not at rest was heard."""
         return 0, "-" + "10"[int(self.rest)]
 
     def hear(self, memory: Memory, levels: int) -> Memory:
+        """Return the memory after the line was read at this level."""
         wanted, heard = memory
         level = str(levels >> self.pin & 1)
         if heard == "" and level == self.rest:
@@ -116,7 +120,7 @@ class Line:
         if heard[0] != "-":
             if code in self.codes:
                 wanted = self.codes.index(code) + 1
-            elif any(each.startswith(code) for each in self.codes):
+            elif any(other.startswith(code) for other in self.codes):
                 return wanted, heard
         run = len(heard) - len(heard.rstrip(level))
         if level == self.rest:
@@ -139,6 +143,7 @@ class StepButton:
     at_once: ClassVar[bool] = True
 
     def hear(self, memory: Memory, levels: int) -> Memory:
+        """Return the memory after the button was read at this level."""
         wanted, latest, seen = memory
         if not self.button.down(levels):
             return wanted, latest, 0
@@ -160,6 +165,7 @@ class DirectionButtons:
     at_once: ClassVar[bool] = False
 
     def hear(self, memory: Memory, levels: int) -> Memory:
+        """Return the memory after a frame in which the buttons had these levels."""
         wanted, before, seen = memory
         down = [number for number, button in enumerate(self.buttons, 1) if button.down(levels)]
         now = down[0] if len(down) == 1 else 0
@@ -200,7 +206,7 @@ class Plan:
     @cached_property
     def first(self) -> PlanPosition:
         """Return the position at the first pulse."""
-        run = next(number for number, (at, _) in enumerate(self.edges) if len(at))
+        run = next(number for number, (cycles, _) in enumerate(self.edges) if len(cycles))
         return PlanPosition(max(self.waiting, self.ends[run - 1] if run else 0), self.inputs.power_up)
 
     def sample(self, place: Place, pin: int, level: int) -> Place | None:
@@ -227,7 +233,7 @@ class Plan:
             frame = self.waiting
         if running:
             frame = frame + 1 if frame + 1 < self.loop_end else self.loop
-        pulses = any(len(at) for at, _ in self.edges[bisect_right(self.ends, self.loop) :])
+        pulses = any(len(cycles) for cycles, _ in self.edges[bisect_right(self.ends, self.loop) :])
         silent = frame >= self.loop and not self.buttons and not pulses
         return OVER if silent or not (on or inputs.start) else PlanPosition(frame, memory)
 
@@ -267,7 +273,7 @@ def _plan(data: dict[str, Any]) -> Plan:
     loop, end, *turns = accumulate(lengths)
     runs = [run for part in parts for run in part]
     edges = [_edges(run["pulses"], pins, period) for run in runs]
-    if not any(len(at) for at, _ in edges):
+    if not any(len(cycles) for cycles, _ in edges):
         raise ValueError("it has no pulses")
     first = [end, *turns]
     return Plan(
@@ -278,7 +284,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         edges=[*edges, NO_EDGES],
         loop=loop,
         loop_end=end,
-        buttons=sum(1 << PINS.index(each["pin"]) for each in _inputs(data)),
+        buttons=sum(1 << PINS.index(entry["pin"]) for entry in _inputs(data)),
         inputs=_commands(commands) if commands else _start_stop(data.get("buttons")),
         parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
         if commands
@@ -338,6 +344,6 @@ def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]
             rise, width = _number(pulse[0], 0), _number(pulse[1], 1)
             for cycle in (rise, _number(rise + width, 0, period - 1)):
                 changes[cycle] = changes.get(cycle, 0) ^ pin
-    at = sorted(changes)
-    levels = np.bitwise_xor.accumulate(np.array([changes[cycle] for cycle in at], dtype=np.int64))
-    return np.array(at, dtype=np.int64), levels
+    cycles = sorted(changes)
+    levels = np.bitwise_xor.accumulate(np.array([changes[cycle] for cycle in cycles], dtype=np.int64))
+    return np.array(cycles, dtype=np.int64), levels

@@ -323,6 +323,7 @@ class AbstractChip:
             cycle = int(self._s[at.USE_CYCLE])
             if cycle <= BASE:
                 return RunOutcome(Reason.USE, 0, (), (), (), state.rest, used)
+            # The first run went on with a value that only some chips have: the state is that before the use.
             self._go(state, stops, cycle, choices)
             if self._used() is not None or self._s[at.CYCLE] != cycle:
                 return self._outcome(Reason.WARNING, None, ("an interrupt inside an instruction",))
@@ -370,10 +371,10 @@ class AbstractChip:
             self._run(*arguments)
             ends[number] = s
             changes[number] = self._edges[:MAX_LANE_EDGES]
-        kept = (ends[:, at.EEDATA_UNKNOWN] == start[at.EEDATA_UNKNOWN]) & (
+        eedata_kept = (ends[:, at.EEDATA_UNKNOWN] == start[at.EEDATA_UNKNOWN]) & (
             ends[:, at.EEDATA] == (rows[:, known.index("EEDATA")] if "EEDATA" in known else start[at.EEDATA])
         )
-        return self._lanes(start, ends, changes, kept & (ends[:, at.CYCLE] < end), key)
+        return self._lanes(start, ends, changes, eedata_kept & (ends[:, at.CYCLE] < end), key)
 
     def _lanes(
         self,
@@ -453,14 +454,15 @@ class AbstractChip:
     def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[AssumedBits, ...]) -> None:
         s = self._load(state)
         if choices:
-            held = [self._hold(choice) for choice in choices]
+            earlier = [self._hold(choice) for choice in choices]
+            # One instruction, word by word: no wait or region is executed in one step.
             self._call(self._plain, BASE + 1, BASE)
             steered = any(choice.steer for choice in choices)
             if steered or s[at.USE_KIND] == at.USE_INTERRUPT:
                 s[at.USE_KIND] = 0  # the way is chosen; an interrupt in doubt is looked at after each step
             if s[at.USE_KIND]:
                 return
-            for choice, before in reversed([*zip(choices, held, strict=True)]):
+            for choice, before in reversed([*zip(choices, earlier, strict=True)]):
                 self._release(choice, before)
             self._doubt_flags()
         if self._interrupt_in_doubt() is not None:
@@ -559,9 +561,9 @@ class AbstractChip:
         if choice.field.startswith("0x"):
             slot = int(choice.field, 16)
             mask = int(s[slot]) >> at.UNKNOWN_SHIFT & 0xFF
-            kept = mask if choice.steer else mask & ~choice.bits
+            mask_kept = mask if choice.steer else mask & ~choice.bits
             value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
-            s[slot] = value | kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
+            s[slot] = value | mask_kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
             return 0
         value_slot, mask_slot = _SLOT_OF[choice.field]
         before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
@@ -667,6 +669,8 @@ class AbstractChip:
         s = self._s
         now = int(s[at.CYCLE])
         shift = BASE - now
+        # Times become relative to now, and what nothing reads any more is cleared: states with the same
+        # future are equal, so that a search closes.
         for slot in _RELATIVE:
             if s[slot] != at.NEVER:
                 s[slot] += shift

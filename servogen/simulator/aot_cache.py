@@ -44,9 +44,9 @@ def loop(observed: bool = False, tracked: bool = False, visits: bool = False) ->
     kind = "observed" if observed else "tracked" if tracked else "visits" if visits else "plain"
     name = f"simulator-{kind}-{_digest()}.o"
     for folder in _folders():
-        kept = _kept(folder / name)
-        if kept is not None:
-            return _load(kept)
+        existing = _kept(folder / name)
+        if existing is not None:
+            return _load(existing)
     _LOG.info("compiling the simulator for this processor, which takes several seconds")
     code = compile_loop(observed, tracked, visits)
     _keep(name, code)

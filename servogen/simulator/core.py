@@ -122,15 +122,15 @@ def stays(s: Vector, plain: Vector, pc: int) -> bool:
 
 
 @compiled
-def turns_until(s: Vector, at: int, value: int, horizon: int) -> int:
-    """Return how often the wait for TMR0 to equal `value` turns, from its GOTO in cycle `at` on, before
+def turns_until(s: Vector, cycle: int, value: int, horizon: int) -> int:
+    """Return how often the wait for TMR0 to equal `value` turns, from its GOTO in `cycle` on, before
     `horizon`.
 
     Up to the last of these turns it has not read the value; after it the GOTO is still before `horizon`.
     """
-    first = at + UNTIL_PERIOD - UNTIL_READ
+    first = cycle + UNTIL_PERIOD - UNTIL_READ
     ticks = (value - t0_read(s, first)) & 0xFF
-    turns = (horizon - 1 - at) // UNTIL_PERIOD
+    turns = (horizon - 1 - cycle) // UNTIL_PERIOD
     if ticks and t0_runs(s):
         shift = t0_shift(s)
         past = s[PRESCALER] & ((1 << shift) - 1)
@@ -197,10 +197,10 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
             horizon = min(s[HORIZON], end)
             base = 0
             depth = 0
-            bank = (status & RP0) << 2
+            bank = (status & RP0) << 2  # RP0 (bit 5) becomes bit 7 of the address
             while cycle < horizon:
                 start = cycle
-                at = pc
+                instruction_pc = pc
                 word = code[base + (pc & ROW_MASK)]
                 op = word & 63
                 if op >= EXIT:
@@ -228,12 +228,16 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                             break
                     elif op == LOOP:
                         region = word >> 8
+                        # The memo's keys have no PCLATH: a region is recalled only where its GOTOs stay in
+                        # page 0.
                         if s[PCLATH] & PAGE_BITS == 0:
                             registers = pack_registers(s, regions, region)
                             if registers >= 0:
                                 key = pack_processor(pc, w, status, wu, su)
                                 slot = lookup(memo, key, registers)
                                 if slot >= 0:
+                                    # Otherwise an event is due inside the region, which is then executed word
+                                    # by word.
                                     if cycle + memo[slot + 2] <= horizon:
                                         cycle += memo[slot + 2]
                                         recall(s, memo, slot, regions, region)
@@ -264,6 +268,8 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                         slot = word >> 8 & 127
                         vu = s[slot] >> UNKNOWN_SHIFT
                         ru = s[T0_UNKNOWN]
+                        # Both known, or both moving with the same phase: only then is the time known at which
+                        # they are equal.
                         if vu == ru and (ru == 0 or ru == PHASED):
                             v = s[slot] & 0xFF
                             turns = turns_until(s, cycle, v, horizon)
@@ -396,6 +402,8 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                         # 3: which of its bits are unknown
                         if tracked and vu | wu | su:
                             if op == BTFSC or op == BTFSS:
+                                # What notes a use or a warning reads the cycle and the address of the
+                                # instruction from the state, which otherwise lags behind the local variables.
                                 if vu & word >> 16 & 0xFF:
                                     s[CYCLE] = start
                                     s[HERE] = pc - 1
@@ -445,6 +453,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                     else:
                         s[CYCLE] = start
                         s[HERE] = pc - 1
+                        # The write may have moved the time of an event: the loop returns for a new horizon.
                         if write_register(s, edges, address, start, r, ru):
                             horizon = 0
                     if skip:
@@ -486,7 +495,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                     if op == ERASED:
                         s[CYCLE] = start
                         s[HERE] = pc - 1
-                        warn(s, WARN_ERASED, at & ROW_MASK)
+                        warn(s, WARN_ERASED, instruction_pc & ROW_MASK)
                         v = 0xFF
                     r = v + w
                     status = status & ~(C | DC) | r >> 8 | ((v & 15) + (w & 15) >> 4) << 1
@@ -538,7 +547,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                 elif op == UNDEFINED:
                     s[CYCLE] = start
                     s[HERE] = pc - 1
-                    warn(s, WARN_UNDEFINED, at & ROW_MASK)
+                    warn(s, WARN_UNDEFINED, instruction_pc & ROW_MASK)
                 else:
                     v = word >> 8 & 0xFF
                     if op == CLRW:
@@ -558,13 +567,13 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                         wu, su = ru & 0xFFFF, ru >> 16
                     w = r
                 if observed:
-                    counts[2 * (at & ROW_MASK) + 0] += 1
-                    counts[2 * (at & ROW_MASK) + 1] += cycle - start
+                    counts[2 * (instruction_pc & ROW_MASK) + 0] += 1
+                    counts[2 * (instruction_pc & ROW_MASK) + 1] += cycle - start
                     if s[TRACE_ROOM]:
                         i = s[TRACE_COUNT]
                         trace[4 * i + 0], trace[4 * i + 1], trace[4 * i + 2], trace[4 * i + 3] = (
                             start,
-                            at,
+                            instruction_pc,
                             w,
                             status,
                         )

@@ -41,18 +41,19 @@ KEY_TO_KEY, KEY_TO_WR = 2, 1
 
 
 @compiled
-def eecon2_write(s: Vector, at: int, value: int) -> None:
-    if value == SECOND_KEY and s[EE_STEP] == 1 and at == s[EE_STEP_AT] + KEY_TO_KEY:
+def eecon2_write(s: Vector, cycle: int, value: int) -> None:
+    """Note a step of the unlock sequence: 55h, then AAh in the right cycle (DS35007 section 3.2)."""
+    if value == SECOND_KEY and s[EE_STEP] == 1 and cycle == s[EE_STEP_AT] + KEY_TO_KEY:
         s[EE_STEP] = 2
     elif value == FIRST_KEY:
         s[EE_STEP] = 1
     else:
         s[EE_STEP] = 0
-    s[EE_STEP_AT] = at
+    s[EE_STEP_AT] = cycle
 
 
 @compiled
-def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
+def eecon1_write(s: Vector, cycle: int, value: int, unknown: int) -> None:
     """Write EECON1: WR and RD can be set, but not cleared, by software (section 3, register EECON1)."""
     if unknown & (EEIF | WREN | WR | RD):
         use(s, USE_REGISTER, 0x88, unknown >> 8)
@@ -60,9 +61,9 @@ def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
     before = s[EECON1]
     now = (value & (EEIF | WRERR | WREN)) | (before & WR)
     if value & WR and not before & WR:
-        if before & WREN and s[EE_STEP] == 2 and at == s[EE_STEP_AT] + KEY_TO_WR:
+        if before & WREN and s[EE_STEP] == 2 and cycle == s[EE_STEP_AT] + KEY_TO_WR:
             now |= WR
-            s[EE_DONE_AT] = at + 1 + s[EE_TIME]
+            s[EE_DONE_AT] = cycle + 1 + s[EE_TIME]
             s[EE_CELL] = s[EEADR]
             s[EE_BYTE] = s[EEDATA]
             if s[EEADR_UNKNOWN] | s[EEDATA_UNKNOWN]:
@@ -73,7 +74,7 @@ def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
     if value & RD:
         s[EEDATA] = cell_read(s)
     s[EECON1] = now
-    note_flags(s, at + 1)
+    note_flags(s, cycle + 1)
 
 
 @compiled
@@ -89,14 +90,14 @@ def cell_read(s: Vector) -> int:
 @compiled
 def write_done(s: Vector) -> None:
     """Complete the write in progress, in the cycle `EE_DONE_AT`."""
-    at = s[EE_DONE_AT]
+    cycle = s[EE_DONE_AT]
     s[EE_DONE_AT] = NEVER
     if s[EE_CELL] < CELLS:
         s[EEPROM + s[EE_CELL]] = s[EE_BYTE]
     else:
         warn(s, WARN_EE_ADDRESS, s[EE_CELL])
     s[EECON1] = (s[EECON1] & ~WR) | EEIF
-    note_flags(s, at)
+    note_flags(s, cycle)
 
 
 @compiled

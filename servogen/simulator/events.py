@@ -73,29 +73,29 @@ def next_event(s: Vector, stim: Vector) -> int:
 @compiled
 def stimulus(s: Vector, edges: Vector, packed: int) -> None:
     """Apply one change from outside: of a pin, or of MCLR, which holds the chip in reset while low."""
-    at = packed >> PACK_CYCLE
+    cycle = packed >> PACK_CYCLE
     pin = packed >> PACK_PIN & 0xF
     level = packed & PACK_LEVELS
     if pin < MCLR_PIN:
-        outside(s, at, pin, level)
+        outside(s, cycle, pin, level)
     elif level == 0 and not s[IN_RESET]:
         s[IN_RESET] = 1
-        mclr_reset(s, edges, at)
+        mclr_reset(s, edges, cycle)
     elif level != 0 and s[IN_RESET]:
         s[IN_RESET] = 0
-        wdt_start(s, at)
-        s[CYCLE] = at + FETCH
+        wdt_start(s, cycle)
+        s[CYCLE] = cycle + FETCH
 
 
 @compiled
-def wake(s: Vector, at: int) -> None:
+def wake(s: Vector, cycle: int) -> None:
     """Continue after SLEEP once the oscillator runs again; then the flag that woke the chip is sampled.
 
     Whatever woke the chip, the watchdog restarts: DS35007 section 6.11.2.
     """
     s[SLEEPING] = 0
-    wdt_clear(s, at)
-    s[CYCLE] = at + s[START_UP]
+    wdt_clear(s, cycle)
+    s[CYCLE] = cycle + s[START_UP]
     s[T0_AT] = max(s[T0_AT], s[CYCLE])
     s[AWAKE_AT] = s[CYCLE]
     s[IRQ_AT] = NEVER
@@ -107,15 +107,15 @@ def watchdog(s: Vector, edges: Vector) -> None:
     """Handle a time-out, which wakes a sleeping chip (STATUS uuu0 0uuu) and resets a running one (DS35007
     table 6-3).
     """
-    at = wdt_deadline(s)
-    wdt_sync(s, at)
+    cycle = wdt_deadline(s)
+    wdt_sync(s, cycle)
     if s[SLEEPING]:
         s[STATUS] &= ~(TO | PD)
         s[WAKES_WDT] += 1
-        wake(s, at)
+        wake(s, cycle)
     else:
-        watchdog_reset(s, edges, at)
-        s[CYCLE] = at + FETCH
+        watchdog_reset(s, edges, cycle)
+        s[CYCLE] = cycle + FETCH
 
 
 @compiled
@@ -168,6 +168,7 @@ def service_interrupts(s: Vector, edges: Vector, stim: Vector) -> None:
         return
     if s[INTCON] & (GIE | T0IE) == GIE | T0IE:
         t0_sync(s, now)
+    # A request is served at the first instruction boundary after its cycle.
     if s[IRQ_AT] < now:
         push(s, s[PC])
         s[PC] = INTERRUPT_VECTOR

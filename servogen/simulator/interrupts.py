@@ -26,15 +26,15 @@ def requested(s: Vector) -> bool:
 
 
 @compiled
-def note_flags(s: Vector, at: int) -> None:
-    """Update the sampling after flags or enables have changed in cycle `at`; what was sampled before remains
+def note_flags(s: Vector, cycle: int) -> None:
+    """Update the sampling after flags or enables have changed in `cycle`; what was sampled before remains
     valid.
     """
     if s[INTCON_UNKNOWN]:
         doubt(s, False)
-    at = max(at, s[AWAKE_AT])  # a chip that is starting up samples nothing
+    cycle = max(cycle, s[AWAKE_AT])  # a chip that is starting up samples nothing
     if s[INTCON] & GIE and requested(s):
-        if s[IRQ_AT] > at:
-            s[IRQ_AT] = at
-    elif s[IRQ_AT] >= at:
+        if s[IRQ_AT] > cycle:
+            s[IRQ_AT] = cycle
+    elif s[IRQ_AT] >= cycle:
         s[IRQ_AT] = NEVER

@@ -133,6 +133,7 @@ class Machine:
 
     @property
     def pc(self) -> int:
+        """Return the address of the next instruction, 13 bits."""
         return int(self._s[at.PC])
 
     @property
@@ -173,7 +174,7 @@ class Machine:
         return join(self.stream(cycles))
 
     def stream(self, cycles: int) -> Iterator[EdgeChunk]:
-        """Do the same, yielding the edges while it runs, in chunks of bounded size."""
+        """Run for `cycles`, yielding the edges while it runs, in chunks of bounded size."""
         yield from self._advance(self.cycles + cycles, fast=True)
 
     def step(self) -> EdgeChunk:

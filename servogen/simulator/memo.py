@@ -32,12 +32,16 @@ def pack_registers(s: Vector, regions: Vector, region: int) -> int:
 
 @compiled
 def row_of(key: int, registers: int) -> int:
+    """Return the index of the only row that can hold the region's effect for this state."""
+    # Two odd multipliers and a fold of the upper bits: neighbouring keys fall into different rows. A
+    # collision replaces the row, which costs time only, because `lookup` compares the whole key.
     mixed = key * 0x1E3779B97F4A7C15 ^ registers * 0x2545F4914F6CDD1D
     return ((mixed ^ mixed >> 29) & (MEMO_ROWS - 1)) * MEMO_COLUMNS
 
 
 @compiled
 def lookup(memo: Vector, key: int, registers: int) -> int:
+    """Return the index of the row with the region's effect, or UNKNOWN."""
     row = row_of(key, registers)
     if memo[row] == key and memo[row + 1] == registers:
         return row

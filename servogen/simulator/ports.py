@@ -64,8 +64,9 @@ T0CKI_DELAY = 1
 
 
 @compiled
-def settle(s: Vector, at: int) -> None:
-    """Compute the levels of the pins from latches, directions and the outside world, from cycle `at`."""
+def settle(s: Vector, cycle: int) -> None:
+    """Compute the levels of the pins from latches, directions and the outside world, from `cycle`."""
+    # RA4 is an open drain: a latch of 1 releases the pin.
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4:
         driven &= ~RA4
@@ -83,16 +84,17 @@ def settle(s: Vector, at: int) -> None:
     s[PINS] = level
     if not s[TRACKED]:
         if changed:
-            react(s, at, changed)
+            react(s, cycle, changed)
         return
     held = outside | (0 if s[OPTION] & RBPU else B) | (RA4 if s[RA4_PULLED_UP] else 0)
     if s[ANY_INPUT]:
         held = outside  # a pull-up gives way to whatever drives the pin
     unknown = ~(driven | held) & (A | B) | s[LATCH_UNKNOWN] & driven
+    # A pin that stops being unknown may have changed just now, too.
     seen = unknown | s[PINS_UNKNOWN]
     s[PINS_UNKNOWN] = unknown
     if changed:
-        react(s, at, changed)
+        react(s, cycle, changed)
     if seen & (RA4 | RB0 | RB4_TO_7):
         flags_in_doubt(s, seen)
         compare(s)
@@ -100,7 +102,7 @@ def settle(s: Vector, at: int) -> None:
 
 
 @compiled
-def react(s: Vector, at: int, changed: int) -> None:
+def react(s: Vector, cycle: int, changed: int) -> None:
     """Apply changed pins to T0CKI, INT and the change interrupt (DS35007 sections 5, 6.8.1, 6.8.3)."""
     rising = changed & s[PINS]
     if (
@@ -110,11 +112,11 @@ def react(s: Vector, at: int, changed: int) -> None:
         and not s[IN_RESET]
         and (rising & RA4 == 0) == (s[OPTION] & T0SE != 0)
     ):
-        s[T0_TICK] = at + T0CKI_DELAY
+        s[T0_TICK] = cycle + T0CKI_DELAY
     if changed & RB0 and (rising & RB0 != 0) == (s[OPTION] & INTEDG != 0):
         s[INTCON] |= INTF
     compare(s)
-    note_flags(s, at)
+    note_flags(s, cycle)
 
 
 @compiled
@@ -132,14 +134,15 @@ def compare(s: Vector) -> None:
 
 @compiled
 def contention(s: Vector, bits: int) -> None:
+    """Warn of pins that the chip and the outside world drive to different levels."""
     for pin in range(PIN_COUNT):
         if bits >> pin & 1:
             warn(s, WARN_CONTENTION, pin)
 
 
 @compiled
-def emit(s: Vector, edges: Vector, at: int) -> None:
-    """Record every change of a driven pin, in pin order, as made by the instruction of cycle `at`."""
+def emit(s: Vector, edges: Vector, cycle: int) -> None:
+    """Record every change of a driven pin, in pin order, as made by the instruction of `cycle`."""
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4 and not s[RA4_PULLED_UP]:
         driven &= ~RA4
@@ -154,7 +157,7 @@ def emit(s: Vector, edges: Vector, at: int) -> None:
             level = 2
             if driven >> pin & 1:
                 level = high >> pin & 1
-            edges[count] = at << PACK_CYCLE | pin << PACK_PIN | level
+            edges[count] = cycle << PACK_CYCLE | pin << PACK_PIN | level
             count += 1
         changed >>= 1
         pin += 1
@@ -163,8 +166,8 @@ def emit(s: Vector, edges: Vector, at: int) -> None:
 
 
 @compiled
-def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
-    """Write a latch by an instruction in cycle `at`; `port` is A or B. A write to port B reads it too."""
+def port_write(s: Vector, edges: Vector, cycle: int, port: int, value: int, unknown: int) -> None:
+    """Write a latch by an instruction in `cycle`; `port` is A or B. A write to port B reads it too."""
     bits = unknown & 0xFF
     if port == A:
         s[LATCH] = (s[LATCH] & B) | (value & A)
@@ -174,11 +177,11 @@ def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
         s[LATCH_UNKNOWN] = (s[LATCH_UNKNOWN] & A) | bits << B_SHIFT
         read_port_b(s)
     if s[DRIVEN_UNKNOWN] & port:
-        settle_unknown(s, at, port)
+        settle_unknown(s, cycle, port)
     if s[TRACKED] and bits:
         outputs_in_doubt(s, ~s[TRIS] & port & ~s[DRIVEN_UNKNOWN], unknown >> 8)
-    emit(s, edges, at)
-    settle(s, at + 1)
+    emit(s, edges, cycle)
+    settle(s, cycle + 1)
 
 
 @compiled
@@ -211,8 +214,8 @@ def drive_unknown(s: Vector, pins: int) -> None:
 
 
 @compiled
-def settle_unknown(s: Vector, at: int, pins: int) -> None:
-    """Evaluate a write, in cycle `at`, to the latch or direction of these pins, of which some are driven with
+def settle_unknown(s: Vector, cycle: int, pins: int) -> None:
+    """Evaluate a write, in `cycle`, to the latch or direction of these pins, of which some are driven with
     an unknown level.
 
     A pin that is written low after at most GLITCH cycles is accepted: no chip made more than a glitch before
@@ -224,7 +227,7 @@ def settle_unknown(s: Vector, at: int, pins: int) -> None:
         if waiting & bit and (s[TRIS] & bit or not s[LATCH_UNKNOWN] & bit):
             s[DRIVEN_UNKNOWN] &= ~bit
             high = s[LATCH] & bit and not s[TRIS] & bit
-            if high or at - s[DRIVEN_FROM + 2 * pin] > GLITCH:
+            if high or cycle - s[DRIVEN_FROM + 2 * pin] > GLITCH:
                 warn_of(
                     s,
                     WARN_DRIVEN_UNWRITTEN,
@@ -249,8 +252,8 @@ def unknown_of_port(s: Vector, port: int, bits: int) -> int:
 
 
 @compiled
-def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
-    """Write a port's direction by an instruction in cycle `at`: 0 makes a pin an output."""
+def tris_write(s: Vector, edges: Vector, cycle: int, port: int, value: int, unknown: int) -> None:
+    """Write a port's direction by an instruction in `cycle`: 0 makes a pin an output."""
     if unknown:
         use(s, USE_DIRECTION, 0 if port == A else 1, unknown >> 8)
     before = s[TRIS]
@@ -259,23 +262,23 @@ def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
     else:
         s[TRIS] = (before & A) | value << B_SHIFT
     if s[DRIVEN_UNKNOWN] & port:
-        settle_unknown(s, at, port)
+        settle_unknown(s, cycle, port)
     fresh = before & ~s[TRIS] & s[LATCH_UNKNOWN]
     if fresh:
         drive_unknown(s, fresh)
-    emit(s, edges, at)
-    settle(s, at + 1)
+    emit(s, edges, cycle)
+    settle(s, cycle + 1)
     compare(s)
-    note_flags(s, at + 1)
+    note_flags(s, cycle + 1)
 
 
 @compiled
-def outside(s: Vector, at: int, pin: int, level: int) -> None:
-    """Apply an external level to a pin from cycle `at`: 0 or 1, or 2 to release it."""
+def outside(s: Vector, cycle: int, pin: int, level: int) -> None:
+    """Apply an external level to a pin from `cycle`: 0 or 1, or 2 to release it."""
     bit = 1 << pin
     s[EXT_MASK] &= ~bit
     s[EXT_LEVEL] &= ~bit
     if level < 2:
         s[EXT_MASK] |= bit
         s[EXT_LEVEL] |= level << pin
-    settle(s, at)
+    settle(s, cycle)

@@ -69,6 +69,8 @@ def find_repeat(
         first = seen.setdefault(digest, walk.frames)
         if first == walk.frames:
             continue
+        # Two digests may be equal by chance: the machine is run again to the first of the two moments, and
+        # the states are compared in full.
         before = _Walk(Machine(image, clock, options, stimulus, tracked=True), pin, limit, period)
         for _ in range(first):
             before.step()

@@ -46,16 +46,16 @@ FETCH = 1
 
 
 @compiled
-def enter_reset(s: Vector, edges: Vector, at: int) -> None:
-    """Apply a reset other than power-up, in cycle `at`."""
-    t0_advance(s, at)
+def enter_reset(s: Vector, edges: Vector, cycle: int) -> None:
+    """Apply a reset other than power-up, in `cycle`."""
+    t0_advance(s, cycle)
     s[PC] = 0
     s[HERE] = 0
     s[PCLATH] = 0
     s[OPTION] = 0xFF  # T0CS: TMR0 keeps its count
-    s[T0_AT] = at
-    s[T0_HELD] = at
-    s[AWAKE_AT] = at
+    s[T0_AT] = cycle
+    s[T0_HELD] = cycle
+    s[AWAKE_AT] = cycle
     s[T0_TICK] = NEVER
     s[TRIS] = A | B
     s[SLEEPING] = 0
@@ -63,10 +63,10 @@ def enter_reset(s: Vector, edges: Vector, at: int) -> None:
     s[DEPTH] = 0
     s[PRESCALER] = 0
     s[PRESCALER_UNKNOWN] = 0
-    wdt_start(s, at)
+    wdt_start(s, cycle)
     reset_eecon1(s)
-    emit(s, edges, at)
-    settle(s, at)
+    emit(s, edges, cycle)
+    settle(s, cycle)
     s[INTCON] &= RBIF_KEPT
     s[INTCON_UNKNOWN] &= RBIF_KEPT
     s[IRQ_AT] = NEVER
@@ -76,18 +76,20 @@ def enter_reset(s: Vector, edges: Vector, at: int) -> None:
 
 
 @compiled
-def watchdog_reset(s: Vector, edges: Vector, at: int) -> None:
+def watchdog_reset(s: Vector, edges: Vector, cycle: int) -> None:
+    """Reset a running chip by the watchdog (DS35007 table 6-3)."""
     s[STATUS] = (s[STATUS] & KEPT_STATUS) | PD
     s[RESETS_WDT] += 1
-    enter_reset(s, edges, at)
+    enter_reset(s, edges, cycle)
 
 
 @compiled
-def mclr_reset(s: Vector, edges: Vector, at: int) -> None:
+def mclr_reset(s: Vector, edges: Vector, cycle: int) -> None:
+    """Reset the chip by MCLR, running or asleep (DS35007 table 6-3)."""
     if s[SLEEPING]:
         s[STATUS] = (s[STATUS] & KEPT_STATUS) | TO
         s[RESETS_MCLR_SLEEP] += 1
     else:
         s[STATUS] &= KEPT_STATUS | TO | PD
         s[RESETS_MCLR] += 1
-    enter_reset(s, edges, at)
+    enter_reset(s, edges, cycle)

@@ -114,6 +114,7 @@ class BouncingButton:
         ):
             yield LevelChange(moment, self.pin, level)
             room = self.bounce if end is None else min(self.bounce, end - moment - 1)
+            # An even number, so that the contact ends at the new level.
             flips = min(2 * self.bounces, max(0, room) // 2 * 2)
             for n, offset in enumerate(sorted(dice.sample(range(1, room + 1), flips))):
                 yield LevelChange(moment + offset, self.pin, level ^ (n + 1) % 2)

@@ -20,6 +20,7 @@ LEVELS = 8
 
 @compiled
 def push(s: Vector, address: int) -> None:
+    """Push a return address; a ninth overwrites the first."""
     s[STACK + s[SP]] = address
     s[SP] = (s[SP] + 1) & (LEVELS - 1)
     if s[DEPTH] == LEVELS:
@@ -32,6 +33,7 @@ def push(s: Vector, address: int) -> None:
 
 @compiled
 def pop(s: Vector) -> int:
+    """Return the latest return address."""
     s[SP] = (s[SP] - 1) & (LEVELS - 1)
     if s[DEPTH] == 0:
         s[UNDERFLOWS] += 1

@@ -150,7 +150,7 @@ def _levels(document: Document, n: int, table: _Level, clock: Clock) -> Levels:
     if len(table.at_us) != len(table.level):
         message = f"has {len(table.level)} values for the {len(table.at_us)} times of at_us"
         raise document.error("bad-stimulus", ("level", n, "level"), message)
-    cycles = [_cycles(at, clock) for at in table.at_us]
+    cycles = [_cycles(at_us, clock) for at_us in table.at_us]
     for i in range(1, len(cycles)):
         if cycles[i] < cycles[i - 1]:
             raise document.error(

@@ -66,12 +66,12 @@ def t0_runs(s: Vector) -> bool:
 
 
 @compiled
-def t0_read(s: Vector, at: int) -> int:
-    """Return what an instruction in cycle `at` reads from TMR0."""
-    if not t0_runs(s) or at <= s[T0_AT]:
+def t0_read(s: Vector, cycle: int) -> int:
+    """Return what an instruction in `cycle` reads from TMR0."""
+    if not t0_runs(s) or cycle <= s[T0_AT]:
         return s[T0_VALUE]
     shift = t0_shift(s)
-    ticks = (s[PRESCALER] & ((1 << shift) - 1)) + at - s[T0_AT]
+    ticks = (s[PRESCALER] & ((1 << shift) - 1)) + cycle - s[T0_AT]
     return (s[T0_VALUE] + (ticks >> shift)) & 0xFF
 
 
@@ -104,48 +104,49 @@ def t0_news_at(s: Vector) -> int:
 
 
 @compiled
-def t0_sync(s: Vector, at: int) -> None:
-    """Move the anchor to `at`, and set T0IF if it was due by then."""
-    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= at:
+def t0_sync(s: Vector, cycle: int) -> None:
+    """Move the anchor to `cycle`, and set T0IF if it was due by then."""
+    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= cycle:
         timer_flag_in_doubt(s)
     due = t0_flag_at(s)
-    if due <= at:
-        s[T0_FLAGGED] = at - (at - due) % (256 << t0_shift(s))
+    if due <= cycle:
+        # The latest overflow up to now: `t0_flag_at` must not report it again.
+        s[T0_FLAGGED] = cycle - (cycle - due) % (256 << t0_shift(s))
         s[INTCON] |= T0IF
         note_flags(s, due)
-    t0_advance(s, at)
+    t0_advance(s, cycle)
 
 
 @compiled
-def t0_advance(s: Vector, at: int) -> None:
-    """Move the anchor to `at`, without regard to T0IF."""
-    if not t0_runs(s) or at <= s[T0_AT]:
+def t0_advance(s: Vector, cycle: int) -> None:
+    """Move the anchor to `cycle`, without regard to T0IF."""
+    if not t0_runs(s) or cycle <= s[T0_AT]:
         return
-    value = t0_read(s, at)
+    value = t0_read(s, cycle)
     if not s[OPTION] & PSA:
-        s[PRESCALER] = (s[PRESCALER] + at - s[T0_AT]) & 0xFF
+        s[PRESCALER] = (s[PRESCALER] + cycle - s[T0_AT]) & 0xFF
     s[T0_VALUE] = value
-    s[T0_AT] = at
+    s[T0_AT] = cycle
 
 
 @compiled
-def t0_write(s: Vector, at: int, value: int, unknown: int) -> None:
-    """Write TMR0 by an instruction in cycle `at`; "increment is inhibited" (DS35007 section 5)."""
-    t0_sync(s, at)
+def t0_write(s: Vector, cycle: int, value: int, unknown: int) -> None:
+    """Write TMR0 by an instruction in `cycle`; "increment is inhibited" (DS35007 section 5)."""
+    t0_sync(s, cycle)
     s[T0_VALUE] = value
     s[T0_UNKNOWN] = unknown
     # An anchor in the future: until then the timer reads the written value and counts nothing.
-    s[T0_AT] = at + INHIBITED
-    s[T0_HELD] = at + INHIBITED
+    s[T0_AT] = cycle + INHIBITED
+    s[T0_HELD] = cycle + INHIBITED
     if not s[OPTION] & PSA:
         s[PRESCALER] = 0
         s[PRESCALER_UNKNOWN] = 0
 
 
 @compiled
-def t0_external(s: Vector, at: int) -> None:
-    """Count an edge of T0CKI in cycle `at`; an edge while the timer stands still is lost."""
-    if at <= s[T0_HELD]:
+def t0_external(s: Vector, cycle: int) -> None:
+    """Count an edge of T0CKI in `cycle`; an edge while the timer stands still is lost."""
+    if cycle <= s[T0_HELD]:
         return
     shift = t0_shift(s)
     if shift:
@@ -157,7 +158,7 @@ def t0_external(s: Vector, at: int) -> None:
         timer_flag_in_doubt(s)
     if s[T0_VALUE] == 0:
         s[INTCON] |= T0IF
-        note_flags(s, at)
+        note_flags(s, cycle)
 
 
 @compiled
@@ -173,40 +174,40 @@ def wdt_deadline(s: Vector) -> int:
 
 
 @compiled
-def wdt_sync(s: Vector, at: int) -> None:
-    """Account for the watchdog's periods up to `at`, which the prescaler counts if it is assigned to the
+def wdt_sync(s: Vector, cycle: int) -> None:
+    """Account for the watchdog's periods up to `cycle`, which the prescaler counts if it is assigned to the
     watchdog.
     """
     if s[WDT_PERIOD] == 0:
         return
-    periods = (at - s[WDT_AT]) // s[WDT_PERIOD]
+    periods = (cycle - s[WDT_AT]) // s[WDT_PERIOD]
     s[WDT_AT] += periods * s[WDT_PERIOD]
     if s[OPTION] & PSA:
         s[PRESCALER] = (s[PRESCALER] + periods) & 0xFF
 
 
 @compiled
-def settle_counters(s: Vector, at: int) -> None:
-    """Update the slots to what the counters hold in cycle `at`, so that the host can read them."""
-    t0_sync(s, at)
-    if at < wdt_deadline(s):
-        wdt_sync(s, at)
+def settle_counters(s: Vector, cycle: int) -> None:
+    """Update the slots to what the counters hold in `cycle`, so that the host can read them."""
+    t0_sync(s, cycle)
+    if cycle < wdt_deadline(s):
+        wdt_sync(s, cycle)
 
 
 @compiled
-def wdt_clear(s: Vector, at: int) -> None:
-    """Restart the watchdog at `at`, for CLRWDT or SLEEP; its prescaler becomes 0 if assigned to it."""
+def wdt_clear(s: Vector, cycle: int) -> None:
+    """Restart the watchdog at `cycle`, for CLRWDT or SLEEP; its prescaler becomes 0 if assigned to it."""
     if s[OPTION] & PSA:
         s[PRESCALER] = 0
         s[PRESCALER_UNKNOWN] = 0
-    wdt_start(s, at)
+    wdt_start(s, cycle)
 
 
 @compiled
-def wdt_start(s: Vector, at: int) -> None:
-    """Begin the watchdog's period at `at`; the prescaler is unchanged."""
-    s[WDT_AT] = at
-    s[WDT_CLEARED] = at
+def wdt_start(s: Vector, cycle: int) -> None:
+    """Begin the watchdog's period at `cycle`; the prescaler is unchanged."""
+    s[WDT_AT] = cycle
+    s[WDT_CLEARED] = cycle
     foresee(s)
 
 
@@ -223,31 +224,32 @@ def foresee(s: Vector) -> None:
 
 
 @compiled
-def option_write(s: Vector, at: int, value: int) -> None:
-    """Apply a new `value` of OPTION_REG from cycle `at`; the prescaler keeps its count when it is reassigned.
+def option_write(s: Vector, cycle: int, value: int) -> None:
+    """Apply a new `value` of OPTION_REG from `cycle`; the prescaler keeps its count when it is reassigned.
 
     The count of a prescaler assigned to the watchdog is unknown once the shortest period is over.
     """
     s[OPTION_WRITES] += 1
-    # Everything is counted by the old clock up to `at`, then the new one takes over.
-    t0_sync(s, at - 1)
-    t0_advance(s, at)
-    wdt_sync(s, at - 1)
+    # Everything is counted by the old clock up to `cycle`, then the new one takes over.
+    t0_sync(s, cycle - 1)
+    t0_advance(s, cycle)
+    wdt_sync(s, cycle - 1)
     before = s[OPTION]
     s[OPTION] = value
     if s[WDT_SHORTEST] and (before ^ value) & (PSA | (PS if value & PSA else 0)):
-        if at - s[WDT_CLEARED] < s[WDT_SHORTEST]:
+        # Before the shortest period is over no chip's watchdog has advanced the prescaler.
+        if cycle - s[WDT_CLEARED] < s[WDT_SHORTEST]:
             foresee(s)
         else:
-            s[WDT_EARLIEST] = at
+            s[WDT_EARLIEST] = cycle
     # The timer's prescaler divides by twice as much as the watchdog's (DS35007 register 2-2).
     division = 1 << (value & PS) if value & PSA else 2 << (value & PS)
     if s[PRESCALER_UNKNOWN] & (division - 1) and value & PSA and s[WDT_SHORTEST]:
-        s[WDT_EARLIEST] = at
+        s[WDT_EARLIEST] = cycle
     if s[PRESCALER_UNKNOWN] & (division - 1) and not value & PSA:
         s[T0_UNKNOWN] = 0xFF | SOURCE_PRESCALER << 8
-    s[T0_AT] = max(s[T0_AT], at)
+    s[T0_AT] = max(s[T0_AT], cycle)
     if value & T0CS == 0:
         s[T0_TICK] = NEVER
         if (before ^ value) & (T0CS | PSA | (0 if value & PSA else PS)):
-            s[T0_AT] = max(s[T0_AT], at + s[T0_PHASE])
+            s[T0_AT] = max(s[T0_AT], cycle + s[T0_PHASE])

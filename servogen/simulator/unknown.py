@@ -87,10 +87,10 @@ def without(unknown: int, bits: int) -> int:
 @compiled
 def written_status(before: int, written: int) -> int:
     """Return the unknown bits of STATUS after a write of a byte: TO and PD stay what they were."""
-    kept = without(before, ~(TO | PD))
+    remaining = without(before, ~(TO | PD))
     source = SOURCE_TMR0 if written >> 8 == SOURCE_PHASE else written >> 8
     bits = written & 0xFF & ~(TO | PD)
-    return kept | bits | source << 8 if bits and not kept else kept | bits
+    return remaining | bits | source << 8 if bits and not remaining else remaining | bits
 
 
 @compiled
