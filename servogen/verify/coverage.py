@@ -125,6 +125,7 @@ def same_frames(scheduled: Edges, expected: Expected) -> Ints:
     known: dict[bytes, int] = {}
     numbers = np.full(total, -1, dtype=np.int64)
     first = int(frame[0]) if len(frame) else total
+    # The loop first, so that a frame that occurs in both has the number that counts.
     for number in (*range(expected.lead_in, total), *range(expected.lead_in)):
         if number < first:
             continue

@@ -35,6 +35,7 @@ class PinHistory:
 
     @classmethod
     def at_start(cls) -> PinHistory:
+        """Return the state before the first edge: all pins are low."""
         rises, last_rise, last_frame = np.zeros((3, len(PINS)), dtype=np.int64)
         return cls(rises, last_rise, last_frame, np.zeros(len(PINS), dtype=np.uint8), set())
 
@@ -64,6 +65,7 @@ class TraceStretch:
     seen: PinHistory
 
     def cycle(self, time: int) -> Cycles:
+        """Return the trace's cycle at a time of the schedule."""
         return Cycles(self.start + int(time))
 
 
@@ -114,6 +116,8 @@ def first_difference(stretch: TraceStretch, expected: Expected) -> Difference:
     wanted, got = (_next_of(side, pin, index) for side in (ours, theirs))
     side, row = (ours, wanted) if wanted is not None else (theirs, got)
     frame = _frame_at(stretch, index) if wanted is None else int(ours.frame[wanted])
+    # The counterpart is that far away only where the edge itself is the one too many: then the frame around
+    # it counts.
     if wanted is not None and int(ours.cycle[wanted]) - time > expected.period // 2:
         frame = _frame_at(stretch, index)
     names = {channel.pin: channel.name for channel in expected.channels}

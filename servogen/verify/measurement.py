@@ -267,6 +267,7 @@ class TrainBuilder:
         """
         own = edges.take(edges.pin == self._pin)
         rising = own.level == HIGH
+        # The pulses that earlier windows left open, then those of this one: the n-th fall ends the n-th rise.
         rise = np.concatenate((self._rise, own.cycle[rising]))
         fall = own.cycle[~rising]
         waiting = len(self._width)
@@ -279,10 +280,10 @@ class TrainBuilder:
         if not len(rise):
             return
         changes = np.flatnonzero((np.diff(width) != 0) | (np.diff(period) != 0)) + 1
-        at = np.concatenate(([0], changes))
-        count = np.diff(at, append=len(rise))
-        self._parts.append((rise[at], count, width[at], period[at]))
-        self.rows += len(at)
+        starts = np.concatenate(([0], changes))
+        count = np.diff(starts, append=len(rise))
+        self._parts.append((rise[starts], count, width[starts], period[starts]))
+        self.rows += len(starts)
 
     def finish(self) -> Train:
         """Return what was counted; the last pulse has the period `LAST`."""
@@ -370,9 +371,9 @@ def _median(values: Ints, counts: Ints) -> int:
 
 def _counted(values: Ints, counts: Ints) -> dict[Cycles, int]:
     """Return how often each value occurs, by value."""
-    distinct, at = np.unique(values, return_inverse=True)
+    distinct, indices = np.unique(values, return_inverse=True)
     totals = np.zeros(len(distinct), dtype=np.int64)
-    np.add.at(totals, at, counts)
+    np.add.at(totals, indices, counts)
     return {Cycles(value): total for value, total in zip(distinct.tolist(), totals.tolist(), strict=True)}
 
 
@@ -395,6 +396,7 @@ def _runs(train: Train, paused: Flags) -> Iterator[PulseRun]:
     """Yield adjacent rows of one width without a pause between them; single pulses with equal pauses form a
     run too.
     """
+    # Several pulses, each followed by a pause, are one row; what comes before it is not of its run.
     alone = paused & (train.count > 1)
     parted = paused[:-1] | alone[1:] | (np.diff(train.width) != 0)
     bounds = [0, *(np.flatnonzero(parted) + 1).tolist(), len(train.first)]

@@ -30,6 +30,7 @@ class Pulses(NamedTuple):
 
     @property
     def width(self) -> Ints:
+        """Return the widths in cycles."""
         return self.fall - self.rise
 
     def take(self, rows: npt.NDArray[np.bool_] | Rows) -> Pulses:
@@ -102,8 +103,8 @@ def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
     rows = np.arange(len(scheduled))
     mutual = of_seen[of_scheduled] == rows
     close = np.abs(seen[of_scheduled] - scheduled) <= farthest
-    kept = rows[mutual & close]
-    return kept, of_scheduled[kept]
+    matches = rows[mutual & close]
+    return matches, of_scheduled[matches]
 
 
 def nearest(of: npt.NDArray[np.int64 | np.float64], among: Ints) -> Rows:

@@ -36,10 +36,10 @@ class StrayCount:
 
     def add(self, cycle: Ints, pin: npt.NDArray[np.uint8]) -> None:
         for number in np.flatnonzero(np.bincount(pin, minlength=len(PINS))).tolist():
-            at = cycle[pin == number]
+            cycles = cycle[pin == number]
             if not self._counts[number]:
-                self._firsts[number] = at[0]
-            self._counts[number] += len(at)
+                self._firsts[number] = cycles[0]
+            self._counts[number] += len(cycles)
 
     def pins(self) -> tuple[StrayPin, ...]:
         """Return the pins that changed, in the order of their numbers."""

@@ -53,10 +53,12 @@ def observed_edges(chunk: EdgeChunk, start: int) -> Edges:
 
 
 def expected_edges(chunk: ExpectedChunk) -> Edges:
+    """Return a chunk of expected edges in the common form."""
     return Edges(*chunk)
 
 
 def concatenate(parts: list[Edges]) -> Edges:
+    """Return consecutive edges as one."""
     if len(parts) == 1:
         return parts[0]
     if not parts:

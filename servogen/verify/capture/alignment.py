@@ -73,7 +73,9 @@ MAX_SLOPE_ERROR = 20e-6
 """If the slope is less accurate, as within one frame, the nominal one is used."""
 
 SHORT_GAP = 20.0
-"""Frames between two pulses that are counted correctly even with a clock error of `MAX_DRIFT`."""
+"""Frames between two pulses that are counted correctly even with a clock error of `MAX_DRIFT`: less than half
+a frame.
+"""
 
 MAX_CELLS = 1 << 22
 
@@ -89,9 +91,11 @@ class FittedLine:
     b_error: float | None
 
     def cycles(self, steps: npt.ArrayLike) -> Floats:
+        """Return the schedule's cycles for times in steps of the capture."""
         return (np.asarray(steps, dtype=np.float64) - self.a) / self.b
 
     def steps(self, cycles: npt.ArrayLike) -> Floats:
+        """Return the times in steps of the capture for the schedule's cycles."""
         return self.a + self.b * np.asarray(cycles, dtype=np.float64)
 
 
@@ -177,10 +181,12 @@ def _phase(
             lowest = float(cost.min())
             phases = phases[cost == lowest]
             errors = _end_errors(signals, anchor, slope, phases)
-            at = int(np.argmin(errors))
-            return lowest, float(errors[at]), float(phases[at]), anchor - slope * float(phases[at])
+            best = int(np.argmin(errors))
+            return lowest, float(errors[best]), float(phases[best]), anchor - slope * float(phases[best])
         order = np.argsort(cost, kind="stable")
         near = np.count_nonzero(cost <= cost[order[0]])
+        # Never fewer than all that are equally good: further pulses, or the cut ones, have to decide between
+        # them.
         phases = np.sort(phases[order[: max(KEPT, int(near))]])
         look *= 4
 
@@ -197,6 +203,7 @@ def _end_errors(signals: PairedSignals, anchor: int, slope: float, phases: Float
 
 def _cost(signals: PairedSignals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:
     """Return, for each phase, the error in cycles of the first `look` captured pulses of each channel."""
+    # A bounded table of (phases, pulses) at a time.
     size = max(1, MAX_CELLS // look)
     parts = [
         sum(
@@ -225,6 +232,7 @@ def _channel_cost(
     sample = signals.quantum / slope
     late = np.abs(wanted.rise[near] - time)
     wrong = np.maximum(np.abs(wanted.width[near] - width / slope) - sample, 0)
+    # A sample of tolerance, and more with the distance from the anchor, because the slope is only estimated.
     moved = np.maximum(late - sample - 1e-3 * np.abs(away), 0)
     fits = late < signals.period / 4
     cost = np.where(fits, np.minimum(wrong + moved, signals.cap), signals.cap).sum(axis=1)
@@ -280,6 +288,7 @@ class WholeFrames:
 
     @property
     def frames(self) -> range:
+        """Return the numbers of the frames."""
         return range(self.first, self.first + self.count)
 
 

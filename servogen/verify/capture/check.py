@@ -160,6 +160,8 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
             hint="cut it, or capture for a shorter time",
         )
     candidates = whole_motion(expected, 2)
+    # A capture may begin anywhere in the lead-in and two loops, and is followed for its whole length from
+    # there.
     scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
     ours, theirs, cut, glitches = [], [], [], []
     for channel in expected.channels:
@@ -217,6 +219,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
     own = changes.take(changes.pin == pin)
     rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
     cut = cut_pulses(rise, fall, high)
+    # The first fall ends a pulse that began before the capture.
     fall = fall[1:] if high else fall
     return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64)), cut
 

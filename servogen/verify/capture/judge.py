@@ -32,6 +32,7 @@ class TimeScale:
 
     @property
     def sample_us(self) -> float:
+        """Return the distance of two samples in µs of the chip's nominal clock."""
         return self.quantum / self.line.b * self.cycle_us
 
 
@@ -56,6 +57,7 @@ class _Errors:
     limit: float
 
     def spread(self) -> Spread:
+        """Return the worst error, the mean, and the number of errors beyond the tolerance."""
         if not len(self.error):
             return Spread()
         worst = self.error[np.argmax(np.abs(self.error))]
@@ -222,6 +224,7 @@ def _cut(
 ) -> Iterator[Mismatch]:
     """Yield the problems of the pulses that the capture's ends cut."""
     line = scale.line
+    # Four standard errors of the fitted clock or, without a fit, what a crystal may be off.
     ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
     drift_us = scale.end * scale.step_us * ppm / 1e6
     limit = (scale.sample_us + allowed.edge_us + drift_us) / scale.cycle_us
