@@ -161,15 +161,17 @@ def run_to(
         return marked
 
     while machine.now < end:
+        # A condition can only become true where something that it reads is written: those instructions are
+        # executed one by one, all others at full speed.
         while machine.machine.pc in writers and not machine.machine.asleep and machine.now < end:
-            held = [breakpoint.holds(machine) for breakpoint in conditions]
+            holding = [breakpoint.holds(machine) for breakpoint in conditions]
             chunk = _step(machine)
             if produced is not None:
                 produced.append(chunk)
             if chunk.pin[wanted(chunk)].size:
                 pin, level = (int(column[wanted(chunk)][0]) for column in chunk[1:])
                 return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, pin, level))
-            for breakpoint, before in zip(conditions, held, strict=True):
+            for breakpoint, before in zip(conditions, holding, strict=True):
                 if not before and breakpoint.holds(machine):
                     return breakpoint
             if machine.machine.pc in addresses:

@@ -103,6 +103,7 @@ class TimeMachine:
 
     @property
     def now(self) -> Cycles:
+        """Return the current moment: the cycle in which the next instruction executes."""
         return self.machine.cycles
 
     @property
@@ -155,6 +156,8 @@ class TimeMachine:
                 if self.now >= end:
                     return None
                 goal = min(end, self._next_due(end))
+                # The core stops at addresses, not at edges: after an edge that is wanted, the stretch is run
+                # again up to it.
                 begin = machine.snapshot() if wanted is not None else None
                 chunk = join(machine.stream(goal - self.now))
                 if wanted is not None and begin is not None and len(chunk.cycle):
@@ -289,9 +292,9 @@ class TimeMachine:
             self._at = [cycle for cycle in self._at if cycle in self._kept]
 
     def _restore(self, place: int) -> None:
-        kept = self._kept[self._at[place]]
-        self.machine.restore(kept.snapshot)
-        self._applied = kept.inputs
+        snapshot = self._kept[self._at[place]]
+        self.machine.restore(snapshot.snapshot)
+        self._applied = snapshot.inputs
 
     def _restore_before(self, cycle: int) -> None:
         """Restore the latest snapshot that is not after `cycle`, unless the way from here is shorter."""

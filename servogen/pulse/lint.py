@@ -188,18 +188,18 @@ def _follow(
     A position that lasts several frames is a step: the servo must reach it before leaving it. A position that
     lasts a single frame is part of a ramp, which must not be steeper than `reach`.
     """
-    at = runs[0][0] if runs else 0.0
+    reached_angle = runs[0][0] if runs else 0.0
     steepest, short, needed = 0.0, 0, 0
-    before = at
+    before = reached_angle
     for angle, frames in runs:
-        away = abs(angle - at)
+        away = abs(angle - reached_angle)
         take = math.ceil(away / reach - 1e-9)
         if frames == 1:
             steepest = max(steepest, abs(angle - before))
         elif take > frames and take - frames > short:
             short, needed = take - frames, take
         moved = min(away, frames * reach)
-        at += math.copysign(moved, angle - at)
+        reached_angle += math.copysign(moved, angle - reached_angle)
         before = angle
     limit = math.degrees(reach / period_s)
     if steepest > reach * (1 + 1e-9):

@@ -71,7 +71,7 @@ def quantise(
     pulsed = ~np.isnan(angles)
     distinct, back, counts = np.unique(angles[pulsed], return_inverse=True, return_counts=True)
     # Two equal frames in a row are a position that is held; a ramp passes each of its angles only once.
-    held = frozenset(angles[:-1][angles[:-1] == angles[1:]].tolist())
+    repeated = frozenset(angles[:-1][angles[:-1] == angles[1:]].tolist())
     cycles_of: list[int] = []
     rows: dict[Fraction, Quantised] = {}
     for angle, count in zip(distinct.tolist(), counts.tolist(), strict=True):
@@ -93,7 +93,7 @@ def quantise(
             cycles=rounded.cycles,
             achieved_us=rounded.achieved_us,
             frames=count + (before.frames if before else 0),
-            held=angle in held or (before is not None and before.held),
+            held=angle in repeated or (before is not None and before.held),
         )
         cycles_of.append(rounded.cycles)
     cycles = np.full(len(angles), NO_PULSE, dtype=np.int64)

@@ -360,7 +360,7 @@ class _Reader:
                 "is empty: the motion must be followed by a frame, at least one without pulses",
             )
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
-        held = tuple(
+        held_inputs = tuple(
             self._input(entry, f"inputs[{index}]", read)
             for index, entry in enumerate(self._array(inputs, "inputs"))
         )
@@ -370,7 +370,7 @@ class _Reader:
             channels=read,
             lead_in=runs[0],
             loop=runs[1],
-            inputs=held,
+            inputs=held_inputs,
             plan_error=None if plan_error is None else self._plan_error(plan_error),
             device=None if device is None else self._text(device, "device"),
             buttons=None if buttons is None else self._buttons(buttons, read),
@@ -426,8 +426,8 @@ class _Reader:
             for direction in runs
         }
         if len(own) < len(runs) and not isinstance(read, StepButton):
-            what = "code" if isinstance(read, CodeLine) else "pin"
-            raise self._error("json-value", "commands.directions", f"two directions have the same {what}")
+            key = "code" if isinstance(read, CodeLine) else "pin"
+            raise self._error("json-value", "commands.directions", f"two directions have the same {key}")
         return CommandRule(read, runs)
 
     def _direction(

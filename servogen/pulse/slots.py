@@ -50,10 +50,10 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
             f"write per_slot = {frame.max_together}",
         )
     gap = max(clock.round_us(frame.gap_us).cycles, MIN_GAP)
-    at, starts = 0, []
+    start, starts = 0, []
     for first in range(0, len(servos), frame.per_slot):
         together = servos[first : first + frame.per_slot]
-        starts += [Cycles(at)] * len(together)
+        starts += [Cycles(start)] * len(together)
         longest = max(together, key=lambda servo: servo.widths_us[1])
         width = clock.round_us(longest.widths_us[1]).cycles
         slot = width + gap
@@ -66,9 +66,9 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
                     frame.place,
                     f"its longest pulse and the minimum gap take {float(clock.us(width + MIN_GAP)):g} µs",
                 )
-        at += slot
-    if at > frame.period.cycles:
-        raise _do_not_fit(servos, frame, clock, Cycles(at))
+        start += slot
+    if start > frame.period.cycles:
+        raise _do_not_fit(servos, frame, clock, Cycles(start))
     return tuple(starts)
 
 

@@ -60,10 +60,10 @@ class InputRows:
         size = int(np.searchsorted(known.cycle, cycle))
         self._ahead = part(known, slice(size, None))
         cycles, numbers = [], []
-        for at, pin, level in zip(*(column[:size].tolist() for column in known), strict=True):
+        for time, pin, level in zip(*(column[:size].tolist() for column in known), strict=True):
             if level != self._level[pin]:
                 self._level[pin] = level
-                cycles.append(at)
+                cycles.append(time)
                 numbers.append(3 * self._numbers[pin] + level)
         return np.array(cycles, dtype=np.int64), np.array(numbers, dtype=np.int64)
 

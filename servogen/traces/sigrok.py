@@ -220,11 +220,11 @@ def _check_directory(path: Path) -> None:
         size = file.seek(0, 2)
         file.seek(max(0, size - _END.size - _MAX_COMMENT_BYTES))
         tail = file.read()
-    at = tail.rfind(_END_SIGNATURE)
-    if at < 0 or len(tail) - at < _END.size:
+    signature = tail.rfind(_END_SIGNATURE)
+    if signature < 0 or len(tail) - signature < _END.size:
         raise ValueError("no end of the central directory")
-    _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, at)
-    is_64 = tail[max(0, at - 20) : at].startswith(_ZIP64_SIGNATURE)
+    _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, signature)
+    is_64 = tail[max(0, signature - 20) : signature].startswith(_ZIP64_SIGNATURE)
     if is_64 or count > MAX_MEMBERS or directory_bytes > _MAX_DIRECTORY_BYTES:
         raise InputError(
             "file-too-large", "is an archive of too many or too large files", Location(str(path)), _SMALL

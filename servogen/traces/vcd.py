@@ -332,18 +332,18 @@ def _last_times(path: Path, start: int) -> list[int]:
         size = file.seek(0, 2)
         wanted = TAIL_BYTES
         while True:
-            at = max(start, size - wanted)
-            file.seek(at)
+            offset = max(start, size - wanted)
+            file.seek(offset)
             tail = file.read()
-            times = _TIME.findall(tail if at == start else tail.partition(b"\n")[2])[-2:]
-            if len(times) == 2 or (times and at == start):
+            times = _TIME.findall(tail if offset == start else tail.partition(b"\n")[2])[-2:]
+            if len(times) == 2 or (times and offset == start):
                 late = next((time for time in times if len(time) > MAX_DIGITS), None)
                 if late:
                     raise InputError(
                         "time-order", f"time #{late.decode()} is too late", place, "below 10^18 steps"
                     )
                 return [int(time) for time in times]
-            if at == start:
+            if offset == start:
                 raise InputError(
                     "vcd-syntax", "is not a whole VCD file: no time stamp follows the declarations", place
                 )

@@ -83,6 +83,7 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
             hint=f"try {below}",
         )
     room = min(memory // (sump.WORD_BITS // 8), sump.MAX_READ_WORDS) // 4 * 4
+    # The trigger comes somewhere inside a frame: that one is not whole, but takes memory like the largest.
     first = words_of_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
     per_frame = words_of_frame(exact, rle, wanted.period_s, wanted.edges)
     fits = floor((room - first) / per_frame)
@@ -100,6 +101,7 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
         )
     frames = min(fits, wanted.frames)
     words = min(room, ceil((frames * per_frame + first) / 4) * 4)
+    # With RLE the memory fills most slowly where the frames have few edges: the capture lasts no longer.
     fewest = 2 * wanted.fewest if rle else per_frame
     return CapturePlan(
         exact, rle, words, frames, words / fewest * wanted.period_s, per_frame, fewest, wanted.period_s

@@ -118,12 +118,12 @@ def modem_lines_library() -> Iterator[Path]:
         source, built = Path(folder) / "modem_lines.c", Path(folder) / "modem_lines.so"
         source.write_text(MODEM_LINES_SOURCE, encoding="ascii")
         command = (compiler, "-shared", "-fPIC", "-O1", "-o", str(built), str(source), "-ldl")
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
+        completed = subprocess.run(command, capture_output=True, text=True, check=False)
+        if completed.returncode != 0:
             raise ToolError(
                 "tool-failed",
                 "the library that adds modem lines cannot be compiled",
-                hint=done.stderr.strip(),
+                hint=completed.stderr.strip(),
             )
         yield built
 
@@ -191,7 +191,7 @@ def capture(look: SigrokLook, output: Path) -> None:
 def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) -> None:
     seconds = look.samples / look.rate
     try:
-        done = subprocess.run(
+        completed = subprocess.run(
             command_of(look, output),
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -204,8 +204,8 @@ def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) ->
     except subprocess.TimeoutExpired as error:
         output.unlink(missing_ok=True)
         raise ToolError("tool-failed", f"{PROGRAM} did not end within {error.timeout:g} s") from None
-    output_text = "\n  ".join((done.stderr or done.stdout).strip().splitlines()[-3:])
-    if done.returncode != 0 or not output.exists():
+    output_text = "\n  ".join((completed.stderr or completed.stdout).strip().splitlines()[-3:])
+    if completed.returncode != 0 or not output.exists():
         output.unlink(missing_ok=True)
         raise ToolError(
             "capture-failed", f"{PROGRAM} captured nothing with '{look.driver}'", hint=output_text or None

@@ -145,13 +145,14 @@ def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
     if not rle:
         return merged(words, np.arange(len(words), dtype=np.int64), len(words))
     longest = longest_count(bits)
+    # Before the first value there may be a count whose value was overwritten.
     is_count = words > longest
     first = len(words) if is_count.all() else int(np.argmin(is_count))
     words, is_count = words[first:], is_count[first:]
     lasting = np.where(is_count, words & longest, 1).astype(np.int64)
     ends = np.cumsum(lasting)
-    at = ~is_count
-    return merged(words[at], (ends - lasting)[at], int(ends[-1]) if len(ends) else 0)
+    is_sample = ~is_count
+    return merged(words[is_sample], (ends - lasting)[is_sample], int(ends[-1]) if len(ends) else 0)
 
 
 def merged(value: Words, start: Ints, end: int) -> Runs:

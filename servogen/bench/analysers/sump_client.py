@@ -107,35 +107,37 @@ def _metadata_bytes(port: Port) -> bytes:
 
 def _ended(data: bytes) -> bool:
     """Return whether metadata are complete."""
-    at = 0
-    while at < len(data) and data[at] != Key.END:
-        kind = data[at] >> 5
+    offset = 0
+    while offset < len(data) and data[offset] != Key.END:
+        kind = data[offset] >> 5
         if kind > 2:
             return False
-        at = (data.find(b"\0", at + 1) + 1 or len(data)) if kind == 0 else at + (5 if kind == 1 else 2)
-    return at < len(data)
+        offset = (
+            (data.find(b"\0", offset + 1) + 1 or len(data)) if kind == 0 else offset + (5 if kind == 1 else 2)
+        )
+    return offset < len(data)
 
 
 def metadata(data: bytes) -> dict[int, int | str]:
     """Return a device's metadata by key; incomplete or unknown items are dropped."""
     described: dict[int, int | str] = {}
-    at = 0
-    while at < len(data) and data[at] != Key.END:
-        key = data[at]
+    offset = 0
+    while offset < len(data) and data[offset] != Key.END:
+        key = data[offset]
         kind = key >> 5
         if kind == 0:
-            end = data.find(b"\0", at + 1)
+            end = data.find(b"\0", offset + 1)
             if end < 0:
                 break
-            described[key] = data[at + 1 : end].decode("latin-1")
-            at = end + 1
+            described[key] = data[offset + 1 : end].decode("latin-1")
+            offset = end + 1
         elif kind in (1, 2):
             size = 4 if kind == 1 else 1
-            value = data[at + 1 : at + 1 + size]
+            value = data[offset + 1 : offset + 1 + size]
             if len(value) < size:
                 break
             described[key] = int.from_bytes(value, "big")
-            at += 1 + size
+            offset += 1 + size
         else:
             break
     return described
@@ -169,6 +171,7 @@ def capture(
                 break
             data += more
             progress(len(data) // 2)
+        # A device that counts its words otherwise would have shifted all samples.
         if missing is None and port.read(1, MORE_S):
             raise ToolError(
                 "wrong-device",
@@ -196,6 +199,7 @@ def _never(port: Port, look: SampleRequest) -> ToolError:
 
 def _settings(look: SampleRequest) -> bytes:
     """Return the commands that configure a capture: trigger, divider, counts, flags."""
+    # The protocol counts in fours, less one; both counts are equal, so that all samples follow the trigger.
     fours = look.words // 4 - 1
     flags = Flag.FILTER | Flag.NO_GROUP_3 | Flag.NO_GROUP_4
     if look.rle:

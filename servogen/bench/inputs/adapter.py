@@ -171,14 +171,14 @@ class InputAdapter:
         mark = self.wiring.pins[MARK]
         return firmata.pin_value(mark, 0) + firmata.pin_value(mark, 1)
 
-    def _action(self, what: DrivePin | Close | Send) -> Callable[[], None]:
+    def _action(self, action: DrivePin | Close | Send) -> Callable[[], None]:
         serial = self.serial
-        if isinstance(what, Send) and serial is not None and self._by_adapter(what):
-            return lambda: serial.send(what.data, what.baud)
-        return lambda: self.apply((what,))
+        if isinstance(action, Send) and serial is not None and self._by_adapter(action):
+            return lambda: serial.send(action.data, action.baud)
+        return lambda: self.apply((action,))
 
-    def _by_adapter(self, what: DrivePin | Close | Send) -> bool:
-        return isinstance(what, Send) and self.serial is not None and self.serial.pin == what.pin
+    def _by_adapter(self, action: DrivePin | Close | Send) -> bool:
+        return isinstance(action, Send) and self.serial is not None and self.serial.pin == action.pin
 
     def _store(self, inputs: Sequence[BoardInput]) -> None:
         messages, now = self._messages(DrivePin(MARK, 1)), 0
@@ -210,9 +210,9 @@ class InputAdapter:
                 "tool-failed", "the input board did not store the run", Location(self.port.path), "try again"
             )
 
-    def _messages(self, what: DrivePin | Close | Send) -> bytes:
+    def _messages(self, action: DrivePin | Close | Send) -> bytes:
         """Return what the board is sent for an input."""
-        match what:
+        match action:
             case DrivePin(name, level):
                 pin = self.wiring.pins.get(name)
                 if pin is None:
@@ -324,15 +324,15 @@ def identify(port: Port) -> BoardFacts:
 def pin_modes(data: bytes) -> Iterator[Mapping[int, int]]:
     """Yield the modes of each pin with their resolutions, from the answer to `CAPABILITY_QUERY`."""
     modes: dict[int, int] = {}
-    at = 0
-    while at < len(data):
-        if data[at] == firmata.NO_MORE_MODES:
+    offset = 0
+    while offset < len(data):
+        if data[offset] == firmata.NO_MORE_MODES:
             yield modes
-            modes, at = {}, at + 1
+            modes, offset = {}, offset + 1
         else:
-            if at + 1 < len(data):
-                modes[data[at]] = data[at + 1]
-            at += 2
+            if offset + 1 < len(data):
+                modes[data[offset]] = data[offset + 1]
+            offset += 2
 
 
 def ask(port: Port, wanted: Callable[[Message], bool], seconds: float) -> Message | None:

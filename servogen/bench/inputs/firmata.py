@@ -109,8 +109,8 @@ def serial_close(port: int) -> bytes:
     return sysex(FirmataCommand.SERIAL, bytes((SERIAL_CLOSE | port,)))
 
 
-def task(what: SchedulerCommand, data: bytes = b"") -> bytes:
-    return sysex(FirmataCommand.SCHEDULER, bytes((what,)) + data)
+def task(kind: SchedulerCommand, data: bytes = b"") -> bytes:
+    return sysex(FirmataCommand.SCHEDULER, bytes((kind,)) + data)
 
 
 def delay_ms(ms: int) -> bytes:

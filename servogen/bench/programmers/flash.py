@@ -113,11 +113,11 @@ def flash(
         except Differs as error:
             raise _with_place(error, tool, order, image, timeout_s) from None
         read = _read(tool, order, image, timeout_s)
-    at = difference(read, image)
-    if at is not None:
+    mismatch = difference(read, image)
+    if mismatch is not None:
         raise Differs(
             "chip-differs",
-            f"{tool.programmer.name} reports success, but the chip differs from the file, first {at}",
+            f"{tool.programmer.name} reports success, but the chip differs from the file, first {mismatch}",
             _place(order.port),
             _last(output),
         )
@@ -169,13 +169,13 @@ def _with_place(
 ) -> Differs:
     """Return the same error with the first differing address, if the programmer can read it."""
     try:
-        at = difference(_read(tool, order, image, timeout_s), image)
+        mismatch = difference(_read(tool, order, image, timeout_s), image)
     except ToolError:
         return error
     return (
         error
-        if at is None
-        else Differs("chip-differs", f"{error.message}, first {at}", error.location, error.hint)
+        if mismatch is None
+        else Differs("chip-differs", f"{error.message}, first {mismatch}", error.location, error.hint)
     )
 
 

@@ -58,9 +58,9 @@ def difference(read: Contents, image: Image) -> str | None:
     for memory, right in wanted(image).items():
         for address, (word, got) in enumerate(zip(right, read.get(memory, right), strict=True)):
             if word != got:
-                at = "" if memory == CONFIG else f" at address 0x{address:03X}"
+                place = "" if memory == CONFIG else f" at address 0x{address:03X}"
                 digits = 2 if memory == EEPROM else 4
-                return f"in the {memory}{at}: 0x{got:0{digits}X} where the file has 0x{word:0{digits}X}"
+                return f"in the {memory}{place}: 0x{got:0{digits}X} where the file has 0x{word:0{digits}X}"
     return None
 
 

@@ -87,6 +87,7 @@ class VirtualCapture:
         self._begin = begin
         cycle, levels = chip.look(cycles)
         ratio = (self.rate / chip.cycles_per_second).limit_denominator(10**8)
+        # In whole numbers, rounded up: a level is seen at the first sample at or after its change.
         first = -((begin - cycle) * ratio.numerator // ratio.denominator)
         end = -((begin - chip.now) * ratio.numerator // ratio.denominator)
         new = Runs(_channels(levels), np.maximum(first, self._runs.end), end)
@@ -113,20 +114,21 @@ class VirtualCapture:
         self._runs = sump.merged(value, np.concatenate((self._runs.start, new.start[seen])), new.end)
 
     def _look_for_trigger(self) -> None:
-        runs, at = self._runs, 0
+        runs, index = self._runs, 0
         while self._stage < len(self.stages):
             mask, wanted = self.stages[self._stage]
-            matches = np.flatnonzero((runs.value[at:] & mask) == (wanted & mask))
+            matches = np.flatnonzero((runs.value[index:] & mask) == (wanted & mask))
             if not len(matches):
+                # Older samples can no longer be read: the words before the trigger are at most `read`.
                 self._runs = _from(runs, max(0, len(runs.value) - self.read))
                 return
-            at += int(matches[0])
+            index += int(matches[0])
             self._stage += 1
-        before = Runs(runs.value[:at], runs.start[:at], int(runs.start[at]))
-        kept = self.read - min(self.read, self.delay)
-        words = self._words(before) if at else before.value
-        self._before = words[len(words) - min(kept, len(words)) :]
-        self._runs = _from(runs, at)
+        before = Runs(runs.value[:index], runs.start[:index], int(runs.start[index]))
+        count = self.read - min(self.read, self.delay)
+        words = self._words(before) if index else before.value
+        self._before = words[len(words) - min(count, len(words)) :]
+        self._runs = _from(runs, index)
 
     def _words(self, runs: Runs) -> sump.Words:
         value = _grouped(runs.value, self._groups)
@@ -164,13 +166,14 @@ def _noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Ru
     expected = per_sample * (runs.end - begin)
     number = int(expected) + (dice.random() < expected % 1)
     value, start = runs.value, runs.start
-    for at in dice.sample(range(begin, runs.end - 1), number):
-        index = int(np.searchsorted(start, at, side="right")) - 1
+    for sample in dice.sample(range(begin, runs.end - 1), number):
+        index = int(np.searchsorted(start, sample, side="right")) - 1
         flipped = value[index] ^ np.uint32(1 << dice.randrange(len(CHANNEL_PINS)))
-        torn = index + 1 == len(start) or start[index + 1] > at + 1
+        # The flipped sample ends its run; what is left of the run begins again after it.
+        torn = index + 1 == len(start) or start[index + 1] > sample + 1
         new = [flipped, value[index]] if torn else [flipped]
         value = np.insert(value, index + 1, new).astype(np.uint32)
-        start = np.insert(start, index + 1, [at, at + 1] if torn else [at])
+        start = np.insert(start, index + 1, [sample, sample + 1] if torn else [sample])
     return Runs(value, start, runs.end)
 
 

@@ -113,6 +113,7 @@ class VirtualBoard:
             self.chip.run(self.chip.due(max(1, due - self.chip.now)))
 
     def received(self, data: bytes) -> None:
+        """Take bytes of the client and obey each complete message."""
         self.taken += len(data)
         if self.options.unplug_after is not None and self.taken >= self.options.unplug_after:
             self.gone = True
@@ -296,19 +297,19 @@ class VirtualBoard:
     def _serial(self, data: bytes) -> None:
         if not data or not self.options.scheduler:
             return
-        what, port = data[0] & 0x70, data[0] & 0x0F
+        command, port = data[0] & 0x70, data[0] & 0x0F
         names = [name for name, own in self.wiring.lines.items() if own == port]
         if port not in SERIAL_PINS:
             return
-        if what == firmata.SERIAL_CONFIG:
+        if command == firmata.SERIAL_CONFIG:
             self._bauds[port] = data[1] | data[2] << 7 | data[3] << 14
             for name in names:
                 self.chip.drive(PINS.index(name), HIGH)
-        elif what == firmata.SERIAL_CLOSE:
+        elif command == firmata.SERIAL_CLOSE:
             self._bauds.pop(port, None)
             for name in names:
                 self.chip.drive(PINS.index(name), UNDRIVEN)
-        elif what == firmata.SERIAL_WRITE and port in self._bauds:
+        elif command == firmata.SERIAL_WRITE and port in self._bauds:
             for name in names:
                 self._transmit(PINS.index(name), port, firmata.joined_bytes(data[1:]))
 
@@ -321,27 +322,27 @@ class VirtualBoard:
             begin += FRAME_BITS * bit
         self._sent_until[port] = whole(begin)
 
-    def _scheduler(self, what: int, data: bytes) -> None:
+    def _scheduler(self, command: int, data: bytes) -> None:
         number = data[0] if data else 0
         task = self._tasks.get(number)
-        if what == SchedulerCommand.RESET:
+        if command == SchedulerCommand.RESET:
             self._tasks.clear()
-        elif what == SchedulerCommand.QUERY_ALL:
+        elif command == SchedulerCommand.QUERY_ALL:
             self.outgoing += firmata.task(SchedulerCommand.ALL, bytes(self._tasks))
-        elif what == SchedulerCommand.CREATE and task is None:
+        elif command == SchedulerCommand.CREATE and task is None:
             size = data[1] | data[2] << 7
             if size + sum(stored.size for stored in self._tasks.values()) <= HEAP_BYTES:
                 self._tasks[number] = _Stored(size)
-        elif task is None or what == SchedulerCommand.CREATE:
+        elif task is None or command == SchedulerCommand.CREATE:
             self.outgoing += firmata.task(SchedulerCommand.ERROR, bytes((number,)))
-        elif what == SchedulerCommand.ADD:
+        elif command == SchedulerCommand.ADD:
             more = firmata.unpacked(data[1:])
             if len(task.messages) + len(more) <= task.size:
                 task.messages += more
-        elif what == SchedulerCommand.SCHEDULE:
+        elif command == SchedulerCommand.SCHEDULE:
             ms = int.from_bytes(firmata.unpacked(data[1:]), "little")
             task.at, task.due = 0, self.chip.now + self._cycles(ms + TICK_MS)
-        elif what == SchedulerCommand.QUERY:
+        elif command == SchedulerCommand.QUERY:
             sizes = task.size.to_bytes(2, "little") + len(task.messages).to_bytes(2, "little")
             state = firmata.packed(bytes(4) + sizes + bytes(task.messages))
             self.outgoing += firmata.task(SchedulerCommand.STATE, bytes((number,)) + state)

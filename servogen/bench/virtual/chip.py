@@ -209,7 +209,7 @@ class VirtualChip:
                 alarm.ring()
 
     def _next_alarm(self) -> int | None:
-        due = [at for alarm in self.alarms if (at := alarm.next_at()) is not None]
+        due = [cycle for alarm in self.alarms if (cycle := alarm.next_at()) is not None]
         return min([*due, *(later[0] for later in self._later[:1])], default=None)
 
     def _levels(self, cycles: int) -> Levels:
@@ -250,6 +250,8 @@ class VirtualChip:
         cycle = np.concatenate((begin[0], chunk.cycle + before))
         level = np.full(len(cycle), word & ~((1 << len(PINS)) - 1), dtype=np.uint32)
         for pin in range(len(PINS)):
+            # For each row the row of this pin's latest change, 0 for the level at the beginning: the level
+            # from then on.
             own = np.flatnonzero(chunk.pin == pin)
             changes = np.zeros(len(cycle), dtype=np.int64)
             changes[own + 1] = own + 1

@@ -97,6 +97,7 @@ class VirtualProgrammer:
         """Do nothing, because the programmer acts only on commands."""
 
     def received(self, data: bytes) -> None:
+        """Take bytes of the client and continue the conversation as far as they go."""
         self.taken += len(data)
         if self.options.unplug_after is not None and self.taken >= self.options.unplug_after:
             self.gone = True

@@ -98,12 +98,12 @@ class LineReceiver:
         cycle, word = levels
         line = (word >> np.uint32(self.pin) & np.uint32(1)).astype(bool) != self.inverted
         changed = np.flatnonzero(np.append(line[:1] != self._high, line[1:] != line[:-1]))
-        for at in cycle[changed].tolist():
-            received += self._ended(at)
+        for edge in cycle[changed].tolist():
+            received += self._ended(edge)
             if self._start is not None:
-                self._edges.append(at)
+                self._edges.append(edge)
             elif self._high:
-                self._start = at
+                self._start = edge
             self._high = not self._high
         return bytes(received + self._ended(until))
 
@@ -112,6 +112,7 @@ class LineReceiver:
         if self._start is None or now < self._start + (BITS - Fraction(1, 2)) * self.bit:
             return b""
         middles = [self._start + (n + Fraction(1, 2)) * self.bit for n in range(BITS)]
+        # The line is low after the start bit's edge; an odd number of edges since then makes it high.
         bits = [sum(edge <= middle for edge in self._edges) % 2 for middle in middles]
         self._start, self._edges = None, []
         start, *data, stop = bits

@@ -5,9 +5,11 @@ In: devices. Out: the paths that clients open. All of them are closed when the b
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import select
+import struct
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +17,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from servogen.bench.virtual.openings import Openings
 from servogen.errors import ToolError
 
 if os.name == "posix":
@@ -31,6 +32,11 @@ STARTED_S = 0.5
 
 A client discards what it has received when it opens a port, and would miss what came at once.
 """
+OPENED, CLOSED = 0x20, 0x18
+"""IN_OPEN; IN_CLOSE_WRITE and IN_CLOSE_NOWRITE (sys/inotify.h)."""
+EVENT = struct.Struct("iIII")
+"""struct inotify_event: watch, mask, cookie, and the length of the name, 0 for what is not in a folder."""
+EVENTS_BYTES = 4096
 
 
 class TerminalDevice(Protocol):
@@ -69,6 +75,58 @@ class _Terminal:
     """When a client opened it whose device has not restarted yet."""
 
 
+class Openings:
+    """Notices when a client opens a pseudo-terminal, which resets an Arduino.
+
+    This takes inotify, which only Linux has; on other systems nothing is noticed.
+    """
+
+    def __init__(self) -> None:
+        self.handle: int | None = None
+        """To be waited for; None where the system has no inotify."""
+        self._paths: dict[int, str] = {}
+        self._clients: dict[str, int] = {}
+        if sys.platform.startswith("linux"):
+            self._library = ctypes.CDLL(None, use_errno=True)
+            self.handle = self._checked(self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC))
+
+    def watch(self, path: str) -> None:
+        """Notice from now on who opens the terminal at `path`."""
+        if self.handle is not None:
+            watch = self._library.inotify_add_watch(self.handle, os.fsencode(path), OPENED | CLOSED)
+            self._paths[self._checked(watch)] = path
+            self._clients[path] = 0
+
+    def changes(self) -> Iterator[tuple[str, bool]]:
+        """Yield each path that got its first client (True) or lost its last one (False)."""
+        if self.handle is None:
+            return
+        try:
+            events = os.read(self.handle, EVENTS_BYTES)
+        except BlockingIOError:
+            return
+        for watch, mask, _, _ in EVENT.iter_unpack(events):
+            path = self._paths.get(watch)
+            if path is None or not mask & (OPENED | CLOSED):
+                continue
+            before = self._clients[path]
+            # inotify merges equal events that follow each other, so that the count may be too low
+            self._clients[path] = before + 1 if mask & OPENED else max(0, before - 1)
+            if bool(before) != bool(self._clients[path]):
+                yield path, not before
+
+    def close(self) -> None:
+        """Stop noticing."""
+        if self.handle is not None:
+            os.close(self.handle)
+            self.handle = None
+
+    def _checked(self, result: int) -> int:
+        if result < 0:
+            raise ToolError("tool-failed", f"inotify: {os.strerror(ctypes.get_errno())}")
+        return result
+
+
 class Terminals:
     """Open pseudo-terminals; `paths` by the devices' names. Raises ToolError on systems without them."""
 
@@ -97,6 +155,7 @@ class Terminals:
             self._turn()
 
     def close(self) -> None:
+        """Close all terminals."""
         for name in list(self._open):
             self._unplug(name)
         self._openings.close()
