@@ -100,6 +100,7 @@ def pose_of(job: PlannedJob, text: str) -> Floats:
 
 
 def _angles(servos: Sequence[Servo], text: str) -> Floats:
+    """Return the angles of `servo=degrees,…`, NaN for servos that are not named. Raises InputError."""
     by_name = {servo.name: index for index, servo in enumerate(servos)}
     angles = np.full(len(servos), np.nan)
     for part in text.split(","):

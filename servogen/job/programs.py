@@ -69,6 +69,7 @@ def program_of(
 def _hand(
     document: Document, table: ProgramTable, servos: Sequence[Servo], bindings: Sequence[Binding]
 ) -> Hand | None:
+    """Return the hand of [program], None if it has none. Raises InputError."""
     if table.hand is None:
         return None
     by_name = {servo.name: servo for servo in servos}

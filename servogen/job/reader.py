@@ -54,6 +54,8 @@ def firmware_of(
     buttons = _buttons(document, wanted, servos)
     commands = _commands(document, table, servos, buttons)
     if wanted.engine == AUTO:
+        # A named engine is checked here, `auto` when the smallest one is chosen; that there is none is known
+        # already.
         if not suitable(stream is not None, buttons.any, commands is not None):
             raise document.error(
                 "engine-unsupported",
@@ -250,6 +252,7 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
         fail_safe=given.fail_safe,
         place=document.place("stream", "baud"),
     )
+    # Raises InputError for a rate that the chip cannot receive at this clock.
     bit_units(stream, clock)
     return stream
 
@@ -264,6 +267,7 @@ def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Se
         raise document.error(
             "open-drain", key, f"{OPEN_DRAIN_PIN} is an open drain and cannot drive a line high"
         )
+    # Writes of the port for the line would change the moments of pulses on it.
     neighbours = [servo.name for servo in servos if pin is not None and servo.pin[1] == pin[1]]
     if neighbours:
         raise document.error(
@@ -280,7 +284,7 @@ LP).
 """
 
 MIN_PERIOD_US = 1000.0
-"""The maximum length of a servo's pulse."""
+"""A frame shorter than this cannot contain a servo's pulse."""
 
 
 def load(path: str | Path) -> Job:
@@ -325,6 +329,7 @@ def _with(data: Any, key: Key, value: object) -> Any:
 
 
 def _job(document: Document) -> Job:
+    """Return the job of a document. Raises InputError."""
     table = toml_file.validate(document, JobTable)
     chip, clock = _chip(document, table)
     servos = servos_of(document, table.servo)
@@ -431,6 +436,7 @@ def _name(document: Document) -> str:
 
 
 def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
+    """Return the device and its clock. Raises InputError."""
     try:
         chip = device(table.chip.device)
     except InputError as error:
@@ -453,6 +459,7 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
 
 
 def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
+    """Return the frame, its period in whole cycles. Raises InputError."""
     if table.frame.period_us < MIN_PERIOD_US:
         raise document.error(
             "out-of-range",

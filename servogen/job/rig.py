@@ -70,6 +70,8 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
 
 
 def _servo(document: Document, index: int, row: ServoTable) -> Servo:
+    """Return the servo of a table. Raises InputError."""
+
     def place(key: str) -> Location:
         return document.place("servo", index, key)
 
@@ -147,6 +149,7 @@ def bindings_of(
             raise document.error(
                 "wrong-unit", key, f"the joint '{row.joint}' {kind}", f"give the servo's {wanted}"
             )
+        # Radians per metre.
         ratio = row.ratio if row.deg_per_mm is None else math.radians(row.deg_per_mm) * 1000
         if not ratio:
             raise document.error("out-of-range", key, "a joint with a ratio of 0 cannot move")
@@ -185,6 +188,7 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Jo
 
 
 def _robot(document: Document, name: str) -> Robot:
+    """Return the robot of [robot]: of a file beside the job, or of the catalogue. Raises InputError."""
     beside = Path(document.file).parent / name
     own = name.lower().endswith((catalogue.TOML, catalogue.URDF))
     if own and not beside.is_file():
@@ -192,6 +196,7 @@ def _robot(document: Document, name: str) -> Robot:
     try:
         return catalogue.robot(str(beside) if own else name)
     except InputError as error:
+        # An error inside the robot's file is reported there, all others at [robot] name.
         if error.location is not None and error.location.file and error.location.file != document.file:
             raise
         raise error.at(document.place("robot", "name")) from error
@@ -210,6 +215,7 @@ def _tip(robot: Robot, bindings: tuple[Binding, ...], servos: tuple[Servo, ...])
 
 
 def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegTip:
+    """Return the two-joint leg of [leg]. Raises InputError."""
     by_name = {servo.name: servo for servo in servos}
     for key in ("alpha", "beta"):
         name = getattr(table, key)

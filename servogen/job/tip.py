@@ -67,9 +67,9 @@ class Tip(Protocol):
 class LegTip:
     """A leg; `bindings` are those of α and β.
 
-    `tolerance` is the maximum distance, in metres, of a foot from the surface that two joints can reach: it
-    allows for rounding in the job and for the leg's spring. `beta_sign` is the required sign of β, 1 or -1;
-    0: either sign.
+    `tolerance` is the maximum distance, in metres, of a foot from the surface that two joints can reach. It
+    allows for rounding in the job and for the leg's spring. `beta_sign` is the required sign of β, 1 or -1,
+    or 0 for either.
     """
 
     leg: Leg

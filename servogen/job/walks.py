@@ -245,6 +245,7 @@ def _lost_motion(job: Job) -> float:
 
 
 def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:
+    """Return the gait of the job's legs; a named gait is that of the whole robot. Raises InputError."""
     key = "lifts" if table.lifts is not None else "gait" if table.duty is None else "duty"
     try:
         if table.lifts is not None:
@@ -260,6 +261,7 @@ def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: Walk
         named = gait(table.gait, whole)
     except InputError as error:
         raise error.at(document.place("walk", key)) from error
+    # One leg on the bench keeps its phase in the whole robot's gait.
     mine = {mount.name for mount in mounts_of(robot)}
     return Gait(named.name, named.duty, tuple(lift for lift in named.lifts if lift[0] in mine))
 

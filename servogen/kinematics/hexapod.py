@@ -366,6 +366,7 @@ class HexapodTable(RobotTable):
 
 
 def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
+    """Return the hexapod of a file: its own leg and mounts, or those of `like`. Raises InputError."""
     key = "like" if table.like else "leg"
     template = find_robot(document, key, table.like or table.leg, find)
     model = template if isinstance(template, Hexapod) else None

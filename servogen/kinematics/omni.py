@@ -444,6 +444,7 @@ def _read(document: Document, table: OmniTable, find: Find) -> OmniBase:
 
 
 def _details(base: OmniBase) -> Answer:
+    """Return the facts of the base for `servogen robots`, with table 10.1."""
     return {
         "wheel_radius_m": base.wheel_radius,
         "wheel_distance_m": base.wheel_distance,

@@ -123,6 +123,7 @@ def fk_answer(name: str, values: Sequence[float]) -> Answer:
 
 
 def _body_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
+    """Return the body speed of wheel speeds given in degrees per second."""
     if len(values) != base.wheel_count:
         raise InputError(
             "wrong-count",
@@ -243,6 +244,7 @@ def _reached(arm: Arm, position: Floats, angles: Floats) -> Floats:
 
 
 def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
+    """Return the wheel speeds of a body speed given in mm and degrees per second."""
     if len(values) != 3:
         raise InputError(
             "wrong-count",
@@ -457,6 +459,7 @@ def jacobian_answer(
 def _base_jacobian_answer(
     base: DrivingRobot, values: Sequence[float], frame: FrameName, rates: Sequence[float]
 ) -> Answer:
+    """Return the matrix from wheel speeds to body speeds, and its inverse."""
     if len(values) or len(rates) or frame != 0:
         raise InputError(
             "bad-option",

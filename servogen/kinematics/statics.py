@@ -72,6 +72,7 @@ def foot_forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, wei
 
 def _forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_n: float) -> Floats:
     # About the centre of mass: then the moments on the right are 0.
+    """Return the forces of `foot_forces` for one block of frames."""
     balance = np.stack([np.ones(ground.shape), *np.moveaxis(feet - centre, -1, 0)], axis=1)
     load = np.array([weight_n, 0.0, 0.0])
     carrying = ground.copy()

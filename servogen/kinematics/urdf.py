@@ -119,6 +119,7 @@ def _next_frame(frame: Floats, point: Floats, z: Floats, last: bool = False) -> 
 
 
 def _row(before: Floats, after: Floats, axis: JointAxis, turning: bool) -> DHRow:
+    """Return the row that leads from one frame to the next."""
     seen = inverse(before) @ after
     # The x axis of the next frame, seen from this one, is (cos θ, sin θ, 0).
     theta = float(np.arctan2(seen[1, 0], seen[0, 0]))
@@ -196,6 +197,7 @@ def _about(axis: str, angle: float) -> Floats:
 def _urdf_joint(
     urdf: Any, arm: Arm, row: DHRow, parent: str, child: str, at: Floats, owners: dict[int, str]
 ) -> Any:
+    """Return the URDF joint of a row, at the transform `at` in its parent."""
     number = row.joint or 0
     joint = arm.joints[number]
     # The first row of a joint owns it; further rows become joints that mimic it.
@@ -253,6 +255,7 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
 
 
 def _parsed(text: str, file: str) -> Any:
+    """Return the library's robot. Raises InputError."""
     urdf = _library()
     from urdf_parser_py.xml_reflection.core import ParseError
 
@@ -298,6 +301,7 @@ def _numbers(joint: Any) -> Iterator[float]:
 
 
 def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
+    """Return the joints from the root to the tip. Raises InputError."""
     parents = {joint.child: joint for joint in robot.joints}
     inner = {joint.parent for joint in robot.joints}
     ends = [link.name for link in robot.links if link.name not in inner]
@@ -332,6 +336,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
 
 
 def _joint(joint: Any, file: str) -> Joint:
+    """Return a URDF joint with its limits. Raises InputError."""
     kind = _KINDS[joint.type]
     if joint.type == "continuous" or joint.limit is None:
         if kind == "sliding":
@@ -362,6 +367,7 @@ def _joint(joint: Any, file: str) -> Joint:
 
 
 def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> JointAxis:
+    """Return the axis of a URDF joint in the base's frame. Raises InputError."""
     direction = frame[:3, :3] @ np.asarray(joint.axis if joint.axis is not None else (1.0, 0.0, 0.0), float)
     x, y, z = frame[:3, 3].tolist()
     a, b, c = direction.tolist()

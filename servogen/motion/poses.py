@@ -192,6 +192,7 @@ class _Sampler:
             raise error if error.location else error.at(pose.place) from error
 
     def _along(self, pose: Pose, path: moves.FollowPath) -> None:
+        """Add the move along a path in space, with a note or warning about its chord error."""
         frame_s, limits = float(self.period_s), self.motion.limits
         number = next(number for number, other in enumerate(self.motion.poses, 1) if other is pose)
         move: Followed | None
@@ -216,6 +217,7 @@ class _Sampler:
             self.warnings.append(Diagnostic("warning", "off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
+        """Add the spline through the poses of a chain. Raises InputError if only some of them have a time."""
         points = np.array([pose.angles for pose in chain])
         timed = [pose.move_s for pose in chain[1:]]
         for pose in chain[1:]:

@@ -112,6 +112,7 @@ class Controller:
             )
 
     def _carry_out(self, statement: ProgramLine) -> None:
+        """Execute a statement; errors and warnings without a location get the statement's."""
         if statement.command is None:
             return
         before, warned = self.mover.frame, len(self.mover.warnings)
@@ -124,6 +125,7 @@ class Controller:
         for warning in self.mover.warnings[warned:]:
             if warning.location is None:
                 self.warn(replace(warning, location=statement.place))
+        # RN is not a step of its own: the commands that it runs are.
         if self.mover.frame > before and statement.command.mnemonic != "RN":
             frames = self.mover.frame - before
             self.steps.append(

@@ -134,6 +134,7 @@ _HEAD = re.compile(r"\s*(?P<number>[+-]?\d+)?\s*(?P<word>[A-Za-z]+)?")
 
 
 def _statement(line: str, file: str, row: int) -> Iterator[ProgramLine]:
+    """Yield the statement of a line, if it has one. Raises InputError."""
     code = line.split(COMMENT, 1)[0].rstrip()
     head = _HEAD.match(code)
     if head is None or (not code and COMMENT not in line) or (not code.strip() and not head["number"]):
@@ -168,6 +169,7 @@ def _statement(line: str, file: str, row: int) -> Iterator[ProgramLine]:
 
 
 def _no_command(wrong: str, number: str, place: Location) -> InputError:
+    """Return the error about a line without a command, at which `wrong` was found instead."""
     if not wrong:
         return InputError(
             "program-syntax", f"line {number} has no command", place, "write one, or a comment: 10 ' start"
@@ -194,6 +196,7 @@ def _number(text: str, file: str, row: int, column: int) -> int:
 
 
 def _command(word: str, number: int | None, place: Location) -> Command:
+    """Return the command of a word, in upper case. Raises InputError where it is not allowed."""
     if word in NOT_HERE:
         raise InputError("bad-command", f"{word} is not supported: {NOT_HERE[word]}", place)
     if word not in COMMANDS:
@@ -240,6 +243,7 @@ def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
 def _arguments(
     command: Command, pieces: tuple[tuple[str, int], ...], place: Location, row: int
 ) -> tuple[Value, ...]:
+    """Return the checked arguments of a command. Raises InputError."""
     maximum = len(command.parameters)
     if not command.min_arguments <= len(pieces) <= maximum:
         wanted = (
@@ -266,6 +270,7 @@ _HEX = re.compile(r"&[0-9A-Fa-f]{1,4}$")
 
 
 def _value(command: Command, parameter: Parameter, text: str, place: Location) -> Value:
+    """Return the checked value of an argument. Raises InputError."""
     who = f"{command.mnemonic}: {parameter.name}"
     if not text:
         if parameter.blank is not None:
@@ -278,6 +283,7 @@ def _value(command: Command, parameter: Parameter, text: str, place: Location) -
             )
         return text.upper()
     if parameter.kind is ArgumentKind.BIT:
+        # -100 is out of range, so text that is not a number gets the same error.
         number = int(text) if _WHOLE.match(text) else -100
         if not parameter.low <= abs(number) <= parameter.high:
             raise InputError(
@@ -293,6 +299,7 @@ def _value(command: Command, parameter: Parameter, text: str, place: Location) -
 
 
 def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> int | float:
+    """Return the number that an argument states, decimal or hexadecimal. Raises InputError."""
     if text.startswith("&"):
         if not parameter.hexadecimal:
             raise InputError(
@@ -309,6 +316,7 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
                 f"& and up to four of 0-9 A-F; allowed: {parameter.allowed}",
             )
         value = int(text[1:], 16)
+        # A signed word, in two's complement.
         return value - 0x10000 if parameter.low < 0 and value > 0x7FFF else value
     if not _NUMBER.match(text):
         raise InputError(

@@ -119,6 +119,7 @@ def arm_of(document: Document, table: ArmTable, find: Find) -> Arm:
 
 
 def _like(document: Document, table: ArmTable, find: Find) -> Arm:
+    """Return an arm of the catalogue with the changes of a file. Raises InputError."""
     model = find_robot(document, "like", table.like or "", find)
     if not isinstance(model, Arm):
         raise document.error(
@@ -132,6 +133,7 @@ def _like(document: Document, table: ArmTable, find: Find) -> Arm:
                 f"'{key}' is already taken from '{model.name}' (like)",
                 "remove one of the two",
             )
+    # The rows stay the model's, so its closed form still holds with other lengths.
     arm = with_lengths(document, table.lengths_mm, model)
     changed = {joint.name: joint for joint in arm.joints}
     for index, joint in enumerate(table.joint):
@@ -181,6 +183,7 @@ def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
 
 
 def _arm(document: Document, table: ArmTable) -> Arm:
+    """Return an arm that a file describes completely. Raises InputError."""
     for key in ("convention", "joint", "row"):
         if key not in document.data:
             raise document.error(
@@ -272,6 +275,7 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
         raise document.error(
             "out-of-range", ("joint", index), f"the limits of '{table.name}' are not in order: lower < upper"
         )
+    # A revolute joint rests at 0 if its limits allow that, a prismatic one at its minimum.
     rest = min(max(0.0, lower), upper) if kind == "turning" else lower
     home = given("home", model.home if model and lower <= model.home <= upper else rest)
     if home is None or not lower <= home <= upper:
@@ -310,6 +314,7 @@ def _metres(millimetres: tuple[float, float, float]) -> tuple[float, float, floa
 def _row(
     document: Document, index: int, table: RowTable, joints: list[str], lengths: Mapping[str, float]
 ) -> DHRow:
+    """Return the row of a table. Raises InputError."""
     if table.joint is not None and table.joint not in joints:
         raise document.error(
             "unknown-joint",
@@ -331,10 +336,12 @@ _TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?(?:e[+-]?\d+)?)|([A-Za-z]\w*)
 
 
 def _length(document: Document, key: tuple[str, int, str], text: str, lengths: Mapping[str, float]) -> Length:
+    """Return a length written as a number of millimetres or a sum of names. Raises InputError."""
     terms: list[tuple[str, float]] = []
     constant, position = 0.0, 0
     while position < len(text):
         term = _TERM.match(text, position)
+        # From the second term on a sign is needed: "l2 l3" is not a sum.
         if not term or (position > 0 and not term[1]):
             raise document.error(
                 "bad-length", key, f'"{text}" is not a length', 'millimetres or names: 40, "l2 + l3", "-l2"'

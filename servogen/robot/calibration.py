@@ -66,6 +66,7 @@ MAX_WIDTH_US, MAX_DEGREES = 1e6, 1e6
 
 
 def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Reading]:
+    """Return the readings in the rows of a file. Raises InputError."""
     wanted = SPEED if speed else ANGLE
     for column in (WIDTH, wanted):
         if column not in (rows.fieldnames or ()):
@@ -179,6 +180,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
 
 
 def _check_each(readings: Sequence[Reading], unit: str) -> None:
+    """Raise InputError for invalid readings, too few widths, and a servo that did not move."""
     for index, reading in enumerate(readings):
         if not math.isfinite(reading.angle) or not math.isfinite(reading.width_us):
             raise InputError("not-a-number", f"{_named(readings, index, unit)} is not a number")
@@ -230,7 +232,9 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
             continue
         off = abs(reading.angle - line.angle(reading.width_us))
         spread = abs(line.residuals[line.worst])
+        # It is off, the others agree, and its distance is far beyond theirs.
         if off > tolerance and spread <= tolerance and off > OUTLIER * spread:
+            # Of several candidates, the outlier is the one without which the others fit best.
             outliers.append((off / max(spread, 1e-12), off, index))
     if not outliers:
         return

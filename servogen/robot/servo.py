@@ -74,6 +74,7 @@ class Calibration:
 
     def _around(self, rising: list[float], value: float) -> tuple[CalibrationPoint, CalibrationPoint]:
         index = 1
+        # Stops at the last segment, which is extrapolated beyond its end.
         while index < len(rising) - 1 and value > rising[index]:
             index += 1
         return self.points[index - 1], self.points[index]

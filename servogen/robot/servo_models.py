@@ -106,6 +106,7 @@ def servo_model(
     """
     document, table = _model(name, place)
     overrides = overrides or FactTable()
+    # Points are not facts of the model: they belong to one servo.
     facts = table.model_copy(update=overrides.model_dump(exclude_none=True, exclude={"points"}))
     speed, torque_ncm = _at(table, supply_v, place)
     continuous = table.kind == "continuous"

@@ -312,6 +312,7 @@ def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
 
 
 def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
+    """Raise InputError for too large a correction and, unless allowed, for a fall."""
     worst = walk.largest_correction_m
     if spring_m is not None and worst > spring_m:
         raise InputError(
