@@ -17,6 +17,7 @@ from servogen.motion.trajectory import Floats
 
 STEPS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 FIRST_STEP = STEPS_DEG.index(1.0)
+"""The steps that can be chosen, and the one at the beginning."""
 
 
 class Poser(Protocol):

@@ -138,6 +138,7 @@ RAMP_S = 0.2
 """The time in which the base changes from one speed to another."""
 
 DEFAULT_TURN_DEG_S = 45.0
+"""The speed at which a base turns on the spot if --turn-deg is not given."""
 
 
 def _base_controller(job: PlannedJob, base: DrivingRobot, rates: Rates) -> BaseController:
@@ -197,10 +198,13 @@ class BaseController:
 
 
 DEFAULT_STRIDE_MM, DEFAULT_TURN_DEG = 40.0, 8.0
+"""The step and the turn of a walking robot per cycle if --step-mm and --turn-deg are not given."""
+
 MAX_CYCLES = 12
 """The number of cycles after which a walk is certainly steady."""
 
 SAME_RAD = 1e-6
+"""The tolerance (radians) between equal frames of two walks, far below the resolution of a pulse."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

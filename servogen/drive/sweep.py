@@ -19,7 +19,11 @@ from servogen.robot.calibration import Reading
 from servogen.units import counted
 
 MIN_POINTS = 3
+"""The minimum number of points: any two readings lie on a line."""
+
 STEP_S = 0.02
+"""The interval between two positions on the way to a point: a frame of the servo."""
+
 RANGE_S = 1.5
 """The time for the whole range of a servo: slow enough to switch it off before it breaks anything."""
 

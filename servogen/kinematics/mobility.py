@@ -28,6 +28,7 @@ PLANE_JOINTS = ("turning", "sliding")
 
 IN_SPACE = 6
 IN_PLANE = 3
+"""The degrees of freedom of a free body."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,6 +63,7 @@ BESIDE = 1e-7
 # Shares at the beginning, shares that are solved together, and parts into which a step is divided.
 FIRST_SAMPLES, BLOCK, SPLIT = 64, 64, 8
 MAX_SAMPLES = 1 << 14
+"""The maximum number of solutions of the inverse kinematics for one path."""
 
 
 class LeavesReach(ServogenError):

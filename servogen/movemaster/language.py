@@ -20,6 +20,8 @@ LINES = (1, 2048)
 COUNTERS = (1, 99)
 WORD = (-32767, 32767)
 PALLETS = (1, 9)
+"""The ranges of position numbers, line numbers, counter numbers, values and pallet numbers (the source's)."""
+
 MAX_DEPTH = 9
 """Loops within loops, and subroutines within subroutines (the manufacturer's limit)."""
 

@@ -63,6 +63,7 @@ def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
 
 MAX_READINGS = 1000
 MAX_WIDTH_US, MAX_DEGREES = 1e6, 1e6
+"""Limits of a file of readings, far beyond any servo's."""
 
 
 def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Reading]:

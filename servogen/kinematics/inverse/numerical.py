@@ -22,9 +22,11 @@ from servogen.kinematics.transforms import Floats, wrapped
 from servogen.robot.model import Arm
 
 ITERATIONS = 60
+"""The maximum number of steps from one start."""
 FEW_ITERATIONS = 15
 """The number of steps for joint positions that are nearly right."""
 STARTS = 40
+"""The number of starts, after which a target counts as unreachable."""
 BATCH = 512
 """The number of simultaneous descents when only few targets are left."""
 BEND = 0.1

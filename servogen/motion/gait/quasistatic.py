@@ -27,6 +27,8 @@ CONTACT_M = 0.001
 """Feet within this distance of the lowest one are on the ground, because legs yield by this much."""
 
 ROUNDS = 60
+"""The number of iterations of the weights."""
+
 REGULAR, TINY = 1e-12, 1e-9
 """Keeps the equations solvable if at most one foot is down: the body then does not move by itself."""
 
