@@ -271,7 +271,7 @@ class TimedProgram:
         times = self.times(target)
         if times.longest is None:
             # Values that the function never reads would only split the calls into more cases.
-            read = self.live.get(target, -1) & self._reads(target)
+            read = self.live.get(target, -1) & self.reads(target)
             brought = tuple(sorted((place, known[place]) for place in known if read & _bit(place)))
             if brought:
                 return self._times_from(target, brought)
@@ -333,7 +333,7 @@ class TimedProgram:
             self._changes[start] = frozenset({W, CARRY, ZERO, FSR, *every})
         return self._changes[start]
 
-    def _reads(self, start: int) -> int:
+    def reads(self, start: int) -> int:
         """Return the places that a call of `start` may read, as a bit set."""
         if start not in self._read:
             places = 0
@@ -635,7 +635,7 @@ class _Walk:
 
         One iteration is executed. It must be the only path and leave everything else that is known unchanged,
         and the counter may only be accessed by one DECFSZ or DECF, which reveal nothing of the result but
-        whether it is 0. Then every iteration down to the last value of the counter is the same path with the
+        whether it is 0, and by no function that is called. Then every iteration down to the last value of the counter is the same path with the
         same cycles. Empty if these conditions do not hold.
         """
         address, home, stack, before = state
@@ -647,12 +647,15 @@ class _Walk:
         here: _Point = (address, home, stack, dict(before))
         touched: Counter[int] = Counter()
         counted: set[int] = set()
+        read_by_calls = 0
         for _ in range(_MAX_TURN):
             word = self.program.decoded[here[0]]
             if word.flow == "return" or (word.has_f and word.f == INDF) or here[0] in self.program.bounds:
                 return []
             if word.flow == "call":
                 touched.update(self.program.changes(word.k))
+                # A function that reads the counter may take another time in every turn.
+                read_by_calls |= self.program.reads(word.k)
             if word.has_f:
                 touched[word.f] += 1
                 if word.name in ("DECFSZ", "DECF") and word.d:
@@ -673,6 +676,8 @@ class _Walk:
         changed = {place for place in known.keys() | after.keys() if known.get(place) != after.get(place)}
         counter = next(iter(changed)) if len(changed) == 1 else None
         if counter not in counted or touched[counter] != 1 or counter not in known or counter not in after:
+            return []
+        if read_by_calls & _bit(counter):
             return []
         self.uneven.discard(address)
         turns = (known[counter] - 1) & 0xFF

@@ -92,6 +92,17 @@ def test_a_function_whose_time_is_its_argument_is_gone_through_each_time() -> No
     assert most(text) == sum(2 + 2 + 3 * (turns - 1) + 2 + 2 for turns in (3, 7))
 
 
+def test_a_loop_is_followed_turn_by_turn_where_a_function_in_it_reads_the_counter() -> None:
+    """The function waits 2, 3 ... 11 times: the turns of the loop are not alike."""
+    text = (
+        "main\nstart\n movlw 10\n movwf 0x20\n"
+        "turn\n call f_wait\n decfsz 0x20, f\n goto turn\ndone\n goto done\n"
+        "f_wait\n movf 0x20, w\n sublw 12\n movwf 0x21\ninner\n decfsz 0x21, f\n goto inner\n return\n"
+    )
+    waits = sum(2 + 3 + 3 * (12 - left - 1) + 2 + 2 for left in range(1, 11))
+    assert most(text) == 2 + waits + 9 * (1 + 2) + 2
+
+
 def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_calls() -> None:
     made = code(
         "main\n movlw 3\n movwf 0x20\n call f_wait\n movlw 7\n movwf 0x20\n call f_wait\ndone\n goto done\n"
