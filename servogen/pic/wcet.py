@@ -635,8 +635,8 @@ class _Walk:
 
         One iteration is executed. It must be the only path and leave everything else that is known unchanged,
         and the counter may only be accessed by one DECFSZ or DECF, which reveal nothing of the result but
-        whether it is 0, and by no function that is called. Then every iteration down to the last value of the counter is the same path with the
-        same cycles. Empty if these conditions do not hold.
+        whether it is 0, and by no function that is called. Then every iteration down to the last value of the
+        counter is the same path with the same cycles. Empty if these conditions do not hold.
         """
         address, home, stack, before = state
         if address in self.uneven or address not in self.program.loop_heads:
