@@ -1,6 +1,6 @@
-"""The certificates that are kept of proofs for all inputs: what the checker says of a build's programs.
+"""Stored certificates of proofs for all inputs: the checker's verdict on a build's programs.
 
-In: builds, a folder of certificates. Out: what each program's certificate is worth.
+In: builds, a folder of certificates. Out: a verdict on each program's certificate.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MAX_CERTIFICATE_BYTES = 4 << 20
 
 @dataclass(frozen=True, slots=True)
 class CertificateVerdict:
-    """What the checker says of one certificate."""
+    """The checker's verdict on one certificate."""
 
     text: str
     valid: bool
@@ -30,7 +30,7 @@ def certificate_file(folder: Path, job: str, program: str) -> Path:
 
 
 def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:
-    """Return what the checker says of a certificate, if there is one. Raises InputError if it is not one."""
+    """Return the checker's verdict on a certificate, if it exists. Raises InputError if it is malformed."""
     if not file.exists():
         return CertificateVerdict("no certificate", False, missing=True)
     claim = read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))

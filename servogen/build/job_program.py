@@ -1,4 +1,4 @@
-"""A program wherever it is: in a file, in the folder of a build, or in the job that it is built from.
+"""Finds a program: in a file, in the folder of a build, or by building a job.
 
 In: a path. Out: a `Program`; a job file is built in the dialect that it names.
 """

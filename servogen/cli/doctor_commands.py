@@ -84,7 +84,7 @@ def doctor(
 
 
 def _board(path: str) -> BoardFacts:
-    """Return what the input board at a port says of itself. Raises ToolError."""
+    """Return the facts that the input board at a port reports. Raises ToolError."""
     from servogen.bench.inputs.adapter import identify
     from servogen.bench.inputs.firmata import BAUDS
     from servogen.bench.ports import open_port

@@ -174,7 +174,7 @@ def demo(
 def _check_certificates(
     builds: list[Build], folder: Path, tell: Callable[[str], None]
 ) -> list[CertificateVerdict]:
-    """Return what the checker says of each program's certificate. Raises InputError."""
+    """Return the checker's verdict on each program's certificate. Raises InputError."""
     from servogen.build.build import hex_name
     from servogen.build.certificates import certificate_file, checked
 

@@ -110,7 +110,7 @@ def gradescope_json(lab: Lab, entry: GradedProgram) -> str:
 
 
 def _gradescope_test(index: int, outcome: Outcome) -> dict[str, object]:
-    """Return one test; without points it only informs, so it has no score."""
+    """Return one test; without points it is informative only and has no score."""
     points = {"score": outcome.points, "max_score": outcome.max_points} if outcome.max_points else {}
     status = "passed" if outcome.state is CheckState.PASSED else "failed"
     test = {"name": outcome.title, "number": str(index), **points, "status": status}

@@ -63,7 +63,7 @@ NOT_PASSED = {CheckState.PASSED: "", CheckState.FAILED: ": failed", CheckState.N
 
 
 def _item(reason: str) -> Iterator[str]:
-    """Yield a reason of one line as a sentence, a compiler's message of several lines as it is."""
+    """Yield a one-line reason as a sentence, a compiler's message of several lines unchanged."""
     first, *rest = reason.splitlines()
     yield f"- {markdown(first)}"
     if rest:

@@ -29,5 +29,5 @@ def viewer_colours() -> str:
 
 
 def embedded_json(value: object) -> str:
-    """Return a value as JSON that cannot end the script element that it stands in."""
+    """Return a value as JSON that cannot end the script element around it."""
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")

@@ -232,7 +232,7 @@ class Replay:
         return
 
     def capture(self, request: CaptureRequest) -> SeenPins:
-        """Return the recording, all of it whatever `seconds` say. Raises InputError where there is none."""
+        """Return the whole recording, ignoring `seconds`. Raises InputError if there is none."""
         return self.recording(self.test, request.clock)
 
     def recordings(self, clock: Clock) -> list[SeenPins]:

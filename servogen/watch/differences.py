@@ -25,7 +25,7 @@ Edge = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class ScheduledEdges:
-    """The schedule's edges as they lie in a trace: frame 0 begins at `origin`, and a cycle of the schedule is
+    """The schedule's edges placed in a trace: frame 0 begins at `origin`, and a cycle of the schedule is
     `steps` of the trace's time steps.
 
     An edge may be `tolerance` steps away: 0 for edges in cycles of the chip, which are exact. `begin` and

@@ -414,7 +414,7 @@ class WatchSession:
         }
 
     def _commanded_at(self) -> float:
-        """Return the cycle from which the robot walks as it is commanded here, not as the plan has it."""
+        """Return the cycle from which the robot follows the window's commands instead of the plan."""
         job = self.subject.job
         if job is None or job.firmware.commands is None or self.chip is None:
             return inf
@@ -422,7 +422,7 @@ class WatchSession:
         return min((change.cycle for change in self.chip.inputs if change.pin in pins), default=inf)
 
     def _wanted(self) -> tuple[ScheduledEdges, ...]:
-        """Return what the edges are held against, up to the first command."""
+        """Return the scheduled edges for comparison, up to the first command."""
         end = self._commanded_at()
         return tuple(
             wanted if end == inf else replace(wanted, end=int(end)) for wanted in self.subject.wanted

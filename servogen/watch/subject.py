@@ -66,7 +66,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are held against.
+    """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are compared with.
 
     A window that is opened shows cycle `begin`.
     """
@@ -157,7 +157,7 @@ def _against(setting: Setting, progress: Callable[[str], None]) -> tuple[Setting
 def job_subject(
     path: Path, job: PlannedJob, setting: Setting, progress: Callable[[str], None] = lambda _: None
 ) -> Subject:
-    """Return the subject that a planned job becomes: its firmware, held against its schedule."""
+    """Return the subject that a planned job becomes: its firmware, compared with its schedule."""
     progress("planning")
     engine_plan = planned(job)
     progress(f"compiling {job.firmware.dialect}")
