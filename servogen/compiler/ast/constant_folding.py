@@ -42,6 +42,7 @@ def fold(op: str, left: int, right: int, kind: IntType) -> int | None:
         case "/" | "%":
             if right == 0:
                 return None
+            # C rounds towards zero (ISO C 6.5.5), Python's // downwards
             quotient = abs(left) // abs(right) * (1 if (left < 0) == (right < 0) else -1)
             value = quotient if op == "/" else left - right * quotient
         case "&":
@@ -51,6 +52,7 @@ def fold(op: str, left: int, right: int, kind: IntType) -> int | None:
         case "^":
             value = left ^ right
         case "<<":
+            # the code that shifts at run time counts in one byte too
             value = left << (right & 0xFF)
         case ">>":
             value = left >> (right & 0xFF)
@@ -146,9 +148,11 @@ def _binary(expr: Binary, full: Interval) -> Interval:
             ends = [x * y for x in a for y in b]
             return min(ends), max(ends)
         case "&" if b[0] >= 0 or a[0] >= 0:
+            # a result bit is set in both operands: the smaller of the non-negative ones bounds it
             bounds = [high for low, high in (a, b) if low >= 0]
             return 0, min(bounds)
         case "|" | "^" if a[0] >= 0 and b[0] >= 0:
+            # no bit above the highest one of the operands is set
             return 0, (1 << max(a[1], b[1]).bit_length()) - 1
         case "/" if b[0] > 0 and a[0] >= 0:
             return a[0] // b[1], a[1] // b[0]

@@ -60,6 +60,8 @@ Data = int | AddressByte
 
 @dataclass(slots=True)
 class Num:
+    """A constant; of a floating-point type, its bytes as an integer."""
+
     value: int
     type: CType
     place: Location
@@ -102,6 +104,8 @@ class AddressOf:
 
 @dataclass(slots=True)
 class Cast:
+    """A conversion to another type, explicit or implicit (ISO C 6.3)."""
+
     operand: Expr
     type: CType
     place: Location
@@ -154,6 +158,8 @@ class Choice:
 
 @dataclass(slots=True)
 class Comma:
+    """Two expressions, evaluated in order; the value is the second one's (ISO C 6.5.17)."""
+
     first: Expr
     second: Expr
     type: CType
@@ -162,6 +168,8 @@ class Comma:
 
 @dataclass(slots=True)
 class Assign:
+    """`target = value`, where the value already has the target's type."""
+
     target: Ref | Deref
     value: Expr
     type: CType
@@ -183,6 +191,8 @@ class Update:
 
 @dataclass(slots=True)
 class Call:
+    """A call of a function by its name, with converted arguments."""
+
     function: str
     arguments: list[Expr]
     type: CType
@@ -275,16 +285,22 @@ Expr = (
 
 @dataclass(slots=True)
 class ExprStmt:
+    """An expression that is evaluated for its effect."""
+
     expr: Expr
 
 
 @dataclass(slots=True)
 class BlockStatement:
+    """Statements, one after the other."""
+
     body: list[Stmt]
 
 
 @dataclass(slots=True)
 class If:
+    """An `if`, with or without an `else`."""
+
     condition: Expr
     yes: Stmt
     no: Stmt | None
@@ -308,6 +324,8 @@ class Loop:
 
 @dataclass(slots=True)
 class Switch:
+    """A `switch`; its cases are labels somewhere in its body (ISO C 6.8.4.2)."""
+
     value: Expr
     cases: list[tuple[int, CaseLabel]]
     default: CaseLabel | None
@@ -317,6 +335,8 @@ class Switch:
 
 @dataclass(eq=False, slots=True)
 class CaseLabel:
+    """The place of a `case` or `default` in the body of a switch."""
+
     place: Location
 
 
@@ -331,12 +351,16 @@ class Jump:
 
 @dataclass(slots=True)
 class LabelStmt:
+    """A label that `goto` names."""
+
     name: str
     place: Location
 
 
 @dataclass(slots=True)
 class Return:
+    """A `return`, with or without a value."""
+
     value: Expr | None
     place: Location
 
@@ -358,6 +382,8 @@ Stmt = ExprStmt | BlockStatement | If | Loop | Switch | CaseLabel | Jump | Label
 
 @dataclass(eq=False, slots=True)
 class FunctionDefinition:
+    """A function: its signature and, where it is defined, its body."""
+
     name: str
     result: CType
     parameters: list[Symbol]

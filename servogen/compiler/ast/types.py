@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 @dataclass(frozen=True)
 class CType(ABC):
+    """A C type with its own qualifiers."""
+
     const: bool = field(default=False, kw_only=True)
     volatile: bool = field(default=False, kw_only=True)
 
@@ -31,6 +33,8 @@ class CType(ABC):
 
 @dataclass(frozen=True)
 class VoidType(CType):
+    """`void`."""
+
     @property
     def size(self) -> int:
         return 1  # as sizeof gives it, so that void pointers count bytes
@@ -41,6 +45,8 @@ class VoidType(CType):
 
 @dataclass(frozen=True)
 class IntType(CType):
+    """An integer type of one to four bytes, two's complement."""
+
     name: str
     bytes: int
     signed: bool
@@ -102,6 +108,8 @@ FLOAT_BIAS = 127
 
 @dataclass(frozen=True)
 class PointerType(CType):
+    """A pointer of one byte into RAM, or of two bytes to where `const` objects lie."""
+
     target: CType
 
     @property
@@ -122,6 +130,8 @@ class PointerType(CType):
 
 @dataclass(frozen=True)
 class ArrayType(CType):
+    """An array; without a length it is incomplete (ISO C 6.7.6.2)."""
+
     element: CType
     length: int | None
 
@@ -139,6 +149,8 @@ class ArrayType(CType):
 
 @dataclass(frozen=True, slots=True)
 class Member:
+    """A member of a structure or union, at an offset in bytes."""
+
     name: str
     type: CType
     offset: int
@@ -162,6 +174,8 @@ class StructLayout:
 
 @dataclass(frozen=True)
 class StructType(CType):
+    """A structure or union; its members are in the layout that all its copies share."""
+
     layout: StructLayout
 
     @property
@@ -174,6 +188,8 @@ class StructType(CType):
 
 @dataclass(frozen=True)
 class FuncType(CType):
+    """The type of a function: its result and its parameters."""
+
     result: CType
     parameters: tuple[CType, ...] | None
     """None where the declaration gives none: any arguments go."""

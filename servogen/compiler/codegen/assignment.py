@@ -94,6 +94,7 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
     """
     inner = stripped(value)
     symbols: list[Loc] = [loc if isinstance(loc, Reg) else Byte(loc.symbol, 0) for loc in locs]
+    # a value that is extended, or registers side by side, are written in more than one step
     if inner.type.size < len(locs) or (len(locs) > 1 and isinstance(locs[0], Reg)):
         return False
     if is_direct(inner):

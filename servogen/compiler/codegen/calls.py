@@ -125,6 +125,7 @@ def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: l
         effect(gen, left)
         gen.move_all(target, [Imm(0)] * size)
         return True
+    # a power of two
     if len(bits) == 1:
         operand = apart(gen, target, operands_of(gen, left, size))
         shift_left(gen, target, operand, bits[0])

@@ -153,6 +153,7 @@ def updated(expr: Update, old: Ref | Deref) -> Expr:
     kind, right = old.type, update_operand(expr)
     left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
     boolean = isinstance(kind, IntType) and kind.is_bool
+    # an OR of a volatile object with 0 is still read and written, but without an operation
     same = isinstance(right, Num) and not boolean and leaves_alone(expr.op, right.value, kind.size)
     whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
     if isinstance(kind, IntType) and kind.plain() != expr.work:

@@ -54,6 +54,7 @@ def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
     A byte of a volatile object is stored once, with the result.
     """
     before = gen.place
+    # a register must not show an intermediate result
     if not any(map(exposed, target)) or _stored_once(gen, expr, target):
         _INTO[type(expr)](gen, expr, target)
     elif len(target) == 1:
@@ -237,6 +238,7 @@ def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> Non
         assign(gen, there, stored)
         into(gen, stored, target)
         return
+    # an assignment has the value of its target after it (ISO C 6.5.16)
     ready: list[Loc] = gen.temp(there.type.size)
     into(gen, expr.value, ready)
     assign_bytes(gen, there, list(ready))
@@ -348,6 +350,7 @@ def _evaluate(gen: FunctionGenerator, expr: Expr) -> None:
             _evaluate(gen, first)
             _evaluate(gen, second)
         case Logic(op, left, right):
+            # the right operand is evaluated only if the left one does not decide (ISO C 6.5.13, 6.5.14)
             end = gen.new_label()
             gen.lower.jump(gen, left, op == "||", end)
             _evaluate(gen, right)

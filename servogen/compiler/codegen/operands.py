@@ -101,6 +101,8 @@ def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[li
     if not has_effect(right) and not calls_something(right):
         a = operands_of(gen, left, size)
         return a, operands_of(gen, right, size)
+    # the order is unspecified in C (ISO C 6.5): the operand with calls and effects comes first, if only one
+    # has them
     b_first = not has_effect(left) and not calls_something(left)
     if b_first:
         b = preserved(gen, operands_of(gen, right, size))

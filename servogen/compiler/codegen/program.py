@@ -66,6 +66,7 @@ class ProgramGenerator:
             generate(generator)
         except RecursionError:
             raise self.reporter.too_deep(generator.place or definition.place) from None
+        # a bound on the compiler's own time, far above what fits after optimisation
         size = sum(function.size for function in self.functions.values())
         if size > INSTRUCTIONS:
             raise self.reporter.fatal(

@@ -191,11 +191,13 @@ def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
     """
     (unit,) = key
     minimum = min_units(unit)
+    # the sum carries if the argument is at least the minimum
     gen.emit("ADDLW", k=-minimum)
     gen.skip_if(C, True)
     gen.emit("RETURN")
     loop = gen.new_label()
     gen.function.bounds[loop] = (255 - minimum >> {1: 2, 2: 1}.get(unit, 0)) + 1
+    # the low bits of the argument choose single cycles, the rest counts rounds of four
     if unit in (1, 2):
         count = variable(gen, "count", 1)[0]
         gen.store(count)

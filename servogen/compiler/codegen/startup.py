@@ -123,6 +123,7 @@ def _initialise(function: Function, statics: list[Symbol]) -> None:
 def _clear_loop(zero: list[Symbol]) -> list[Line]:
     """Return a loop that clears consecutive variables."""
     first, last = AddressByte(zero[0], 0, 0), AddressByte(zero[-1], zero[-1].size, 0)
+    # FSR counts up to the address behind the last variable; XORWF is 0 there
     return [
         Instruction("MOVLW", k=first),
         Instruction("MOVWF", FSR),

@@ -86,6 +86,7 @@ def _stmt_if(gen: FunctionGenerator, node: If) -> None:
     gen.place = node.place
     if node.no is None:
         end = gen.new_label()
+        # the condition itself jumps where `break` or `continue` leads
         if isinstance(node.yes, Jump) and node.yes.kind in ("break", "continue"):
             target = (gen.break_labels if node.yes.kind == "break" else gen.continue_labels)[-1]
             jump(gen, node.condition, True, target)

@@ -153,6 +153,7 @@ def _flash_call(gen: FunctionGenerator, symbol: Symbol, index: list[Operand], st
         call = gen.emit("CALL", target=table_name(symbol) + (ISR_SUFFIX if gen.isr else ""))
         call.table = symbol
         return
+    # more than 256 bytes: the address is computed in two bytes and read as through a pointer
     pointer: list[Loc] = gen.temp(2)
     add(gen, pointer, index, [Imm(AddressByte(symbol, step, 0)), Imm(AddressByte(symbol, step, 1))])
     _read_pointer(gen, pointer)

@@ -110,6 +110,8 @@ class PlacedWord:
 
 @dataclass(slots=True)
 class CodeLayout:
+    """The program in flash: its words, and where labels and functions lie."""
+
     words: list[PlacedWord]
     labels: dict[str, int]
     starts: dict[str, tuple[int, int]]

@@ -54,6 +54,7 @@ def function_times(
     of_main = TimedProgram(words, listed, changing=changing, bounds=bounds, pieces=pieces)
     reached = set(main) | in_interrupt
     times_by_name: dict[str, FunctionTimes] = {}
+    # every function once, which notes the arguments with which the library's routines are called
     for routine in listed:
         if routine.name in reached:
             (of_interrupt if routine.name in in_interrupt else of_main).times(routine.start)

@@ -285,6 +285,8 @@ _BIT_ALIASES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class ChipBit:
+    """A bit of a special function register."""
+
     register: Register
     bit: int
 

@@ -59,6 +59,8 @@ FixedAddress = int | BitAddress
 
 @dataclass(slots=True)
 class Rewritten:
+    """The tokens of one file as plain C, and what its extensions said."""
+
     tokens: list[PToken] = field(default_factory=list)
     addresses: dict[Position, FixedAddress] = field(default_factory=dict)
     """Fixed addresses by the position of the declared name."""
@@ -74,6 +76,8 @@ class Rewritten:
 
 
 class _Rewriter:
+    """The state of rewriting one file: the next token, the depth of braces, and what waits for a name."""
+
     def __init__(self, tokens: list[PToken], blocks: list[AsmBlock], reporter: Reporter, serial: int) -> None:
         self.tokens = tokens
         self.blocks = blocks
@@ -217,6 +221,7 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
     if token.text == "interrupt" and self.text(1) == "(":
         self.out.interrupts.add("interrupt")
         return False
+    # inside a function the word is an ordinary name
     if self.depth:
         return False
     self.index += 1
@@ -304,6 +309,7 @@ def _critical(self: _Rewriter, token: PToken) -> bool:
         self.emit(label, token.place)
         self.emit(":", token.place)
         return True
+    # of a function declared so, the whole body becomes the labelled block
     closing = _matching_brace(self.tokens, self.index)
     self.tokens.insert(closing, PToken("}", self.tokens[closing].place))
     self.tokens.insert(self.index + 1, PToken("{", token.place))
@@ -420,6 +426,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
 
 def _bit_number(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `portb.7`, a member that is a number."""
+    # pcpp splits an ellipsis into three tokens
     if self.text(1) == self.text(2) == ".":
         self.emit("...", token.place)
         self.index += 3

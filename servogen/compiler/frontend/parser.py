@@ -133,6 +133,8 @@ class _Tokens:
 
 
 class _Parser(CParser):  # type: ignore[misc]
+    """pycparser's parser, resuming after a syntax error and noting expressions in parentheses."""
+
     parenthesised: set[int]
 
     def _parse_error(self, msg: str, coord: Any) -> NoReturn:

@@ -40,12 +40,16 @@ class PToken(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Pragma:
+    """A `#pragma` line, with its macros expanded."""
+
     words: str
     place: Location
 
 
 @dataclass(slots=True)
 class Preprocessed:
+    """One source file after preprocessing."""
+
     tokens: list[PToken]
     pragmas: list[Pragma]
     macros: dict[str, tuple[str, Location]]
@@ -340,6 +344,7 @@ def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Loc
     if not 0 < line <= len(lines):
         return Location(file, line)
     if expanded:
+        # a macro may be used twice in a line: the search continues behind the token before
         after = last.column - 1 if last.line == line and last.file == file and last.column else 0
         match = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
         return Location(file, line, match.start() + 1 if match else None)

@@ -186,17 +186,20 @@ class InstructionBuilder:
         """Copy bytes that may overlap, without loading the same constant twice in a row."""
         pending = [(t, o) for t, o in zip(targets, operands, strict=True) if t != o]
         while pending:
+            # a target may be written once no other copy still reads it
             free = [
                 pair
                 for pair in pending
                 if not any(pair[0] == other for t, other in pending if (t, other) != pair)
             ]
+            # only cycles are left, as of two bytes exchanged: one of them goes through a temporary
             if not free:
                 copy = self.temp()[0]
                 target, operand = pending[0]
                 self.move(copy, operand)
                 pending[0] = (target, copy)
                 continue
+            # equal constants side by side are loaded once: a later pass drops the second load
             free.sort(key=lambda pair: repr(pair[1]) if isinstance(pair[1], Imm) else "")
             for target, operand in free:
                 self.move(target, operand)

@@ -62,6 +62,7 @@ def _flow_faults(function: Function, number: int, block: Block, labels: set[str]
     if block.skips and last_block and not function.inline_asm:
         yield f"nothing follows the skip {block.last}"
     for ins in block.instructions:
+        # only the compiler's own labels must be in the function: assembly may jump elsewhere
         own = ins.op == "GOTO" and not ins.fixed and ins.target.startswith(f"{function.name}.")
         if own and ins.target not in labels:
             yield f"{ins}: there is no such label"

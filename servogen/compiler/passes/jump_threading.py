@@ -30,6 +30,7 @@ def thread_jumps(function: Function) -> bool:
             if target.op == "GOTO" and target.target != jump.target:
                 jump.target = target.target
                 changed = True
+            # a RETLW is left where it is, since its literal would have to be copied
             elif target.op in RETURNS and not target.writes_w:
                 jump.op, jump.target = target.op, ""
                 changed = True

@@ -31,6 +31,8 @@ _Place = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
+    """A run of instructions, the places where it stands, and the words that sharing it saves."""
+
     run: _Run
     places: tuple[_Place, ...]
     saved: int

@@ -39,6 +39,7 @@ def load(analyser: Analyser, target: Accessor) -> Expr:
     field: Expr = Binary("&", target.container, mask, U16, place)
     if isinstance(target.type, IntType) and target.type.signed:
         sign = Num(1 << target.width - 1, U16, place)
+        # (x ^ s) - s extends the sign bit s
         field = Binary("-", Binary("^", field, sign, U16, place), sign, U16, place)
     # ISO C 6.3.1.1: an int holds all values of the field, signed or not
     return Cast(field, target.type if analyser.c2c else analyser.types["int16_t"], place)

@@ -127,6 +127,7 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
         if isinstance(kind, IntType):
             return Num(kind.wrap(expr.value), kind, expr.place)
         if isinstance(kind, PointerType):
+            # a negative number, as in (char *) -1, stands for its bytes
             bits = 8 * kind.size
             if not -(1 << bits - 1) <= expr.value < 1 << bits and expr.value + 1 not in _ALL_ONES:
                 raise analyser.fail(
@@ -172,6 +173,7 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
     """Warn about a constant that an implicit conversion changes."""
     if not isinstance(expr, Num) or kind.is_bool:
         return
+    # -1 for an unsigned type is taken as meant: all ones
     low = -(1 << 8 * kind.bytes - 1)
     high = (1 << 8 * kind.bytes - kind.signed) - 1
     if not low <= expr.value <= high:

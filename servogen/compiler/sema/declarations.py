@@ -62,6 +62,7 @@ def declare(analyser: Analyser, node: Any) -> None:
         enter_name(analyser, node.name, TypeName(declared_type(analyser, node.type)), node)
         return
     kind = declared_type(analyser, node.type)
+    # `struct s { … };` declares a tag only
     if node.name is None:
         return
     place = analyser.place(node)
@@ -247,6 +248,7 @@ def _global(
     """
     place, name = analyser.place(node), node.name
     known = analyser.scopes.here.names.get(name)
+    # `static` gives internal linkage: another file's variable of that name is another one (ISO C 6.2.2)
     if known is None and not static:
         known = analyser.externals.get(name)
         if known is not None:
@@ -376,6 +378,7 @@ def declare_function(
             "c-redeclared", f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
         )
     if known is None:
+        # static functions of two files may have the same name
         mangled = name
         while mangled in analyser.program.functions:
             mangled += "'"

@@ -151,6 +151,7 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
         return _pointer_operator(analyser, op, left, right, node)
     if is_float_operator(op, left, right):
         return _float_binary(analyser, op, left, right, place)
+    # the result has the type of the left operand, whatever the count's is (ISO C 6.5.7)
     if op in ("<<", ">>"):
         left, right = promoted(analyser, left), promoted(analyser, right)
         assert isinstance(left.type, IntType)
@@ -299,6 +300,7 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
     """Return pointer arithmetic or a comparison of pointers (ISO C 6.5.6, 6.5.8)."""
     place = analyser.place(node)
     if op in COMPARISONS:
+        # a pointer into RAM converts to one that may lead to flash as well, but not back
         kind = left.type if isinstance(left.type, PointerType) else right.type
         if isinstance(left.type, PointerType) and isinstance(right.type, PointerType):
             kind = left.type if left.type.size >= right.type.size else right.type
@@ -308,6 +310,7 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
     if op in "+-" and isinstance(left.type, PointerType) and isinstance(right.type, IntType):
         return pointer_plus(analyser, left, right, op)
     if op == "-" and isinstance(left.type, PointerType) and isinstance(right.type, PointerType):
+        # the distance of two pointers is signed and counts elements (ISO C 6.5.6)
         signed = analyser.types["int16_t"]
         assert isinstance(signed, IntType)
         work = U8 if left.type.size == right.type.size == 1 else U16
@@ -377,6 +380,7 @@ def ternary_op(analyser: Analyser, node: Any) -> Expr:
             "c-type", f"the two values of '?:' have the types '{yes.type}' and '{no.type}'", node
         )
     yes, no = convert(analyser, yes, kind, "the first value"), convert(analyser, no, kind, "the second value")
+    # both operands determine the type, even where one is never chosen (ISO C 6.5.15)
     if isinstance(condition, Num):
         return yes if condition.value else no
     return Choice(condition, yes, no, kind.plain(), place)

@@ -183,6 +183,7 @@ class _Uninitialised:
             case Switch(value, _, _, body):
                 self.expression(value)
                 self.branches(lambda: self.statement(body), lambda: None)
+                # whether the cases cover all values is not followed: better no warning than a wrong one
                 self.sure |= self.set_
             case Return(value) if value is not None:
                 self.expression(value)

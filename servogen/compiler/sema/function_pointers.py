@@ -89,6 +89,7 @@ def finish(analyser: Analyser) -> None:
                 for argument, wanted in zip(parameters, function.parameters, strict=True)
             ]
             call = Call(name, list(given), definition.result.plain(), place)
+            # a call that returns nothing needs a return of its own before the next case
             empty = isinstance(function.result, VoidType)
             body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
         assert definition.body is not None

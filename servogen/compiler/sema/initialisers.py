@@ -65,6 +65,7 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
             and init.exprs
             and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
         ):
+            # without inner braces the scalars fill one inner array after the other (ISO C 6.7.9)
             length = -(-length // (kind.element.length or 1))
         return sized(analyser, replace(kind, length=max(length, 1)), node)
     if isinstance(init, c_ast.Constant) and init.type == "string":
@@ -179,6 +180,7 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
                     f"the string of {len(values)} characters does not fit an array of {length}",
                     inner,
                 )
+            # the 0 behind a string is left out where the array is full (ISO C 6.7.9)
             out += [
                 Leaf(offset + index, kind.element, value) for index, value in enumerate([*values, 0][:length])
             ]
@@ -212,6 +214,7 @@ def _aggregate(
     """Consume from `items` what the elements of one array or structure need."""
     slots: list[tuple[int, CType]] = _elements(kind)
     parts = kind.layout.parts if isinstance(kind, StructType) else []
+    # without a designator a union's first member is initialised (ISO C 6.7.9)
     if isinstance(kind, StructType) and kind.layout.union:
         slots = slots[:1]
     position = 0
@@ -221,6 +224,7 @@ def _aggregate(
     while items and (position < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
         item = items[0]
         if isinstance(item, c_ast.NamedInitializer):
+            # a designator belongs to the object whose braces enclose it
             if not braced:
                 return
             position = _designated(analyser, kind, item)

@@ -70,6 +70,7 @@ BITS_OF_BYTE = 8
 def array_ref(analyser: Analyser, node: Any) -> Expr:
     """Analyse `a[i]` (ISO C 6.5.2.1)."""
     base, index = expression(analyser, node.name), expression(analyser, node.subscript)
+    # a[i] and i[a] are the same (ISO C 6.5.2.1)
     if isinstance(index.type, (ArrayType, PointerType)):
         base, index = index, base
     index = arithmetic(analyser, index)
@@ -103,6 +104,7 @@ def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
         return _lvalue(
             analyser, Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place)
         )
+    # an index that is not constant may reach every byte: they must lie side by side
     base.symbol.pinned = True
     offset = scaled(analyser, index, element.size, U8 if base.symbol.type.size <= 256 else U16)
     if base.index is not None:
@@ -264,6 +266,7 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
     if isinstance(meaning, Symbol) and isinstance(meaning.type, PointerType):
         return indirect_call(analyser, expression(analyser, node.name), arguments, node)
     if not isinstance(meaning, FunctionDefinition):
+        # a function of the program hides a built-in one with its name
         special = analyser.dispatch.builtin(analyser, name, node, arguments)
         if special is not None:
             return special

@@ -162,6 +162,7 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
             return function_pointers.address(analyser, meaning, place)
     if node.name in ("__func__", "__FUNCTION__") and analyser.function is not None:
         return analyser.string([*analyser.function.name.encode(), 0], place)
+    # PORTBbits, as in XC8's headers
     match = re.fullmatch(r"(\w+)bits", node.name)
     register_symbol = analyser.scopes.chip(match[1]) if match else None
     if isinstance(register_symbol, Symbol):

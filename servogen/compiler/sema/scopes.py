@@ -18,11 +18,15 @@ from servogen.pic.device import BOTH_BANKS, Register
 
 @dataclass(frozen=True, slots=True)
 class TypeName:
+    """The meaning of a typedef's name or of an enumeration's tag."""
+
     type: CType
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
+    """The meaning of an enumeration constant."""
+
     value: int
     type: CType
 
@@ -41,6 +45,8 @@ Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit | BitAlias
 
 @dataclass(slots=True)
 class Scope:
+    """The names and tags that one block, or a file, declares (ISO C 6.2.1, 6.2.3)."""
+
     names: dict[str, Meaning] = field(default_factory=dict)
     tags: dict[str, StructLayout | TypeName] = field(default_factory=dict)
 
@@ -90,6 +96,7 @@ class Scopes:
         return chip_bits().get(name)
 
     def register(self, register: Register) -> Symbol:
+        # one symbol for each register, so that all uses of it compare equal
         if register.name not in self._registers:
             self._registers[register.name] = Symbol(
                 register.name,

@@ -75,6 +75,7 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     analyser.scopes.pop()
     function.body = block
     analyser.function = None
+    # after an error the tree is incomplete, and warnings about it would mislead
     if not is_own_file(function.place) and errors == analyser.reporter.errors:
         check_syntax(analyser, node)
         check_conditions(analyser, node)
@@ -94,6 +95,7 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
     ended = False
     for node in nodes:
         if ended and not _can_be_reached(node):
+            # a `break` after a `return` is habit, not a mistake
             if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return)):
                 analyser.reporter.warn("c-unreachable", "this is never reached", analyser.place(node))
             ended = False

@@ -45,6 +45,8 @@ def infer_const_pointers(files: Iterable[list[Any]]) -> None:
 
 @dataclass(slots=True)
 class _Pointers:
+    """The pointers of a program, and where each is copied to and written through."""
+
     targets: dict[Key, list[Any]] = field(default_factory=dict)
     """The type that each pointer points to, in every declaration of it."""
     constant: set[Key] = field(default_factory=set)
@@ -159,6 +161,7 @@ class _Pointers:
     def call(self, node: Any) -> None:
         """Note the arguments of a call as copied to the parameters."""
         name = node.name.name if isinstance(node.name, c_ast.ID) else ""
+        # what a library function does is known from its declaration, not from its body
         own = name in self.defined or name not in self.library
         declared = self.parameters.get(name, []) if own else []
         for number, argument in enumerate(node.args.exprs if node.args is not None else []):

@@ -113,6 +113,7 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
         if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
             settings.config_mask = (meaning.value & WORD_MASK, Location())
         if name.startswith(ID_NAME) and isinstance(meaning, Constant):
+            # each of the four ID words holds one hexadecimal digit
             digits = [meaning.value >> shift & 0xF for shift in (12, 8, 4, 0)]
             analyser.program.ids = dict(enumerate(digits))
     for symbol in analyser.program.symbols:

@@ -181,6 +181,7 @@ def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None
                 if layout.union:
                     offset = bit = 0
                 continue
+            # a field of width 0 ends the byte (ISO C 6.7.2.1); no field crosses one
             if width == 0 or bit + width > 8:
                 offset, bit = offset + (bit > 0), 0
             if width == 0:
@@ -198,10 +199,12 @@ def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None
             if layout.union:
                 bit = 0
             continue
+        # a member that is not a bit-field begins with a byte of its own
         if bit:
             offset, bit = offset + 1, 0
         if kind.size == 0 or isinstance(kind, (FuncType, VoidType)):
             raise analyser.fail("c-type", f"a member cannot be of type '{kind}'", decl)
+        # the members of an unnamed structure belong to the outer one (ISO C 6.7.2.1)
         if decl.name is None and isinstance(kind, StructType):
             for name, member in kind.layout.members.items():
                 layout.members[name] = replace(member, offset=offset + member.offset)
