@@ -7,14 +7,14 @@ from DS33023 section 29 and DS30430 section 9.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 WORD_MASK = 0x3FFF
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Opcode:
     """One row. In `pattern`, f is a file register, d the destination, b a bit, k a literal, x is ignored."""
 
@@ -62,53 +62,40 @@ class Opcode:
         """Return whether its result goes to W, given the destination bit."""
         return self.writes == "W" or (self.writes == "d" and d == 0)
 
-    @property
+    @cached_property
     def mask(self) -> int:
         """Return the bits by which its words are recognised."""
-        return _layout(self.pattern).mask
+        return int("".join("1" if bit in "01" else "0" for bit in self._bits), 2)
 
-    @property
+    @cached_property
     def match(self) -> int:
         """Return the values of these bits."""
-        return _layout(self.pattern).match
+        return int("".join("1" if bit == "1" else "0" for bit in self._bits), 2)
 
-    @property
+    @cached_property
     def operands(self) -> str:
         """Return the fields in the order of assembly: "fd", "fb", "f", "k" or ""."""
-        return _layout(self.pattern).operands
+        return "".join(field for field in "fdbk" if field in self._bits)
 
     def width(self, field: str) -> int:
         """Return the number of bits of a field; 0 if it has none of that name."""
-        return _layout(self.pattern).widths.get(field, 0)
+        return self._widths.get(field, 0)
 
     def shift(self, field: str) -> int:
         """Return the number of the lowest bit of a field."""
-        return _layout(self.pattern).shifts[field]
+        return self._shifts[field]
 
+    @cached_property
+    def _bits(self) -> str:
+        return self.pattern.replace(" ", "")
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """A pattern taken apart."""
+    @cached_property
+    def _widths(self) -> Mapping[str, int]:
+        return {field: self._bits.count(field) for field in self.operands}
 
-    mask: int
-    match: int
-    operands: str
-    widths: Mapping[str, int]
-    shifts: Mapping[str, int]
-
-
-@cache
-def _layout(pattern: str) -> _Layout:
-    """Return the fields of a pattern, cached because a compilation asks for them a hundred thousand times."""
-    bits = pattern.replace(" ", "")
-    operands = "".join(field for field in "fdbk" if field in bits)
-    return _Layout(
-        mask=int("".join("1" if bit in "01" else "0" for bit in bits), 2),
-        match=int("".join("1" if bit == "1" else "0" for bit in bits), 2),
-        operands=operands,
-        widths={field: bits.count(field) for field in operands},
-        shifts={field: len(bits) - 1 - bits.rindex(field) for field in operands},
-    )
+    @cached_property
+    def _shifts(self) -> Mapping[str, int]:
+        return {field: len(self._bits) - 1 - self._bits.rindex(field) for field in self.operands}
 
 
 INSTRUCTIONS = (
@@ -191,33 +178,15 @@ def literal_forms() -> Mapping[str, str]:
     return {file: literal for file, literal in pairs if literal in by_mnemonic()}
 
 
+@cache
 def decode(word: int) -> Decoded | None:
     """Return the meaning of a 14-bit word to the chip; None if the data sheets do not define it."""
-    return decoder()[word]
-
-
-@cache
-def decoder() -> tuple[Decoded | None, ...]:
-    """Return `decode` of each of the 16384 words."""
-    words: list[Decoded | None] = [None] * (WORD_MASK + 1)
-    for row in reversed((*INSTRUCTIONS, *LEGACY)):  # if two rows match, the earlier one takes precedence
-        fields = [(field, row.shift(field), (1 << row.width(field)) - 1) for field in row.operands]
-        for word in _words_of(row):
-            values = {field: word >> shift & mask for field, shift, mask in fields}
+    for row in (*INSTRUCTIONS, *LEGACY):  # if two rows match, the earlier one takes precedence
+        if word & row.mask == row.match:
+            values = {field: word >> row.shift(field) & (1 << row.width(field)) - 1 for field in row.operands}
             if row.mnemonic != "TRIS" or values["f"] in TRIS_PORTS:
-                words[word] = Decoded(row, **values)
-    return tuple(words)
-
-
-def _words_of(row: Opcode) -> Iterator[int]:
-    """Yield every word that the row's pattern matches."""
-    free, match = ~row.mask & WORD_MASK, row.match
-    rest = free
-    while True:
-        yield match | rest
-        if rest == 0:
-            return
-        rest = rest - 1 & free
+                return Decoded(row, **values)
+    return None
 
 
 def encode(mnemonic: str, *, f: int = 0, d: int = 0, b: int = 0, k: int = 0) -> int:

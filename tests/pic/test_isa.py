@@ -13,7 +13,6 @@ from servogen.pic.isa import (
     WORD_MASK,
     by_mnemonic,
     decode,
-    decoder,
     encode,
     literal_forms,
     mnemonics,
@@ -181,11 +180,6 @@ def test_undefined_words_are_named_as_such() -> None:
         word for word in range(0x80) if word not in (0, 0x20, 0x40, 0x60, 8, 9, 0x62, 0x63, 0x64, 0x65, 0x66)
     ]
     assert undefined == [*low, *range(0x3B00, 0x3C00)]
-
-
-def test_the_decoder_is_the_table_of_decode() -> None:
-    assert len(decoder()) == 16384
-    assert all(decoder()[word] == decode(word) for word in range(0, WORD_MASK + 1, 37))
 
 
 def test_encoding_what_was_decoded_decodes_to_the_same() -> None:
