@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 from servogen.compiler.ir.function import Function, Line, is_skipped
 from servogen.compiler.ir.instruction import BIT_TESTS, BIT_WRITES, PURE, SKIPS, STATUS, Byte, Instruction
@@ -74,11 +74,12 @@ class Rule:
 @cache
 def rules() -> tuple[Rule, ...]:
     """Return all rules, those that save most first."""
-    data = json.loads((files("servogen.compiler.passes") / "rules.json").read_text())
+    data = json.loads(Path(__file__).with_name("rules.json").read_text())
+    instruction = cache(RuleInstruction.parse)  # most texts occur in many rules
     parsed = [
         Rule(
-            tuple(map(RuleInstruction.parse, row["from"])),
-            tuple(map(RuleInstruction.parse, row["to"])),
+            tuple(map(instruction, row["from"])),
+            tuple(map(instruction, row["to"])),
             frozenset(row["dead"]),
         )
         for row in data
