@@ -668,7 +668,7 @@ class _Walk:
                 return []
             cycles += minimum
             here = following
-            if here[0] == address:
+            if here[:3] == state[:3]:
                 break
         else:
             return []
