@@ -1,6 +1,11 @@
-"""The assembler: MPASM's language for the PIC16F84 and PIC16F84A, and one line of it for inline assembly."""
+"""The assembler: MPASM's language for the PIC16F84 and PIC16F84A, and one line of it for inline assembly.
 
-from servogen.pic.assembler.assemble import Assembly, assemble, beside
+`Assembly`, `assemble` and `beside` are imported when they are first used: the compiler needs only the line.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from servogen.pic.assembler.expressions import (
     BinaryOperation,
     Expression,
@@ -19,6 +24,9 @@ from servogen.pic.assembler.instructions import (
     mnemonics,
     parse_line,
 )
+
+if TYPE_CHECKING:
+    from servogen.pic.assembler.assembly import Assembly, assemble, beside
 
 __all__ = [
     "Assembly",
@@ -39,3 +47,9 @@ __all__ = [
     "mnemonics",
     "parse_line",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module("servogen.pic.assembler.assembly"), name)

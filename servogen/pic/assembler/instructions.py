@@ -102,9 +102,15 @@ def mnemonics() -> frozenset[str]:
 
 def takes_label(mnemonic: str) -> bool:
     """Return whether the operand of a mnemonic, special or not, is the address of an instruction."""
-    name = mnemonic.upper()
-    steps = SPECIAL[name][3] if name in SPECIAL else ((name, ()),)
-    return any(step in by_mnemonic() and by_mnemonic()[step].has_target for step, _ in steps)
+    return mnemonic.upper() in _label_takers()
+
+
+@cache
+def _label_takers() -> frozenset[str]:
+    jumps = {name for name, row in by_mnemonic().items() if row.has_target}
+    return frozenset(jumps).union(
+        name for name, (*_, taking) in SPECIAL.items() if any(step in jumps for step, _ in taking)
+    )
 
 
 def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> ParsedLine:

@@ -80,6 +80,10 @@ def _token(text: Text, index: int, radix: int) -> tuple[Token, int]:
     def number(value: int, end: int) -> tuple[Token, int]:
         return Token("number", chars[index:end], column, value), end
 
+    # most tokens are names; a letter in front of a quote belongs to a number or a character
+    match = IDENTIFIER.match(chars, index)
+    if match and not chars.startswith("'", match.end()):
+        return Token("name", match[0], column), match.end()
     if match := _QUOTED_NUMBER.match(chars, index):
         return number(_digits(match[2], QUOTED_RADIX[match[1].upper()], column), match.end())
     if match := _CHARACTER.match(chars, index):

@@ -89,6 +89,8 @@ class Text:
         return [*parts, self[start:].strip()]
 
     def _outside(self, sign: str) -> Iterator[int]:
+        if sign not in self.chars:
+            return
         spans = self.quoted()
         for index, char in enumerate(self.chars):
             if char == sign and not any(start <= index < end for start, end in spans):
