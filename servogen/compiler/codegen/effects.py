@@ -99,6 +99,7 @@ def touches(expr: Expr, locs: list[Loc]) -> bool:
 
 
 def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
+    """Return whether an expression may access one of the symbols, or a register if `registers`."""
     match expr:
         case Num():
             return False

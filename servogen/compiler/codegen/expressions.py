@@ -105,6 +105,7 @@ def _into_num(gen: FunctionGenerator, expr: Num, target: list[Loc]) -> None:
 
 
 def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
+    """Store an object: by copies of its bytes, or through FSR or the table that it lies in."""
     if is_direct(expr):
         operands = operands_of(gen, expr, len(target))
         for byte, operand in zip(target, operands, strict=True):
@@ -121,6 +122,7 @@ def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
 
 
 def _into_deref(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
+    """Store the object that a pointer leads to."""
     if expr.width:
         into_field(gen, expr, target)
     elif expr.pointer.type.size > 1:
@@ -130,6 +132,7 @@ def _into_deref(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
 
 
 def _into_address_of(gen: FunctionGenerator, expr: AddressOf, target: list[Loc]) -> None:
+    """Store an address: a constant, plus an index where there is one."""
     if expr.target.index is None:
         gen.move_all(target, operands_of(gen, expr, len(target)))
         return
@@ -141,6 +144,7 @@ def _into_address_of(gen: FunctionGenerator, expr: AddressOf, target: list[Loc])
 
 
 def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
+    """Store a converted value: truncated, extended with zeros or its sign, or as 0 or 1 (ISO C 6.3.1)."""
     if isinstance(expr.type, VoidType):
         effect(gen, expr.operand)
         return
@@ -161,6 +165,7 @@ def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
 
 
 def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
+    """Store `-x`, `~x` or `!x`."""
     if expr.op == "!":
         boolean(gen, expr, target)
         return
@@ -204,6 +209,7 @@ def condition_to_w(gen: FunctionGenerator, expr: Expr) -> None:
 
 
 def _into_choice(gen: FunctionGenerator, expr: Choice, target: list[Loc]) -> None:
+    """Store one of two values; only the chosen one is evaluated (ISO C 6.5.15)."""
     no, end = gen.new_label(), gen.new_label()
     part = target[: expr.type.size]
     gen.lower.jump(gen, expr.condition, False, no)
@@ -303,6 +309,7 @@ def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> Non
 
 
 def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
+    """Store the result of a call, which is in W or in the callee's bytes."""
     function = gen.lower.call(gen, expr)
     if function.returns_w:
         gen.store(target[0])
@@ -317,6 +324,7 @@ def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
 
 
 def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> None:
+    """Store the result of an operation of the chip or the library."""
     result = gen.lower.builtin(gen, expr)
     if not result:
         gen.store(target[0])

@@ -42,6 +42,7 @@ def simple(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
 
 
 def _apply(gen: FunctionGenerator, op: str, target: list[Loc], a: list[Operand], b: list[Operand]) -> None:
+    """Emit target = a op b on operand bytes."""
     if op == "+":
         add(gen, target, a, b)
     elif op == "-":

@@ -83,6 +83,7 @@ def _stmt_expr_stmt(gen: FunctionGenerator, node: ExprStmt) -> None:
 
 
 def _stmt_if(gen: FunctionGenerator, node: If) -> None:
+    """Generate an `if`."""
     gen.place = node.place
     if node.no is None:
         end = gen.new_label()
@@ -198,6 +199,7 @@ def _stmt_case_label(gen: FunctionGenerator, node: CaseLabel) -> None:
 
 
 def _stmt_jump(gen: FunctionGenerator, node: Jump) -> None:
+    """Generate `break`, `continue` or `goto`."""
     gen.place = node.place
     if node.kind == "goto":
         gen.goto(_user_label(gen, node.label))

@@ -50,6 +50,7 @@ class RuleInstruction:
         return cls(op, f or "", int(d == "F"), int(b or 0), int(k) if k and k != "k" else k)
 
     def __str__(self) -> str:
+        """Return the text from which `parse` makes the same instruction."""
         if self.k is not None:
             return f"{self.op} {self.k}"
         if not self.f:

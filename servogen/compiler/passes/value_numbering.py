@@ -89,6 +89,7 @@ class _Tracker:
         return self.changed or bool(self.dead)
 
     def _block(self, block: Block, state: State, *, in_skip: bool) -> None:
+        """Visit the instructions of a block; the state holds before each of them."""
         for ins in block.instructions:
             if not (in_skip and ins.skips):
                 self._rewrite(ins, state)

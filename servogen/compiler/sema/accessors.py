@@ -50,6 +50,7 @@ def _byte(target: EepromObject, number: int) -> Expr:
 
 
 def _address(target: EepromObject, number: int) -> Expr:
+    """Return the address of a byte of an object in the EEPROM."""
     if isinstance(target.address, Num):
         return Num(target.address.value + number, U8, target.place)
     if not number:

@@ -196,6 +196,7 @@ def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any])
 
 
 def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return the assignment to a port, TRIS or OPTION register."""
     register = {
         "set_tris_a": "TRISA",
         "set_tris_b": "TRISB",
@@ -234,6 +235,7 @@ def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]
 
 
 def global_interrupts(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return `ei()` or `di()`: GIE set or cleared (DS35007 section 6.8)."""
     return Cast(
         set_bit(chip_bit(analyser, "GIE", analyser.place(node)), int(name == "ei")),
         VOID,
@@ -444,6 +446,7 @@ def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Ex
 
 
 def serial_number(analyser: Analyser, name: str, node: Any) -> int:
+    """Return a number of a `#pragma RS232_…`: a register's address, or a literal."""
     text = analyser.serial_settings[name]
     if text.upper() in registers():
         return registers()[text.upper()].address

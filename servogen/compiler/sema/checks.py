@@ -226,6 +226,7 @@ def _unmasked(block: BlockStatement) -> list[object]:
 
 
 def _parts(node: Stmt) -> list[object]:
+    """Return what a statement evaluates where interrupts may be enabled."""
     match node:
         case BlockStatement():
             return _unmasked(node)

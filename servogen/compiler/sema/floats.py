@@ -90,6 +90,7 @@ def converted(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
 
 
 def _from_integer(expr: Expr, kind: FloatType) -> Expr:
+    """Return an integer as a floating-point value (ISO C 6.3.1.4)."""
     assert isinstance(expr.type, IntType)
     if isinstance(expr, Num):
         return Num(encode(Fraction(expr.value), kind), kind, expr.place)
@@ -101,6 +102,7 @@ def _from_integer(expr: Expr, kind: FloatType) -> Expr:
 
 
 def _to_integer(analyser: Analyser, expr: Expr, kind: IntType) -> Expr:
+    """Return a floating-point value as an integer, rounded towards zero (ISO C 6.3.1.4)."""
     assert isinstance(expr.type, FloatType)
     if kind.is_bool:
         return Cast(truth_of_float(analyser, expr), kind, expr.place)
@@ -195,6 +197,7 @@ def without_sign(expr: Expr, place: Location) -> Expr:
 
 
 def square_root(expr: Expr, place: Location) -> Expr:
+    """Return the square root of a value."""
     kind = expr.type.plain()
     assert isinstance(kind, FloatType)
     if isinstance(expr, Num):

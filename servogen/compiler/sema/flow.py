@@ -74,6 +74,7 @@ def _unused(body: BlockStatement, declared: Sequence[Symbol], used: set[str], re
 
 
 def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: Reporter) -> None:
+    """Warn about parameters that are never used."""
     for symbol in function.parameters:
         if symbol.place.line and symbol.name not in used:
             reporter.warn(
@@ -156,6 +157,7 @@ class _Uninitialised:
     conditional: int = 0
 
     def report(self) -> None:
+        """Follow the body; variables whose address is taken may be set elsewhere and are not watched."""
         pointed = {expr.target.symbol for expr in expressions(self.body) if isinstance(expr, AddressOf)}
         self.watched = {
             symbol
@@ -224,6 +226,7 @@ class _Uninitialised:
         self.in_loop = outside
 
     def expression(self, expr: Expr) -> None:
+        """Follow an expression, in the order of its evaluation."""
         match expr:
             case Assign(target, value):
                 self.expression(value)

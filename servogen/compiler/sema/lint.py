@@ -327,6 +327,7 @@ class _Order:
         return together
 
     def _assignment(self, node: Any) -> _Effects:
+        """Return the effects of an assignment, whose target is changed after its value is computed."""
         value = self.of(node.rvalue)
         if isinstance(node.lvalue, c_ast.ID):
             name = node.lvalue.name
@@ -337,6 +338,7 @@ class _Order:
         return place.merge(value)
 
     def _say(self, names: set[str], node: Any) -> None:
+        """Warn about variables, each once."""
         for name in sorted(names - self.said):
             self.said.add(name)
             self.analyser.reporter.warn(

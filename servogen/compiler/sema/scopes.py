@@ -97,6 +97,7 @@ class Scopes:
 
     def register(self, register: Register) -> Symbol:
         # one symbol for each register, so that all uses of it compare equal
+        """Return the variable that a special function register is."""
         if register.name not in self._registers:
             self._registers[register.name] = Symbol(
                 register.name,

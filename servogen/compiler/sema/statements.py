@@ -234,6 +234,7 @@ def _can_be_reached(node: Any) -> bool:
 
 
 def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a block, which is a scope (ISO C 6.8.2)."""
     analyser.scopes.push()
     block = BlockStatement([])
     items(analyser, node.block_items or [], block.body)
@@ -253,6 +254,7 @@ def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse an `if` (ISO C 6.8.4.1)."""
     condition = checked_condition(analyser, node.cond)
     return If(
         condition,
@@ -344,6 +346,7 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a `default` (ISO C 6.8.4.2)."""
     if not analyser.body.switches:
         raise analyser.fail("c-jump", "'default' outside a switch", node)
     switch, _ = analyser.body.switches[-1]
@@ -388,6 +391,7 @@ def _allow_again(analyser: Analyser, before: Symbol, place: Location) -> Stmt:
 
 
 def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a label, or the critical block that a generated one stands for."""
     if node.name.startswith(CRITICAL_LABEL):
         return _stmt_critical(analyser, node)
     if node.name in analyser.body.labels:
@@ -397,6 +401,7 @@ def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _no_way_out(analyser: Analyser, word: str, enclosing: str, node: Any) -> Fatal:
+    """Report a jump out of what does not enclose it; the caller raises the exception that is returned."""
     inside = (
         f" in a critical block cannot leave {enclosing} around it"
         if analyser.body.critical

@@ -258,6 +258,7 @@ class _Pointers:
         return key is None or (key in self.targets and _indices(value) > self.dimensions.get(key, 0))
 
     def place(self, target: Any) -> Key | None:
+        """Return the pointer that an assignment stores to; None where it is not followed."""
         match target:
             case c_ast.ID(name=name):
                 return self.name(name)

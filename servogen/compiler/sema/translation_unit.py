@@ -167,6 +167,7 @@ def analyse(
 
 
 def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:
+    """Return the external declarations of a file, with the parameters of old-style definitions in place."""
     units = parse(rewritten.tokens, type_names(), analysis.reporter, analysis.parenthesised)
     for unit in units:
         if isinstance(unit, c_ast.FuncDef) and unit.param_decls:
