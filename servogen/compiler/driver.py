@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any
 
 import servogen.compiler.library as library
 from servogen.compiler.codegen.loop_counters import simplify_counters
@@ -115,16 +114,8 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     settings = PragmaSettings(options.device, reporter)
     blocks: list[AsmBlock] = []
     files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
-    # delays need the clock, so that the pragmas and macros of all files are read before the analysis
-    all_macros: dict[str, Any] = {}
-    for preprocessed, _ in files:
-        all_macros.update(preprocessed.macros)
-        for pragma in preprocessed.pragmas:
-            settings.pragma(pragma)
-    clock = settings.clock(all_macros, options.clock_hz)
-    too_fast = clock is not None and clock.hz > options.device.max_clock_hz
-    if too_fast and options.faster_device is not None:
-        raise _TooFast
+    # before the analysis, which turns delays into cycles
+    clock = _clock([preprocessed for preprocessed, _ in files], options, settings)
     numbers = count(len(files))
     analysis = analyse(
         files,
@@ -190,6 +181,22 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         saved=dict(+manager.saved),
         ir=dump.text(functions),
     )
+
+
+def _clock(files: Sequence[Preprocessed], options: Options, settings: PragmaSettings) -> Clock | None:
+    """Read the pragmas and macros of all files, and return the clock that they or the options state. Raises
+    _TooFast.
+    """
+    macros_of_program: dict[str, tuple[str, Location]] = {}
+    for preprocessed in files:
+        macros_of_program.update(preprocessed.macros)
+        for pragma in preprocessed.pragmas:
+            settings.pragma(pragma)
+    clock = settings.clock(macros_of_program, options.clock_hz)
+    too_fast = clock is not None and clock.hz > options.device.max_clock_hz
+    if too_fast and options.faster_device is not None:
+        raise _TooFast
+    return clock
 
 
 def _transform(

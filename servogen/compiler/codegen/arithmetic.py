@@ -14,6 +14,9 @@ from __future__ import annotations
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.instruction import STATUS, C, Imm, Loc, Operand, Z, exposed
 
+WITH_FILE = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}
+"""The instruction that combines W with a byte of memory, by operator; SUBWF subtracts W from the byte."""
+
 
 def const(operands: list[Operand]) -> int | None:
     """Return the value of the operands if they are all known constants, else None."""

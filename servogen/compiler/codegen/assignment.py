@@ -8,7 +8,7 @@ from __future__ import annotations
 from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import Binary, Cast, Deref, Expr, Num, Ref, Unary, Update
 from servogen.compiler.ast.types import IntType
-from servogen.compiler.codegen.arithmetic import bitwise, shift_left
+from servogen.compiler.codegen.arithmetic import WITH_FILE, bitwise, shift_left
 from servogen.compiler.codegen.effects import (
     calls_something,
     in_flash,
@@ -149,7 +149,7 @@ def _toggled(gen: FunctionGenerator, target: Ref | Deref, value: int) -> bool:
 
 def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right: Expr) -> bool:
     """Update one byte behind FSR in place; return whether that was possible."""
-    mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}.get(op)
+    mnemonic = WITH_FILE.get(op)
     if mnemonic is None:
         return False
     if isinstance(right, Num) and op in "+-" and right.value & 0xFF in (1, 0xFF):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from servogen.compiler.ast.constant_folding import has_effect, interval
 from servogen.compiler.ast.nodes import AddressByte, Binary, Builtin, Call, Deref, Expr, Num, Ref, Unary
 from servogen.compiler.codegen.arithmetic import (
+    WITH_FILE,
     add,
     bitwise,
     one_left,
@@ -90,7 +91,7 @@ def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
         assert isinstance(value, Imm)
         gen.emit("SUBLW", k=value.value)
         return
-    mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}[op]
+    mnemonic = WITH_FILE[op]
     # SUBWF computes f - W, so that the left operand must be in memory; all others commute
     in_memory, in_w = (left, right) if op == "-" else (right, left)
     if is_simple_operand(in_memory) and not changes(in_w):

@@ -76,27 +76,16 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
         if not live.after[three] & needed:
             return [Instruction(three.op, two.f, 0)], 3
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[three] & W_BIT:
+        loads = one.op == "MOVF" and one.d == 0
+        combines = two.op in _COMMUTING.values() and two.d == 0
         # MOVF f,W; ANDLW k; MOVWF f: with the constant in W, in place
-        if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:
+        if loads and one.f == three.f and two.op in _COMMUTING:
             return [Instruction("MOVLW", k=two.k), Instruction(_COMMUTING[two.op], one.f, 1)], 3
         # MOVF f,W; ANDWF g,W; MOVWF g: the result goes to g directly
-        if (
-            one.op == "MOVF"
-            and one.d == 0
-            and two.f == three.f
-            and two.op in _COMMUTING.values()
-            and two.d == 0
-        ):
+        if loads and combines and two.f == three.f:
             return [one, Instruction(two.op, two.f, 1)], 3
         # MOVF f,W; ANDWF g,W; MOVWF f: the operation commutes, so that f can be its target
-        if (
-            one.op == "MOVF"
-            and one.d == 0
-            and one.f == three.f
-            and two.op in _COMMUTING.values()
-            and two.d == 0
-            and two.f != one.f
-        ):
+        if loads and combines and one.f == three.f and two.f != one.f:
             return [Instruction("MOVF", two.f, 0), Instruction(two.op, one.f, 1)], 3
     return _flags(one, two)
 
