@@ -30,7 +30,7 @@ class Undefined(Exception):
     """Raised for a word that no data sheet defines."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class DecodedWord:
     """A decoded instruction with derived facts that are needed often."""
 

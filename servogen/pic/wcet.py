@@ -26,7 +26,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 from servogen.graph import bottom_up, components
 from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
@@ -252,19 +252,25 @@ class TimedProgram:
         return self._times[key]
 
     def _explored(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
-        counters = self._counters(start)
-        # A function with too many states is explored once more with only what bounds its loops.
-        for tracked in (None, counters):
-            limit = min(MAX_FUNCTION_STATES, self._states_left)
-            walk = _Walk(self, frozenset(), frozenset(), limit, tracked=tracked)
-            try:
-                walk.explore((start, start, (), known))
-            except Undefined:
-                return Times(None, None, (Unbounded("computed jump", (start,)),))
-            self._states_left -= len(walk.edges)
-            if walk.complete or walk.known_places() <= counters:
-                break  # with nothing else known, the second walk would be the first again
+        try:
+            walk = self._walk(start, known)
+            # A function with too many states is explored once more with only what bounds its loops,
+            # unless nothing else was known.
+            if not walk.complete and not walk.known_places() <= (counters := self._counters(start)):
+                walk = self._walk(start, known, tracked=counters)
+        except Undefined:
+            return Times(None, None, (Unbounded("computed jump", (start,)),))
         return walk.times()
+
+    def _walk(
+        self, start: int, known: tuple[tuple[int, int], ...], tracked: frozenset[int] | None = None
+    ) -> _Walk:
+        """Return the graph of a function called with these values, of as many states as are left."""
+        limit = min(MAX_FUNCTION_STATES, self._states_left)
+        walk = _Walk(self, frozenset(), frozenset(), limit, tracked=tracked)
+        walk.explore((start, start, (), known))
+        self._states_left -= len(walk.edges)
+        return walk
 
     def call(self, target: int, known: Known) -> Times:
         """Return the times of a function called with these values."""
@@ -463,6 +469,7 @@ def is_live(place: int, live: int) -> bool:
     return place >= _PASSES or bool(live >> _BITS.get(place, place) & 1)
 
 
+@cache
 def _uses_and_kills(word: DecodedWord) -> tuple[int, int]:
     """Return what an instruction reads, and what it overwrites entirely, as bit sets."""
     uses = kills = 0
