@@ -61,7 +61,9 @@ class Program:
     remarks: tuple[Diagnostic, ...] = ()
     """Warnings about a HEX file that can be read nevertheless."""
     device: str | None = None
-    """The chip that it was built for, where a job or the schedule of a build says it."""
+    """The chip that it was built for, where a job or the schedule of a build says it, or where its C (by a
+    header or its clock) asks for another one than the default.
+    """
 
     def __repr__(self) -> str:
         clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""
@@ -159,7 +161,13 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         chip, faster = devices_of(device_name, names)
         options = Options(dialect=dialect_of(names), device=chip, faster_device=faster, include=include)
         compilation = compile_sources([Source(text, str(path))], options)
-        return Program(compilation.image, compilation.listing, compilation.clock)
+        built_for = compilation.device.name
+        return Program(
+            compilation.image,
+            compilation.listing,
+            compilation.clock,
+            device=None if built_for == DEFAULT_DEVICE else built_for,
+        )
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 

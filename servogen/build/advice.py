@@ -428,10 +428,7 @@ def _taken(played: PlayedJob) -> ResourceUse | None:
     firmware = played.make(played.job.firmware.dialect)
     if any(room.left is None or room.left < 0 for room in firmware.timing_budgets):
         return None
-    error = played.plan.schedule.plan_error
-    return ResourceUse(
-        firmware.compilation.words, played.data_bytes, 0.0 if error is None else error.width_us
-    )
+    return ResourceUse(firmware.compilation.words, played.data_bytes, played.plan.schedule.plan_error_us)
 
 
 def _segments(job: PlannedJob) -> Iterator[JobChange]:

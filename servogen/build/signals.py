@@ -30,7 +30,7 @@ from servogen.verify import Measurement, PinMeasurement
 MEASURED_SECONDS = 20.0
 """The default time that a program runs: two rounds of the printed lab programs."""
 
-Read = Callable[[Path, str], Program]
+Read = Callable[[Path, str | None], Program]
 """Reads a program for a device; `read_program` unless the caller shows the remarks about the file."""
 
 
@@ -122,10 +122,10 @@ def unscheduled_edges(
     """Return the edges of a program or a file without a schedule, by default for `MEASURED_SECONDS` or up to
     the file's end.
 
-    With `own_device` a program that was built for a chip, such as a job's, runs on that one.
+    With `own_device` a program that names its chip, such as a job's, is built for it and runs on it.
     """
     if is_program(file):
-        program = read(file, options.device)
+        program = read(file, None if own_device else options.device)
         if own_device and program.device is not None:
             options = replace(options, device=program.device)
         clock = clock_of(program, clock_hz)

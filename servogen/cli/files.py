@@ -52,7 +52,7 @@ def read_image(path: Path) -> Image:
     return file.image
 
 
-def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
+def read_program(path: Path, device_name: str | None = None) -> Program:
     """Return the program in a HEX, C or assembly file, of a job or of its build; warn of what is unusual.
 
     Raises InputError.

@@ -220,17 +220,27 @@ def _open_closed_streams() -> bool:
 
 
 class _LogHandler(logging.Handler):
-    """Shows a record on the standard error of that moment."""
+    """Shows each message once, however many variants of the simulator's loop are compiled for a command."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        _say(record.getMessage())
+        text = record.getMessage()
+        if text not in self.shown:
+            self.shown.add(text)
+            _say(text)
+
+
+_LOG_HANDLER = _LogHandler()
 
 
 def _show_log() -> None:
     """Show what the packages log: work that takes seconds and that the user did not ask for."""
+    _LOG_HANDLER.shown.clear()
     log = logging.getLogger("servogen")
-    if not any(isinstance(handler, _LogHandler) for handler in log.handlers):
-        log.addHandler(_LogHandler())
+    log.addHandler(_LOG_HANDLER)
     log.setLevel(logging.INFO)
 
 

@@ -43,7 +43,7 @@ OwnDevice = Annotated[
     str | None,
     typer.Option(
         "--device",
-        help="The chip: PIC16F84 or PIC16F84A (default: that of the job or schedule, else PIC16F84).",
+        help="The chip: PIC16F84 or PIC16F84A (default: that of the job, schedule or header, else PIC16F84).",
     ),
 ]
 

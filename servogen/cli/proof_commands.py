@@ -188,10 +188,9 @@ def prove(
     if certificate is not None or switched or max_states is not None or any_line is not None:
         raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
-    from servogen.pic.device import DEVICES
 
     marks = _marks(start or [], end or [])
-    program = read_program(file, device or DEVICES[0].name)
+    program = read_program(file, device)
     with status("following every path") as tell:
         facts = Facts(program.image, program.listing, clock_of(program, clock_hz), tell)
         answers = [

@@ -72,7 +72,7 @@ def simulate(
     from servogen.traces import edge_writer, recorded
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
-    program = read_program(file, device or DEFAULT_DEVICE)
+    program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
     board = chip.on(device or program.device or DEFAULT_DEVICE)

@@ -33,7 +33,7 @@ from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls
 from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.translation_unit import analyse
 from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
-from servogen.pic.device import CONFIG_WATCHDOG_ON
+from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.units import Clock
@@ -48,6 +48,7 @@ class Compilation:
     image: Image
     listing: Listing
     clock: Clock | None
+    device: Device
     words: int
     ram_bytes: int
     diagnostics: tuple[Diagnostic, ...]
@@ -174,6 +175,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         image,
         make_listing(layout, memory, functions, times, reporter),
         clock,
+        options.device,
         words=len(layout.words),
         ram_bytes=memory.used,
         diagnostics=reporter.ordered(),

@@ -228,6 +228,11 @@ class PulseSchedule:
         return table_html(title, ("channel", "pin", "pulses, µs"), rows)
 
     @property
+    def plan_error_us(self) -> float:
+        """Return the largest distance of a pulse from the plan in µs; 0 if no plan is known."""
+        return 0.0 if self.plan_error is None else self.plan_error.width_us
+
+    @property
     def lead_in_frames(self) -> int:
         """Return the number of frames before the loop."""
         return sum(run.frames for run in self.lead_in)

@@ -23,7 +23,6 @@ from servogen.pic.listing import Listing
 from servogen.programs import (
     ASSEMBLY_SUFFIXES,
     C_SUFFIX,
-    DEFAULT_DEVICE,
     HEX_SUFFIXES,
     JOB_SUFFIX,
     PROGRAM_SUFFIXES,
@@ -127,9 +126,7 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
     setting, job = _against(setting, progress)
     if suffix in (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES):
         progress("compiling" if suffix not in HEX_SUFFIXES else "reading")
-        program = read_program(
-            given, setting.device or DEFAULT_DEVICE
-        )  # of a folder, also its clock and chip
+        program = read_program(given, setting.device)  # of a folder, also its clock and chip
         clock = clock_of(program, setting.clock_hz)
         chip = setting.device or program.device or setting.options.device
         options, schedule = replace(setting.options, device=chip), setting.schedule

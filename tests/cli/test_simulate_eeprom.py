@@ -48,3 +48,35 @@ def test_an_eeprom_write_takes_the_devices_time(
 
     assert not done(written_us)
     assert done(written_us + 20)
+
+
+C = """
+#include <pic14/{header}.h>
+void main(void)
+{{
+    EEADR = 9; EEDATA = 5; EECON1 = 4;
+    EECON2 = 0x55; EECON2 = 0xAA; WR = 1;
+    while (1);
+}}
+"""
+
+
+@pytest.mark.parametrize(("header", "done"), [("pic16f84", False), ("pic16f84a", True)])
+def test_the_header_of_a_c_file_selects_the_chip_that_runs_it(
+    run: Callable[..., Ran], tmp_path: Path, header: str, done: bool
+) -> None:
+    """After 5 ms the write of a PIC16F84A is over (4 ms), that of a PIC16F84 is not (10 ms)."""
+    program = tmp_path / "write.c"
+    program.write_text(C.format(header=header))
+    ran = run("simulate", program, "--cycles", 5_000, "--json")
+    assert bool(json.loads(ran.out)["registers"]["EECON1"] & 0x10) is done
+
+
+def test_a_clock_too_fast_for_the_default_chip_selects_the_faster_one(
+    run: Callable[..., Ran], tmp_path: Path
+) -> None:
+    """As `servogen compile` does; a PIC16F84 takes 10 MHz (DS30430)."""
+    program = tmp_path / "fast.c"
+    program.write_text("#pragma CLOCK_FREQ 20000000\nmain(void) { while (1); }\n")
+    assert run("simulate", program, "--cycles", 100).code == 0
+    assert run("simulate", program, "--cycles", 100, "--device", "PIC16F84").code == 2

@@ -149,12 +149,6 @@ def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
             )
 
 
-def _error_us(played: Playing) -> float:
-    """Return the largest distance of a pulse from the plan."""
-    error = played.plan.schedule.plan_error
-    return 0.0 if error is None else error.width_us
-
-
 class PlayerEngine:
     """Plays poses from flash, moving between them by laws computed on the chip."""
 
@@ -163,10 +157,10 @@ class PlayerEngine:
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         motion, played, whole = play(job)
-        if _error_us(played) > job.firmware.max_error_us:
+        if played.plan.schedule.plan_error_us > job.firmware.max_error_us:
             # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
             finer = play(job, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
-            if _error_us(finer[1]) <= job.firmware.max_error_us:
+            if finer[1].plan.schedule.plan_error_us <= job.firmware.max_error_us:
                 motion, played, whole = finer
         make = cache(lambda dialect: compiled(job, played, dialect))
         tour = None if played.chain is None else (played.trajectory, whole)
