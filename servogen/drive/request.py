@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from servogen.drive.jog import Jog
 from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
-from servogen.drive.steering import Rates, steering_of
+from servogen.drive.steering import Jog, Rates, steering_of
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats

@@ -1,7 +1,8 @@
 """Robots steered by commands: a walking robot walks and turns, a base rolls, any other goes to its poses.
 
 In: a planned job, commands. Out: `Steering`, an endless motion. The protocols of a robot's kind determine
-which of the three it is (`kinematics.protocol`).
+which of the three it is (`kinematics.protocol`). A chip with the stream engine also jogs: `Jog` moves one
+servo at a time in steps, and states in one line the servo, its goal, the pulse for the goal, and the step.
 
     WalkController: the gait of each direction as start, cycle and stop, so that no foot ever slips
 
@@ -18,8 +19,21 @@ from typing import Protocol
 
 import numpy as np
 
-from servogen.drive.commands import BACK, FORWARD, LEFT, RIGHT, SIDEWAYS_LEFT, SIDEWAYS_RIGHT, STOP
-from servogen.drive.jog import Jog
+from servogen.drive.commands import (
+    BACK,
+    COARSER,
+    FINER,
+    FORWARD,
+    LEFT,
+    LESS,
+    MORE,
+    NEXT,
+    PREVIOUS,
+    RIGHT,
+    SIDEWAYS_LEFT,
+    SIDEWAYS_RIGHT,
+    STOP,
+)
 from servogen.drive.motions import frame_at, pose_of
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job import PlannedJob, plan_job
@@ -132,6 +146,71 @@ class PoseController:
         share = 1.0 if takes == 0 else min(1.0, (seconds - self._since) / takes)
         self._now = self._start + share * (self._goal - self._start)
         return self._now
+
+
+STEPS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+FIRST_STEP = STEPS_DEG.index(1.0)
+"""The steps that can be chosen, and the one at the beginning."""
+
+
+@dataclass(slots=True)
+class Jog:
+    """Takes the commands of `poser`, names of servos, and steps of the selected servo."""
+
+    job: PlannedJob
+    poser: PoseController
+    selected: int = 0
+    step: int = FIRST_STEP
+    _at_limit: bool = False
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the poses, the servos' names, and the commands that select and move a servo."""
+        names = (servo.name for servo in self.job.servos)
+        return (*self.poser.commands, *names, NEXT, PREVIOUS, MORE, LESS, FINER, COARSER)
+
+    def command(self, command: str) -> None:
+        """Carry out a command. Raises InputError for an unknown one."""
+        names = [servo.name for servo in self.job.servos]
+        self._at_limit = False
+        if command in self.poser.commands or "=" in command:
+            self.poser.command(command)
+        elif command in (NEXT, PREVIOUS):
+            self.selected = (self.selected + (1 if command == NEXT else -1)) % len(names)
+        elif command in (FINER, COARSER):
+            self.step = min(max(self.step + (1 if command == COARSER else -1), 0), len(STEPS_DEG) - 1)
+        elif command in (MORE, LESS):
+            self._move(STEPS_DEG[self.step] * (1 if command == MORE else -1))
+        elif command in names:
+            self.selected = names.index(command)
+        else:
+            raise _unknown(command, self.commands)
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angle of every servo (servos,) in radians."""
+        return self.poser.at(seconds)
+
+    def state(self) -> str:
+        """Return the selected servo, its goal with its pulse, and the step."""
+        servo = self.job.servos[self.selected]
+        unit = "°/s" if servo.model.continuous else "°"
+        angle = float(self.poser.goal[self.selected])
+        limit = ", at its limit" if self._at_limit else ""
+        return (
+            f"{servo.name}: {math.degrees(angle):z.1f}{unit}, {servo.width_us(angle):.0f} µs{limit}; "
+            f"step {STEPS_DEG[self.step]:g}{unit}"
+        )
+
+    def _move(self, degrees: float) -> None:
+        """Move the selected servo by `degrees`, but not beyond its limits."""
+        servo = self.job.servos[self.selected]
+        goal = math.degrees(float(self.poser.goal[self.selected])) + degrees
+        try:
+            self.poser.command(f"{servo.name}={goal:.6f}")
+        except InputError as error:
+            if error.code != "servo-limit":
+                raise
+            self._at_limit = True
 
 
 RAMP_S = 0.2

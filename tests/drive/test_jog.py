@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from servogen.drive.commands import commands_of_keys
-from servogen.drive.jog import Jog
-from servogen.drive.steering import Rates, steering_of
+from servogen.drive.steering import Jog, Rates, steering_of
 from servogen.errors import InputError
 from servogen.job import load, plan_job
 from tests.drive.conftest import ROOT, Serial
