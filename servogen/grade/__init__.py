@@ -1,10 +1,9 @@
 """A lab's task as data, the programs to compare with it, and the check of a program's pins."""
 
-from servogen.grade.check import Check, Fault
-from servogen.grade.checks import ChipFacts
+from servogen.grade.checks import ChipFacts, Fault
 from servogen.grade.display import message, page_names, shell_word, shown_name, visible
 from servogen.grade.judge import Grade, Row, judge, refused
-from servogen.grade.lab import Lab, load_lab, names
+from servogen.grade.lab import Check, Lab, load_lab, names
 from servogen.grade.page import page
 from servogen.grade.submissions import Submission, Submissions, find_submissions
 

@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from servogen.edges import PINS
-from servogen.grade.check import Check, Fault
-from servogen.grade.lab import Lab, Solution, TaskPosition
+from servogen.grade.lab import Check, Lab, Solution, TaskPosition
 from servogen.grade.watch import Commanded, PinPulses, Visit, Watched
 from servogen.pulse.lint import PERIOD_US
 from servogen.robot.servo import Servo
@@ -24,6 +23,14 @@ from servogen.robot.servo_models import servo_model
 from servogen.units import counted
 
 TURN_OFF = "turn it off (C2C: #pragma _CONFIG, XC8: #pragma config WDTE = OFF, assembly: __CONFIG _WDT_OFF)"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that is wrong, as a sentence for a student, and the checks that fail because of it."""
+
+    checks: tuple[Check, ...]
+    text: str
 
 
 @dataclass(frozen=True, slots=True)

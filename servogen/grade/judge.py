@@ -13,9 +13,9 @@ from itertools import product
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
-from servogen.grade.check import Check, Fault
 from servogen.grade.checks import (
     ChipFacts,
+    Fault,
     Stay,
     cause,
     clock_words,
@@ -32,7 +32,7 @@ from servogen.grade.checks import (
     travel_faults,
 )
 from servogen.grade.film import Film
-from servogen.grade.lab import Lab, Solution
+from servogen.grade.lab import Check, Lab, Solution
 from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
 
 

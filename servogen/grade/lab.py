@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -16,7 +17,6 @@ from pydantic import Field
 
 from servogen.edges import PINS
 from servogen.errors import InputError, did_you_mean
-from servogen.grade.check import Check
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
 from servogen.toml import file as toml_file
@@ -25,6 +25,19 @@ from servogen.units import Clock
 
 SLACK_DEG = 4.0
 """The angle by which a lab's range may exceed the servo's travel: a loop's cycles change a width by this."""
+
+
+class Check(StrEnum):
+    """What is checked; the value is its key in a lab's [points]."""
+
+    RUNS = "runs"
+    PULSES = "pulses"
+    POSITIONS = "positions"
+    ORDER = "order"
+    PAUSES = "pauses"
+    TRAVEL = "travel"
+    PERIOD = "period"
+    REPETITION = "repetition"
 
 
 PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]

@@ -10,12 +10,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from servogen.grade.check import CHECK_TITLES, Check
 from servogen.grade.judge import Grade
-from servogen.grade.lab import Lab
+from servogen.grade.lab import Check, Lab
 
 WHOLE = "passed"
 """The key and name of the points for a program without any fault."""
+
+CHECK_TITLES = {
+    Check.RUNS: "compiles and runs",
+    Check.PULSES: "every servo gets pulses",
+    Check.POSITIONS: "positions",
+    Check.ORDER: "order of the positions",
+    Check.PAUSES: "pauses",
+    Check.TRAVEL: "time to get there",
+    Check.PERIOD: "period of the pulses",
+    Check.REPETITION: "endless repetition",
+}
+"""Each check as a student reads it."""
 
 
 class CheckState(StrEnum):

@@ -7,9 +7,8 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.grade import Check, Grade, load_lab, names, refused
-from servogen.grade.check import CHECK_TITLES
 from servogen.grade.lab import PointsTable
-from servogen.grade.points import max_total, outcomes, total
+from servogen.grade.points import CHECK_TITLES, max_total, outcomes, total
 
 LAB = """
 title = "A lab"
