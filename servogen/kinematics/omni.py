@@ -465,6 +465,15 @@ def _details(base: OmniBase) -> Answer:
     }
 
 
+def _wheel_details(base: OmniBase, speeds: Floats) -> dict[str, Floats]:
+    turns = speeds * base.gear / (2 * pi)
+    return {
+        "rim_speeds_m_s": speeds * base.wheel_radius,
+        "motor_turns_per_s": turns,
+        "encoder_counts_per_s": turns * base.counts_per_turn,
+    }
+
+
 def _mobility(base: OmniBase) -> Mobility:
     return Mobility(
         elements=4,
@@ -477,4 +486,11 @@ def _mobility(base: OmniBase) -> Mobility:
     )
 
 
-OMNI = RobotKind(name=OmniBase.kind, table=OmniTable, read=_read, details=_details, mobility=_mobility)
+OMNI = RobotKind(
+    name=OmniBase.kind,
+    table=OmniTable,
+    read=_read,
+    details=_details,
+    mobility=_mobility,
+    wheel_details=_wheel_details,
+)

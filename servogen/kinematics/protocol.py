@@ -10,7 +10,7 @@ and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -34,6 +34,7 @@ class RobotKind:
     """A kind of robot: the keys of its files, how they are read, and its facts for `servogen robots`.
 
     `read` returns the robot of a validated file; its last argument finds the robots that the file refers to.
+    `wheel_details` returns what wheel speeds in rad/s mean for this kind alone, such as an encoder's counts.
     """
 
     name: str
@@ -41,6 +42,7 @@ class RobotKind:
     read: Callable[[Document, Any, Find], Robot]
     details: Callable[[Any], Answer]
     mobility: Callable[[Any], Mobility]
+    wheel_details: Callable[[Any, Floats], Mapping[str, Floats]] = lambda robot, speeds: {}
 
 
 @dataclass(frozen=True, slots=True)

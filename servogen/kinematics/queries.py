@@ -6,7 +6,7 @@ In: names and numbers as a user types them (degrees and millimetres). Out: dicts
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, degrees, hypot, pi, radians
+from math import atan2, degrees, hypot, radians
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,6 @@ from servogen.kinematics.jacobian import (
     static_torques,
 )
 from servogen.kinematics.mobility import Mobility, of_mechanism
-from servogen.kinematics.omni import OmniBase
 from servogen.kinematics.orientation import (
     ORDERS,
     from_angles,
@@ -254,15 +253,8 @@ def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
         )
     vx, vy, turn = _finite(values)
     speeds = base.wheel_speeds((vx / 1000, vy / 1000, radians(turn)))
-    answer: Answer = {"wheel_speeds_rad_s": _plain(speeds)}
-    if isinstance(base, OmniBase):
-        turns = speeds * base.gear / (2 * pi)
-        answer |= {
-            "rim_speeds_m_s": _plain(speeds * base.wheel_radius),
-            "motor_turns_per_s": _plain(turns),
-            "encoder_counts_per_s": _plain(turns * base.counts_per_turn),
-        }
-    return answer
+    of_kind = KINDS[base.kind].wheel_details(base, speeds)
+    return {"wheel_speeds_rad_s": _plain(speeds)} | {key: _plain(value) for key, value in of_kind.items()}
 
 
 def configuration_answer(name: str, vector: Sequence[float], everything: bool = False) -> Answer:
