@@ -52,7 +52,7 @@ def test_a_program_with_another_clock_than_the_schedules_is_refused() -> None:
     image = read_program(HEX).image
     schedule = read_schedule(SCHEDULE)
     assert program_for(schedule, HEX, "PIC16F84", lambda path, device: Program(image)).image is image
-    with pytest.raises(InputError, match="says 8000000 Hz, the schedule is for 4000000 Hz"):
+    with pytest.raises(InputError, match="states 8000000 Hz, the schedule is for 4000000 Hz"):
         program_for(schedule, HEX, "PIC16F84", lambda path, device: Program(image, None, Clock(8_000_000)))
 
 
