@@ -19,7 +19,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TOYS = Path(__file__).parent / "toys"
-LAST_IMPORT, LAST_KIND = "from servogen.kinematics.protocol import Kind\n", "            OMNI,\n"
+LAST_IMPORT, LAST_KIND = "from servogen.kinematics.protocol import RobotKind\n", "            OMNI,\n"
 
 WHEEL = """
 [[servo]]
