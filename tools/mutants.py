@@ -38,13 +38,13 @@ import tempfile
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from coverage import Coverage, CoverageData
 
@@ -66,6 +66,9 @@ for observed, tracked in ((False, False), (True, False), (False, True)):
 """
 PREPARE_S = 600
 RECORD_S = 4 * 3600
+RECORDED_TOGETHER = 8
+"""How many test files are recorded at once: what is recorded is kept even if the rest is interrupted."""
+
 SLOWER = 5
 """How many times longer tests may take than when they were recorded: the machine may be busy."""
 
@@ -122,6 +125,7 @@ OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
 }
 
 
+Task = TypeVar("Task")
 FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -276,6 +280,7 @@ class Record:
         self.failed: set[str] = set()
         self.recorded: set[str] = set()
         self._parts: list[tuple[CoverageData, dict[str, str]]] = []
+        self._adding = threading.Lock()
         for path in sorted(folder.glob("*.json")):
             self._read(path)
 
@@ -297,18 +302,24 @@ class Record:
 
     def add(self, name: str, lines: Iterable[Path], tests: dict[str, Any], files: Sequence[str]) -> None:
         """Keep what a run of test files has recorded: coverage.py's files, and what `line_record` writes."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        path = self.folder / f"{name}.json"
-        together = Coverage(data_file=str(path.with_suffix(".lines")), config_file=False)
-        together.combine([str(each) for each in lines if each.stat().st_size])
-        together.save()
-        path.write_text(json.dumps(tests | {"files": {file: self.digests[file] for file in files}}))
-        self._read(path)
+        with self._adding:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            path = self.folder / f"{name}.json"
+            together = Coverage(data_file=str(path.with_suffix(".lines")), config_file=False)
+            together.combine([str(each) for each in lines if each.stat().st_size])
+            together.save()
+            path.write_text(json.dumps(tests | {"files": {file: self.digests[file] for file in files}}))
+            self._read(path)
 
     def missing(self) -> list[list[str]]:
-        """Return the test files that have not been recorded as they are now, a list for each folder."""
+        """Return the test files that have not been recorded as they are now, in lists of one folder each."""
         files = sorted(self.digests.keys() - self.recorded)
-        return [list(each) for _, each in groupby(files, lambda file: file.rpartition("/")[0])]
+        folders = [list(each) for _, each in groupby(files, lambda file: file.rpartition("/")[0])]
+        return [
+            each[start : start + RECORDED_TOGETHER]
+            for each in folders
+            for start in range(0, len(each), RECORDED_TOGETHER)
+        ]
 
     def tests_of(self, mutant: Mutant) -> list[str]:
         """Return the tests that execute the mutant's lines, those first that are likely to notice it.
@@ -508,7 +519,7 @@ class Workshop:
         Raises ToolFailure if they cannot be run.
         """
         name = _digest(*(self.copy / file for file in files))
-        work = self.copy.parent / "record"
+        work = self.copy.parent / f"{self.copy.name}.record"
         site = work / "site"
         site.mkdir(parents=True)
         (site / "sitecustomize.py").write_text(EVERY_PROCESS)
@@ -523,6 +534,8 @@ class Workshop:
         code = self._start(
             [sys.executable, "-m", "pytest", *PYTEST, "-p", "tools.line_record", *files], given, RECORD_S
         )
+        if self.stop.is_set():
+            return
         if code not in (0, 1) or not result.exists():
             raise ToolFailure(
                 f"without a mutant, {files[0]} and others cannot be run: pytest ended with {code}"
@@ -650,50 +663,65 @@ def judge_all(
 
     `tests` are the files and folders of tests that may judge; `kept` is the folder for what is recorded.
     """
-    waiting: queue.SimpleQueue[Mutant] = queue.SimpleQueue()
-    for each in mutants:
-        waiting.put(each)
     fates: list[Fate] = []
-    failures: list[Exception] = []
     stop = threading.Event()
 
-    def work(workshop: Workshop) -> None:
-        try:
-            while not stop.is_set():
-                try:
-                    mutant = waiting.get_nowait()
-                except queue.Empty:
-                    break
-                fate = workshop.judge(mutant)
-                if stop.is_set():
-                    break
-                fates.append(fate)
-                print(f"{len(fates):4} {fate.text()}", flush=True)
-        except Exception as error:
-            failures.append(error)
-            stop.set()
+    def judge(workshop: Workshop, mutant: Mutant) -> None:
+        fate = workshop.judge(mutant)
+        if not stop.is_set():
+            fates.append(fate)
+            print(f"{len(fates):4} {fate.text()}", flush=True)
+
+    def recorded(workshop: Workshop, files: Sequence[str]) -> None:
+        print(f"recording {files[0]} and {len(files) - 1} more", flush=True)
+        workshop.record(files)
 
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         record = Record(kept / _digest(*(root / PACKAGE).rglob("*.py")), root, tests)
         workshops = [Workshop(root, Path(folder) / f"copy{n}", limits, record, stop) for n in range(jobs)]
-        for files in record.missing():
-            print(f"recording {files[0]} and {len(files) - 1} more", flush=True)
-            workshops[0].record(files)
-        threads = [threading.Thread(target=work, args=(each,)) for each in workshops]
-        for thread in threads:
-            thread.start()
+        _share(workshops, record.missing(), recorded, stop)
+        _share(workshops, mutants, judge, stop)
+        unsound = set() if stop.is_set() else _again_without(workshops[0], fates)
+    return fates, unsound | record.failed
+
+
+def _share(
+    workshops: Sequence[Workshop],
+    tasks: Iterable[Task],
+    work: Callable[[Workshop, Task], None],
+    stop: threading.Event,
+) -> None:
+    """Do tasks, each workshop one at a time, until all are done or `stop` is set, as Ctrl-C does.
+
+    Raises the first exception that one of them has raised.
+    """
+    waiting: queue.SimpleQueue[Task] = queue.SimpleQueue()
+    for each in tasks:
+        waiting.put(each)
+    failures: list[Exception] = []
+
+    def share(workshop: Workshop) -> None:
         try:
-            for thread in threads:
-                thread.join()
-            if not failures:
-                unsound = _again_without(workshops[0], fates)
-        except KeyboardInterrupt:
+            while not stop.is_set():
+                work(workshop, waiting.get_nowait())
+        except queue.Empty:
+            pass
+        except Exception as error:
+            failures.append(error)
             stop.set()
-            for thread in threads:
-                thread.join()
+
+    threads = [threading.Thread(target=share, args=(each,)) for each in workshops]
+    for thread in threads:
+        thread.start()
+    try:
+        for thread in threads:
+            thread.join()
+    except KeyboardInterrupt:
+        stop.set()
+        for thread in threads:
+            thread.join()
     if failures:
         raise failures[0]
-    return fates, unsound | record.failed
 
 
 def _again_without(workshop: Workshop, fates: list[Fate]) -> set[str]:
