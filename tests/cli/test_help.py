@@ -41,6 +41,95 @@ def test_no_help_has_the_quotes_of_its_source() -> None:
     assert [text for text in helps() if re.search(r'"\s+"', text)] == []
 
 
+OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
+    "--arrive-s": (1.0, 0, 4),
+    "--at-cycle": (0, 0, 18_000_000_000),  # an hour at 20 MHz
+    "--baud": (None, 50, None),
+    "--beta-sign": (1, None, None),
+    "--clearance-mm": (None, 0, 100_000),
+    "--clock-hz": (None, 1, None),
+    "--body-height-mm": (None, 0, 100_000),
+    "--cycle-s": (None, 0, None),
+    "--direction-deg": (0.0, -360, 360),
+    "--elements": (None, 1, None),
+    "--first": (0, 0, 253),
+    "--friction": (0.8, None, None),
+    "--level": (1, 0, 8),
+    "--lift-mm": (20.0, 0, 100_000),
+    "--loops": (1, 1, None),
+    "--max-commands": (100_000, 1, None),
+    "--max-s": (3600, 1, None),
+    "--max-states": (None, 1, None),
+    "--memory-mb": (300, 50, None),
+    "--patience": (60.0, 0, None),
+    "--period-us": (20_000, 1000, None),
+    "--points": (7, 3, 100),
+    "--power-up-us": (72_000, None, None),  # the data sheet's typical 72 ms, parameter 33
+    "--rate": (None, 1, None),
+    "--noise": (0.0, 0, None),
+    "watch --port": (0, 0, 65_535),
+    "twin --seconds": (None, 0, None),
+    "--seed": (1, 0, None),
+    "--spring-mm": (None, 0, None),
+    "--stance-width-mm": (None, 0, 100_000),
+    "--stride-mm": (40.0, -100_000, 100_000),
+    "--timeout": (10.0, 0.1, None),
+    "--tolerance-deg": (None, 0.1, None),
+    "--turn-deg": (0.0, -360, 360),
+    "--watchdog-us": (18_000, None, None),  # 18 ms, parameter 31
+    "capture --memory": (None, 8, None),
+    "capture --rate": (1_000_000, 1, None),
+    "capture --seconds": (None, 0.001, None),
+    "drive --step-mm": (None, 1, None),
+    "drive --turn-deg": (None, 0.1, None),
+    "flash --timeout": (120.0, 1, None),
+    "gait --cycles": (None, 0, None),
+    "gait --period-us": (20_000, 1000, 1_000_000),
+    "grade --timeout": (120.0, 0.1, None),
+    "grade --port": (0, 0, 65_535),
+    "prove --watchdog-us": (None, None, None),  # any
+    "rig --memory": (24_576, 16, None),  # the Openbench Logic Sniffer's 24 KiB
+    "rig --rate": (100_000_000, 1, None),
+    "simulate --cycles": (None, 0, 10**16),
+    "twin --step-mm": (0.0, None, None),
+    **dict.fromkeys(("--crystal-ppm", "--rough-mm", "--slope-deg"), (0.0, None, None)),
+    **dict.fromkeys(("--floating", "--tmr0-phase"), (0, None, None)),
+    **{
+        f"--{name}": ((0.0,) * 3, None, None)
+        for name in ("force-n", "moment-nm", "rotation-rad", "translation")
+    },
+}
+"""The default, minimum and maximum of the options that take a number. One command's own come first."""
+
+ON = {"--browser", "--compensate", "--oscillator-start-up", "--rle", "rig --scheduler", "--stitch"}
+
+
+def parameters() -> Iterator[tuple[str, Any]]:
+    """Every option and argument of every command."""
+    group: Any = typer.main.get_command(app)
+    context = typer.Context(group)
+    for name in group.list_commands(context):
+        yield from ((name, each) for each in group.get_command(context, name).params)
+
+
+def test_flags_are_off_and_numbers_have_their_defaults_and_limits() -> None:
+    """A flag is off unless it can be turned off with --no-; a number has its default and its limits."""
+    seen: set[str] = set()
+    for command, each in parameters():
+        long = next((name for name in each.opts if name.startswith("--")), "")
+        key = next((key for key in (f"{command} {long}", long) if key in OPTIONS or key in ON), "")
+        seen.add(key)
+        found = (each.default, getattr(each, "min", None), getattr(each, "max", None))
+        if getattr(each, "is_flag", False):
+            assert (each.default, bool(each.secondary_opts)) == (key in ON, key in ON), (command, long)
+        elif key:
+            assert found == OPTIONS[key], (command, long)
+        else:
+            assert found[1:] == (None, None), (command, long)
+            assert not isinstance(each.default, int | float) and each.default != (0.0,) * 3, (command, long)
+    assert seen == {"", *OPTIONS, *ON}
+
+
 @pytest.mark.parametrize("module", COMMANDS)
 def test_the_table_of_commands_has_those_that_the_module_registers(module: str) -> None:
     part = typer.Typer(callback=lambda: None)
