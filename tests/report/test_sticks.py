@@ -120,6 +120,40 @@ def test_the_same_film_is_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
 
 
+def test_each_picture_shows_its_frame_in_millimetres_and_the_time(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """At four pictures a second; a path beside it is the same in all pictures."""
+    from matplotlib import animation
+
+    taken: list[Any] = []
+
+    class Animation:
+        def __init__(self, figure: Any, show: Any, frames: int, init_func: Any) -> None:
+            taken.extend((figure, show, frames))
+
+        def save(self, path: str, writer: Any, dpi: int) -> None:
+            taken.append(writer.fps)
+            Path(path).write_bytes(b"film")
+
+    monkeypatch.setattr(animation, "FuncAnimation", Animation)
+    moving = [np.array([[0, 0, 0.01], [0.1, 0.1, 0.02 * each]]) for each in range(3)]
+    path = np.array([[0.1, 0.1, 0], [0.1, 0.1, 0.04]])
+    parts = (Part(moving, "C0", 2.0), Part([path] * 3, "0.6", 1.0, marks=False))
+    film(Scene("three pictures", parts, 0.25, (28.0, -60.0)), tmp_path / "a.gif")
+    figure, show, frames, rate = taken
+    assert (frames, rate) == (3, 4)
+    (axes,) = figure.axes
+    for frame in (2, 0, 1):
+        *lines, clock = show(frame)
+        assert lines == list(axes.lines)
+        for line, shown in zip(lines, (moving[frame], path), strict=True):
+            assert np.array(line.get_data_3d()).T == pytest.approx(1000 * shown)
+        assert clock.get_text() == f"{('0.00', '0.25', '0.50')[frame]} s"
+    assert [line.get_marker() for line in axes.lines] == ["o", "None"]
+    assert (tmp_path / "a.gif").read_bytes() == b"film"
+
+
 @pytest.mark.parametrize("elevation", [28.0, 90.0])
 def test_the_box_of_a_film_holds_all_frames_to_one_scale_with_room_around(elevation: float) -> None:
     """200 by 100 mm, flat: as high as a twentieth of its length, and 8 % of the size free on each side."""
