@@ -183,10 +183,18 @@ class Box:
     assert (place.lines, place.names) == (lines, names)
 
 
-def test_a_compiled_function_is_not_seen_line_by_line() -> None:
-    source = "@compiled\ndef run(n):\n    return n + 1\n"
-    assert place_of(source, 3).compiled
-    assert not place_of(source.replace("compiled", "cache"), 3).compiled
+def test_a_line_that_is_compiled_runs_in_all_tests_of_the_simulator(toy: Path, tmp_path: Path) -> None:
+    """The lines of numba's functions are never seen, whether they have a decorator or not."""
+    record = Record(tmp_path, toy)
+    tests = [f"tests/{name}/test_it.py::test" for name in ("simulator", "pic", "report")]
+    record.seconds = dict.fromkeys(tests, 1.0)
+    source = "def loop():\n    def run(n):\n        return n + 1\n    return run\n"
+    for package, expected in (("simulator", tests[:2]), ("report", [])):
+        (toy / "servogen" / package).mkdir()
+        (toy / "servogen" / package / "core.py").write_text(source)
+        mutants = mutants_of(source, f"servogen/{package}/core.py")
+        added = next(each for each in mutants if each.old == "n + 1")
+        assert record.tests_of(added) == expected
 
 
 def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(

@@ -352,9 +352,8 @@ class Record:
         place = place_of(source, mutant.line)
         if place.lines:
             found = self._executing(mutant.file, place.lines)
-            # What numba compiles is not seen line by line: it runs where its package's tests run.
-            near = found or not place.compiled
-            return found if near else self._of_package(mutant.package)
+            # What numba compiles is not seen line by line: it runs where the packages' tests run.
+            return found or (self._of_compiled() if mutant.package in COMPILED else set())
         for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
             lines = _mentions((self.root / file).read_text(), place.names)
             if found := self._executing(file, lines):
@@ -371,8 +370,9 @@ class Record:
                     found |= {tests[each] for each in contexts & tests.keys()}
         return found
 
-    def _of_package(self, package: str) -> set[str]:
-        return {test for test in self.seconds if test.startswith(f"tests/{package}/")}
+    def _of_compiled(self) -> set[str]:
+        folders = tuple(f"tests/{package}/" for package in COMPILED)
+        return {test for test in self.seconds if test.startswith(folders)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,7 +384,6 @@ class Place:
 
     lines: set[int]
     names: set[str]
-    compiled: bool = False
 
 
 def place_of(source: str, line: int) -> Place:
@@ -394,16 +393,12 @@ def place_of(source: str, line: int) -> Place:
         if isinstance(node, ast.stmt) and _first_line(node) <= line <= (node.end_lineno or 0):
             inside.append(node)
     statement, around = inside[-1], inside[:-1]
-    functions = [each for each in around if isinstance(each, FUNCTION)]
-    if functions:
-        decorators = {ast.unparse(each) for function in functions for each in function.decorator_list}
+    if any(isinstance(each, FUNCTION) for each in around):
         body = getattr(statement, "body", None) or [
             part for each in getattr(statement, "cases", ()) for part in each.body
         ]
         end = body[0].lineno - 1 if body else statement.end_lineno or line
-        return Place(
-            {line, *range(statement.lineno, max(statement.lineno, end) + 1)}, set(), "compiled" in decorators
-        )
+        return Place({line, *range(statement.lineno, max(statement.lineno, end) + 1)}, set())
     if isinstance(statement, FUNCTION):  # a default, or a decorator's option
         return Place(set(range(statement.body[0].lineno, (statement.end_lineno or line) + 1)), set())
     names = {
