@@ -183,6 +183,24 @@ class Box:
     assert (place.lines, place.names) == (lines, names)
 
 
+def test_a_table_that_no_function_reads_is_judged_by_the_tests_that_read_it(
+    toy: Path, tmp_path: Path
+) -> None:
+    """Or one that is made from it; a test of another package may use the same name for something else."""
+    source = "ROWS = (1, 2)\nTABLE = {row: row for row in ROWS}\n"
+    (toy / "servogen" / "tables").mkdir()
+    (toy / "servogen" / "tables" / "table.py").write_text(source)
+    reader, other = (f"tests/test_{name}.py" for name in ("reader", "other"))
+    (toy / reader).write_text("from servogen.tables.table import TABLE\ndef test_it(): assert 1 in TABLE\n")
+    (toy / other).write_text("TABLE = 7\ndef test_it(): assert TABLE\n")
+    record = Record(tmp_path, toy)
+    for file in (reader, other):
+        record.recorded.add(file)
+        record.seconds[f"{file}::test_it"] = 1.0
+    changed = next(each for each in mutants_of(source, "servogen/tables/table.py") if each.old == "1")
+    assert record.tests_of(changed) == [f"{reader}::test_it"]
+
+
 def test_a_line_that_is_compiled_runs_in_all_tests_of_the_simulator(toy: Path, tmp_path: Path) -> None:
     """The lines of numba's functions are never seen, whether they have a decorator or not."""
     record = Record(tmp_path, toy)

@@ -354,11 +354,20 @@ class Record:
             found = self._executing(mutant.file, place.lines)
             # What numba compiles is not seen line by line: it runs where the packages' tests run.
             return found or (self._of_compiled() if mutant.package in COMPILED else set())
+        names = _derived(source, place.names)
+        reading = self._reading(mutant.file, names)
         for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
-            lines = _mentions((self.root / file).read_text(), place.names)
+            lines = _mentions((self.root / file).read_text(), names)
             if found := self._executing(file, lines):
-                return found
-        return self._executing(mutant.file, _of_functions(source))
+                return found | reading
+        return self._executing(mutant.file, _of_functions(source)) | reading
+
+    def _reading(self, file: str, names: set[str]) -> set[str]:
+        """Return the tests in files that import from a module's package and mention one of its names."""
+        package = Path(file).parent.as_posix().replace("/", ".")
+        texts = {each: (self.root / each).read_text() for each in self.recorded} if names else {}
+        reading = {each for each, text in texts.items() if package in text and _word(names).search(text)}
+        return {test for test in self.seconds if test.partition("::")[0] in reading}
 
     def _executing(self, file: str, lines: set[int]) -> set[str]:
         found = set()
@@ -401,11 +410,7 @@ def place_of(source: str, line: int) -> Place:
         return Place({line, *range(statement.lineno, max(statement.lineno, end) + 1)}, set())
     if isinstance(statement, FUNCTION):  # a default, or a decorator's option
         return Place(set(range(statement.body[0].lineno, (statement.end_lineno or line) + 1)), set())
-    names = {
-        each.id
-        for each in ast.walk(statement)
-        if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
-    }
+    names = _names(statement, ast.Store)
     return Place(set(), names | {each.name for each in around if isinstance(each, ast.ClassDef)})
 
 
@@ -415,9 +420,33 @@ def _first_line(node: ast.stmt) -> int:
 
 def _mentions(source: str, names: set[str]) -> set[int]:
     """Return the lines of functions that contain one of these names."""
-    word = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})\b") if names else None
-    found = {n for n, line in enumerate(source.splitlines(), 1) if word and word.search(line)}
+    found = {n for n, line in enumerate(source.splitlines(), 1) if names and _word(names).search(line)}
     return found & _of_functions(source) if found else found
+
+
+def _word(names: Iterable[str]) -> re.Pattern[str]:
+    return re.compile(rf"\b(?:{'|'.join(map(re.escape, sorted(names)))})\b")
+
+
+def _derived(source: str, names: set[str]) -> set[str]:
+    """Return names of a module and those to which it assigns values that are made from them."""
+    assigned = [each for each in ast.parse(source).body if isinstance(each, ast.Assign | ast.AnnAssign)]
+    derived = set(names)
+    while True:
+        more = {
+            name
+            for statement in assigned
+            if derived & _names(statement, ast.Load)
+            for name in _names(statement, ast.Store)
+        }
+        if more <= derived:
+            return derived
+        derived |= more
+
+
+def _names(statement: ast.stmt, context: type[ast.expr_context]) -> set[str]:
+    found = (each for each in ast.walk(statement) if isinstance(each, ast.Name))
+    return {each.id for each in found if isinstance(each.ctx, context)}
 
 
 def _of_functions(source: str) -> set[int]:
