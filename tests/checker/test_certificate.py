@@ -14,8 +14,10 @@ import pytest
 
 from servogen.checker import Checked, Refused, check_certificate, read_certificate
 from servogen.checker.certificate import fingerprint
+from servogen.checker.check import WATCHDOG_US
 from servogen.checker.plan import OVER, PlanPosition, read_plan
 from servogen.errors import InputError
+from servogen.pic import device
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import encode
 from tests.checker import certify
@@ -301,6 +303,12 @@ def test_the_state_machine_of_the_buttons() -> None:
     for _ in range(3):
         position = after(plan, position, stop)
     assert position == OVER  # only a reset ends it
+
+
+def test_the_watchdog_periods_are_the_data_sheets() -> None:
+    """DS35007, parameter 31: 7 ms at least, 33 ms at most; the checker has a number of its own."""
+    assert device.WATCHDOG_US == (7_000, 33_000)
+    assert WATCHDOG_US == device.WATCHDOG_US[0]
 
 
 def test_the_checker_is_small_and_shares_nothing_with_the_prover() -> None:

@@ -190,6 +190,7 @@ def test_an_arm_program_has_nothing_to_steer() -> None:
 
 
 def test_keys_and_arrows_are_words_and_other_keys_none() -> None:
+    assert commands_of_keys(b"1234567890") == [*"123456789"]
     assert commands_of_keys(b"w\x1b[A\x1bOBd  zx3\x1b") == [
         *("forward", "forward", "back", "right", "stop", "stop", QUIT, "3"),
     ]

@@ -183,6 +183,10 @@ def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
         ("A", 0.01, False),
         ("B", 0.001, True),
     ]
+    heavy = read('name = "six"\nkind = "hexapod"\ncentre_of_mass_mm = [10, -20, 5]\nmass_g = 900\n' + mounts)
+    assert isinstance(heavy, Hexapod)
+    assert heavy.centre_of_mass == pytest.approx((0.01, -0.02, 0.005))
+    assert (heavy.mass, found.centre_of_mass) == (0.9, (0, 0, 0))
     like = read('name = "six"\nkind = "hexapod"\nlike = "hexapod"\n[lengths_mm]\nbc = 70\n')
     assert isinstance(like, Hexapod)
     assert len(like.mounts) == 6

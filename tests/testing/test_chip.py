@@ -13,6 +13,7 @@ from typing import cast
 
 import pytest
 
+from servogen.bench.inputs.adapter import Drive
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
@@ -23,6 +24,7 @@ from servogen.testing import chip as chip_module
 from servogen.testing.chip import Board, Chip
 from servogen.testing.seen_chip import Player, SeenChip
 from servogen.testing.signals import Signals
+from servogen.testing.targets import Seen, Segment
 from servogen.testing.waves import wave_lines
 from servogen.units import Clock, Cycles
 from tests.simulator.helpers import CLOCK, HEAD, WATCHDOG_OFF
@@ -274,6 +276,30 @@ def test_the_time_of_a_chip_on_the_bench_is_that_of_its_runs() -> None:
     assert (chip.ms, chip.us) == (0, 0)
     chip._past_ms, chip._length_ms = 40, 2  # a run that has been seen, and one that is being prepared
     assert (chip.ms, chip.us) == (42, 42_000)
+
+
+def test_what_is_due_after_a_run_on_the_bench_is_played_in_a_later_one() -> None:
+    """Pressed at 0 ms and released at 30 ms, while the test looks after 10 ms and after 15 ms."""
+    played: list[Segment] = []
+
+    def play(segment: Segment) -> list[Seen]:
+        played.append(segment)
+        return []
+
+    board = cast(Player, SimpleNamespace(wiring=input_wiring(["RA4=17"]), play=play))
+    chip = SeenChip("bench", Clock(4_000_000), board)
+    chip.press("RA4", hold_ms=30)
+    for ms in (10, 5, 20):
+        chip.run_ms(ms)
+        assert list(chip.pieces()) == []
+    assert [segment.seconds for segment in played] == [0.01, 0.005, 0.02]
+    assert [[(each.at_ms, each.what) for each in segment.inputs] for segment in played] == [
+        [(0, Drive("RA4", 0))],
+        [],
+        [(15, Drive("RA4", 1))],
+    ]
+    assert [segment.levels for segment in played] == [{}, {"RA4": 0}, {"RA4": 0}]
+    assert chip.ms == 35
 
 
 def test_bounces_are_over_when_they_should_be() -> None:
