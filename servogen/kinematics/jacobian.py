@@ -136,19 +136,22 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     left, values, right = np.linalg.svd(matrix)
     rank = _rank(values)
     full = _general_rank(arm)
-    # An arm of fewer than six joints never moves in all six directions: it can only lose one of those that
-    # it has elsewhere.
-    spare = max(full - rank, 0)
-    elsewhere = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))[0][:, :6]
-    missing = left[:, rank:]
-    weights = np.linalg.norm(elsewhere.T @ missing, axis=0) if missing.size else np.zeros(0)
-    order = np.argsort(-weights, kind="stable")[:spare]
-    return Singularity(
-        rank,
-        full,
-        tuple(tuple(missing[:, index].tolist()) for index in order),
-        tuple(tuple(row.tolist()) for row in right[rank:]),
-    )
+    lost = _lost(arm, left[:, rank:], full - rank) if rank < full else np.zeros((0, 6))
+    return Singularity(rank, full, _tuples(lost), _tuples(right[rank:]))
+
+
+def _lost(arm: Arm, missing: Floats, count: int) -> Floats:
+    """Return the `count` directions (count, 6) in the span of the columns of `missing` that the arm has
+    elsewhere: with fewer than six joints it has some nowhere.
+    """
+    axes, values, _ = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))
+    possible = axes[:, : _rank(values)]
+    shares = np.linalg.svd(possible.T @ missing)[2]
+    return np.asarray(shares[:count] @ missing.T)
+
+
+def _tuples(rows: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row.tolist()) for row in rows)
 
 
 def _rank(values: Floats) -> int:

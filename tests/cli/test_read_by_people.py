@@ -95,6 +95,29 @@ def test_fk_of_a_hexapod_prints_each_foot(run: Run) -> None:
         assert numbers(text) == pytest.approx([1000 * each for each in feet[name]], abs=1e-4)
 
 
+def test_jacobian_prints_which_directions_are_lost_where_some_are(run: Run) -> None:
+    """A stretched SCARA cannot move along its arm, the x axis; a bent one can move along all four."""
+    bent = run("jacobian", "scara", 0, 60, 100, 0).out
+    assert "rank 4" in bent
+    assert "singular" not in bent
+    lines = run("jacobian", "scara", 0, 0, 100, 0).out.splitlines()
+    at = lines.index("singular: the tool cannot move along")
+    assert [abs(each) for each in numbers(lines[at + 1])] == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-5)
+
+
+def test_the_bodies_of_a_robot_are_written_with_what_is_assumed(run: Run, tmp_path: Path) -> None:
+    written = run("robots", "hexapod", "--mjcf", tmp_path / "hexapod.xml")
+    assert (written.code, written.err) == (0, "")
+    *assumed, last = written.out.splitlines()
+    assert last == str(tmp_path / "hexapod.xml")
+    assert assumed and all(line.startswith("assumed: ") for line in assumed)
+    assert "<mujoco" in (tmp_path / "hexapod.xml").read_text()
+    for option in ("--mjcf", "--urdf"):
+        nameless = run("robots", option, tmp_path / "no.xml")
+        assert (nameless.code, (tmp_path / "no.xml").exists()) == (2, False)
+        assert "which robot is to be written?" in nameless.err
+
+
 def test_ik_prints_joints_in_degrees_and_how_many_more_there_are(run: Run) -> None:
     """The point that fk gives for 30°, 20°, 10 mm; the other solution has the elbow on the other side."""
     a, b = radians(30), radians(50)
@@ -230,6 +253,10 @@ def test_a_profile_lists_the_lines_that_take_most_time_first(run: Run, tmp_path:
     assert shares == [round(cycles / 3.5, 2) for cycles, _ in spent.values()]
     assert "100.0 % of the program's words were executed" in out
     assert "deepest stack 1 of 8, 1 bytes of RAM written" in out
+    assert "read before" not in out
+    (tmp_path / "slow.asm").write_text(PROFILED.replace("movlw   8", "movf    0x0D, w"))
+    out = run("simulate", tmp_path / "slow.asm", "--cycles", 350, "--profile").out
+    assert "read before they were written: 0x0D\n" in out
 
 
 PROFILED_C = """
@@ -273,6 +300,11 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
         "stitched of 3 captures, as one holds 25 frames; the time between two is not known",
         next_step,
     ]
+    seen.unseen = 2
+    loop = run("capture", "--output", target, "--port", "/dev/null", "--against", schedule)
+    assert "2 of the loop's different frames were not seen whole in 3 captures" in loop.err
+    timed = run("capture", "--output", target, "--port", "/dev/null", "--against", schedule, "--seconds", 1)
+    assert timed.err == ""  # no whole loop was asked for
     done.captures = 1
     alone = run("capture", "--output", target, "--port", "/dev/null").out.splitlines()
     assert alone == [f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer"]

@@ -106,6 +106,16 @@ def test_an_upright_wrist_arm_and_a_stretched_wrist_are_singular() -> None:
     assert np.abs(lost).max() < 1e-12
 
 
+@pytest.mark.parametrize("q1", [0.0, 0.5, -1.2])
+def test_a_stretched_scara_loses_the_direction_along_its_arm(q1: float) -> None:
+    """Nor can it turn about x or y, but that it cannot anywhere."""
+    found = singularity(arm("scara"), [q1, 0.0, 0.1, 0.3])
+    assert (found.rank, found.full_rank) == (3, 4)
+    (lost,) = found.lost
+    along = np.array([np.cos(q1), np.sin(q1), 0, 0, 0, 0])
+    assert np.abs(np.array(lost) @ along) == pytest.approx(1, abs=1e-9)
+
+
 def test_static_loads_are_the_work_of_the_force_per_joint_step(any_arm, configurations) -> None:
     force = np.array([3.0, -2.0, 5.0])
     for q in configurations(any_arm, 5):
