@@ -218,7 +218,7 @@ def test_a_line_that_is_compiled_runs_in_all_tests_of_the_simulator(toy: Path, t
 def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
     toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The test that always fails kills nothing, and one that does not execute a line does not run for it."""
+    """The test that always fails kills nothing; where no test executes a line, none runs for it."""
     every = {(each.old, each.new): each for each in mutants_of(COUNTING, "servogen/counting.py")}
     wrong, hanging = every["n > 0", "(n >= 0)"], every["n -= 1", "pass"]
     unread, unnoticed = every["n + 1", "(n - 1)"], every["n - step", "(n + step)"]
@@ -232,12 +232,12 @@ def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
         return {each.mutant: (each.killer.rpartition("::")[2], each.passed, each.reaching) for each in fates}
 
     expected = {
-        wrong: ("test_down", 0, 2),
-        hanging: ("test_down", 0, 2),
+        wrong: ("test_down", 0, 4),
+        hanging: ("test_down", 0, 4),
         unread: ("", 0, 0),
-        unnoticed: ("", 1, 1),
-        default: ("", 1, 1),
-        constant: ("test_limit", 0, 1),
+        unnoticed: ("", 4, 4),
+        default: ("", 4, 4),
+        constant: ("test_limit", 0, 4),
     }
     assert judged() == expected
     assert {path: path.read_bytes() for path in toy.rglob("*") if path.is_file()} == before

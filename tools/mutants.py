@@ -13,10 +13,10 @@ would notice, or a change that makes no difference: read the survivors, and writ
 The seed and the sources determine what is drawn. Each worker (--jobs) has a copy of the tree in the
 temporary folder; yours is only read. Which test executes which line is recorded once, with coverage.py, and
 kept in the user's cache until servogen/ changes; a test file that changes is recorded again. The tests of a
-mutant are those that execute its line, in the files named most like its module first, until one fails; no
-more are chosen than take --seconds. A test that takes longer than --test-seconds has failed, and a process
-that does not come back is killed. A test that fails without the mutant as well does not count, and is named
-at the end.
+mutant are those that execute its line, in the files named most like its module first, then the others of
+these files, until one fails; no more are chosen than take --seconds. A test that takes longer than
+--test-seconds has failed, and a process that does not come back is killed. A test that fails without the
+mutant as well does not count, and is named at the end.
 """
 
 from __future__ import annotations
@@ -324,10 +324,14 @@ class Record:
     def tests_of(self, mutant: Mutant) -> list[str]:
         """Return the tests that execute the mutant's lines, those first that are likely to notice it.
 
+        The others of their files come last: they may use what a fixture or a cache of the file has made.
         These are the files whose names share most words with the module's, then those that take least time;
         of a file first the quickest cases of each function, and when all files have had their turn the rest.
         """
-        return self._in_order(self._reaching(mutant), mutant.file)
+        reaching = self._reaching(mutant)
+        files = {test.partition("::")[0] for test in reaching}
+        beside = {test for test in self.seconds if test.partition("::")[0] in files} - reaching
+        return [*self._in_order(reaching, mutant.file), *self._in_order(beside, mutant.file)]
 
     def _in_order(self, tests: set[str], file: str) -> list[str]:
         of_file: dict[str, list[tuple[int, float, str]]] = defaultdict(list)

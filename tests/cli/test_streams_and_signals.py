@@ -42,6 +42,10 @@ def test_streams_that_cannot_be_used_give_the_documented_exit_code(
         assert "Exception" not in ran.stderr
 
 
+def test_a_closed_input_changes_nothing_of_the_output() -> None:
+    assert shell("<&-", *GOOD).stdout == shell("", *GOOD).stdout != ""
+
+
 def test_a_closed_output_is_not_the_next_file_that_is_opened(tmp_path: Path) -> None:
     edges = tmp_path / "edges.csv"
     args = ("simulate", str(HEX), "--cycles", "30000", "--edges", str(edges))

@@ -56,6 +56,7 @@ def test_a_job_with_the_file_sends_the_widths_of_the_servo_that_was_read(run: Ru
     done = run("calibrate", job, "--readings", job.with_name("seen.csv"))
     assert done.code == 0, done.err
     assert 'calibration = "arm.calibration.toml"' in done.out
+    assert "width = 1012.5 µs +5.4000 µs/°; rms 0.00°, worst " in done.out
     servo = plan_job(load(named_in(job, "arm.calibration.toml"))).servos[0]
     for degrees in (30, 90, 120):
         assert servo.width_us(math.radians(degrees)) == pytest.approx(1012.5 + 5.4 * degrees, abs=0.01)

@@ -159,6 +159,7 @@ def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:
     page = page_of(plan_job(load(job))).html
     assert "RA4 is open drain: it needs a pull-up resistor, 1 to 10 kΩ to VDD." in page
     assert "Peak current of the servos: 720 mA (1 at once)." in page
+    assert "not stated" not in page
 
 
 @pytest.mark.parametrize(

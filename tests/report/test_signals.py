@@ -51,6 +51,12 @@ def test_a_scope_has_its_pulses_to_scale_and_overlapping_ones_below_each_other(h
     assert len({line.colour for line in one.lines}) == 3
 
 
+def test_a_frame_without_pulses_is_not_shown() -> None:
+    """The motion begins after two silent frames."""
+    one, two = signals.scopes(schedule(lead_in=(Run(2, (None, None, None)),)))
+    assert (one.title, two.title) == ("from 0.04 s", "from 0.08 s")
+
+
 def test_planned_pulses_are_at_their_frames() -> None:
     arm, leg, foot = signals.planned(schedule())
     assert (arm.rise, arm.width) == ((0, 20_000, 40_000), (1000, 1000, 2000))

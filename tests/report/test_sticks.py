@@ -148,7 +148,7 @@ def test_each_picture_shows_its_frame_in_millimetres_and_the_time(
         *lines, clock = show(frame)
         assert lines == list(axes.lines)
         for line, shown in zip(lines, (moving[frame], path), strict=True):
-            assert np.array(line.get_data_3d()).T == pytest.approx(1000 * shown)
+            assert pytest.approx(1000 * shown) == np.array(line.get_data_3d()).T
         assert clock.get_text() == f"{('0.00', '0.25', '0.50')[frame]} s"
     assert [line.get_marker() for line in axes.lines] == ["o", "None"]
     assert (tmp_path / "a.gif").read_bytes() == b"film"
