@@ -50,6 +50,46 @@ def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_what_a_program_is_warned_of_is_in_the_json_too(run: Run, tmp_path: Path) -> None:
+    """An erased word is 0x3FFF; 0xFFFF has two bits more than the chip."""
+    program = tmp_path / "wide.hex"
+    program.write_text(":02000000FFFF00\n:00000001FF\n")
+    ran = run("simulate", program, "--cycles", 10, "--json")
+    (found,) = json.loads(ran.out)["diagnostics"]
+    assert (found["code"], found["line"]) == ("hex-word", 1)
+    assert found["message"] in ran.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("assemble", "{source}", "-o", "{source}"),
+        ("disassemble", "{hex}", "-o", "{hex}"),
+        ("simulate", "{hex}", "--edges", "{hex}"),
+        ("simulate", "{hex}", "--stimulus", "{other}", "--vcd", "{other}"),
+        ("simulate", "{hex}", "--edges", "{new}", "--vcd", "{new}"),
+        ("measure", "{hex}", "--schedule", "{hex}"),
+        ("plot", "{hex}", "-o", "{hex}"),
+        ("plot", "{hex}", "--against", "{other}", "-o", "{other}"),
+        ("prove", "{hex}", "--against", "{other}", "--counterexample", "{hex}"),
+        ("grade", "{other}", "{hex}", "--csv", "{hex}"),
+        ("twin", "{other}", "--hex", "{hex}", "--csv", "{hex}"),
+    ],
+)
+def test_no_output_takes_the_place_of_what_is_read(
+    run: Run, square: Path, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    """Not even if what is read is not what it should be: nothing is written then."""
+    other = tmp_path / "other.toml"
+    other.write_text("[other]\n")
+    files = {"source": tmp_path / "square.asm", "hex": square, "other": other, "new": tmp_path / "new.vcd"}
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    ran = run(*(word.format_map(files) for word in words))
+    assert ran.code == 2
+    assert "give the output another name" in ran.err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_an_edge_is_at_the_cycle_in_which_the_port_was_written(
     run: Run, square: Path, tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from servogen.cli.drive_commands import _log
 from tests.drive.conftest import ROOT, Run, Serial
 
 JOBS = ROOT / "jobs"
@@ -62,6 +63,26 @@ def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Seri
     *_, stopped, summary = (json.loads(line) for line in out.splitlines())
     assert stopped["event"] == "stopped"
     assert summary["stopped"]
+
+
+def test_the_bytes_are_shown_in_a_dry_run_only_and_events_on_standard_error(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    sent = {"s": 0.02, "bytes": "FF 00 7F", "servo": "arm", "position": 127, "width_us": 1500.0}
+    group = {"s": 0.04, "bytes": "FF F1"}
+    for dry_run in (True, False):
+        log = _log(False, dry_run)
+        for entry in (
+            sent,
+            group,
+            {"s": 1.0, "event": "lost", "text": "gone"},
+            {"s": 2.0, "event": "stopped"},
+        ):
+            log(entry)
+        out, err = capsys.readouterr()
+        lines = ["     0.02 s  FF 00 7F  arm 1500.0 µs", "     0.04 s  FF F1  group"]
+        assert out.splitlines() == (lines if dry_run else [])
+        assert "lost: gone" in err and "stopped" not in err
 
 
 def test_wheels_are_not_left_turning(run: Run) -> None:

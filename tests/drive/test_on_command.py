@@ -11,13 +11,15 @@ import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import NoReturn
+from types import SimpleNamespace
+from typing import ClassVar, NoReturn
 
 import pytest
 
 from servogen.bench.virtual.rig import RigOptions
+from servogen.cli.drive_commands import _walk_on_command
 from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
@@ -100,6 +102,64 @@ def piped(start: Start, text: str, *arguments: object) -> tuple[int, str, str]:
     process = start("drive", JOB, *arguments, stdin=subprocess.PIPE)
     out, err = process.communicate(text, timeout=60)
     return process.returncode, out, err
+
+
+class Ended(CommandedDrive):
+    """A drive that shows three states, two of which are the same direction and part."""
+
+    made: ClassVar[list[Ended]] = []
+
+    def run(self, seconds: float) -> None:
+        self.made.append(self)
+        for seconds, direction in ((0.0, "forward"), (0.02, "forward"), (0.04, "stance")):
+            self.tell(CommandedFrame(seconds, 0, direction, "", {}))
+
+
+@pytest.mark.parametrize(
+    ("terminal", "port", "dry_run", "real"),
+    [
+        (True, None, False, True),
+        (True, None, True, False),
+        (True, "/dev/ttyX", True, False),
+        (False, None, False, False),
+        (False, "/dev/ttyX", False, True),
+        (False, "/dev/ttyX", True, False),
+    ],
+)
+def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_on_its_line(
+    terminal: bool,
+    port: str | None,
+    dry_run: bool,
+    real: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("servogen.drive.on_command.CommandedDrive", Ended)
+    monkeypatch.setattr("servogen.drive.serial_link.SerialLink", lambda *_: nullcontext(None))
+    monkeypatch.setattr("servogen.drive.serial_link.port_opener", lambda *_: None)
+    monkeypatch.setattr("servogen.cli.drive_commands._source", lambda *_: nullcontext(script("")))
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: terminal))
+    monkeypatch.setattr(Ended, "made", [])
+    job = plan_job(load(JOB))
+    for as_json in (False, True):
+        _walk_on_command(job, port, None, None, dry_run, as_json)
+        drive = Ended.made.pop()
+        assert (drive.time.now is time.monotonic) == real
+        assert drive.single_keys == (terminal and not dry_run)
+        out = capsys.readouterr().out
+        if as_json:
+            states = [json.loads(line) for line in out.splitlines()[:-1]]
+            assert [state["direction"] for state in states] == ["forward", "stance"]
+            continue
+        _, shown = out.split("\n", 1)
+        texts = [
+            CommandedFrame(at, 0, each, "", {}).text() for at, each in ((0.0, "forward"), (0.04, "stance"))
+        ]
+        if terminal and not dry_run:
+            every = [texts[0], CommandedFrame(0.02, 0, "forward", "", {}).text(), texts[1]]
+            assert shown.startswith("".join(f"\r{text}" for text in every) + "\n")
+        else:
+            assert shown.splitlines()[:2] == texts
 
 
 def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:

@@ -4,6 +4,7 @@ import json
 import math
 import re
 from html.parser import HTMLParser
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +22,7 @@ from servogen.report import Overrun, ProgramFacts
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
 from servogen.report.html import costs, program_values
 from servogen.report.signals import pose_frames, scopes
-from servogen.report.wiring import remarks, wires
+from servogen.report.wiring import package, remarks, wires
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 
@@ -151,6 +152,22 @@ def test_buttons_and_the_serial_line_are_wired(tmp_path: Path) -> None:
         wire.pin == "RB1" and wire.use.startswith("start button") for wire in wires(plan_job(load(job)))
     )
     assert any(line.startswith("RB1: start, pressed for 3 frames") for line in remarks(plan_job(load(job))))
+
+
+def test_the_package_is_drawn_as_the_data_sheet_shows_it() -> None:
+    """DS35007, DIP-18 from above: pin 18 is opposite to pin 1."""
+    job = load(Path(__file__).parents[2] / "jobs" / "lab9-exercise.toml")
+    pins = package(job.servos)
+    sides = ([pin for pin in pins if pin.left == side] for side in (True, False))
+    left, right = (sorted(side, key=attrgetter("y")) for side in sides)
+    assert [pin.name for pin in left] == ["RA2", "RA3", "RA4", "MCLR", "VSS", "RB0", "RB1", "RB2", "RB3"]
+    names = ["RA1", "RA0", "OSC1", "OSC2", "VDD", "RB7", "RB6", "RB5", "RB4"]
+    assert [pin.name for pin in right] == names
+    assert [pin.number for pin in left] == list(range(1, 10))
+    assert [pin.number for pin in right] == list(range(18, 9, -1))
+    assert [pin.y for pin in left] == [pin.y for pin in right]
+    assert {pin.servo for pin in pins} == {"", *(servo.name for servo in job.servos)}
+    assert all(pin.name == servo.pin for pin in pins for servo in job.servos if pin.servo == servo.name)
 
 
 def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:

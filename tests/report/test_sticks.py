@@ -139,8 +139,8 @@ def test_each_picture_shows_its_frame_in_millimetres_and_the_time(
     monkeypatch.setattr(animation, "FuncAnimation", Animation)
     moving = [np.array([[0, 0, 0.01], [0.1, 0.1, 0.02 * each]]) for each in range(3)]
     path = np.array([[0.1, 0.1, 0], [0.1, 0.1, 0.04]])
-    parts = (Part(moving, "C0", 2.0), Part([path] * 3, "0.6", 1.0, marks=False))
-    film(Scene("three pictures", parts, 0.25, (28.0, -60.0)), tmp_path / "a.gif")
+    parts = (FilmPart(moving, "C0", 2.0), FilmPart([path] * 3, "0.6", 1.0, marks=False))
+    film(FilmScene("three pictures", parts, 0.25, (28.0, -60.0)), tmp_path / "a.gif")
     figure, show, frames, rate = taken
     assert (frames, rate) == (3, 4)
     (axes,) = figure.axes
