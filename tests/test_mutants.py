@@ -153,11 +153,12 @@ def test_the_seed_and_the_packages_determine_the_draw() -> None:
     ("line", "lines", "names"),
     [
         (1, set(), {"LIMIT"}),
-        (4, {5, 6, 7, 8, 9, 10}, set()),  # a default: whoever calls the function
+        (4, {5, 6, 7, 8, 9, 10, 18}, set()),  # a default: whoever calls the function or registers it
         (5, {5}, set()),
         (6, {6}, set()),
         (9, {7, 8, 9, 10}, set()),  # any line of the statement
         (14, set(), {"size", "Box"}),
+        (18, {18}, set()),
     ],
 )
 def test_a_mutant_is_reached_by_who_executes_its_statement(
@@ -178,6 +179,10 @@ def limited(n, least=2):
 
 class Box:
     size = 3
+
+
+def register(app):
+    app.command()(limited)
 """
     place = place_of(source, line)
     assert (place.lines, place.names) == (lines, names)
@@ -204,10 +209,10 @@ def test_a_table_that_no_function_reads_is_judged_by_the_tests_that_read_it(
 def test_a_line_that_is_compiled_runs_in_all_tests_of_the_simulator(toy: Path, tmp_path: Path) -> None:
     """The lines of numba's functions are never seen, whether they have a decorator or not."""
     record = Record(tmp_path, toy)
-    tests = [f"tests/{name}/test_it.py::test" for name in ("simulator", "pic", "report")]
+    tests = [f"tests/{name}/test_it.py::test" for name in ("simulator", "pic", "checker", "report")]
     record.seconds = dict.fromkeys(tests, 1.0)
     source = "def loop():\n    def run(n):\n        return n + 1\n    return run\n"
-    for package, expected in (("simulator", tests[:2]), ("report", [])):
+    for package, expected in (("simulator", tests[:2]), ("checker", tests[2:3]), ("report", [])):
         (toy / "servogen" / package).mkdir()
         (toy / "servogen" / package / "core.py").write_text(source)
         mutants = mutants_of(source, f"servogen/{package}/core.py")

@@ -80,6 +80,9 @@ NO_TESTS = 5
 COMPILED = ("simulator", "pic")
 """The packages from which the simulator's loops are compiled."""
 
+TESTED_IN = {"simulator": COMPILED, "pic": COMPILED, "checker": ("checker",)}
+"""The folders with the tests of packages that numba compiles."""
+
 POLL_S = 0.1
 PYTEST = ("-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
 SLOW_TO_IMPORT = ("pytest", "numpy", "numba", "llvmlite.binding", "hypothesis", "typer", "matplotlib.figure")
@@ -357,7 +360,7 @@ class Record:
         if place.lines:
             found = self._executing(mutant.file, place.lines)
             # What numba compiles is not seen line by line: it runs where the packages' tests run.
-            return found or (self._of_compiled() if mutant.package in COMPILED else set())
+            return found or self._of_folders(TESTED_IN.get(mutant.package, ()))
         names = _derived(source, place.names)
         reading = self._reading(mutant.file, names)
         for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
@@ -383,9 +386,9 @@ class Record:
                     found |= {tests[each] for each in contexts & tests.keys()}
         return found
 
-    def _of_compiled(self) -> set[str]:
-        folders = tuple(f"tests/{package}/" for package in COMPILED)
-        return {test for test in self.seconds if test.startswith(folders)}
+    def _of_folders(self, folders: Sequence[str]) -> set[str]:
+        starts = tuple(f"tests/{folder}/" for folder in folders)
+        return {test for test in self.seconds if test.startswith(starts)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -413,7 +416,8 @@ def place_of(source: str, line: int) -> Place:
         end = body[0].lineno - 1 if body else statement.end_lineno or line
         return Place({line, *range(statement.lineno, max(statement.lineno, end) + 1)}, set())
     if isinstance(statement, FUNCTION):  # a default, or a decorator's option
-        return Place(set(range(statement.body[0].lineno, (statement.end_lineno or line) + 1)), set())
+        body = set(range(statement.body[0].lineno, (statement.end_lineno or line) + 1))
+        return Place(body | _mentions(source, {statement.name}), set())
     names = _names(statement, ast.Store)
     return Place(set(), names | {each.name for each in around if isinstance(each, ast.ClassDef)})
 

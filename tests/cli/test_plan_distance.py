@@ -104,6 +104,9 @@ def test_the_tables_and_json_of_build_and_demo_have_it(run: Run, tmp_path: Path)
     rows = [line for line in ran.out.splitlines() if "0 cycles" in line]
     assert len(rows) == 3
     assert all(LAB8_DISTANCE in row for row in rows)
+    for row in rows:  # job, engine, dialect, then what is used and what is left of 1024 words and 68 bytes
+        words, words_left, ram, ram_left = map(int, row.split()[3:7])
+        assert (words + words_left, ram + ram_left) == (1024, 68)
     assert LAB8_DISTANCE in ran.out.splitlines()[-1]
     data = json.loads(run("build", job, "-o", tmp_path / "one", "--json").out)
     assert data["plan_error"]["width_us"] == 0.333

@@ -167,8 +167,9 @@ def test_the_steps_of_widths_keep_clear_of_the_frame(axes: Any) -> None:
     """Labels stand above the steps: at least a tenth of their height is free above and below."""
     pulse_plot._draw_widths(axes, [pulses((0, 1000), (20_000, 2000))], 20_000)
     low, high = axes.get_ylim()
-    assert low < 900
-    assert high > 2100
+    assert 700 < low < 900
+    assert 2100 < high < 2300
+    assert not axes.yaxis.get_major_formatter().get_useOffset()  # a width can be read off each tick
 
 
 def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
@@ -184,6 +185,13 @@ def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
     assert [text.get_text() for text in axes.texts] == ["1500 µs"] * 2
     assert axes.texts[0].get_position() == pytest.approx((3.75, 0.45))
     assert axes.get_ylabel() == "0.02 s"
+
+
+def test_a_channel_without_a_pulse_in_a_frame_is_a_line_without_a_number(axes: Any) -> None:
+    pulse_plot._draw_frame(axes, [pulses((50_000, 1500))], [0], PlottedFrame(20_000, 40_000), 10_000)
+    (line,) = axes.lines
+    assert list(line.get_ydata()) == [0, 0]
+    assert not axes.texts
 
 
 def test_a_chart_of_the_page_has_steps_at_the_pixels_of_its_axes() -> None:
@@ -247,6 +255,7 @@ def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_
     assert y == pytest.approx([1000, 1900])
     assert x == pytest.approx([0, 162])
     assert curve(below.lines[-1])[1] == pytest.approx([-0.2, 0.4, -0.2])
+    assert list(below.lines[0].get_ydata()) == [0, 0]
     stems = np.array(below.collections[0].get_segments())  # each residual stands on the line of the fit
     assert stems[:, :, 0] == pytest.approx(np.array([[0, 0], [90.6, 90.6], [180, 180]]))
     assert stems[:, :, 1] == pytest.approx(np.array([[0, -0.2], [0, 0.4], [0, -0.2]]))

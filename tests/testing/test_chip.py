@@ -13,7 +13,7 @@ from typing import cast
 
 import pytest
 
-from servogen.bench.inputs.adapter import Drive
+from servogen.bench.inputs.adapter import DrivePin
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
@@ -24,7 +24,7 @@ from servogen.testing import chip as chip_module
 from servogen.testing.chip import Board, Chip
 from servogen.testing.seen_chip import Player, SeenChip
 from servogen.testing.signals import Signals
-from servogen.testing.targets import Seen, Segment
+from servogen.testing.targets import BenchRun, SeenPins
 from servogen.testing.waves import wave_lines
 from servogen.units import Clock, Cycles
 from tests.simulator.helpers import CLOCK, HEAD, WATCHDOG_OFF
@@ -280,9 +280,9 @@ def test_the_time_of_a_chip_on_the_bench_is_that_of_its_runs() -> None:
 
 def test_what_is_due_after_a_run_on_the_bench_is_played_in_a_later_one() -> None:
     """Pressed at 0 ms and released at 30 ms, while the test looks after 10 ms and after 15 ms."""
-    played: list[Segment] = []
+    played: list[BenchRun] = []
 
-    def play(segment: Segment) -> list[Seen]:
+    def play(segment: BenchRun) -> list[SeenPins]:
         played.append(segment)
         return []
 
@@ -294,9 +294,9 @@ def test_what_is_due_after_a_run_on_the_bench_is_played_in_a_later_one() -> None
         assert list(chip.pieces()) == []
     assert [segment.seconds for segment in played] == [0.01, 0.005, 0.02]
     assert [[(each.at_ms, each.what) for each in segment.inputs] for segment in played] == [
-        [(0, Drive("RA4", 0))],
+        [(0, DrivePin("RA4", 0))],
         [],
-        [(15, Drive("RA4", 1))],
+        [(15, DrivePin("RA4", 1))],
     ]
     assert [segment.levels for segment in played] == [{}, {"RA4": 0}, {"RA4": 0}]
     assert chip.ms == 35
