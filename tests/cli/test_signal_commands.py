@@ -86,7 +86,7 @@ def test_no_output_takes_the_place_of_what_is_read(
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     ran = run(*(word.format_map(files) for word in words))
     assert ran.code == 2
-    assert "give the output another name" in ran.err
+    assert "[output-exists]" in ran.err
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
