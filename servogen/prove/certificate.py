@@ -11,7 +11,7 @@ import lzma
 from hashlib import sha256
 
 from servogen.edges import PINS
-from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.image import Image
 from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
 from servogen.prove.prover import Proof
@@ -20,8 +20,16 @@ from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import CodeLine, CommandRule, Input, StepButton
 from servogen.simulator import layout
-from servogen.simulator.abstract import BASE, CELL_MASK_SHIFT, CELL_PHASED, FIELD
-from servogen.simulator.layout import NEVER, PS, PSA
+from servogen.simulator.abstract import (
+    ALL_UNKNOWN,
+    BASE,
+    CELL_MASK_SHIFT,
+    CELL_PHASED,
+    FIELD,
+    FREE_BYTES,
+    UNCERTAIN,
+)
+from servogen.simulator.layout import NEVER, PS, PSA, ROWS
 
 FORMAT = 2
 Memory = tuple[int | str, ...]
@@ -111,10 +119,16 @@ def _heard(number: int, rest: int) -> str:
 
 
 _STACK = tuple(f"stack{level}" for level in range(8))
+_REGISTERS = [row for name in registers() for row in ROWS if row.register == name != "PCL"]
+_CELLS = [row.name for row in _REGISTERS if row.name in UNCERTAIN and not row.is_free]
+_NUMBERS = [row.name for row in _REGISTERS if row.name not in UNCERTAIN]
+_BYTES = [part for name in FREE_BYTES for part in ((name, "PRESCALER") if name == "TMR0" else (name,))]
 _NAMES = (
-    *("pc", "w", "fsr", "tmr0", "prescaler", "eedata", "eeadr", "status", "intcon", "eecon1", "pclath"),
-    *("option", "trisa", "trisb", "porta", "portb", "depth", *_STACK, "watchdog_age"),
+    "pc",
+    *(name.lower() for name in (*_BYTES, *_CELLS, *_NUMBERS)),
+    *("trisa", "trisb", "porta", "portb", "depth", *_STACK, "watchdog_age"),
 )
+"""The columns beside those of the RAM and the schedule, in the order of the file."""
 
 
 def _is_settled(transitions: Transitions, number: int) -> bool:
@@ -133,33 +147,27 @@ def _row(transitions: Transitions, number: int) -> dict[str, int]:
     def get(name: str) -> int:
         return rest[FIELD[name]]
 
-    def cell(value: str, mask: str, shift: int = 0, width: int = 8) -> int:
-        bits = get(mask)
+    def cell(name: str, shift: int = 0, width: int = 8) -> int:
+        bits = get(UNCERTAIN[name].unknown_name)
         if bits == layout.PHASED:
-            return get(value) | CELL_PHASED
+            return get(name) | CELL_PHASED
         every = (1 << width) - 1
-        return get(value) >> shift & ~(bits >> shift) & every | (bits >> shift & every) << CELL_MASK_SHIFT
+        return get(name) >> shift & ~(bits >> shift) & every | (bits >> shift & every) << CELL_MASK_SHIFT
 
     counted = 0 if get("OPTION") & PSA else (2 << (get("OPTION") & PS)) - 1
     timed = not get("PRESCALER_UNKNOWN") & counted
     row = {
         "pc": get("PC") & 0x3FF,
-        "w": cell("W", "W_UNKNOWN"),
-        "fsr": cell("FSR", "FSR_UNKNOWN"),
-        "tmr0": cell("T0_VALUE", "T0_UNKNOWN") if timed else 0xFF << CELL_MASK_SHIFT,
+        **{name.lower(): cell(name) for name in (*FREE_BYTES, *_CELLS)},
+        **{name.lower(): get(name) for name in _NUMBERS},
         "prescaler": get("PRESCALER") & counted if timed else 0,
-        "eedata": cell("EEDATA", "EEDATA_UNKNOWN"),
-        "eeadr": cell("EEADR", "EEADR_UNKNOWN"),
-        "status": cell("STATUS", "STATUS_UNKNOWN"),
-        "intcon": cell("INTCON", "INTCON_UNKNOWN"),
-        "eecon1": cell("EECON1", "EECON1_UNKNOWN"),
-        "pclath": get("PCLATH"),
-        "option": get("OPTION"),
         "trisa": get("TRIS") & 0x1F,
         "trisb": get("TRIS") >> 5 & 0xFF,
-        "porta": cell("LATCH", "LATCH_UNKNOWN", 0, 5),
-        "portb": cell("LATCH", "LATCH_UNKNOWN", 5),
+        "porta": cell("LATCH", 0, 5),
+        "portb": cell("LATCH", 5),
         "depth": get("DEPTH"),
         "watchdog_age": BASE - get("WDT_CLEARED"),
     }
+    if not timed:
+        row["tmr0"] = ALL_UNKNOWN
     return row | {name: get(f"STACK{level}") & 0x3FF for level, name in enumerate(_STACK)}

@@ -18,7 +18,7 @@ from servogen.prove.quantifiers import ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
-from servogen.simulator.abstract import AssumedBits
+from servogen.simulator.abstract import TIME_FIELDS, UNCERTAIN, AssumedBits
 from servogen.simulator.layout import INTF, RBIF
 from servogen.simulator.options import START_VALUES
 from servogen.simulator.resets import FETCH
@@ -32,15 +32,8 @@ Sample = tuple[int, int, int]
 """(cycle, pin, level): the program reads the pin in that cycle."""
 AllLevels = tuple[tuple[str, tuple[tuple[int, int], ...]], ...]
 """By pin: (cycle, level)."""
-_START_OF = {
-    "W": "w",
-    "FSR": "fsr",
-    "STATUS": "flags",
-    "EEDATA": "eedata",
-    "EEADR": "eeadr",
-    "LATCH": "latches",
-}
-"""The start value that a choice of a field may be of; a byte of RAM has one name."""
+_START_OF = {name: row for name, row in UNCERTAIN.items() if row.start and name not in TIME_FIELDS}
+"""The row of the start value that a choice of a field may be of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,12 +181,13 @@ class _Path:
 
     def note_start(self, choice: AssumedBits) -> None:
         """Note bits that were chosen; the first choice of a bit may be of its value at power-up."""
-        name = _START_OF.get(choice.field, choice.field)
+        row = _START_OF.get(choice.field)
+        name, shift = (row.start, row.shift) if row else (choice.field, 0)  # a byte of RAM has one name
         if name not in START_VALUES:
             return
-        fresh = choice.bits & ~self._known.get(name, 0) & START_VALUES[name]
+        fresh = choice.bits >> shift & ~self._known.get(name, 0) & START_VALUES[name]
         self._known[name] = self._known.get(name, 0) | fresh
-        self.start[name] = self.start.get(name, 0) | choice.value & fresh
+        self.start[name] = self.start.get(name, 0) | choice.value >> shift & fresh
 
 
 def _path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
@@ -211,8 +205,9 @@ def _path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
                 if choice.field == "PINS":
                     pin = choice.bits.bit_length() - 1
                     path.samples.append((cycle, pin, int(choice.value != 0)))
-                elif choice.field.startswith("INTCON") and choice.value:
-                    path.requests.append((cycle + int(choice.field == "INTCON_LATE"), choice.value))
+                elif choice.field.startswith("INTCON"):
+                    if choice.value:
+                        path.requests.append((cycle + int(choice.field == "INTCON_LATE"), choice.value))
                 elif choice.field == "WATCHDOG":
                     path.waits += 1
                 elif choice.field == "TMR0_PHASE":

@@ -163,8 +163,8 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
         dead = ALL_PLACES.difference(*(live[n] for n in rows)) if rows else frozenset()
         guess = Guess(set(dead))
         states = [walk.states[n] for n in range(len(walk.pcs)) if walk.pcs[n] == pc]
-        timers = [transitions.rest(rest)[FIELD["T0_VALUE"]] for _, rest in states]
-        known = all(transitions.rest(rest)[FIELD["T0_UNKNOWN"]] == 0 for _, rest in states)
+        timers = [transitions.rest(rest)[FIELD["TMR0"]] for _, rest in states]
+        known = all(transitions.rest(rest)[FIELD["TMR0_UNKNOWN"]] == 0 for _, rest in states)
         # With fewer phases of TMR0 it is cheaper to keep them apart than to follow the distance.
         if known and len(set(timers)) >= 16:
             guess.phased = {

@@ -10,21 +10,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
 from servogen.simulator import layout
 from servogen.simulator.abstract import (
     CELL_MASK_SHIFT,
     CELL_PHASED,
-    FIELD,
+    UNCERTAIN,
     WRITTEN,
     AssumedBits,
     ChipState,
     Use,
 )
 
-INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0B
-RAM_FIRST, RAM_LAST = 0x0C, 0x4F
+INDF, TMR0, STATUS, PORTA, PORTB, EEDATA = (
+    registers()[name].address for name in ("INDF", "TMR0", "STATUS", "PORTA", "PORTB", "EEDATA")
+)
 RP0 = 0x20
 B_SHIFT = 5
 MAX_CHOICES = 10
@@ -37,18 +39,10 @@ ALONE = AssumedBits("INTCON", 0, 0)
 RD, WR, BANK_1 = 0, 1, 0x80
 """The bits of EECON1 that start a read and a write; the bit of FSR that selects bank 1."""
 
-_FIELDS = {TMR0: "TMR0", STATUS: "STATUS", FSR: "FSR", EEDATA: "EEDATA", EEADR: "EEADR", INTCON: "INTCON"}
-_BANK_1 = {STATUS: "STATUS", FSR: "FSR", EEDATA: "EECON1", INTCON: "INTCON"}
-_MASKS = {
-    "W": ("W_UNKNOWN", 0),
-    "STATUS": ("STATUS_UNKNOWN", 0),
-    "FSR": ("FSR_UNKNOWN", 0),
-    "TMR0": ("T0_UNKNOWN", 0),
-    "EEDATA": ("EEDATA_UNKNOWN", 0),
-    "EEADR": ("EEADR_UNKNOWN", 0),
-    "EECON1": ("EECON1_UNKNOWN", 0),
-    "INTCON": ("INTCON_UNKNOWN", 0),
-}
+_FIELDS = {registers()[row.register].address: name for name, row in UNCERTAIN.items() if row.register}
+"""The registers whose bits may be unknown, by address with the bank in bit 7; those of both banks by the
+lower one."""
+_IN_BOTH_BANKS = frozenset(registers()[name].address for name in BOTH_BANKS)
 
 
 @dataclass(frozen=True)
@@ -198,7 +192,7 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
     """
     if len(chosen) >= MAX_CHOICES:
         return None
-    if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["T0_UNKNOWN"]:
+    if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["TMR0_UNKNOWN"]:
         return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
@@ -256,8 +250,8 @@ def _field_of(f: int, state: ChipState) -> list[str]:
         return [f"0x{f:02X}"]
     if f in (PORTA, PORTB) and not bank_1:
         return ["PINS"]
-    fields = _BANK_1 if bank_1 else _FIELDS
-    return [fields[f]] if f in fields else []
+    address = f | BANK_1 if bank_1 and f not in _IN_BOTH_BANKS else f
+    return [_FIELDS[address]] if address in _FIELDS else []
 
 
 def _unknown_mask(state: ChipState, field: str) -> int:
@@ -266,7 +260,7 @@ def _unknown_mask(state: ChipState, field: str) -> int:
         return 0xFF if cell >= CELL_PHASED else cell >> CELL_MASK_SHIFT
     if field == "PINS":
         return state["PINS_UNKNOWN"]
-    return state.rest[FIELD[_MASKS[field][0]]] & 0xFF
+    return state[UNCERTAIN[field].unknown_name] & 0xFF
 
 
 def _counted(decoded: Decoded, state: ChipState, field: str, chosen: Choices) -> list[Choices]:

@@ -19,6 +19,9 @@ from servogen.simulator.abstract import (
     BASE,
     CELL_PHASED,
     FIELD,
+    FREE_BYTES,
+    TIME_FIELDS,
+    UNCERTAIN,
     Reason,
     Use,
 )
@@ -26,7 +29,9 @@ from servogen.simulator.abstract import (
 if TYPE_CHECKING:
     from servogen.prove.explore import Decision, Node
 
-REGISTERS = ("W", "FLAGS", "FSR", "EEDATA", "EEADR", "TIMER", "PRESCALER", "PIN_FLAGS")
+BYTES = tuple(name for name in FREE_BYTES if name not in TIME_FIELDS)
+"""Bytes that only the program changes."""
+REGISTERS = (*BYTES, "FLAGS", "TIMER", "PRESCALER", "PIN_FLAGS")
 """What is general beside the RAM, unless it is kept."""
 PHASE = "PHASE"
 INTE, RBIE, INTF, RBIF = 0x10, 0x08, 0x02, 0x01
@@ -111,9 +116,9 @@ class Generaliser:
         def get(name: str) -> int:
             return rest[FIELD[name]]
 
-        for name in ("W", "FSR", "EEDATA", "EEADR"):
+        for name in BYTES:
             if name in guess.registers:
-                put(**{name: 0, f"{name}_UNKNOWN": 0xFF})
+                put(**{name: 0, UNCERTAIN[name].unknown_name: 0xFF})
         if "FLAGS" in guess.registers:
             put(STATUS=get("STATUS") & ~FLAGS, STATUS_UNKNOWN=get("STATUS_UNKNOWN") | FLAGS)
         if "PIN_FLAGS" in guess.registers:
@@ -122,7 +127,7 @@ class Generaliser:
         # Only without its interrupt may the time of an overflow be forgotten: otherwise it decides when
         # the program is interrupted.
         quiet = not get("INTCON") & T0IE
-        if "TIMER" in guess.registers and quiet and get("T0_UNKNOWN") == 0xFF:
+        if "TIMER" in guess.registers and quiet and get("TMR0_UNKNOWN") == 0xFF:
             put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
             put(T0_AT=BASE, T0_HELD=BASE)
             if not get("OPTION") & PSA:
@@ -130,18 +135,18 @@ class Generaliser:
         if "PRESCALER" in guess.registers and not get("OPTION") & PSA:
             idle = -(2 << (get("OPTION") & PS)) & 0xFF  # bits that do not reach TMR0
             put(PRESCALER=get("PRESCALER") & ~idle, PRESCALER_UNKNOWN=get("PRESCALER_UNKNOWN") | idle)
-        if guess.phased is not None and quiet and not get("T0_UNKNOWN") and not get("OPTION") & T0CS:
-            timer = get("T0_VALUE")
-            put(T0_VALUE=0, T0_UNKNOWN=layout.PHASED, T0_FLAGGED=-1)
+        if guess.phased is not None and quiet and not get("TMR0_UNKNOWN") and not get("OPTION") & T0CS:
+            timer = get("TMR0")
+            put(TMR0=0, TMR0_UNKNOWN=layout.PHASED, T0_FLAGGED=-1)
         # φ becomes what TMR0 reads now. Everything relative to the old φ is moved by the difference, so
         # that states that differ in the phase only become the same.
         moved = 0
-        if get("T0_UNKNOWN") == layout.PHASED:
-            moved = get("T0_VALUE")
-            for name in ("W", "FSR", "EEDATA", "EEADR"):
-                if get(f"{name}_UNKNOWN") == layout.PHASED:
+        if get("TMR0_UNKNOWN") == layout.PHASED:
+            moved = get("TMR0")
+            for name in BYTES:
+                if get(UNCERTAIN[name].unknown_name) == layout.PHASED:
                     put(**{name: get(name) - moved & 0xFF})
-            put(T0_VALUE=0)
+            put(TMR0=0)
             if quiet:
                 put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
         return self._transitions.number(tuple(rest)), timer, moved
@@ -200,7 +205,7 @@ class Generaliser:
                 cells[int(place, 16)] = raw_ram[int(place, 16)]
             elif place == PHASE:
                 cells = [cell & 0xFF if cell >= CELL_PHASED else cell for cell in cells]
-                rest[FIELD["T0_UNKNOWN"]] = 0
+                rest[FIELD["TMR0_UNKNOWN"]] = 0
             elif place == "FLAGS":
                 for name in ("STATUS", "STATUS_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
@@ -208,7 +213,7 @@ class Generaliser:
                 for name in ("INTCON", "INTCON_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
             elif place not in ("TIMER", "PRESCALER"):
-                for name in (place, f"{place}_UNKNOWN"):
+                for name in (place, UNCERTAIN[place].unknown_name):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
         return tuple(cells), tuple(rest)
 

@@ -36,8 +36,10 @@ from servogen.simulator.abstract import (
     BASE,
     CELL_PHASED,
     FIELD,
-    RB4_TO_7,
+    FREE_BYTES,
+    MERGED,
     TIME_FIELDS,
+    UNCERTAIN,
     AbstractChip,
     ChipState,
     Lanes,
@@ -47,7 +49,6 @@ from servogen.simulator.abstract import (
 Ints = npt.NDArray[np.int64]
 VALUES = 256
 EEDATA = "EEDATA"
-TMR0, EEDATA_OR_EECON1 = 1, 8
 NO_BYTE = -1
 """Of a channel whose pulses no trim changes."""
 Place = int | str
@@ -173,8 +174,9 @@ def _append(
 
 
 _LOOSE = {FIELD[name] for name in (*TIME_FIELDS, "INTCON", "INTCON_UNKNOWN")}
-_BYTES = {FIELD[name]: FIELD[f"{name}_UNKNOWN"] for name in ("W", "STATUS", "FSR", "EEDATA", "RB_OLD")}
+_BYTES = {FIELD[name]: FIELD[UNCERTAIN[name].unknown_name] for name in MERGED}
 _MASKS = {mask: value for value, mask in _BYTES.items()}
+_BITS = {FIELD[name]: UNCERTAIN[name].bits for name in MERGED}
 
 
 def _joined(one: Rest, other: Rest) -> Rest:
@@ -188,8 +190,7 @@ def _joined(one: Rest, other: Rest) -> Rest:
         if number not in _BYTES and number not in _MASKS:
             return ()
         value, mask = (number, _BYTES[number]) if number in _BYTES else (_MASKS[number], number)
-        bits = 0x1FFF if value == FIELD["RB_OLD"] else 0xFF
-        unknown = (one[mask] | other[mask] | one[value] ^ other[value]) & bits
+        unknown = (one[mask] | other[mask] | one[value] ^ other[value]) & _BITS[value]
         cells[mask], cells[value] = unknown, one[value] & ~unknown
     return tuple(cells)
 
@@ -240,8 +241,8 @@ class TrimProof:
         self._generaliser = generaliser
         self._always = always
         self._phases = phases
-        self._timer = program.accesses(TMR0)
-        self._reads = program.accesses(EEDATA_OR_EECON1, writing=True)
+        self._timer = program.accesses(layout.TMR0_ADDRESS)
+        self._reads = program.accesses(layout.EEDATA_ADDRESS, writing=True)  # or EECON1
         after = {address + 1 for address in self._reads}
         self._stops = frozenset({*always, *generaliser.cuts, *program.entries, *rises, *self._reads, *after})
         self._alone = Transitions(self._chip, self._limit)
@@ -536,7 +537,7 @@ class TrimProof:
             cells[FIELD[name]] = later[FIELD[name]]
         cells[FIELD["INTCON"]] &= ~FLAGS
         cells[FIELD["INTCON_UNKNOWN"]] |= FLAGS
-        cells[FIELD["RB_OLD"]], cells[FIELD["RB_OLD_UNKNOWN"]] = 0, RB4_TO_7
+        cells[FIELD["RB_OLD"]], cells[FIELD["RB_OLD_UNKNOWN"]] = 0, layout.RB4_TO_7
         if EEDATA in state.tables:
             cells[FIELD["EEDATA"]], cells[FIELD["EEDATA_UNKNOWN"]] = 0, 0xFF
         return tuple(cells)
@@ -669,14 +670,13 @@ class TrimProof:
 def _rephased(state: _State) -> _State:
     """Return the same state, but φ is the first byte that moves with TMR0: then frames share ways."""
     first = next((cell & 0xFF for cell in state.ram if cell >= CELL_PHASED), 0)
-    if not first or state.rest[FIELD["T0_UNKNOWN"]] != layout.PHASED:
+    if not first or state.rest[FIELD["TMR0_UNKNOWN"]] != layout.PHASED:
         return state
     ram = tuple((cell - first & 0xFF) | CELL_PHASED if cell >= CELL_PHASED else cell for cell in state.ram)
     rest = list(state.rest)
-    for name in ("T0", "W", "FSR", "EEDATA", "EEADR"):
-        value = FIELD["T0_VALUE" if name == "T0" else name]
-        if rest[FIELD[f"{name}_UNKNOWN"]] == layout.PHASED:
-            rest[value] = rest[value] - first & 0xFF
+    for name in FREE_BYTES:
+        if rest[FIELD[UNCERTAIN[name].unknown_name]] == layout.PHASED:
+            rest[FIELD[name]] = rest[FIELD[name]] - first & 0xFF
     return replace(state, ram=ram, rest=tuple(rest))
 
 
@@ -693,7 +693,7 @@ def _without_timer(rest: Rest) -> Rest:
     """Return a state beside the RAM in which nothing is known of TMR0."""
     cells = list(rest)
     for name, value in (
-        ("T0_VALUE", 0), ("T0_UNKNOWN", 0xFF), ("T0_AT", BASE), ("T0_HELD", BASE), ("T0_FLAGGED", -1),
+        ("TMR0", 0), ("TMR0_UNKNOWN", 0xFF), ("T0_AT", BASE), ("T0_HELD", BASE), ("T0_FLAGGED", -1),
         ("PRESCALER", 0), ("PRESCALER_UNKNOWN", 0xFF),
     ):  # fmt: skip
         cells[FIELD[name]] = value

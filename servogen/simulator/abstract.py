@@ -10,9 +10,10 @@ that only serves reports is not part of them. Times count from now.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 from enum import Enum
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -24,9 +25,11 @@ from servogen.simulator import layout as at
 from servogen.simulator import unknown
 from servogen.simulator.aot_cache import loop
 from servogen.simulator.block_cache import fast_code, marked_code
+from servogen.simulator.layout import RB4_TO_7
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.program import Code, program_code
-from servogen.simulator.reset_state import BITS_OF, POSTSCALER, power_up
+from servogen.simulator.reset_state import POSTSCALER, START, power_up
+from servogen.simulator.slots import Future
 from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
 from servogen.units import Clock
 
@@ -39,75 +42,49 @@ CELL_PHASED = 1 << 16
 """The flag of a cell whose byte is PHASED; other cells are value | unknown bits << 8."""
 ALL_UNKNOWN = 0xFF << CELL_MASK_SHIFT
 
-_FIELD_NAMES = """
-    PC W STATUS FSR PCLATH INTCON OPTION SLEEPING IN_RESET IRQ_AT AWAKE_AT T0_AT T0_VALUE T0_TICK T0_FLAGGED
-    T0_HELD PRESCALER WDT_AT LATCH TRIS PINS RB_OLD DRIVEN DRIVEN_HIGH EEDATA EEADR EECON1 EE_STEP
-    EE_STEP_AT EE_DONE_AT EE_CELL EE_BYTE SP DEPTH W_UNKNOWN STATUS_UNKNOWN FSR_UNKNOWN T0_UNKNOWN
-    PRESCALER_UNKNOWN EEDATA_UNKNOWN EEADR_UNKNOWN EECON1_UNKNOWN INTCON_UNKNOWN PINS_UNKNOWN LATCH_UNKNOWN
-    RB_OLD_UNKNOWN DRIVEN_UNKNOWN WDT_CLEARED WDT_EARLIEST
-"""
-_NAMES = tuple(_FIELD_NAMES.split())
+_ROWS = tuple(row for row in at.ROWS if row.future not in (Future.NONE, Future.STIMULUS))
+_SLOTS = {row.name: row.number for row in _ROWS} | {row.unknown_name: mask for row, mask in at.UNCERTAIN}
 _STACK = [at.STACK + level for level in range(8)]
 _DRIVEN_FROM = [at.DRIVEN_FROM + 2 * pin for pin in range(len(PINS))]
-_REST = np.array([*(getattr(at, name) for name in _NAMES), *_STACK, *_DRIVEN_FROM])
-FIELDS = (*_NAMES, *(f"STACK{level}" for level in range(8)), *(f"DRIVEN_FROM_{pin}" for pin in PINS))
+_REST = np.array([*_SLOTS.values(), *_STACK, *_DRIVEN_FROM])
+FIELDS = (*_SLOTS, *(f"STACK{level}" for level in range(8)), *(f"DRIVEN_FROM_{pin}" for pin in PINS))
 """The names of the values that a state has besides its RAM, in the order of `ChipState.rest`."""
 FIELD = {name: number for number, name in enumerate(FIELDS)}
 
-_BYTES = (
-    (at.W, at.W_UNKNOWN),
-    (at.FSR, at.FSR_UNKNOWN),
-    (at.T0_VALUE, at.T0_UNKNOWN),
-    (at.EEDATA, at.EEDATA_UNKNOWN),
-    (at.EEADR, at.EEADR_UNKNOWN),
-)
-_BITS = (
-    (at.STATUS, at.STATUS_UNKNOWN),
-    (at.INTCON, at.INTCON_UNKNOWN),
-    (at.EECON1, at.EECON1_UNKNOWN),
-    (at.PINS, at.PINS_UNKNOWN),
-    (at.LATCH, at.LATCH_UNKNOWN),
-    (at.RB_OLD, at.RB_OLD_UNKNOWN),
-)
-_MERGED = (
-    (at.W, at.W_UNKNOWN),
-    (at.STATUS, at.STATUS_UNKNOWN),
-    (at.FSR, at.FSR_UNKNOWN),
-    (at.EEDATA, at.EEDATA_UNKNOWN),
-    (at.RB_OLD, at.RB_OLD_UNKNOWN),
-)
+UNCERTAIN = MappingProxyType({row.name: row for row, _ in at.UNCERTAIN})
+"""What may have unknown bits, by the names of the values; `SlotFacts.unknown_name` names the unknown bits."""
+_UNCERTAIN = tuple((row.number, mask, row.bits, row.is_free) for row, mask in at.UNCERTAIN)
+FREE_BYTES = tuple(row.name for row in UNCERTAIN.values() if row.is_free)
+"""Bytes of which any bit may be unknown, and which may be PHASED."""
+MERGED = tuple(row.name for row in UNCERTAIN.values() if row.merged)
 """What may be unknown where chips whose states are taken together differ."""
-TIME_FIELDS = ("T0_AT", "T0_VALUE", "T0_TICK", "T0_FLAGGED", "T0_HELD", "T0_UNKNOWN", "PRESCALER",
-               "PRESCALER_UNKNOWN", "WDT_AT", "WDT_CLEARED", "WDT_EARLIEST")  # fmt: skip
+
+
+def _with_unknown(names: Iterable[str]) -> Iterator[str]:
+    """Yield the names of values, each followed by that of its unknown bits."""
+    for name in names:
+        yield name
+        if name in UNCERTAIN:
+            yield UNCERTAIN[name].unknown_name
+
+
+TIME_FIELDS = tuple(_with_unknown(row.name for row in _ROWS if row.timed))
 """What time alone changes."""
-_LOOSE = (*TIME_FIELDS, "INTCON", "INTCON_UNKNOWN", "W", "W_UNKNOWN", "STATUS", "STATUS_UNKNOWN", "FSR",
-          "FSR_UNKNOWN", "EEDATA", "EEDATA_UNKNOWN", "RB_OLD", "RB_OLD_UNKNOWN")  # fmt: skip
+_LOOSE = (*TIME_FIELDS, *_with_unknown(("INTCON", *MERGED)))
 """What may differ between chips whose states are taken together."""
 MAX_LANE_EDGES = 16
 _UNTOUCHED = 0x7E << 8
 """A source of unknown bits that nothing else has: EEDATA with it has not been written."""
-_RELATIVE = (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT, at.WDT_EARLIEST)
-_NOT_BEFORE_NOW = (at.T0_AT, at.T0_HELD, at.AWAKE_AT)
-_WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
+_RELATIVE, _NOT_BEFORE_NOW, _WATCHDOG = (
+    tuple(row.number for row in at.ROWS if row.future is future)
+    for future in (Future.MOMENT, Future.UNTIL, Future.SINCE)
+)
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
-RA4, RB0, RB4_TO_7 = 1 << 4, 1 << 5, 0xF0 << 5
+RA4, RB0 = 1 << 4, 1 << 5
 _WATCHDOG_NEVER = 1 << 39
 TO, PD, PSA, PS = 0x10, 0x08, 0x08, 0x07
 EEIE, WRITTEN = 0x40, 0x08
 """The enable bit in INTCON, and the bit of an interrupt in doubt that is for the end of an EEPROM write."""
-_MASK_OF = {
-    "w": at.W_UNKNOWN,
-    "fsr": at.FSR_UNKNOWN,
-    "flags": at.STATUS_UNKNOWN,
-    "tmr0": at.T0_UNKNOWN,
-    "latches": at.LATCH_UNKNOWN,
-    "eedata": at.EEDATA_UNKNOWN,
-    "eeadr": at.EEADR_UNKNOWN,
-    "wrerr": at.EECON1_UNKNOWN,
-    "rbif": at.INTCON_UNKNOWN,
-    "rb-old": at.RB_OLD_UNKNOWN,
-}
-"""The slot with the unknown bits of each start value, besides the RAM."""
 
 
 class Reason(Enum):
@@ -136,10 +113,10 @@ class AssumedBits:
 
     INTCON_LATE sets flags in the second cycle of a two-cycle instruction.
 
-    `field` is one of "PINS", "INTCON", "STATUS", "W", "FSR", "TMR0", "EEDATA", "EEADR", "EECON1", "LATCH", a
-    RAM address as "0x0C". With `steer`, the byte stays unknown: the choice only decides which path is taken.
-    Other fields are events: "TMR0_PHASE": TMR0 stands still for `value` cycles after a write of
-    OPTION_REG; "EE_DONE": an EEPROM write ends, `value` cycles from now; "WATCHDOG": it ends SLEEP now.
+    `field` is a name of `UNCERTAIN` or a RAM address as "0x0C". With `steer`, the byte stays unknown: the
+    choice only decides which path is taken. Other fields are events: "TMR0_PHASE": TMR0 stands still for
+    `value` cycles after a write of OPTION_REG; "EE_DONE": an EEPROM write ends, `value` cycles from now;
+    "WATCHDOG": it ends SLEEP now.
     """
 
     field: str
@@ -200,20 +177,6 @@ class Lanes:
     """The rows that end in each state beside the RAM; that state is of the first of these rows, but unknown
     where they differ in W, FSR and the flags.
     """
-
-
-_SLOT_OF = {
-    "PINS": (at.PINS, at.PINS_UNKNOWN),
-    "INTCON": (at.INTCON, at.INTCON_UNKNOWN),
-    "STATUS": (at.STATUS, at.STATUS_UNKNOWN),
-    "LATCH": (at.LATCH, at.LATCH_UNKNOWN),
-    "W": (at.W, at.W_UNKNOWN),
-    "FSR": (at.FSR, at.FSR_UNKNOWN),
-    "TMR0": (at.T0_VALUE, at.T0_UNKNOWN),
-    "EEDATA": (at.EEDATA, at.EEDATA_UNKNOWN),
-    "EEADR": (at.EEADR, at.EEADR_UNKNOWN),
-    "EECON1": (at.EECON1, at.EECON1_UNKNOWN),
-}
 
 
 class AbstractChip:
@@ -286,7 +249,8 @@ class AbstractChip:
             elif name.startswith("0x"):
                 s[int(name, 16)] &= at.NOT_WRITTEN | 0xFF
             else:
-                s[_MASK_OF[name]] &= ~BITS_OF[name][1] & 0x1FFF
+                row = START[name]
+                s[_SLOTS[row.unknown_name]] &= ~row.undefined & row.bits
         differs = int(s[at.PINS] ^ s[at.RB_OLD]) & ~int(s[at.PINS_UNKNOWN] | s[at.RB_OLD_UNKNOWN])
         if differs & RB4_TO_7:
             s[at.INTCON] |= at.RBIF
@@ -442,11 +406,11 @@ class AbstractChip:
         lanes_of: dict[tuple[int, ...], npt.NDArray[np.intp]] = {}
         for group in groups:
             self._s[:] = ends[group[0]]
-            for value, mask in _MERGED:
-                known, doubt = ends[group, value], ends[group, mask]
-                if (known != known[0]).any() or (doubt != doubt[0]).any():
-                    differs = np.bitwise_or.reduce(known ^ known[0]) | np.bitwise_or.reduce(doubt & 0x1FFF)
-                    self._s[mask] = int(differs) & (0x1FFF if value == at.RB_OLD else 0xFF)
+            for row, mask in at.UNCERTAIN:
+                known, doubt = ends[group, row.number], ends[group, mask]
+                if row.merged and ((known != known[0]).any() or (doubt != doubt[0]).any()):
+                    differs = np.bitwise_or.reduce(known ^ known[0]) | np.bitwise_or.reduce(doubt)
+                    self._s[mask] = int(differs) & row.bits
             rest = self._canonical().rest
             lanes_of[rest] = np.concatenate([lanes_of[rest], group]) if rest in lanes_of else group
         return lanes_of
@@ -531,7 +495,7 @@ class AbstractChip:
             return None
         doubtful = int(self._s[at.INTCON_UNKNOWN])
         enabled = intcon >> 3 & 7
-        if intcon & at.T0IE and self._s[at.T0_UNKNOWN]:
+        if intcon & at.T0IE and self._s[at.TMR0_UNKNOWN]:
             doubtful |= at.T0IF  # it may overflow in any cycle from now on
         written = WRITTEN if intcon & EEIE and self._writing() else 0
         if enabled & intcon & ~doubtful or not (enabled & doubtful or written):
@@ -565,12 +529,12 @@ class AbstractChip:
             value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
             s[slot] = value | mask_kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
             return 0
-        value_slot, mask_slot = _SLOT_OF[choice.field]
+        row = UNCERTAIN[choice.field]
+        value_slot, mask_slot = row.number, _SLOTS[row.unknown_name]
         before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
         s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits
         if not choice.steer:
-            mask = int(s[mask_slot]) & (0x1FFF if choice.field in ("PINS", "LATCH") else 0xFF)
-            s[mask_slot] = mask & ~choice.bits
+            s[mask_slot] = int(s[mask_slot]) & row.bits & ~choice.bits
         intcon = int(s[at.INTCON])
         requested = intcon >> 3 & choice.value & 7
         if choice.field == "INTCON" and requested and intcon & at.GIE:
@@ -609,9 +573,9 @@ class AbstractChip:
             s[at.PINS] &= ~again
         elif choice.field == "TMR0":
             written = s[at.T0_HELD] > BASE + 2
-            if not written and int(s[at.T0_UNKNOWN]) == before >> 16 & 0xFF & ~choice.bits:
-                s[at.T0_VALUE] = int(s[at.T0_VALUE]) + (before & 0xFF) - _held(before, choice) & 0xFF
-                s[at.T0_UNKNOWN] = before >> 16
+            if not written and int(s[at.TMR0_UNKNOWN]) == before >> 16 & 0xFF & ~choice.bits:
+                s[at.TMR0] = int(s[at.TMR0]) + (before & 0xFF) - _held(before, choice) & 0xFF
+                s[at.TMR0_UNKNOWN] = before >> 16
 
     def _doubt_flags(self) -> None:
         """Note that pins may have set flags in the meantime."""
@@ -625,7 +589,7 @@ class AbstractChip:
             doubtful |= at.RBIF
         if pins & RA4 and s[at.OPTION] & at.T0CS:
             doubtful |= at.T0IF
-            s[at.T0_UNKNOWN] = 0xFF
+            s[at.TMR0_UNKNOWN] = 0xFF
         s[at.INTCON_UNKNOWN] |= doubtful & ~known
 
     def _warnings(self, choices: tuple[AssumedBits, ...]) -> tuple[str, ...]:
@@ -678,22 +642,18 @@ class AbstractChip:
             s[slot] = max(int(s[slot]), now) + shift
         for slot in _WATCHDOG:
             s[slot] = int(s[slot]) + shift if s[at.WDT_PERIOD] else BASE
-        s[at.T0_FLAGGED] = BASE if s[at.T0_FLAGGED] == now and not s[at.T0_UNKNOWN] else -1
+        s[at.T0_FLAGGED] = BASE if s[at.T0_FLAGGED] == now and not s[at.TMR0_UNKNOWN] else -1
         s[at.EE_STEP_AT] = max(int(s[at.EE_STEP_AT]) + shift, BASE - 3) if s[at.EE_STEP] else 0
         for pin, slot in enumerate(_DRIVEN_FROM):
             s[slot] = int(s[slot]) + shift if s[at.DRIVEN_UNKNOWN] >> pin & 1 else 0
         s[at.CYCLE] = BASE
         self._doubt_flags()
-        for value, mask in _BITS:
-            s[mask] &= 0x1FFF if value in (at.PINS, at.LATCH, at.RB_OLD) else 0xFF
-            s[value] &= ~int(s[mask])
+        for value, mask, bits, free in _UNCERTAIN:
+            if not free or s[mask] != at.PHASED:
+                s[mask] &= bits
+                s[value] &= ~int(s[mask])
         s[at.RB_OLD] &= RB4_TO_7
         s[at.EE_CELL] = s[at.EE_BYTE] = 0  # nobody reads what the program has written
-        for value, mask in _BYTES:
-            if s[mask] != at.PHASED:
-                s[mask] &= 0xFF
-                s[value] &= ~int(s[mask])
-        s[at.PRESCALER] &= ~int(s[at.PRESCALER_UNKNOWN])  # only high bits, or all: a carry goes upward
         self._canonical_stack()
         return ChipState(self._cells(), tuple(s[_REST].tolist()))
 

@@ -25,6 +25,7 @@ import llvmlite
 from llvmlite import binding as llvm
 
 from servogen.errors import ToolError
+from servogen.pic.device import REGISTERS
 from servogen.simulator.program import OPS
 
 ENTRY = "servogen_run"
@@ -57,7 +58,8 @@ def _digest() -> str:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
-    digest.update(repr(OPS).encode())  # the numbers of the instructions come from pic.isa
+    # the numbers of the instructions come from pic.isa, the addresses of the registers from pic.device
+    digest.update(repr((OPS, REGISTERS)).encode())
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), _features(), llvmlite.__version__)
     digest.update(repr(machine).encode())
     return digest.hexdigest()[:24]

@@ -26,7 +26,17 @@ from servogen.errors import InputError
 from servogen.graph import components
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.isa import INSTRUCTIONS, Opcode
-from servogen.simulator.layout import DEEPEST_RECORDING, REGION, REGION_BYTES
+from servogen.simulator.layout import (
+    DEEPEST_RECORDING,
+    EEDATA_ADDRESS,
+    INTCON_ADDRESS,
+    PORTA_ADDRESS,
+    PORTB_ADDRESS,
+    REGION,
+    REGION_BYTES,
+    STATUS_ADDRESS,
+    TMR0_ADDRESS,
+)
 from servogen.simulator.program import (
     BREAK,
     D_BIT,
@@ -46,8 +56,8 @@ from servogen.simulator.program import (
 
 LONGEST_WAIT = 64
 """The maximum number of words of a wait."""
-STATUS_ADDRESS, FLAG_BITS = 3, 0b111
-POLLED = (0x05, 0x06, 0x08, 0x0B)
+FLAG_BITS = 0b111
+POLLED = (PORTA_ADDRESS, PORTB_ADDRESS, EEDATA_ADDRESS, INTCON_ADDRESS)
 """Registers that stay the same until an event: ports, EECON1 (and, in the other bank, TRIS and EEDATA),
 INTCON.
 """
@@ -57,7 +67,7 @@ _ROWS = {OPS[row.mnemonic]: row for row in INSTRUCTIONS}
 _IDLE = ("NOP", "CLRWDT")
 _FOR_TMR0 = ("MOVF", "XORWF", "BTFSS")
 """The body of the wait for TMR0 to equal a byte: MOVF TMR0,W; XORWF byte,W; BTFSS STATUS,Z."""
-TMR0_ADDRESS, Z = 0x01, 0x04
+Z = 0x04
 _ON_W_ALONE = frozenset(
     OPS[row.mnemonic]
     for row in INSTRUCTIONS

@@ -29,9 +29,11 @@ from servogen.simulator.layout import (
     HORIZON,
     IN_RESET,
     INTCON,
+    INTCON_ADDRESS,
     NEEDS_STIMULUS,
     NOT_WRITTEN,
     PC,
+    PCL_ADDRESS,
     PCLATH,
     PHASED,
     PRESCALER,
@@ -39,12 +41,13 @@ from servogen.simulator.layout import (
     RECORD,
     SLEEPING,
     STATUS,
+    STATUS_ADDRESS,
     STATUS_UNKNOWN,
     STIM_COUNT,
     STIM_KNOWN,
     STIM_NEXT,
     T0_AT,
-    T0_UNKNOWN,
+    TMR0_UNKNOWN,
     TRACE_COUNT,
     TRACE_FULL,
     TRACE_ROOM,
@@ -106,7 +109,6 @@ ROW = 1024
 C, DC, Z, RP0 = 0x01, 0x02, 0x04, 0x20
 UNWRITABLE = TO | PD
 RAM_FIRST, RAM_END = 0x0C, 0x50
-PCL_ADDRESS, STATUS_ADDRESS = 2, 3
 NO_SLOT = -1
 WAITS, PERIOD_SHIFT, CLEARS_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1, WAITS_BIT + 9
 PERIOD_MASK, SPIN_CLEARS_SHIFT = 0xFF, 16
@@ -267,7 +269,7 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                     elif op == UNTIL and bank == 0 and stays(s, plain, pc):
                         slot = word >> 8 & 127
                         vu = s[slot] >> UNKNOWN_SHIFT
-                        ru = s[T0_UNKNOWN]
+                        ru = s[TMR0_UNKNOWN]
                         # Both known, or both moving with the same phase: only then is the time known at which
                         # they are equal.
                         if vu == ru and (ru == 0 or ru == PHASED):
@@ -349,7 +351,8 @@ def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Cal
                             skip = (v & word >> 16 & 0xFF != 0) == (op == BTFSS)
                             if not skip and word & WAITS and stays(s, plain, pc):
                                 # the GOTO after it leads back here, and nothing changes until then:
-                                limit = min(horizon, t0_news_at(s)) if address & 127 == 0x0B else horizon
+                                flags = address & 127 == INTCON_ADDRESS
+                                limit = min(horizon, t0_news_at(s)) if flags else horizon
                                 period = word >> PERIOD_SHIFT & PERIOD_MASK
                                 turns = max(0, limit - 1 - start) // period
                                 if word >> CLEARS_SHIFT and turns:

@@ -18,6 +18,7 @@ from servogen.simulator.layout import (
     EEADR,
     EEADR_UNKNOWN,
     EECON1,
+    EECON1_ADDRESS,
     EECON1_UNKNOWN,
     EEDATA,
     EEDATA_UNKNOWN,
@@ -29,11 +30,12 @@ from servogen.simulator.layout import (
     USE_REGISTER,
     WARN_EE_ADDRESS,
     WARN_EE_SEQUENCE,
+    WRERR,
 )
 from servogen.simulator.unknown import use
 from servogen.simulator.warn import warn
 
-RD, WR, WREN, WRERR = 0x01, 0x02, 0x04, 0x08
+RD, WR, WREN = 0x01, 0x02, 0x04
 CELLS = 64
 FIRST_KEY, SECOND_KEY = 0x55, 0xAA
 KEY_TO_KEY, KEY_TO_WR = 2, 1
@@ -56,7 +58,7 @@ def eecon2_write(s: Vector, cycle: int, value: int) -> None:
 def eecon1_write(s: Vector, cycle: int, value: int, unknown: int) -> None:
     """Write EECON1: WR and RD can be set, but not cleared, by software (section 3, register EECON1)."""
     if unknown & (EEIF | WREN | WR | RD):
-        use(s, USE_REGISTER, 0x88, unknown >> 8)
+        use(s, USE_REGISTER, EECON1_ADDRESS, unknown >> 8)
     s[EECON1_UNKNOWN] = unknown & WRERR
     before = s[EECON1]
     now = (value & (EEIF | WRERR | WREN)) | (before & WR)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST, STACK_LEVELS
 from servogen.simulator import layout as at
+from servogen.simulator.slots import Future, SlotFacts
 
 
 def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
@@ -24,15 +25,17 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
     now = int(s[at.CYCLE])
     ram = s[RAM_FIRST : RAM_LAST + 1] & 0xFF
     ring = np.roll(s[at.STACK : at.STACK + STACK_LEVELS], -int(s[at.SP]))
-    plain = s[[*_PLAIN]]
-    times = [_after(int(s[slot]), now) for slot in _TIMES]
-    times.append(max(int(s[at.T0_AT]) - now, 0))
+    times = _times(s, _OWN_TIMES)
     times.append(int(s[at.T0_FLAGGED] == now))
-    times.append(max(int(s[at.T0_HELD]) - now, 0))
-    times.append(now - int(s[at.WDT_AT]) if s[at.WDT_PERIOD] else 0)
     if s[at.EE_STEP]:
         times.append(min(now - int(s[at.EE_STEP_AT]), 3))
-    parts = (ram, ring, plain, np.array(times, dtype=np.int64), s[at.EEPROM : at.EEPROM + EEPROM_BYTES])
+    parts = (
+        ram,
+        ring,
+        s[_VALUES],
+        np.array(times, dtype=np.int64),
+        s[at.EEPROM : at.EEPROM + EEPROM_BYTES],
+    )
     return b"".join(part.astype(np.int64).tobytes() for part in parts)
 
 
@@ -41,58 +44,33 @@ def unknown_bits(s: npt.NDArray[np.int64]) -> bytes:
     depend on these.
     """
     ram = s[RAM_FIRST : RAM_LAST + 1] >> at.UNKNOWN_SHIFT & 0xFF
-    masks = [int(s[slot]) & 0xFF for slot in _UNKNOWN_BYTES]
-    masks += [int(s[slot]) for slot in _UNKNOWN_BITS]
-    masks.append(_after(int(s[at.WDT_EARLIEST]), int(s[at.CYCLE])))
-    masks.append(int(s[at.CYCLE] - s[at.WDT_CLEARED]) if s[at.WDT_SHORTEST] else 0)
+    masks = [int(s[mask]) & row.bits for row, mask in at.UNCERTAIN]
+    masks += s[_OTHER_VALUES].tolist()
+    masks += _times(s, _OTHER_TIMES)
     return ram.tobytes() + np.array(masks, dtype=np.int64).tobytes()
 
 
-_UNKNOWN_BYTES = (
-    at.W_UNKNOWN,
-    at.STATUS_UNKNOWN,
-    at.FSR_UNKNOWN,
-    at.T0_UNKNOWN,
-    at.EEDATA_UNKNOWN,
-    at.EEADR_UNKNOWN,
-)
-_UNKNOWN_BITS = (
-    at.PRESCALER_UNKNOWN,
-    at.EECON1_UNKNOWN,
-    at.INTCON_UNKNOWN,
-    at.PINS_UNKNOWN,
-    at.LATCH_UNKNOWN,
-    at.RB_OLD_UNKNOWN,
-)
+def _slots(other_chips: bool) -> tuple[list[int], tuple[SlotFacts, ...]]:
+    """Return the slots whose values count, and the rows of those that hold times."""
+    rows = [row for row in at.ROWS if row.other_chips is other_chips]
+    values = [row.number for row in rows if row.future in (Future.VALUE, Future.STIMULUS)]
+    return values, tuple(row for row in rows if row.future in (Future.MOMENT, Future.UNTIL, Future.SINCE))
 
 
-_PLAIN = (
-    at.PC,
-    at.W,
-    at.STATUS,
-    at.FSR,
-    at.PCLATH,
-    at.INTCON,
-    at.OPTION,
-    at.SLEEPING,
-    at.IN_RESET,
-    at.T0_VALUE,
-    at.PRESCALER,
-    at.LATCH,
-    at.TRIS,
-    at.PINS,
-    at.RB_OLD,
-    at.EXT_MASK,
-    at.EXT_LEVEL,
-    at.EEDATA,
-    at.EEADR,
-    at.EECON1,
-    at.EE_STEP,
-    at.EE_CELL,
-    at.EE_BYTE,
-)
-_TIMES = (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT)
+_VALUES, _OWN_TIMES = _slots(other_chips=False)
+_OTHER_VALUES, _OTHER_TIMES = _slots(other_chips=True)
 
 
-def _after(when: int, now: int) -> int:
-    return -1 if when == at.NEVER else when - now
+def _times(s: npt.NDArray[np.int64], rows: tuple[SlotFacts, ...]) -> list[int]:
+    """Return the times in the slots of `rows`, relative to now."""
+    now = int(s[at.CYCLE])
+    times = []
+    for row in rows:
+        when = int(s[row.number])
+        if row.future is Future.MOMENT:
+            times.append(-1 if when == at.NEVER else when - now)
+        elif row.future is Future.UNTIL:
+            times.append(max(when - now, 0))
+        else:
+            times.append(now - when if s[at.WDT_PERIOD] else 0)
+    return times

@@ -4,9 +4,17 @@ The compiled instruction loop works on one int64 vector, which a snapshot copies
 registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only the RAM is used;
 the special function registers have slots of their own, because few of them are plain bytes. Ports are 13 bits
 wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
+
+`ROWS` has one row per register, count and time in the vector. Power-up, start values, the fingerprint, the
+prover's states and certificates and the texts of warnings are derived from it.
 """
 
 from __future__ import annotations
+
+from types import MappingProxyType
+
+from servogen.pic.device import EEPROM_BYTES, STACK_LEVELS, registers
+from servogen.simulator.slots import ALL_PINS, Future, SlotTable
 
 NEVER = 1 << 62
 """A cycle that is never reached."""
@@ -18,127 +26,163 @@ UNKNOWN_SHIFT = 9
 
 RAM_SLOTS = 128
 
-(
-    # the processor
-    CYCLE,
-    PC,
-    W,
-    STATUS,
-    FSR,
-    PCLATH,
-    INTCON,
-    OPTION,
-    SLEEPING,
-    IN_RESET,
-    # what the instruction loop must stop for: see events.py
-    HORIZON,
-    IRQ_AT,
-    START_UP,
-    AWAKE_AT,
-    # TMR0, prescaler, watchdog: see timer.py
-    T0_AT,
-    T0_VALUE,
-    T0_TICK,
-    T0_FLAGGED,
-    T0_HELD,
-    T0_PHASE,
-    PRESCALER,
-    WDT_AT,
-    WDT_PERIOD,
-    # ports: see ports.py
-    LATCH,
-    TRIS,
-    PINS,
-    RB_OLD,
-    EXT_MASK,
-    EXT_LEVEL,
-    DRIVEN,
-    DRIVEN_HIGH,
-    RA4_PULLED_UP,
-    FLOATING,
-    # data EEPROM: see eeprom.py
-    EEDATA,
-    EEADR,
-    EECON1,
-    EE_STEP,
-    EE_STEP_AT,
-    EE_DONE_AT,
-    EE_CELL,
-    EE_BYTE,
-    EE_TIME,
-    # the stack and its statistics
-    SP,
-    DEPTH,
-    DEEPEST,
-    OVERFLOWS,
-    UNDERFLOWS,
-    # counts for the report
-    RESETS_MCLR,
-    RESETS_MCLR_SLEEP,
-    RESETS_WDT,
-    WAKES_WDT,
-    WAKES_INTERRUPT,
-    INTERRUPTS,
-    EDGES_TOTAL,
-    # buffers shared with the host
-    STIM_NEXT,
-    STIM_COUNT,
-    STIM_KNOWN,
-    EDGE_COUNT,
-    EDGE_LIMIT,
-    TRACE_COUNT,
-    TRACE_ROOM,
-    WARN_COUNT,
-    # bits whose value differs between chips: see unknown.py
-    TRACKED,
-    HERE,
-    W_UNKNOWN,
-    STATUS_UNKNOWN,
-    FSR_UNKNOWN,
-    T0_UNKNOWN,
-    PRESCALER_UNKNOWN,
-    EEDATA_UNKNOWN,
-    EEADR_UNKNOWN,
-    EECON1_UNKNOWN,
-    INTCON_UNKNOWN,
-    PINS_UNKNOWN,
-    LATCH_UNKNOWN,
-    RB_OLD_UNKNOWN,
-    DRIVEN_UNKNOWN,
-    USE_KIND,
-    USE_SUBJECT,
-    USE_SOURCE,
-    USE_PLACE,
-    USE_CYCLE,
-    WDT_SHORTEST,
-    WDT_CLEARED,
-    WDT_EARLIEST,
-    # of the prover: see abstract.py
-    ANY_INPUT,
-    OPTION_WRITES,
-) = range(RAM_SLOTS, RAM_SLOTS + 87)
+PORT_B, RB4_TO_7 = 0xFF << 5, 0xF0 << 5
+C_DC_Z = 0x07  # of STATUS: DS35007 section 2.3.1
+T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
+GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01  # of INTCON: DS35007 section 2.3.3
+WRERR = 0x08  # of EECON1: DS35007 section 3
 
-STACK = 216  # 8 levels: DS35007 section 2.4.1
-EEPROM = 224  # 64 bytes: DS35007 section 3
-VISIT = EEPROM
+_table = SlotTable(RAM_SLOTS)
+
+# The processor. Start values are drawn in the order of the rows (`--start-seed`).
+CYCLE = _table.add("CYCLE")
+PC = _table.add("PC", Future.VALUE, register="PCL", bits=0x1FFF)
+W, W_UNKNOWN = _table.add_uncertain("W", undefined=0xFF, start="w", source="W", merged=True)
+STATUS, STATUS_UNKNOWN = _table.add_uncertain(
+    "STATUS",
+    register="STATUS",
+    power_up=0x18,
+    undefined=C_DC_Z,
+    start="flags",
+    source="C, DC or Z",
+    merged=True,
+)
+FSR, FSR_UNKNOWN = _table.add_uncertain(
+    "FSR", register="FSR", undefined=0xFF, start="fsr", source="FSR", merged=True
+)
+PCLATH = _table.add("PCLATH", Future.VALUE, register="PCLATH", bits=0x1F)
+OPTION = _table.add("OPTION", Future.VALUE, register="OPTION_REG", power_up=0xFF)
+SLEEPING = _table.add("SLEEPING", Future.VALUE)
+IN_RESET = _table.add("IN_RESET", Future.VALUE)
+
+# What the instruction loop must stop for: see events.py.
+HORIZON = _table.add("HORIZON")
+IRQ_AT = _table.add("IRQ_AT", Future.MOMENT, power_up=NEVER)
+START_UP = _table.add("START_UP")
+AWAKE_AT = _table.add("AWAKE_AT", Future.UNTIL)
+
+# TMR0, prescaler, watchdog: see timer.py.
+T0_AT = _table.add("T0_AT", Future.UNTIL, timed=True)
+TMR0, TMR0_UNKNOWN = _table.add_uncertain(
+    "TMR0", register="TMR0", undefined=0xFF, start="tmr0", source="TMR0", timed=True
+)
+T0_TICK = _table.add("T0_TICK", Future.MOMENT, power_up=NEVER, timed=True)
+T0_FLAGGED = _table.add("T0_FLAGGED", Future.SPECIAL, power_up=-1, timed=True)
+T0_HELD = _table.add("T0_HELD", Future.UNTIL, timed=True)
+T0_PHASE = _table.add("T0_PHASE")
+PRESCALER, PRESCALER_UNKNOWN = _table.add_uncertain("PRESCALER", timed=True)
+WDT_AT = _table.add("WDT_AT", Future.SINCE, timed=True)
+WDT_PERIOD = _table.add("WDT_PERIOD")
+WDT_SHORTEST = _table.add("WDT_SHORTEST")
+WDT_CLEARED = _table.add("WDT_CLEARED", Future.SINCE, timed=True, other_chips=True)
+WDT_EARLIEST = _table.add("WDT_EARLIEST", Future.MOMENT, power_up=NEVER, timed=True, other_chips=True)
+
+# Data EEPROM: see eeprom.py.
+EEDATA, EEDATA_UNKNOWN = _table.add_uncertain(
+    "EEDATA", register="EEDATA", undefined=0xFF, start="eedata", source="EEDATA", merged=True
+)
+EEADR, EEADR_UNKNOWN = _table.add_uncertain(
+    "EEADR", register="EEADR", undefined=0xFF, start="eeadr", source="EEADR"
+)
+EECON1, EECON1_UNKNOWN = _table.add_uncertain(
+    "EECON1", register="EECON1", undefined=WRERR, start="wrerr", source="WRERR"
+)
+EE_STEP = _table.add("EE_STEP", Future.VALUE)
+EE_STEP_AT = _table.add("EE_STEP_AT", Future.SPECIAL)
+EE_DONE_AT = _table.add("EE_DONE_AT", Future.MOMENT, power_up=NEVER)
+EE_CELL = _table.add("EE_CELL", Future.VALUE)
+EE_BYTE = _table.add("EE_BYTE", Future.VALUE)
+EE_TIME = _table.add("EE_TIME")
+
+# Interrupts and ports: see interrupts.py, ports.py.
+INTCON, INTCON_UNKNOWN = _table.add_uncertain("INTCON", register="INTCON", undefined=RBIF, start="rbif")
+PINS, PINS_UNKNOWN = _table.add_uncertain("PINS", port="PORT")
+LATCH, LATCH_UNKNOWN = _table.add_uncertain("LATCH", port="LAT", undefined=ALL_PINS, start="latches")
+TRIS = _table.add("TRIS", Future.VALUE, port="TRIS", power_up=ALL_PINS)
+RB_OLD, RB_OLD_UNKNOWN = _table.add_uncertain(
+    "RB_OLD", bits=PORT_B, undefined=RB4_TO_7, start="rb-old", merged=True
+)
+EXT_MASK = _table.add("EXT_MASK", Future.STIMULUS)
+EXT_LEVEL = _table.add("EXT_LEVEL", Future.STIMULUS)
+DRIVEN = _table.add("DRIVEN", Future.VALUE)
+DRIVEN_HIGH = _table.add("DRIVEN_HIGH", Future.VALUE)
+DRIVEN_UNKNOWN = _table.add("DRIVEN_UNKNOWN", Future.VALUE, other_chips=True)
+RA4_PULLED_UP = _table.add("RA4_PULLED_UP")
+FLOATING = _table.add("FLOATING")
+
+# The stack and its statistics.
+SP = _table.add("SP", Future.SPECIAL)
+DEPTH = _table.add("DEPTH", Future.SPECIAL)
+DEEPEST = _table.add("DEEPEST")
+OVERFLOWS = _table.add("OVERFLOWS")
+UNDERFLOWS = _table.add("UNDERFLOWS")
+
+# Counts for the report.
+RESETS_MCLR = _table.add("RESETS_MCLR")
+RESETS_MCLR_SLEEP = _table.add("RESETS_MCLR_SLEEP")
+RESETS_WDT = _table.add("RESETS_WDT")
+WAKES_WDT = _table.add("WAKES_WDT")
+WAKES_INTERRUPT = _table.add("WAKES_INTERRUPT")
+INTERRUPTS = _table.add("INTERRUPTS")
+EDGES_TOTAL = _table.add("EDGES_TOTAL")
+
+# Buffers shared with the host.
+STIM_NEXT = _table.add("STIM_NEXT")
+STIM_COUNT = _table.add("STIM_COUNT")
+STIM_KNOWN = _table.add("STIM_KNOWN", power_up=NEVER)
+EDGE_COUNT = _table.add("EDGE_COUNT")
+EDGE_LIMIT = _table.add("EDGE_LIMIT")
+TRACE_COUNT = _table.add("TRACE_COUNT")
+TRACE_ROOM = _table.add("TRACE_ROOM")
+WARN_COUNT = _table.add("WARN_COUNT")
+
+# The first use of a bit whose value differs between chips: see unknown.py.
+TRACKED = _table.add("TRACKED")
+HERE = _table.add("HERE")
+USE_KIND = _table.add("USE_KIND")
+USE_SUBJECT = _table.add("USE_SUBJECT")
+USE_SOURCE = _table.add("USE_SOURCE")
+USE_PLACE = _table.add("USE_PLACE")
+USE_CYCLE = _table.add("USE_CYCLE")
+
+# Of the prover: see abstract.py.
+ANY_INPUT = _table.add("ANY_INPUT")
+OPTION_WRITES = _table.add("OPTION_WRITES")
+
+ROWS = _table.rows()
+ROW = MappingProxyType({row.name: row for row in ROWS})
+UNCERTAIN = tuple((row, row.unknown) for row in ROWS if row.unknown is not None)
+"""The rows whose bits may be unknown, each with the slot of its unknown bits."""
+NOT_STORED = MappingProxyType({"INDF": "the register that FSR points at", "EECON2": "reads as 0"})
+"""The special function registers without a row, and why they need none."""
+
+# The addresses that compiled code compares with; OPTION_REG, TRISA, TRISB and EECON1 have the low seven bits
+# of TMR0, PORTA, PORTB and EEDATA.
+TMR0_ADDRESS, PCL_ADDRESS, STATUS_ADDRESS, FSR_ADDRESS, PORTA_ADDRESS, PORTB_ADDRESS, EEDATA_ADDRESS = (
+    registers()[name].address for name in ("TMR0", "PCL", "STATUS", "FSR", "PORTA", "PORTB", "EEDATA")
+)
+EEADR_ADDRESS, PCLATH_ADDRESS, INTCON_ADDRESS, OPTION_ADDRESS, EECON1_ADDRESS, EECON2_ADDRESS = (
+    registers()[name].address for name in ("EEADR", "PCLATH", "INTCON", "OPTION_REG", "EECON1", "EECON2")
+)
+
+STACK = _table.block(STACK_LEVELS)
+VISIT = _table.block(0)
 """The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
-WARNINGS = 288
+EEPROM = _table.block(EEPROM_BYTES)
 WARNING_SLOTS, WARNING_FIELDS = 64, 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
 of the instruction."""
-READ_UNWRITTEN = WARNINGS + WARNING_FIELDS * WARNING_SLOTS
+WARNINGS = _table.block(WARNING_FIELDS * WARNING_SLOTS)
+READ_UNWRITTEN = _table.block(RAM_SLOTS)
 """By address: whether the RAM byte was read before it was ever written."""
-DRIVEN_FROM = READ_UNWRITTEN + RAM_SLOTS
+DRIVEN_FROM = _table.block(2 * 13)
 """By pin, two slots: the cycle from which it has been driven with an unknown latch (DRIVEN_UNKNOWN), and the
 address of the instruction."""
-SLOTS = DRIVEN_FROM + 2 * 13
+SLOTS = _table.block(0)
 
 GLITCH = 10
 """The maximum cycles for which a pin may be driven at an unknown level before it is written low: no servo
 responds to such a short pulse."""
-
-T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
-GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01  # of INTCON: DS35007 section 2.3.3
 
 # Edges and stimuli travel as cycle << 8 | pin << 2 | level.
 PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
@@ -169,12 +213,11 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_WATCHDOG,
 ) = range(9)
 
-# Sources of unknown bits (unknown.py). 0x0C to 0x4F are the RAM bytes; pins are added to FLOATING_PIN and
-# UNWRITTEN_LATCH.
-SOURCE_W, SOURCE_FSR, SOURCE_FLAGS, SOURCE_TMR0, SOURCE_EEDATA, SOURCE_EEADR, SOURCE_WRERR = range(1, 8)
-SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = 8, 9, 10
+# Sources of unknown bits (unknown.py). 1 to 0x0B are those of the table's rows, 0x0C to 0x4F the RAM bytes;
+# pins are added to FLOATING_PIN and UNWRITTEN_LATCH.
+SOURCE_TMR0, SOURCE_EEADR, SOURCE_WRERR = (ROW[name].source for name in ("TMR0", "EEADR", "EECON1"))
 FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
-SOURCE_PHASE = 0x70
+SOURCE_PHASE, SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = range(0x70, 0x74)
 PHASED = 0xFF | SOURCE_PHASE << 8
 """The unknown bits and source of a byte that is its value plus φ."""
 

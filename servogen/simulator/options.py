@@ -6,19 +6,11 @@ from dataclasses import dataclass
 
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.device import DEVICES, RAM_FIRST, RAM_LAST, device
+from servogen.simulator.layout import ROWS
 
 START_VALUES = {
     "ram": 0xFF,
-    "w": 0xFF,
-    "fsr": 0xFF,
-    "flags": 0x07,
-    "tmr0": 0xFF,
-    "latches": 0x1FFF,
-    "eedata": 0xFF,
-    "eeadr": 0xFF,
-    "wrerr": 1,
-    "rbif": 1,
-    "rb-old": 0x0F,
+    **{row.start: row.undefined >> row.shift for row in ROWS if row.start},
     **{f"0x{address:02X}": 0xFF for address in range(RAM_FIRST, RAM_LAST + 1)},
 }
 """Everything without a value at power-up (marked "x" in table 6-4), with its largest value: the whole RAM or

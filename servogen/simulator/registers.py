@@ -12,19 +12,30 @@ from servogen.simulator.eeprom import eecon1_write, eecon2_write
 from servogen.simulator.interrupts import note_flags
 from servogen.simulator.layout import (
     EEADR,
+    EEADR_ADDRESS,
     EEADR_UNKNOWN,
     EECON1,
+    EECON1_ADDRESS,
+    EECON2_ADDRESS,
     EEDATA,
+    EEDATA_ADDRESS,
     EEDATA_UNKNOWN,
     FSR,
+    FSR_ADDRESS,
     FSR_UNKNOWN,
     INTCON,
+    INTCON_ADDRESS,
     INTCON_UNKNOWN,
     OPTION,
+    OPTION_ADDRESS,
     PCLATH,
+    PCLATH_ADDRESS,
     PINS,
     PINS_UNKNOWN,
-    T0_UNKNOWN,
+    PORTA_ADDRESS,
+    PORTB_ADDRESS,
+    TMR0_ADDRESS,
+    TMR0_UNKNOWN,
     TRACKED,
     TRIS,
     USE_REGISTER,
@@ -50,32 +61,32 @@ BANK_1 = 0x80
 def read_register(s: Vector, address: int, at: int, bits: int) -> int:
     """Return a register's value and, above bit 7, its unknown bits with the source of one of `bits`."""
     low = address & 0x7F
-    if low == 0x06:
+    if low == PORTB_ADDRESS:
         if address & BANK_1:
             return s[TRIS] >> B_SHIFT
         read_port_b(s)
         return s[PINS] >> B_SHIFT | unknown_of_port(s, B, bits) << 8
-    if low == 0x05:
+    if low == PORTA_ADDRESS:
         if address & BANK_1:
             return s[TRIS] & A
         return s[PINS] & A | unknown_of_port(s, A, bits) << 8
-    if low == 0x0B:
+    if low == INTCON_ADDRESS:
         t0_sync(s, at)
         unknown = s[INTCON_UNKNOWN]
         if unknown:
             unknown |= source_of_flag(s, unknown & bits if unknown & bits else unknown) << 8
         return s[INTCON] | unknown << 8
-    if low == 0x04:
+    if low == FSR_ADDRESS:
         return s[FSR] | s[FSR_UNKNOWN] << 8
-    if low == 0x01:
-        return s[OPTION] if address & BANK_1 else t0_read(s, at) | s[T0_UNKNOWN] << 8
-    if low == 0x0A:
+    if low == TMR0_ADDRESS:
+        return s[OPTION] if address & BANK_1 else t0_read(s, at) | s[TMR0_UNKNOWN] << 8
+    if low == PCLATH_ADDRESS:
         return s[PCLATH]
-    if low == 0x08:
+    if low == EEDATA_ADDRESS:
         if address & BANK_1:
             return s[EECON1] | wrerr_source(s) << 8
         return s[EEDATA] | s[EEDATA_UNKNOWN] << 8
-    if address == 0x09:
+    if address == EEADR_ADDRESS:
         return s[EEADR] | s[EEADR_UNKNOWN] << 8
     return 0
 
@@ -88,22 +99,22 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, 
     `unknown` holds the unknown bits of `value`.
     """
     low = address & 0x7F
-    if low == 0x04:
+    if low == FSR_ADDRESS:
         s[FSR] = value
         s[FSR_UNKNOWN] = unknown
         return False
-    if low == 0x0A:
+    if low == PCLATH_ADDRESS:
         s[PCLATH] = value & 0x1F
         if unknown & 0x1F:
             use(s, USE_REGISTER, address, unknown >> 8)
         return False
-    if low == 0x06 or low == 0x05:
-        port = B if low == 0x06 else A
+    if low == PORTB_ADDRESS or low == PORTA_ADDRESS:  # noqa: SIM109 - a tuple is an object in compiled code
+        port = B if low == PORTB_ADDRESS else A
         if address & BANK_1:
             tris_write(s, edges, at, port, value, unknown)
         else:
             port_write(s, edges, at, port, value, unknown)
-    elif low == 0x0B:
+    elif low == INTCON_ADDRESS:
         t0_sync(s, at)
         s[INTCON] = value
         s[INTCON_UNKNOWN] = unknown & 0x07
@@ -114,7 +125,7 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, 
             flags_in_doubt(s, s[PINS_UNKNOWN])
             doubt(s, t0_runs(s))
         note_flags(s, at + 1)
-    elif low == 0x01:
+    elif low == TMR0_ADDRESS:
         if address & BANK_1:
             write_option(s, at, value, unknown)
         else:
@@ -122,15 +133,15 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, 
             if s[TRACKED]:
                 flags_in_doubt(s, s[PINS_UNKNOWN])
                 doubt(s, t0_runs(s))
-    elif address == 0x08:
+    elif address == EEDATA_ADDRESS:
         s[EEDATA] = value
         s[EEDATA_UNKNOWN] = unknown
-    elif address == 0x88:
+    elif address == EECON1_ADDRESS:
         eecon1_write(s, at, value, unknown)
-    elif address == 0x09:
+    elif address == EEADR_ADDRESS:
         s[EEADR] = value
         s[EEADR_UNKNOWN] = unknown
-    elif address == 0x89:
+    elif address == EECON2_ADDRESS:
         if unknown:
             use(s, USE_REGISTER, address, unknown >> 8)
         eecon2_write(s, at, value)
@@ -141,7 +152,7 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, 
 def write_option(s: Vector, at: int, value: int, unknown: int) -> None:
     """Write OPTION_REG, by either instruction: prescaler, timer and pull-ups change in the next cycle."""
     if unknown:
-        use(s, USE_REGISTER, BANK_1 | 0x01, unknown >> 8)
+        use(s, USE_REGISTER, OPTION_ADDRESS, unknown >> 8)
     option_write(s, at + 1, value)
     settle(s, at + 1)
     if s[TRACKED]:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import Diagnostic
-from servogen.pic.device import EEPROM_BYTES, RAM_BYTES, RAM_FIRST, RAM_LAST, STACK_LEVELS
+from servogen.pic.device import EEPROM_BYTES, RAM_BYTES, RAM_FIRST, RAM_LAST, STACK_LEVELS, registers
 from servogen.simulator import layout as at
 from servogen.simulator.warnings import subjects
 from servogen.units import Cycles
@@ -131,18 +131,9 @@ def _watchdog_at(s: npt.NDArray[np.int64]) -> Cycles | None:
 
 
 def _registers(s: npt.NDArray[np.int64]) -> dict[str, int]:
-    ports = {name: int(s[slot]) for name, slot in (("PORT", at.PINS), ("LAT", at.LATCH), ("TRIS", at.TRIS))}
-    split = {f"{name}A": value & 0x1F for name, value in ports.items()}
-    split |= {f"{name}B": value >> 5 for name, value in ports.items()}
-    plain = {
-        "TMR0": at.T0_VALUE,
-        "STATUS": at.STATUS,
-        "FSR": at.FSR,
-        "EEDATA": at.EEDATA,
-        "EEADR": at.EEADR,
-        "PCLATH": at.PCLATH,
-        "INTCON": at.INTCON,
-        "OPTION_REG": at.OPTION,
-        "EECON1": at.EECON1,
-    }
-    return {"PCL": int(s[at.PC]) & 0xFF, "EECON2": 0} | split | {k: int(s[v]) for k, v in plain.items()}
+    ports = {row.port: int(s[row.number]) for row in at.ROWS if row.port}
+    values = {"PCL": int(s[at.PC]) & 0xFF, "EECON2": 0}
+    values |= {f"{name}A": value & 0x1F for name, value in ports.items()}
+    values |= {f"{name}B": value >> 5 for name, value in ports.items()}
+    slots = {row.register: row.number for row in at.ROWS if row.register and row.register not in values}
+    return values | {name: int(s[slots[name]]) for name in registers() if name in slots}

@@ -1,6 +1,6 @@
 """TMR0, its prescaler and the watchdog that shares it. Compiled.
 
-DS35007 section 5 and 6.10; timing DS30430 figures 6-2 to 6-4. Nothing counts cycle by cycle: `T0_VALUE` and
+DS35007 section 5 and 6.10; timing DS30430 figures 6-2 to 6-4. Nothing counts cycle by cycle: `TMR0` and
 `PRESCALER` are what the counters held at the anchor `T0_AT`, and with the internal clock the rest follows
 from the cycle. Before the anchor (the two cycles after a write) the timer stands still.
 
@@ -34,9 +34,9 @@ from servogen.simulator.layout import (
     T0_HELD,
     T0_PHASE,
     T0_TICK,
-    T0_UNKNOWN,
-    T0_VALUE,
     T0CS,
+    TMR0,
+    TMR0_UNKNOWN,
     USE_KIND,
     WDT_AT,
     WDT_CLEARED,
@@ -69,10 +69,10 @@ def t0_runs(s: Vector) -> bool:
 def t0_read(s: Vector, cycle: int) -> int:
     """Return what an instruction in `cycle` reads from TMR0."""
     if not t0_runs(s) or cycle <= s[T0_AT]:
-        return s[T0_VALUE]
+        return s[TMR0]
     shift = t0_shift(s)
     ticks = (s[PRESCALER] & ((1 << shift) - 1)) + cycle - s[T0_AT]
-    return (s[T0_VALUE] + (ticks >> shift)) & 0xFF
+    return (s[TMR0] + (ticks >> shift)) & 0xFF
 
 
 @compiled
@@ -81,7 +81,7 @@ def t0_flag_at(s: Vector) -> int:
     if not t0_runs(s):
         return NEVER
     shift = t0_shift(s)
-    ticks = ((256 - s[T0_VALUE]) << shift) - (s[PRESCALER] & ((1 << shift) - 1))
+    ticks = ((256 - s[TMR0]) << shift) - (s[PRESCALER] & ((1 << shift) - 1))
     due = s[T0_AT] + ticks - FLAG_AHEAD
     if due <= s[T0_FLAGGED]:  # this overflow's flag was seen ahead of it, and has been set
         due += 256 << shift
@@ -95,7 +95,7 @@ def t0_news_at(s: Vector) -> int:
 
     Once a use of an unknown value has been noted, possible settings no longer matter.
     """
-    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_runs(s):
+    if s[TMR0_UNKNOWN] and s[USE_KIND] == 0 and t0_runs(s):
         shift = t0_shift(s)
         if s[PRESCALER_UNKNOWN] & ((1 << shift) - 1):
             return s[T0_AT]
@@ -106,7 +106,7 @@ def t0_news_at(s: Vector) -> int:
 @compiled
 def t0_sync(s: Vector, cycle: int) -> None:
     """Move the anchor to `cycle`, and set T0IF if it was due by then."""
-    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= cycle:
+    if s[TMR0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= cycle:
         timer_flag_in_doubt(s)
     due = t0_flag_at(s)
     if due <= cycle:
@@ -125,7 +125,7 @@ def t0_advance(s: Vector, cycle: int) -> None:
     value = t0_read(s, cycle)
     if not s[OPTION] & PSA:
         s[PRESCALER] = (s[PRESCALER] + cycle - s[T0_AT]) & 0xFF
-    s[T0_VALUE] = value
+    s[TMR0] = value
     s[T0_AT] = cycle
 
 
@@ -133,8 +133,8 @@ def t0_advance(s: Vector, cycle: int) -> None:
 def t0_write(s: Vector, cycle: int, value: int, unknown: int) -> None:
     """Write TMR0 by an instruction in `cycle`; "increment is inhibited" (DS35007 section 5)."""
     t0_sync(s, cycle)
-    s[T0_VALUE] = value
-    s[T0_UNKNOWN] = unknown
+    s[TMR0] = value
+    s[TMR0_UNKNOWN] = unknown
     # An anchor in the future: until then the timer reads the written value and counts nothing.
     s[T0_AT] = cycle + INHIBITED
     s[T0_HELD] = cycle + INHIBITED
@@ -153,10 +153,10 @@ def t0_external(s: Vector, cycle: int) -> None:
         s[PRESCALER] = (s[PRESCALER] + 1) & 0xFF
         if s[PRESCALER] & ((1 << shift) - 1):
             return
-    s[T0_VALUE] = (s[T0_VALUE] + 1) & 0xFF
-    if s[T0_UNKNOWN]:
+    s[TMR0] = (s[TMR0] + 1) & 0xFF
+    if s[TMR0_UNKNOWN]:
         timer_flag_in_doubt(s)
-    if s[T0_VALUE] == 0:
+    if s[TMR0] == 0:
         s[INTCON] |= T0IF
         note_flags(s, cycle)
 
@@ -247,7 +247,7 @@ def option_write(s: Vector, cycle: int, value: int) -> None:
     if s[PRESCALER_UNKNOWN] & (division - 1) and value & PSA and s[WDT_SHORTEST]:
         s[WDT_EARLIEST] = cycle
     if s[PRESCALER_UNKNOWN] & (division - 1) and not value & PSA:
-        s[T0_UNKNOWN] = 0xFF | SOURCE_PRESCALER << 8
+        s[TMR0_UNKNOWN] = 0xFF | SOURCE_PRESCALER << 8
     s[T0_AT] = max(s[T0_AT], cycle)
     if value & T0CS == 0:
         s[T0_TICK] = NEVER

@@ -38,9 +38,9 @@ from servogen.simulator.layout import (
     SOURCE_RB_CHANGE,
     SOURCE_TMR0,
     SOURCE_WRERR,
-    T0_UNKNOWN,
     T0CS,
     T0IF,
+    TMR0_UNKNOWN,
     USE_CYCLE,
     USE_INTERRUPT,
     USE_KIND,
@@ -170,7 +170,7 @@ def flags_in_doubt(s: Vector, pins: int) -> None:
     if pins & 1 << 5 and not s[INTCON] & INTF & ~s[INTCON_UNKNOWN]:
         s[INTCON_UNKNOWN] |= INTF
     if pins & 1 << 4 and s[OPTION] & T0CS and not s[SLEEPING]:
-        s[T0_UNKNOWN] = 0xFF | (FLOATING_PIN + 4) << 8
+        s[TMR0_UNKNOWN] = 0xFF | (FLOATING_PIN + 4) << 8
         if not s[OPTION] & PSA:
             s[PRESCALER_UNKNOWN] = 0xFF
         timer_flag_in_doubt(s)
@@ -187,7 +187,7 @@ def timer_flag_in_doubt(s: Vector) -> None:
 def source_of_flag(s: Vector, flags: int) -> int:
     """Return why one of these bits of INTCON is unknown."""
     if flags & T0IF:
-        return s[T0_UNKNOWN] >> 8 if s[T0_UNKNOWN] else SOURCE_TMR0
+        return s[TMR0_UNKNOWN] >> 8 if s[TMR0_UNKNOWN] else SOURCE_TMR0
     return FLOATING_PIN + 5 if flags & INTF else SOURCE_RB_CHANGE
 
 
@@ -216,8 +216,8 @@ def doubt(s: Vector, counts: bool) -> None:
     flags = enabled & s[INTCON_UNKNOWN]
     if flags:
         use(s, USE_INTERRUPT, flags, source_of_flag(s, flags))
-    elif counts and enabled & T0IF and s[T0_UNKNOWN]:
-        use(s, USE_INTERRUPT, T0IF, s[T0_UNKNOWN] >> 8)
+    elif counts and enabled & T0IF and s[TMR0_UNKNOWN]:
+        use(s, USE_INTERRUPT, T0IF, s[TMR0_UNKNOWN] >> 8)
 
 
 @compiled

@@ -85,16 +85,7 @@ _USES = {
     at.USE_INTERRUPT: "an interrupt depends on it",
     at.USE_WAKE: "the end of SLEEP depends on it",
 }
-_SOURCES = {
-    at.SOURCE_W: "W",
-    at.SOURCE_FSR: "FSR",
-    at.SOURCE_FLAGS: "C, DC or Z",
-    at.SOURCE_TMR0: "TMR0",
-    at.SOURCE_PHASE: "TMR0",
-    at.SOURCE_EEDATA: "EEDATA",
-    at.SOURCE_EEADR: "EEADR",
-    at.SOURCE_WRERR: "WRERR",
-}
+_SOURCES = {row.source: row.source_name for row in at.ROWS if row.source} | {at.SOURCE_PHASE: "TMR0"}
 
 
 def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Diagnostic, ...]:

@@ -244,7 +244,7 @@ def uncovered(
             yield f"seed {seed}: cycle {cycle}: no state of the certificate contains this one"
 
 
-SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.T0: at.T0_VALUE, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
+SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.T0: at.TMR0, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
 SLOTS |= {slot: slot for slot in range(chip.RAM, chip.RAM_END)}
 SLOTS |= {chip.STATUS: at.STATUS, chip.INTCON: at.INTCON, chip.EECON1: at.EECON1}
 """The simulator's slots of the checker's."""

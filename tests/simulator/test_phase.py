@@ -57,13 +57,13 @@ def test_every_phase_lies_in_what_the_tracked_chip_says(seed: int) -> None:
     chip = prepared(words, tracked=True)
     tracked = chip._s
     cells = {}  # slot: (value, unknown bits)
-    for slot in (*BYTES, layout.W, layout.T0_VALUE):
-        kind = rng.randrange(3) if slot != layout.T0_VALUE else 2
+    for slot in (*BYTES, layout.W, layout.TMR0):
+        kind = rng.randrange(3) if slot != layout.TMR0 else 2
         cells[slot] = (rng.randrange(256), (0, rng.choice((0x81, 0xFF, 0x0F)) | 1 << 8, PHASED)[kind])
     for slot in BYTES:
         tracked[slot] = cells[slot][0] | cells[slot][1] << layout.UNKNOWN_SHIFT
     tracked[layout.W], tracked[layout.W_UNKNOWN] = cells[layout.W]
-    tracked[layout.T0_VALUE], tracked[layout.T0_UNKNOWN] = cells[layout.T0_VALUE]
+    tracked[layout.TMR0], tracked[layout.TMR0_UNKNOWN] = cells[layout.TMR0]
     tracked[layout.STATUS_UNKNOWN] = 0
     chip.run(LENGTH)
     for _ in range(12):

@@ -32,6 +32,6 @@ def test_a_visit_is_the_state_at_a_stop(few: bool) -> None:
         for row, state in zip(noted, stops, strict=True):
             assert [row[getattr(at, slot)] for slot in NAMES] == [getattr(state, n) for n in NAMES.values()]
             assert (row[0x0C:0x50] & 0xFF).tolist() == list(state.ram)
-            assert row[at.T0_VALUE] == state.registers["TMR0"]
+            assert row[at.TMR0] == state.registers["TMR0"]
         found += len(stops)
     assert found > 500

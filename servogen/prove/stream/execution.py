@@ -12,18 +12,29 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.isa import encode
 from servogen.pic.known_values import DecodedWord, Undefined, word_of
 from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
+from servogen.simulator.layout import ROWS
 
-INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, PCLATH, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 11
+INDF, TMR0, PCL, STATUS, FSR, PCLATH, INTCON = (
+    registers()[name].address for name in ("INDF", "TMR0", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
+)
+PORTA, PORTB, OPTION, EEDATA, EEADR, EECON1, EECON2 = (
+    registers()[name].address
+    for name in ("PORTA", "PORTB", "OPTION_REG", "EEDATA", "EEADR", "EECON1", "EECON2")
+)
 BANK_1 = 0x80
-OPTION, TRISA, TRISB, EECON1, EECON2 = BANK_1 | TMR0, BANK_1 | PORTA, BANK_1 | PORTB, BANK_1 | 8, BANK_1 | 9
 EEPROM = 0x100
 """The place of the EEPROM's first byte."""
-IN_BOTH_BANKS = (PCL, STATUS, FSR, PCLATH, INTCON)
-VOLATILE = (TMR0, PORTA, PORTB)
+IN_BOTH_BANKS = tuple(registers()[name].address for name in BOTH_BANKS if name != "INDF")
+KEPT = frozenset(register.address for row in ROWS for register in row.registers)
+"""The registers that a program can read."""
+VOLATILE = frozenset(
+    register.address for row in ROWS if row.timed or row.name == "PINS" for register in row.registers
+)
+"""Those of them that time and the pins change."""
 RD, WR, WREN, GIE = 0, 1, 2, 7
 RP0 = 5
 MAX_STEPS = 60_000
@@ -226,9 +237,7 @@ class Execution:
         return self.byte(state, place)
 
     def _exists(self, place: int) -> bool:
-        return (
-            place in (*IN_BOTH_BANKS, EEDATA, EEADR, OPTION, TRISA, TRISB) or RAM_FIRST <= place <= RAM_LAST
-        )
+        return place in KEPT or RAM_FIRST <= place <= RAM_LAST
 
     def status(self, state: SymbolicState) -> Bits:
         """Return the byte STATUS."""
