@@ -26,14 +26,13 @@ FRAME_NUMBER, PLACE, WIDTH = range(chip.SLOTS, chip.SLOTS + 3)
 place in the list.
 """
 RAM = {f"ram.{address:02x}": address for address in range(chip.RAM, chip.RAM_END)}
-FREE = RAM | {"w": chip.W, "fsr": chip.FSR, "tmr0": chip.T0, "eedata": chip.EEDATA, "eeadr": chip.EEADR}
-"""Columns of cells of which any bit may be unknown, and which may move with φ."""
-CELLS = {"status": (chip.STATUS, 0xFF), "porta": (chip.PORTA, 0x1F), "portb": (chip.PORTB, 0xFF),
-         "pclath": (chip.PCLATH, 0x1F), "intcon": (chip.INTCON, 0x07), "eecon1": (chip.EECON1, 0x08),
-         **{name: (slot, 0xFF) for name, slot in FREE.items()}}  # fmt: skip
+FREE = RAM.keys() | {row.column for row in chip.REGISTERS if row.moves}
+"""Columns of cells that may move with φ."""
+CELLS = {row.column: (row.slot, row.unknown) for row in chip.REGISTERS if row.unknown}
+CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
-NUMBERS = {"pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "option": (chip.OPTION, 0xFF),
-           "trisa": (chip.TRISA, 0x1F), "trisb": (chip.TRISB, 0xFF), "prescaler": (chip.T0_ZERO, 0xFF),
+NUMBERS = {**{row.column: (row.slot, row.largest) for row in chip.REGISTERS if not row.unknown},
+           "pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "prescaler": (chip.T0_ZERO, 0xFF),
            "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (chip.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip

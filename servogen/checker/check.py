@@ -31,11 +31,10 @@ DUE, ORIGIN, COLUMNS = range(WIDTH, WIDTH + 3)
 """Columns beside those of a certificate: the run of equal frames whose edges are due, and the listed state
 from which the run began (-1: power-up).
 """
-BYTES = [*range(chip.RAM, chip.RAM_END), chip.STATUS, chip.FSR, chip.PORTA, chip.PORTB, chip.EEDATA,
-         chip.EEADR, chip.PCLATH, chip.INTCON, chip.EECON1, chip.W, chip.T0]  # fmt: skip
+BYTES = [*range(chip.RAM, chip.RAM_END), *(row.slot for row in chip.REGISTERS if row.unknown)]
 """The slots of cells; TMR0's is the last one."""
-EXACT = [chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.FRAME, FRAME_NUMBER, PLACE,
-         *range(chip.STACK, chip.SLOTS)]  # fmt: skip
+EXACT = [chip.PC, chip.DEPTH, *(row.slot for row in chip.REGISTERS if not row.unknown), chip.FRAME,
+         FRAME_NUMBER, PLACE, *range(chip.STACK, chip.SLOTS)]  # fmt: skip
 """What must be the same in a state and in the listed one that contains it, besides cells and TMR0's count."""
 CHIP, ALWAYS = np.arange(COLUMNS) < chip.SLOTS, np.arange(COLUMNS) <= DUE
 ALWAYS[[chip.W, *range(chip.RAM, chip.RAM_END), FRAME_NUMBER, PLACE]] = False
@@ -158,10 +157,10 @@ class Checker:
     def _power_up(self) -> Ints:
         """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
         s = np.zeros(COLUMNS, dtype=np.int64)
-        s[BYTES] = s[chip.GIVEN] = chip.UNKNOWN
-        s[[chip.PORTA, chip.STATUS]] = 0x1F00  # TO and PD differ between resets
-        s[[chip.PCLATH, chip.INTCON, chip.EECON1]] = 0, 0, 0x0800
-        s[[chip.OPTION, chip.TRISA, chip.TRISB, chip.FRAME]] = 0xFF, 0x1F, 0xFF, chip.BEFORE
+        s[chip.RAM : chip.RAM_END] = s[chip.GIVEN] = chip.UNKNOWN
+        for row in chip.REGISTERS:
+            s[row.slot] = row.reset
+        s[chip.FRAME] = chip.BEFORE
         s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = chip.NEVER
         chip.plan_time_out(s, self._board, 0, 0)
         frame, memory = self._plan.first

@@ -43,6 +43,41 @@ UNKNOWN = 0xFF00
 NEVER = 1 << 60
 BEFORE = -NEVER
 """`FRAME`, the cycle in which the frame began, before the first pulse."""
+
+
+class RegisterSlot(NamedTuple):
+    """A slot that programs can access, and its column in certificates."""
+
+    slot: int
+    column: str
+    reset: int
+    """After any reset (DS35007 table 6-4)."""
+    unknown: int = 0
+    """The bits that may be unknown; 0 of a number, which is not a cell."""
+    largest: int = 0
+    """The largest value of a number."""
+    moves: bool = False
+    """Whether it may move with φ."""
+    both_banks: bool = False
+
+
+REGISTERS = (
+    RegisterSlot(W, "w", UNKNOWN, unknown=0xFF, moves=True),
+    RegisterSlot(STATUS, "status", 0x1F00, unknown=0xFF, both_banks=True),  # TO and PD differ between resets
+    RegisterSlot(FSR, "fsr", UNKNOWN, unknown=0xFF, moves=True, both_banks=True),
+    RegisterSlot(PORTA, "porta", 0x1F00, unknown=0x1F),
+    RegisterSlot(PORTB, "portb", UNKNOWN, unknown=0xFF),
+    RegisterSlot(EEDATA, "eedata", UNKNOWN, unknown=0xFF, moves=True),
+    RegisterSlot(EEADR, "eeadr", UNKNOWN, unknown=0xFF, moves=True),
+    RegisterSlot(PCLATH, "pclath", 0, unknown=0x1F, both_banks=True),
+    RegisterSlot(INTCON, "intcon", 0, unknown=0x07, both_banks=True),
+    RegisterSlot(EECON1, "eecon1", 0x0800, unknown=0x08),
+    RegisterSlot(T0, "tmr0", UNKNOWN, unknown=0xFF, moves=True),
+    RegisterSlot(OPTION, "option", 0xFF, largest=0xFF),
+    RegisterSlot(TRISA, "trisa", 0x1F, largest=0x1F),
+    RegisterSlot(TRISB, "trisb", 0xFF, largest=0xFF),
+)
+"""Cells first, of these TMR0 last."""
 READ, WRITTEN = 1, 2
 """What `run` notes of W and each byte of RAM: that it was read before it was written; that it was written."""
 
@@ -170,11 +205,12 @@ def result_table() -> npt.NDArray[np.int16]:
 def slot_table() -> Ints:
     """Return the slot of each address: a register of both banks, or of one; NOWHERE for those without."""
     slots = np.full(256, NOWHERE)
-    for low in (PCL, STATUS, FSR, PCLATH, INTCON, *range(RAM, RAM_END)):
+    for row in REGISTERS:
+        if row.slot != W:
+            slots[row.slot if row.slot < BANK_1 else row.slot - BANK_1 | 0x80] = row.slot
+    both = [row.slot for row in REGISTERS if row.both_banks]
+    for low in (PCL, *both, *range(RAM, RAM_END)):
         slots[[low, low | 0x80]] = low
-    for low in (T0, PORTA, PORTB, EEDATA):
-        slots[[low, low | 0x80]] = low, low + BANK_1
-    slots[EEADR] = EEADR
     return slots
 
 
