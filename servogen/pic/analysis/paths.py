@@ -27,6 +27,7 @@ from servogen.pic.analysis.state import (
     PORT_BITS,
     PORTA,
     PRESERVED,
+    T0IE,
     TRISA,
     TRISB,
     AbstractState,
@@ -149,6 +150,8 @@ class Paths:
     """Instructions that write TMR0, and the values that they write."""
     options: Value = field(default_factory=lambda: values.constant(0xFF))
     """The values that OPTION_REG may have at any time."""
+    timer_options: Value | None = None
+    """The values that it may have while TMR0's interrupt is enabled; None if that never is."""
     interrupts: bool = False
 
 
@@ -453,9 +456,14 @@ class PathExplorer:
     ) -> None:
         paths = self.paths
         paths.interrupts = True
+        sources = 0
         for member in state.get(INTCON):
             if member & GIE:
-                paths.interrupt_sources |= member & 0x78
+                sources |= member & 0x78
+        paths.interrupt_sources |= sources
+        if sources & T0IE:
+            option = state.get(OPTION)
+            paths.timer_options = option if paths.timer_options is None else paths.timer_options | option
         if inside:
             paths.nested_interrupts.add(address)
             return

@@ -28,8 +28,8 @@ PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
 """First pin and number of pins of each port."""
 _FIVE_BITS = (TRISA, PCLATH)
 """Registers whose upper three bits are read as 0 (DS35007 figure 2-2)."""
-GIE, ENABLES = 0x80, 0x78
-"""Bits of INTCON: the global enable; EEIE, T0IE, INTE, RBIE."""
+GIE, T0IE, ENABLES = 0x80, 0x20, 0x78
+"""Bits of INTCON: the global enable; TMR0's; EEIE, T0IE, INTE, RBIE."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
 """The bits of STATUS that are tracked."""
 _FLAGS = frozenset(_FLAG_PLACES.values())

@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from servogen.pic.analysis.paths import ERASED, Paths, in_memory
+from servogen.pic.analysis.state import INTCON, T0IE
 from servogen.pic.analysis.values import Value
 from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import decode
@@ -27,7 +28,7 @@ LATENCY = 4
 """The maximum cycles from a request to the first instruction of the interrupt's code (DS35007 section
 6.9).
 """
-T0IE, T0IF_BIT, INTCON = 0x20, 2, 11
+T0IF_BIT = 2
 PSA, T0CS = 0x08, 0x20
 SOURCES = {0x40: "the EEPROM", 0x20: "TMR0", 0x10: "RB0/INT", 0x08: "a change of RB4 to RB7"}
 """The interrupts by their enable bits in INTCON (DS35007 section 2.3.3)."""
@@ -162,13 +163,12 @@ class ProgramTimes:
 
     def _overflow_period(self) -> tuple[int | None, str]:
         """Return the minimum number of cycles between two overflows of TMR0, or why it is not known."""
-        options = self._paths.options
-        # 0xFF is the value after a reset: a program is taken to set the timer up before it enables the
-        # interrupt.
-        used = [member for member in options if member != 0xFF] or [0xFF]
-        if any(member & T0CS for member in used):
+        # Only what OPTION_REG may be while the interrupt is enabled counts: after a reset it lets TMR0 count
+        # the pulses of RA4.
+        options = self._paths.timer_options
+        if options is None or any(member & T0CS for member in options):
             return None, "TMR0 counts pulses of RA4"
-        prescale = min(1 if member & PSA else 2 << (member & 7) for member in used)
+        prescale = min(1 if member & PSA else 2 << (member & 7) for member in options)
         written: Value | None = None
         for value in self._paths.timer_writes.values():
             written = value if written is None else written | value

@@ -328,6 +328,11 @@ def test_interrupts_of_tmr0_are_added_as_often_as_they_can_come() -> None:
         (("bcf INTCON, 2", "nop"), "without clearing T0IF"),
         (("swapf 0x41, w", "nop"), "does not restore"),
         (("movlw 0x88", "movlw 0x28"), "counts pulses of RA4"),
+        # Enabled before TMR0 has its clock: until then it counts at whatever rate RA4 has.
+        (
+            ("bsf STATUS, 5\n movlw 0x88", "movlw 0xA0\n movwf INTCON\n bsf STATUS, 5\n movlw 0x88"),
+            "counts pulses of RA4",
+        ),
         (("clrf TMR0", "movwf TMR0"), "writes to TMR0 is not known"),
         (("begin\n", "begin\n movlw 250\n movwf TMR0\n"), "leaves no time"),
     ],
