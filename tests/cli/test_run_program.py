@@ -34,8 +34,13 @@ def program(tmp_path: Path) -> str:
 
 def test_each_command_that_takes_time_is_a_row(app: typer.Typer, program: str) -> None:
     shown = CliRunner().invoke(app, ["run-program", program, "--input", "5=3"]).output
-    rows = [line.split()[:2] for line in shown.splitlines() if line.split()[:1] in (["10"], ["30"], ["40"])]
-    assert rows == [["10", "MO"], ["30", "GC"], ["40", "IN"]]
+    rows = [line.split() for line in shown.splitlines() if line.split()[:1] in (["10"], ["30"], ["40"])]
+    assert [(*row[:2], row[-1]) for row in rows] == [
+        ("10", "MO", "open"),
+        ("30", "GC", "closed"),
+        ("40", "IN", "closed"),
+    ]
+    assert rows[0][-6:-1] == ["0.0", "300.0", "200.0", "-90.0", "90.0"]
     assert "&05" in shown
 
 

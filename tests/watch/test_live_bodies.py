@@ -76,6 +76,7 @@ def test_a_standing_robot_stands_on_six_feet_that_carry_its_weight(on_command: S
     points = np.array(found["points"]).reshape(sum(counts), 3)
     feet = points[model["feet"]]
     assert feet[:, 2] / 10 == pytest.approx(0, abs=0.5), "of each leg the lowest point is its foot"
+    assert feet[:, :2].mean(axis=0) / 10 == pytest.approx(np.array(found["pose"][:2]) / 10, abs=3)
     assert (points[len(feet) + 1 :, 2].reshape(6, 4).argmin(axis=1) == 3).all()
 
 
