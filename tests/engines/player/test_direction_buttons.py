@@ -25,9 +25,17 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pic.image import Image
 from servogen.prove import certificate, prove_for_all
-from servogen.prove.commands import ButtonCommands
+from servogen.prove.commands import ButtonCommands, OneButton
 from servogen.pulse.expected import expected
-from servogen.pulse.schedule import CommandRule, DirectionButtons, Input, PulseSchedule, Run, from_json
+from servogen.pulse.schedule import (
+    CommandRule,
+    DirectionButtons,
+    Input,
+    PulseSchedule,
+    Run,
+    StepButton,
+    from_json,
+)
 from servogen.report.wiring import wires
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.units import Cycles
@@ -464,3 +472,21 @@ def test_drive_holds_the_buttons_of_a_simulated_chip() -> None:
     ]
     with pytest.raises(InputError, match="unknown command 'forward'"):
         drive.command("forward")
+
+
+def test_the_rule_of_one_button_steps_once_for_each_press_and_needs_a_look_in_each_frame() -> None:
+    """Pressed (low) for three frames or more: a direction and a stop in turn."""
+    rule = OneButton(StepButton(Input("RA4", 0), 3), 2)
+    heard = wanted = 0
+    for frames, after in ((2, 0), (3, 1), (5, 0), (2, 0), (4, 2), (3, 0), (3, 1)):
+        for level in (*[0] * frames, 1):
+            assert rule.unread(0) == PINS.index("RA4")
+            now = rule.sampled(heard, wanted, 0, PINS.index("RA4"), level)
+            assert now is not None
+            heard, wanted, read = now
+            assert rule.unread(read) is None
+            assert (
+                rule.sampled(heard, wanted, read, PINS.index("RA4"), 1 - level) is None
+            )  # the first look counts
+            heard, wanted = rule.ended(heard, wanted, read)
+        assert wanted == after, frames
