@@ -14,7 +14,7 @@ import pytest
 
 from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
-from servogen.report import calibration_plot, motion_plot, pulse_plot
+from servogen.report import calibration_plot, drawing, motion_plot, pulse_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
 from servogen.report.html import path_charts
 from servogen.report.pulse_plot import PlottedFrame, PlottedPulses
@@ -198,6 +198,8 @@ def test_a_chart_of_the_page_has_steps_at_the_pixels_of_its_axes() -> None:
     """960 pixels wide: time 0 at the left end of the axis, the end of the last frame at the right."""
     chart = time_chart(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [10.0]]), ["arm"], "angle", 1.0)
     left, top, width, height = map(float, chart.frame)
+    assert left + width == float(chart.width) - drawing.RIGHT
+    assert top + height == float(chart.height) - drawing.BOTTOM  # the time's numbers are below it
     (line,) = chart.lines
     numbers = [float(each) for each in re.findall(r"-?[\d.]+", line.path)]
     start, low, middle, high, end = numbers
