@@ -64,7 +64,7 @@ def their_rv_m1() -> Any:
         from roboticstoolbox import DHRobot, RevoluteDH
     except ImportError as error:
         raise ToolError(
-            "roboticstoolbox-python is missing", hint="pip install roboticstoolbox-python"
+            "tool-missing", "roboticstoolbox-python is missing", hint="pip install roboticstoolbox-python"
         ) from error
     robot = arm("rv-m1")
     return DHRobot(
