@@ -151,6 +151,7 @@ class TimedProgram:
         self._reached: dict[int, frozenset[int]] = {}
         self._changes: dict[int, frozenset[int]] = {}
         self._read: dict[int, int] = {}
+        self._called_without: set[int] = set()
         self._heads: set[int] | None = None
         self._states_left = MAX_PROGRAM_STATES
 
@@ -197,7 +198,9 @@ class TimedProgram:
         """Return the times over all its calls, if they are bounded only with the values that these pass."""
         alone = self.times(start)
         calls = [times for (address, known), times in self._times.items() if address == start and known]
-        if alone.longest is not None or not calls or any(call.longest is None for call in calls):
+        if alone.longest is not None or not calls or start in self._called_without:
+            return alone
+        if any(call.longest is None for call in calls):
             return alone
         shortest = [call.shortest for call in calls if call.shortest is not None]
         longest = [call.longest for call in calls if call.longest is not None]
@@ -281,6 +284,7 @@ class TimedProgram:
             brought = tuple(sorted((place, known[place]) for place in known if read & _bit(place)))
             if brought:
                 return self._times_from(target, brought)
+            self._called_without.add(target)
         return times
 
     def piece(self, address: int) -> _Piece | None:
@@ -616,6 +620,8 @@ class _Walk:
 
     def _shortest(self) -> Cycles | None:
         """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
+        if 0 not in self.edges:  # not one state was left for this function: nothing is known of it
+            return Cycles(0)
         best = {0: 0}
         heap: list[tuple[int, int, int]] = [(0, 0, 0)]
         end: int | None = None

@@ -4,6 +4,7 @@ import random
 
 import pytest
 
+from servogen.pic import wcet
 from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import TimedProgram, Times
@@ -116,6 +117,38 @@ def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_
     assert program.times_with_arguments(wait.start) == program.times(wait.start), "no call is known yet"
     assert program.longest(main.start, {labels["done"]}) is not None
     assert program.times_with_arguments(wait.start) == Times(*(3 * (turns - 1) + 2 + 2 for turns in (3, 7)))
+
+
+def test_a_call_with_an_unknown_argument_leaves_the_function_without_a_bound() -> None:
+    made = code(
+        "main\n movlw 3\n movwf 0x20\n call f_wait\n movf PORTB, w\n movwf 0x20\n"
+        " call f_wait\ndone\n goto done\nf_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
+    )
+    labels, words = dict(made.labels), made.image.program
+    main = ListedFunction("main", labels["main"], labels["f_wait"])
+    wait = ListedFunction("f_wait", labels["f_wait"], max(words) + 1)
+    program = TimedProgram(words, [main, wait])
+    assert program.times(main.start).longest is None
+    found = program.times_with_arguments(wait.start)
+    assert found.longest is None, "PORTB may be 255"
+    assert found.shortest == 2 + 2, "or 1"
+
+
+def test_a_function_for_which_no_states_are_left_may_return_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That nothing was explored does not mean that it never returns: its callers go on after the call."""
+    monkeypatch.setattr(wcet, "MAX_PROGRAM_STATES", 1)
+    made = code(
+        "main\n btfss PORTB, 0\n goto main\ndone\n goto done\nf_one\n call f_two\n return\nf_two\n return\n"
+    )
+    labels, words = dict(made.labels), made.image.program
+    starts = [labels[name] for name in ("main", "f_one", "f_two")]
+    ends = [*starts[1:], max(words) + 1]
+    program = TimedProgram(words, [ListedFunction(str(a), a, b) for a, b in zip(starts, ends, strict=True)])
+    program.times(labels["main"])
+    for name, returns_after in (("f_two", 2), ("f_one", 2 + 2 + 2)):
+        times = program.times(labels[name])
+        assert times.shortest is not None and times.shortest <= returns_after
+        assert times.longest is None
 
 
 def test_a_table_costs_its_jump_and_its_return() -> None:
