@@ -85,6 +85,16 @@ def register_bits() -> Mapping[str, tuple[Register, int]]:
     )
 
 
+def addresses(*names: str) -> tuple[int, ...]:
+    """Return the addresses of registers as instructions hold them: seven bits, without the bank."""
+    return tuple(registers()[name].address & 0x7F for name in names)
+
+
+def masks(*names: str) -> tuple[int, ...]:
+    """Return each named bit of a register as a mask."""
+    return tuple(1 << register_bits()[name][1] for name in names)
+
+
 def data_byte_exists(address: int) -> bool:
     """Return whether the data memory has a byte of RAM or a register at an address of both banks (DS35007
     figure 2-2).

@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses
 from servogen.pic.isa import decode
 
-INDF, PCL, STATUS, FSR = 0, 2, 3, 4
+INDF, PCL, STATUS, FSR = addresses("INDF", "PCL", "STATUS", "FSR")
 W, CARRY, ZERO = -1, -2, -3
 _FLAGS = {0: CARRY, 2: ZERO}
 """The bits of STATUS that are tracked."""

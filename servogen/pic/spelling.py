@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-from servogen.pic.device import LOW_ACTIVE_BITS, REGISTERS, Register
+from servogen.pic.device import LOW_ACTIVE_BITS, REGISTERS, Register, addresses
 from servogen.pic.isa import Decoded, decode, encode
 
-PCL = 0x02
+(PCL,) = addresses("PCL")
 
 
 @cache

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses, masks, registers
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
 from servogen.simulator import layout
@@ -24,10 +24,8 @@ from servogen.simulator.abstract import (
     Use,
 )
 
-INDF, TMR0, STATUS, PORTA, PORTB, EEDATA = (
-    registers()[name].address for name in ("INDF", "TMR0", "STATUS", "PORTA", "PORTB", "EEDATA")
-)
-RP0 = 0x20
+INDF, TMR0, STATUS, PORTA, PORTB, EEDATA = addresses("INDF", "TMR0", "STATUS", "PORTA", "PORTB", "EEDATA")
+(RP0,) = masks("RP0")
 B_SHIFT = 5
 MAX_CHOICES = 10
 """Bits that may decide one instruction; more are not told apart."""

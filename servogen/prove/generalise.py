@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from servogen.pic.device import masks
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.simulator import layout
 from servogen.simulator.abstract import (
@@ -34,8 +35,9 @@ BYTES = tuple(name for name in FREE_BYTES if name not in TIME_FIELDS)
 REGISTERS = (*BYTES, "FLAGS", "TIMER", "PRESCALER", "PIN_FLAGS")
 """What is general beside the RAM, unless it is kept."""
 PHASE = "PHASE"
-INTE, RBIE, INTF, RBIF = 0x10, 0x08, 0x02, 0x01
-T0IE, T0IF, T0CS, PSA, PS = 0x20, 0x04, 0x20, 0x08, 0x07
+INTE, RBIE, INTF, RBIF, T0IE, T0IF = masks("INTE", "RBIE", "INTF", "RBIF", "T0IE", "T0IF")
+T0CS, PSA = masks("T0CS", "PSA")
+PS = sum(masks("PS2", "PS1", "PS0"))
 FLAGS = 0x07
 PATIENCE = 5
 """How often a use at one address is looked into without finding anything to blame."""

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import RAM_FIRST, RAM_LAST, masks
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator import unknown
@@ -82,9 +82,10 @@ _RELATIVE, _NOT_BEFORE_NOW, _WATCHDOG = (
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
 RA4, RB0 = 1 << 4, 1 << 5
 _WATCHDOG_NEVER = 1 << 39
-TO, PD, PSA, PS = 0x10, 0x08, 0x08, 0x07
-EEIE, WRITTEN = 0x40, 0x08
-"""The enable bit in INTCON, and the bit of an interrupt in doubt that is for the end of an EEPROM write."""
+TO, PD, PSA, EEIE = masks("TO", "PD", "PSA", "EEIE")
+PS = sum(masks("PS2", "PS1", "PS0"))
+WRITTEN = 0x08
+"""The bit of an interrupt in doubt that is for the end of an EEPROM write."""
 
 
 class Reason(Enum):

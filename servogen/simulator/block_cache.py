@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.graph import components
-from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.device import PROGRAM_WORDS, masks
 from servogen.pic.isa import INSTRUCTIONS, Opcode
 from servogen.simulator.layout import (
     DEEPEST_RECORDING,
@@ -67,7 +67,7 @@ _ROWS = {OPS[row.mnemonic]: row for row in INSTRUCTIONS}
 _IDLE = ("NOP", "CLRWDT")
 _FOR_TMR0 = ("MOVF", "XORWF", "BTFSS")
 """The body of the wait for TMR0 to equal a byte: MOVF TMR0,W; XORWF byte,W; BTFSS STATUS,Z."""
-Z = 0x04
+(Z,) = masks("Z")
 _ON_W_ALONE = frozenset(
     OPS[row.mnemonic]
     for row in INSTRUCTIONS

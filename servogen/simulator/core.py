@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from servogen.pic.device import RAM_FIRST, RAM_LAST, masks
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.events import deliver_events, service_interrupts
 from servogen.simulator.interrupts import GIE, note_flags, requested
@@ -106,9 +107,9 @@ PC_MASK = 0x1FFF  # 13 bits: DS35007 section 2.4
 ROW_MASK = 0x03FF  # 1024 words, mirrored above: section 2.1
 D, FLAGS, DIRECT = 1 << 6, 1 << 7, 1 << 15
 ROW = 1024
-C, DC, Z, RP0 = 0x01, 0x02, 0x04, 0x20
+C, DC, Z, RP0 = masks("C", "DC", "Z", "RP0")
 UNWRITABLE = TO | PD
-RAM_FIRST, RAM_END = 0x0C, 0x50
+RAM_END = RAM_LAST + 1
 NO_SLOT = -1
 WAITS, PERIOD_SHIFT, CLEARS_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1, WAITS_BIT + 9
 PERIOD_MASK, SPIN_CLEARS_SHIFT = 0xFF, 16

@@ -6,6 +6,7 @@ AAh two cycles later, WR in the cycle after that, with WREN already set.
 
 from __future__ import annotations
 
+from servogen.pic.device import EEPROM_BYTES, masks
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.interrupts import EEIF, note_flags
 from servogen.simulator.layout import (
@@ -35,8 +36,8 @@ from servogen.simulator.layout import (
 from servogen.simulator.unknown import use
 from servogen.simulator.warn import warn
 
-RD, WR, WREN = 0x01, 0x02, 0x04
-CELLS = 64
+RD, WR, WREN = masks("RD", "WR", "WREN")
+CELLS = EEPROM_BYTES
 FIRST_KEY, SECOND_KEY = 0x55, 0xAA
 KEY_TO_KEY, KEY_TO_WR = 2, 1
 """Cycles between the writes of the sequence: MOVLW stands between the keys, nothing before WR."""

@@ -7,12 +7,13 @@ executes in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, 
 
 from __future__ import annotations
 
+from servogen.pic.device import masks
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, INTCON_UNKNOWN, IRQ_AT, NEVER
 from servogen.simulator.unknown import doubt
 
-GIE, EEIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01
-EEIF = 0x10  # of EECON1
+GIE, EEIE, T0IE, T0IF, INTF, RBIF = masks("GIE", "EEIE", "T0IE", "T0IF", "INTF", "RBIF")
+(EEIF,) = masks("EEIF")
 LATENCY = 3
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from servogen.pic.device import EEPROM_BYTES, STACK_LEVELS, registers
+from servogen.pic.device import EEPROM_BYTES, STACK_LEVELS, masks, registers
 from servogen.simulator.slots import ALL_PINS, Future, SlotTable
 
 NEVER = 1 << 62
@@ -27,10 +27,11 @@ UNKNOWN_SHIFT = 9
 RAM_SLOTS = 128
 
 PORT_B, RB4_TO_7 = 0xFF << 5, 0xF0 << 5
-C_DC_Z = 0x07  # of STATUS: DS35007 section 2.3.1
-T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
-GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01  # of INTCON: DS35007 section 2.3.3
-WRERR = 0x08  # of EECON1: DS35007 section 3
+C_DC_Z = sum(masks("C", "DC", "Z"))
+T0CS, T0SE, PSA = masks("T0CS", "T0SE", "PSA")
+PS = sum(masks("PS2", "PS1", "PS0"))
+GIE, T0IE, T0IF, INTF, RBIF = masks("GIE", "T0IE", "T0IF", "INTF", "RBIF")
+(WRERR,) = masks("WRERR")
 
 _table = SlotTable(RAM_SLOTS)
 

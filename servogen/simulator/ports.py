@@ -7,6 +7,7 @@ port B's weak pull-ups when RBPU is 0 (section 4.2), else `FLOATING`.
 
 from __future__ import annotations
 
+from servogen.pic.device import masks
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.interrupts import INTF, RBIF, note_flags
 from servogen.simulator.layout import (
@@ -58,7 +59,7 @@ A, B = 0x001F, 0x1FE0
 B_SHIFT = 5
 RA4, RB0, RB4_TO_7 = 1 << 4, 1 << B_SHIFT, 0xF0 << B_SHIFT
 PIN_COUNT = 13
-RBPU, INTEDG = 0x80, 0x40  # of OPTION_REG
+RBPU, INTEDG = masks("RBPU", "INTEDG")
 T0CKI_DELAY = 1
 """Cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (DS30430 figure 6-5)."""
 

@@ -6,6 +6,7 @@ recorded until it is written.
 
 from __future__ import annotations
 
+from servogen.pic.device import masks
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.eeprom import reset_eecon1
 from servogen.simulator.layout import (
@@ -38,9 +39,9 @@ from servogen.simulator.ports import A, B, compare, emit, settle
 from servogen.simulator.timer import t0_advance, wdt_start
 from servogen.simulator.unknown import flags_in_doubt
 
-TO, PD = 0x10, 0x08
-KEPT_STATUS = 0x07
-RBIF_KEPT = 0x01
+TO, PD = masks("TO", "PD")
+KEPT_STATUS = sum(masks("Z", "DC", "C"))
+(RBIF_KEPT,) = masks("RBIF")
 FETCH = 1
 """Cycles from the end of a reset to the instruction at 0000h: its fetch."""
 

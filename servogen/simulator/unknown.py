@@ -19,6 +19,7 @@ relation make an ordinary unknown byte of it.
 
 from __future__ import annotations
 
+from servogen.pic.device import masks
 from servogen.simulator.compiled import Vector, compiled, compiled_once
 from servogen.simulator.layout import (
     CYCLE,
@@ -51,7 +52,7 @@ from servogen.simulator.layout import (
 )
 from servogen.simulator.program import OPS
 
-C, DC, Z, PD, TO = 0x01, 0x02, 0x04, 0x08, 0x10
+C, DC, Z, PD, TO = masks("C", "DC", "Z", "PD", "TO")
 
 _ADDWF, _ADDLW, _SUBWF, _SUBLW = OPS["ADDWF"], OPS["ADDLW"], OPS["SUBWF"], OPS["SUBLW"]
 _ANDWF, _ANDLW, _IORWF, _IORLW = OPS["ANDWF"], OPS["ANDLW"], OPS["IORWF"], OPS["IORLW"]

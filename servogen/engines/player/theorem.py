@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from servogen.engines.player.layout import MIN_WIDTH, Slot, SlotLayout
+from servogen.pic.device import addresses
 from servogen.pic.known_values import (
     CARRY,
     FSR,
@@ -36,7 +37,7 @@ CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
 """Labels: the reading of the timer that detects C that ended late, the wait for the timer, the kernel's
 end.
 """
-TMR0, PORT = 1, 6
+TMR0, PORT = addresses("TMR0", "PORTB")
 POLL_CYCLES = 5
 """The cycles of the loop that waits for the timer: the lock has to remove as many phases."""
 APART = 34

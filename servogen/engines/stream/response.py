@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
-from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.device import INTERRUPT_VECTOR, addresses
 from servogen.pic.isa import encode
 from servogen.pic.known_values import (
     CARRY,
@@ -49,8 +49,9 @@ LATENCY = 4
 """The maximum number of cycles from the overflow to the first instruction of the interrupt (DS35007 section
 6.9).
 """
-TMR0, INTCON, GIE = 1, 11, 7
-PORTS = (5, 6)
+TMR0, INTCON = addresses("TMR0", "INTCON")
+GIE = 7
+PORTS = addresses("PORTA", "PORTB")
 MAX_END = 3 * ROUND
 MAX_STATES = 100_000
 MAX_SLOTS = 1000

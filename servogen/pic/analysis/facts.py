@@ -14,13 +14,13 @@ from functools import cached_property
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.analysis.paths import Paths, PinWrite, explore, pin_text, place_text
 from servogen.pic.analysis.times import CycleSpan, ProgramTimes
-from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS, WATCHDOG_US
+from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS, WATCHDOG_US, masks
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.units import Clock, counted
 
-PSA = 0x08
+(PSA,) = masks("PSA")
 EVERYTHING = (
     "every content of RAM and registers at power-up, every level of every input in every cycle, every moment "
     "of every enabled interrupt, and resets in any cycle"

@@ -16,11 +16,12 @@ from functools import cache
 
 from servogen.pic.analysis import values
 from servogen.pic.analysis.values import ANY, BIT, Value
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses, masks
 from servogen.pic.isa import by_mnemonic
 from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, DecodedWord, W, known_result
 
-TMR0, PORTA, PORTB, EEDATA, EECON1, PCLATH, INTCON = 1, 5, 6, 8, 8, 10, 11
+TMR0, PORTA, PORTB, PCLATH, INTCON = addresses("TMR0", "PORTA", "PORTB", "PCLATH", "INTCON")
+EEDATA, EECON1 = addresses("EEDATA", "EECON1")
 DIGIT, BANK, OPTION, TRISA, TRISB = -4, -5, -6, -7, -8
 LATCHES = 0x100
 """Places LATCHES + pin are the bits of the port latches, in the order RA0 to RA4, RB0 to RB7."""
@@ -28,8 +29,9 @@ PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
 """First pin and number of pins of each port."""
 _FIVE_BITS = (TRISA, PCLATH)
 """Registers whose upper three bits are read as 0 (DS35007 figure 2-2)."""
-GIE, T0IE, ENABLES = 0x80, 0x20, 0x78
-"""Bits of INTCON: the global enable; TMR0's; EEIE, T0IE, INTE, RBIE."""
+GIE, T0IE = masks("GIE", "T0IE")
+ENABLES = sum(masks("EEIE", "T0IE", "INTE", "RBIE"))
+"""The enable bits of the four interrupts in INTCON."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
 """The bits of STATUS that are tracked."""
 _FLAGS = frozenset(_FLAG_PLACES.values())

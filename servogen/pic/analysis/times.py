@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from servogen.pic.analysis.paths import ERASED, Paths, in_memory
 from servogen.pic.analysis.state import INTCON, T0IE
 from servogen.pic.analysis.values import Value
-from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, masks
 from servogen.pic.isa import decode
 from servogen.pic.known_values import Undefined, word_of
 from servogen.pic.listing import ListedFunction
@@ -29,7 +29,7 @@ LATENCY = 4
 6.9).
 """
 T0IF_BIT = 2
-PSA, T0CS = 0x08, 0x20
+PSA, T0CS = masks("PSA", "T0CS")
 SOURCES = {0x40: "the EEPROM", 0x20: "TMR0", 0x10: "RB0/INT", 0x08: "a change of RB4 to RB7"}
 """The interrupts by their enable bits in INTCON (DS35007 section 2.3.3)."""
 MAX_CYCLES = 1 << 40
