@@ -152,7 +152,7 @@ class Build:
 def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     """Plan, compile, simulate and verify a job; return the result.
 
-    Raises InputError, with a hint that lists what would fit, if the job cannot be built.
+    Raises InputError or ResourceError, with a hint that lists what would fit, if the job cannot be built.
     """
     try:
         return _built(job, progress)

@@ -66,7 +66,8 @@ def planned(job: PlannedJob) -> PlayedJob:
 def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
     """Return the job and its pulses without building it, rounded to the nearest whole cycles.
 
-    If these pulses do not fit a frame, return both as the job's engine makes them. Raises InputError.
+    If these pulses do not fit a frame, return both as the job's engine makes them. Raises InputError
+    or ResourceError.
     """
     try:
         return job, nearest(job.trajectory, job.servos, job.frame)

@@ -22,6 +22,6 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
 
 
 def job_program(job: Job) -> Program:
-    """Return the program of a job, in the job's dialect. Raises InputError."""
+    """Return the program of a job, in the job's dialect. Raises InputError or ResourceError."""
     compilation = planned(plan_job(job)).make(job.firmware.dialect).compilation
     return Program(compilation.image, compilation.listing, job.clock, device=job.device.name)

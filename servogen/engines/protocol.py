@@ -110,4 +110,4 @@ class Engine(Protocol):
         """Return its name in a sentence: "the player"."""
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Return the job's pulses. Raises InputError if this engine cannot play it."""
+        """Return the job's pulses. Raises InputError or ResourceError if this engine cannot play it."""

@@ -34,7 +34,8 @@ from servogen.units import Clock, Cycles
 def plan_job(
     job: Job, segment: Mapping[str, float] | None = None, others: Sequence[Segment] = ()
 ) -> PlannedJob:
-    """Return the job with the trajectory of its servos. Raises InputError.
+    """Return the job with the trajectory of its servos. Raises InputError, or another ServogenError for a
+    motion that the robot cannot make.
 
     With `segment`, which has the keys of one segment of [walk] route, the robot walks that instead of the
     job's route; without `cycles` the walk never ends. `others` are the segments that the robot may walk next

@@ -50,7 +50,7 @@ class _State:
 def poses_of(
     document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
-    """Return all poses; servos that a pose does not name keep their angle. Raises InputError."""
+    """Return all poses; servos that a pose does not name keep their angle. Raises ServogenError."""
     reader = _Reader(document, servos, tip, table.poses)
     for index, row in enumerate(table.poses):
         if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
@@ -285,7 +285,7 @@ class _FollowedPath:
     place: Location
 
     def __call__(self, shares: Floats) -> Followed:
-        """Return the servos' angles at shares of the path. Raises InputError if the branch would change."""
+        """Return the servos' angles at shares of the path. Raises ChangesBranch."""
         columns, branch = list(self.columns), self._branch
         if np.abs(branch.end - self.end[columns]).max() > SMALL:
             here, there = self._shown(branch.end), self._shown(self.end[columns])

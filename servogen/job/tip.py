@@ -92,7 +92,7 @@ class LegTip:
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         """Return the servo angles (s, 2) that reach one point, the nearest to `before` first. Raises
-        InputError if there is none.
+        `Unreachable` if there are none, InputError if the servos allow none.
         """
         near = np.array(self.leg.nearest(point))
         if float(np.linalg.norm(near - point)) > self.tolerance:
@@ -151,7 +151,7 @@ class ArmTip:
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         """Return the servo angles (s, k) that reach one point, the nearest to `before` first. Raises
-        InputError if there is none.
+        `Unreachable` if there are none, InputError if the servos allow none.
         """
         turn = None if orientation is None else self._turn(point, orientation, place)
         try:

@@ -75,7 +75,8 @@ class PlannedPoses:
 
 
 def trajectory(motion: Motion, period: Cycles, clock: Clock) -> PlannedPoses:
-    """Return the motion sampled at frames of `period` cycles. Raises InputError.
+    """Return the motion sampled at frames of `period` cycles. Raises InputError, LeavesReach
+    or ChangesBranch.
 
     The positions of the servos before the first pose are not known, so the first pose's move is made only
     from the last pose: with `repeat` the loop begins after that move and ends with it.

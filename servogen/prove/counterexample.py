@@ -106,7 +106,7 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
     end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=path.tmr0_phase)
     for trial in trials(board, case.quantifiers, path.start, case.spec.period):
-        # The way of the finding counts from the first instruction after the last reset.
+        # The cycles of the path to the finding are counted from the first instruction after the last reset.
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
         for falling in (False, True) if path.requests else (False,):
             changes = [*path.samples, *_requesting(case, path.requests, falling)]

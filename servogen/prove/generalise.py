@@ -186,7 +186,8 @@ class Generaliser:
         ram, rest = self._restored(node, restored)
         transitions = self._transitions
         now = 0
-        # The same way again, from the more particular state: without the use, the general part was its cause.
+        # The same path again, from the more particular state: if the use does not occur there, it was due to
+        # what was generalised.
         pending = {decision.cycle: decision.choices for decision in decisions}
         while now <= cycle:
             outcome = transitions.run(ram, transitions.number(rest), pending.pop(now, ()))

@@ -44,7 +44,8 @@ HINT = "fewer parts: let more of the motion repeat"
 def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
-    Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError.
+    Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError
+    or ResourceError.
     """
     buttons = job.firmware.buttons
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
