@@ -94,7 +94,7 @@ def test_a_full_stack_leaves_no_level_for_sharing() -> None:
 
 def test_a_level_too_many_is_still_an_error() -> None:
     text = "unsigned char a, b, c, d;\n" + calls(9, SAME) + "void main(void) { f1(); }"
-    with pytest.raises(InputError, match="calls go 9 levels deep"):
+    with pytest.raises(InputError, match="calls are nested 9 levels deep"):
         build(text, "size")
 
 

@@ -91,7 +91,7 @@ def test_a_product_and_its_inverse_give_the_identity(text: str) -> None:
     [
         ("inv(Rx(1)", 1, "not closed"),
         ("Rx(1))", 6, "there is no '\\('"),
-        ("(" * 60 + "Rx(1)" + ")" * 60, 51, "more than 50 parentheses"),
+        ("(" * 60 + "Rx(1)" + ")" * 60, 51, "nested more than 50 deep"),
         ("Rx(1)^2", 6, "is not a transform"),
     ],
 )
