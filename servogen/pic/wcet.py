@@ -58,6 +58,10 @@ _STARTING = -1
 """The mark of the function of a walk's first instruction, to which the walk may return."""
 _MAX_TURN = 400
 """The maximum number of steps of a turn of a loop that are examined."""
+_MAX_UNEVEN = 2
+"""Uneven turns in succession after which a loop is followed turn by turn. The first turn of a loop around a
+counting loop is uneven: only from the second one on does the inner counter start at 0.
+"""
 _ALL_PLACES = (1 << RAM_LAST + 1) - 1
 _BITS = {W: RAM_LAST + 1, CARRY: RAM_LAST + 2, ZERO: RAM_LAST + 3}
 
@@ -518,8 +522,8 @@ class _Walk:
     edges: dict[int, list[_Edge]] = field(default_factory=dict)
     complete: bool = True
     reasons: dict[Unbounded, None] = field(default_factory=dict)
-    uneven: set[int] = field(default_factory=set)
-    """Heads of loops whose turns differ."""
+    uneven: Counter[int] = field(default_factory=Counter)
+    """How many turns in succession differed from those that follow, by the head of the loop."""
 
     def explore(self, start: _State) -> None:
         """Follow every path from a state to the ends."""
@@ -652,10 +656,10 @@ class _Walk:
         counter is the same path with the same cycles. Empty if these conditions do not hold.
         """
         address, home, stack, before = state
-        if address in self.uneven or address not in self.program.loop_heads:
+        if address not in self.program.loop_heads or self.uneven[address] == _MAX_UNEVEN:
             return []
         # Set first, so that every return below without a result leaves the loop to be followed turn by turn.
-        self.uneven.add(address)
+        self.uneven[address] += 1
         cycles = 0
         here: _Point = (address, home, stack, dict(before))
         touched: Counter[int] = Counter()
@@ -692,7 +696,7 @@ class _Walk:
             return []
         if read_by_calls & _bit(counter):
             return []
-        self.uneven.discard(address)
+        del self.uneven[address]
         turns = (known[counter] - 1) & 0xFF
         if not turns or not after[counter]:
             return []
