@@ -195,3 +195,49 @@ def test_no_run_takes_longer_and_with_all_known_every_run_takes_as_long(seed: in
     assert bound is not None and took <= bound
     # From the beginning every byte is known: there is one way.
     assert most(text, start="main") == machine.cycles
+
+
+COUNTERS = ("0x20", "0x21", "0x22")
+END_OF_TURN = (
+    " decfsz {counter}, f\n goto turn_{counter}",
+    " decf {counter}, f\n btfss STATUS, Z\n goto turn_{counter}",
+)
+WAIT = " movwf 0x30\nwait_{number}\n decfsz 0x30, f\n goto wait_{number}\n return"
+BODIES = (
+    " movf {byte}, w\n andlw 7\n addlw 1\n" + WAIT,
+    " movf {byte}, w\n sublw 9\n" + WAIT,
+    " movlw {byte}\n movwf FSR\n movf INDF, w\n" + WAIT,
+    " movlw 5\n" + WAIT,
+    " btfsc {byte}, 0\n nop\n return",
+    " incf 0x31, f\n call f_{following}\n return",
+)
+"""Functions whose time depends on a byte, on none, or on another function's."""
+
+
+def loops(dice: random.Random, counters: tuple[str, ...]) -> str:
+    """Loops in one another, with calls before and behind the inner one."""
+    if not counters:
+        return ""
+    call = " call f_{}\n"
+    calls = [call.format(dice.randrange(4)) if dice.random() < 0.6 else "" for _ in range(2)]
+    inner = loops(dice, counters[1:]) if dice.random() < 0.7 else ""
+    first = f" movlw {dice.randrange(1, 8)}\n movwf {counters[0]}\nturn_{counters[0]}\n"
+    return first + calls[0] + inner + calls[1] + dice.choice(END_OF_TURN).format(counter=counters[0]) + "\n"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_loops_with_calls_take_as_long_as_on_the_chip(seed: int) -> None:
+    """Everything is known from the beginning: the shortest and the longest time are the simulator's."""
+    dice = random.Random(seed)
+    lines = ["main", *(f" movlw 3\n movwf {byte}" for byte in (*COUNTERS, "0x31"))]
+    lines += [loops(dice, COUNTERS), "done", " goto done"]
+    for number in range(4):
+        body = dice.choice(BODIES)
+        if number == 3 and "call" in body:
+            body = BODIES[0]
+        lines += [f"f_{number}", body.format(byte=dice.choice(COUNTERS), number=number, following=number + 1)]
+    made, text = code("\n".join(lines)), "\n".join(lines)
+    labels = dict(made.labels)
+    machine = Machine(made.image, Clock(4_000_000))
+    machine.run_until(pc=labels["done"], limit=1_000_000)
+    assert most(text, start="main") == machine.cycles
