@@ -7,7 +7,7 @@ import pytest
 from servogen.pic import wcet
 from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.listing import ListedFunction
-from servogen.pic.wcet import TimedProgram, Times
+from servogen.pic.wcet import TimedProgram, Times, Unbounded
 from servogen.simulator import Machine
 from servogen.units import Clock
 
@@ -102,6 +102,48 @@ def test_a_loop_is_followed_turn_by_turn_where_a_function_in_it_reads_the_counte
     )
     waits = sum(2 + 3 + 3 * (12 - left - 1) + 2 + 2 for left in range(1, 11))
     assert most(text) == 2 + waits + 9 * (1 + 2) + 2
+
+
+def test_a_loop_is_followed_turn_by_turn_where_it_reads_its_counter_through_a_pointer() -> None:
+    """Odd turns take one cycle more: the skip is not taken (2 cycles if it is), and the GOTO costs 2."""
+    text = (
+        "main\nstart\n movlw 0x20\n movwf FSR\n movlw 10\n movwf 0x20\n"
+        "turn\n btfsc INDF, 0\n goto odd\nodd\n decfsz 0x20, f\n goto turn\ndone\n goto done\n"
+    )
+    assert most(text) == 4 + 5 * 2 + 5 * 3 + 9 * (1 + 2) + 2
+
+
+def test_the_equal_turns_of_a_loop_take_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A counter that starts at 0 is decremented 256 times; 20 states are enough for them."""
+    monkeypatch.setattr(wcet, "MAX_STATES", 20)
+    text = "main\nstart\n clrf 0x20\nagain\n bsf PORTB, 0\n decfsz 0x20, f\n goto again\ndone\n goto done\n"
+    assert most(text) == 1 + 255 * (1 + 1 + 2) + 1 + 2
+    uneven = text.replace("bsf PORTB, 0", "btfss 0x20, 0\n nop\n nop")
+    assert most(uneven) is None, "turns that differ are followed one by one"
+
+
+@pytest.mark.parametrize(
+    ("kind", "without_bound"),
+    [
+        ("sleep", "sleep\n goto done"),
+        ("computed jump", "movf PORTB, w\n movwf PCL"),
+        ("computed jump", "retfie"),
+        ("call", "call f_wait\n goto done"),
+    ],
+)
+def test_between_two_places_with_something_without_a_bound_neither_time_is_known(
+    kind: str, without_bound: str
+) -> None:
+    made = code(
+        f"main\nstart\n btfss PORTB, 0\n goto other\ndone\n goto done\nother\nhere\n {without_bound}\n"
+        "f_wait\n btfss PORTB, 0\n goto f_wait\n return\n"
+    )
+    labels, words = dict(made.labels), made.image.program
+    main = ListedFunction("main", labels["main"], labels["f_wait"])
+    program = TimedProgram(words, [main, ListedFunction("f_wait", labels["f_wait"], max(words) + 1)])
+    at = labels["here"] + (without_bound.startswith("movf"))
+    found = program.between(labels["start"], {labels["done"]})
+    assert found == Times(None, None, (Unbounded(kind, (at,)),))
 
 
 def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_calls() -> None:
