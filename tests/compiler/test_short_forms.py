@@ -136,6 +136,42 @@ def test_a_choice_without_jumps(choice: str, expected: int) -> None:
     assert len(found) <= expected
 
 
+@pytest.mark.parametrize(
+    ("flag", "n"),
+    [
+        # on, ^5; on, ^3; off, ^5; off, ^3: 16, 21; 37, 38; 39, 34; 35, 32
+        (0, 32),
+        # off, ^5; on, ^3; off, ^5; off, ^3: 1, 4; 20, 23; 24, 29; 30, 29
+        (1, 29),
+    ],
+)
+def test_a_condition_that_a_called_function_may_change_is_tested_once(flag: int, n: int) -> None:
+    text = f"""
+    bit flag; unsigned char n;
+    void on(void) {{ flag = 1; n += 16; }}
+    void off(void) {{ flag = 0; n += 1; }}
+    void either(void) {{ if (flag) off(); else on(); n ^= 5; }}
+    void other(void) {{ if (!flag) on(); else off(); n ^= 3; }}
+    void main(void) {{
+        flag = {flag}; n = 0; either(); flag = 0; other(); either(); flag = 1; other();
+        while (1);
+    }}
+    """
+    assert value(text, "n") == n
+
+
+def test_a_skip_does_not_lead_into_a_delay() -> None:
+    """A delay is several words: a skip in front of it would lead to its second one."""
+    text = """
+    #include <xc.h>
+    #define _XTAL_FREQ 4000000
+    unsigned char flag, n;
+    void wait(void) { if (flag & 1) __delay_ms(100); else n |= 4; n++; }
+    void main(void) { n = 0; flag = 2; wait(); wait(); while (1); }
+    """
+    assert value(text, "n") == 6, "4 and 1, with 4 still set, and 1"
+
+
 @pytest.mark.parametrize("m", [0, 1, 127, 128, 254, 255])
 @pytest.mark.parametrize("n", [0, 127, 128, 255])
 def test_choices_without_jumps_are_right(m: int, n: int) -> None:

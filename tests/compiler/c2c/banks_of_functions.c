@@ -4,7 +4,9 @@
 // expect: directions == 0x0F
 // expect: either == 0x0A
 // expect: tail == 0x33
-char port, directions, either, tail;
+// expect: without == 0
+// expect: with == 0x33
+char port, directions, either, tail, without, with;
 
 void bank1(void)
 {
@@ -40,6 +42,12 @@ void leaves_by_a_jump(void)
     write_port();
 }
 
+void leaves_by_a_jump_if(char yes)
+{
+    bank1();
+    if (yes) write_port();
+}
+
 void main(void)
 {
     TRISB = 0;
@@ -56,4 +64,10 @@ void main(void)
     bank0();
     leaves_by_a_jump();
     tail = PORTB;
+    bank0();
+    PORTB = 0;
+    leaves_by_a_jump_if(without);
+    without = PORTB;
+    leaves_by_a_jump_if(1);
+    with = PORTB;
 }

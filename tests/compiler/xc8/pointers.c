@@ -7,13 +7,17 @@
 // expect: total == 33
 // expect: last == 0x5B
 // expect: back == 30
+// expect: before == 20
+// expect: far_before == 10
+// expect: word_before == 0x34
 #include <xc.h>
 struct point { unsigned char x; int y; };
 const unsigned char segments[] = { 0x3F, 0x06, 0x5B };
 const char *text = "Hello";
 unsigned char data[3] = { 10, 20, 30 };
 unsigned int sum, word, total;
-unsigned char len, second, diff, last, back;
+unsigned char len, second, diff, last, back, before, far_before, word_before;
+int words[3] = { 1, 0x1234, 3 };
 struct point points[2];
 unsigned char length(const char *s) {
   unsigned char n = 0;
@@ -41,6 +45,10 @@ void main(void) {
   total = points[0].y + points[1].y + points[0].x;
   last = segments[i];
   back = *q;
+  before = *(&data[2] - 1);
+  q = &data[2] - 2;
+  far_before = *q;
+  word_before = *(unsigned char *)(&words[2] - 1);
   second = 'x';
   if (*p != 10) second = 0;
 }
