@@ -465,6 +465,24 @@ ROWS = [
         "'break' in a critical block cannot leave a loop or switch around it",
     ),
     (
+        "sdcc",
+        "void main(void) __critical { if (1) ‸{",
+        "error",
+        "syntax error: the file ends in the middle of a declaration",
+    ),
+    (
+        "xc8",
+        "int *p; int f(int n) { return n; }\nvoid main(void) { p = ‸f; *p = 1; }",
+        "warning",
+        "the assignment makes 'int *' from 'int (*)(int)' without a cast",
+    ),
+    (
+        "xc8",
+        "int *p, (*f)(int);\nvoid main(void) { f = ‸p; f(1); }",
+        "warning",
+        "the assignment makes 'int (*)(int)' from 'int *' without a cast",
+    ),
+    (
         "c2c",
         "‸#pragma DATA 0x2100, 300\nvoid main(void) {  }",
         "error",

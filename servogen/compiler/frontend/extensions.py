@@ -311,6 +311,8 @@ def _critical(self: _Rewriter, token: PToken) -> bool:
         return True
     # of a function declared so, the whole body becomes the labelled block
     closing = _matching_brace(self.tokens, self.index)
+    if closing is None:
+        return True  # the parser reports that the file ends too early
     self.tokens.insert(closing, PToken("}", self.tokens[closing].place))
     self.tokens.insert(self.index + 1, PToken("{", token.place))
     self.tokens.insert(self.index + 1, PToken(":", token.place))
@@ -318,14 +320,14 @@ def _critical(self: _Rewriter, token: PToken) -> bool:
     return True
 
 
-def _matching_brace(tokens: list[PToken], opening: int) -> int:
-    """Return the index of the brace that closes the one at `opening`, or of the last token if none does."""
+def _matching_brace(tokens: list[PToken], opening: int) -> int | None:
+    """Return the index of the brace that closes the one at `opening`, or None if none does."""
     depth = 0
     for index in range(opening, len(tokens)):
         depth += {"{": 1, "}": -1}.get(tokens[index].text, 0)
         if depth == 0:
             return index
-    return len(tokens) - 1
+    return None
 
 
 def _drop(self: _Rewriter, token: PToken) -> bool:
