@@ -95,3 +95,44 @@ def test_ra4_is_known_where_the_program_pulls_it_low_or_the_board_holds_it() -> 
     assert read(0x11, free._replace(channels=0x10)) == 0x11  # a servo's pin has the job's pull-up
     assert read(0x11, free._replace(held=0x10)) == 0x01
     assert read(0x11, free._replace(held=0x10, levels=0x10)) == 0x11
+
+
+def written(slot: int, cell: int, option: int = 0) -> tuple[int, chip.Ints]:
+    """Write a cell to a register in cycle 100. Returns the reason to stop, and the chip afterwards."""
+    state = np.zeros(chip.SLOTS, np.int64)
+    state[chip.OPTION] = option
+    return chip.write.py_func(state, np.zeros(64, np.int64), board(1), slot, 100, cell), state
+
+
+def test_tmr0_is_known_after_a_known_byte_was_written_and_moves_after_one_that_moves() -> None:
+    """Two cycles of inhibited counting, then one count every two cycles (DS35007 section 5)."""
+    for cell, ten_later in [(7, 17), (250, 4), (7 | MOVES, 17 | MOVES)]:
+        _, state = written(chip.T0, cell)
+        assert chip.timer.py_func(state, 103) == cell
+        assert chip.timer.py_func(state, 103 + 10 * 2) == ten_later
+    _, state = written(chip.T0, 7, option=chip.PSA)  # undivided
+    assert [chip.timer.py_func(state, cycle) for cycle in range(101, 106)] == [7, 7, 7, 8, 9]
+    for unknown_bits in (0x01, 0x80, 0xFF):
+        _, state = written(chip.T0, unknown_bits << 8)
+        assert chip.timer.py_func(state, 123) == chip.UNKNOWN
+        assert state[chip.T0_DUE] == chip.NEVER, "no overflow of an unknown count can be foreseen"
+    _, state = written(chip.T0, 7, option=chip.T0CS)
+    assert chip.timer.py_func(state, 123) == chip.UNKNOWN, "it counts edges of RA4"
+
+
+def test_an_overflow_is_foreseen_for_a_known_count_only() -> None:
+    """From 254, two counts of two cycles after the inhibited ones; T0IF is seen one cycle ahead."""
+    assert written(chip.T0, 254)[1][chip.T0_DUE] == 103 + 2 * 2 - 1
+    assert written(chip.T0, 254 | MOVES)[1][chip.T0_DUE] == chip.NEVER
+
+
+def test_registers_whose_unknown_bits_would_change_what_the_chip_does_are_not_written() -> None:
+    """INTCON: only its three flags; EECON1: only WRERR; OPTION: none. PCLATH decides nothing by itself."""
+    allowed = {chip.INTCON: 0x07, chip.EECON1: 0x08, chip.OPTION: 0x00, chip.PCLATH: 0xFF}
+    for slot, mask in allowed.items():
+        for bit in range(8):
+            reason, _ = written(slot, 1 << bit << 8)
+            assert (reason == chip.GOES_ON) == bool(mask >> bit & 1), (slot, bit)
+        assert (written(slot, 4 | MOVES)[0] == chip.GOES_ON) == (mask == 0xFF)
+    assert written(chip.PCLATH, 0x03 | 0x14 << 8)[1][chip.PCLATH] == 0x03 | 0x14 << 8
+    assert written(chip.PCLATH, 0xFF)[1][chip.PCLATH] == 0x1F  # five bits: DS35007 section 2.3.4
