@@ -71,10 +71,10 @@ class Changes:
     def __call__(self, chunk: EdgeChunk) -> EdgeChunk:
         keep = np.zeros(len(chunk.pin), dtype=bool)
         for pin in np.flatnonzero(np.bincount(chunk.pin, minlength=len(PINS))):
-            at = np.flatnonzero(chunk.pin == pin)
-            level = chunk.level[at]
-            keep[at[1:]] = level[1:] != level[:-1]
-            keep[at[0]] = level[0] != self._level[pin]
+            indices = np.flatnonzero(chunk.pin == pin)
+            level = chunk.level[indices]
+            keep[indices[1:]] = level[1:] != level[:-1]
+            keep[indices[0]] = level[0] != self._level[pin]
             self._level[pin] = level[-1]
         return chunk if keep.all() else part(chunk, keep)
 

@@ -120,11 +120,11 @@ class ServogenError(Exception):
     @classmethod
     def of(cls, diagnostics: Iterable[Diagnostic], source_lines: SourceLines | None = None) -> Self:
         """Return an error that carries all of `diagnostics`, at least one of them an error."""
-        kept = tuple(diagnostics)
-        first = next(diagnostic for diagnostic in kept if diagnostic.severity == "error")
+        collected = tuple(diagnostics)
+        first = next(diagnostic for diagnostic in collected if diagnostic.severity == "error")
         error = cls.__new__(cls)
         error.args = (first.message,)
-        error.diagnostics = kept
+        error.diagnostics = collected
         error.source_lines = source_lines or {}
         error.details = {}
         return error

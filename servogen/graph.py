@@ -24,19 +24,19 @@ def components(graph: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
             continue
         stack: list[tuple[Node, int]] = [(root, 0)]
         while stack:
-            node, at = stack.pop()
-            if at == 0:
+            node, next_index = stack.pop()
+            if next_index == 0:
                 number[node] = low[node] = len(number)
                 held.append(node)
                 on_hold.add(node)
             followers = graph[node]
-            if at and followers[at - 1] in on_hold:
-                low[node] = min(low[node], low[followers[at - 1]])
-            while at < len(followers):
-                after = followers[at]
-                at += 1
+            if next_index and followers[next_index - 1] in on_hold:
+                low[node] = min(low[node], low[followers[next_index - 1]])
+            while next_index < len(followers):
+                after = followers[next_index]
+                next_index += 1
                 if after not in number:
-                    stack += [(node, at), (after, 0)]
+                    stack += [(node, next_index), (after, 0)]
                     break
                 if after in on_hold:
                     low[node] = min(low[node], number[after])

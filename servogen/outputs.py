@@ -59,9 +59,9 @@ def make_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        what = "is a file" if folder.exists() else "is below a file"
+        problem = "is a file" if folder.exists() else "is below a file"
         raise InputError(
-            "not-a-file", f"{what}, but a folder is to be created there", Location(str(path))
+            "not-a-file", f"{problem}, but a folder is to be created there", Location(str(path))
         ) from error
     except OSError as error:
         raise InputError(

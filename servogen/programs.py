@@ -106,8 +106,8 @@ def program_file(path: Path) -> Path:
         return path
     file = path / BUILT_PROGRAM
     if not file.is_file():
-        what = f"is a folder without a {BUILT_PROGRAM}"
-        raise InputError("no-program", what, Location(str(path)), "servogen build writes one")
+        problem = f"is a folder without a {BUILT_PROGRAM}"
+        raise InputError("no-program", problem, Location(str(path)), "servogen build writes one")
     return file
 
 

@@ -120,9 +120,9 @@ class Advice:
                 lines += [f"of the words: the motion {self.shares.bytes}, all else {others}: {whole}"]
             if self.frame_is_short:
                 lines += [f"of the frame: {self._frame_text(self.shares)}"]
-        found = [f"{trial.text} ({self._fit_text(trial.fit)})" for trial in self.proposals if trial.fit]
-        if found:
-            lines.append(f"what fits: {'; or '.join(found)}")
+        texts = [f"{trial.text} ({self._fit_text(trial.fit)})" for trial in self.proposals if trial.fit]
+        if texts:
+            lines.append(f"what fits: {'; or '.join(texts)}")
         if self.segments:
             alone = (
                 f"{trial.text} alone {'does not fit' if trial.fit is None else f'takes {trial.fit.text()}'}"
@@ -173,9 +173,9 @@ class Advice:
         }
 
 
-def _demand(job: PlannedJob, found: Shares) -> Demand:
+def _demand(job: PlannedJob, shares: Shares) -> Demand:
     """Return what the shortest frame of the job's pulses consists of."""
-    return found.frame(job.servos, job.frame, job.clock)
+    return shares.frame(job.servos, job.frame, job.clock)
 
 
 def _us(job: PlannedJob, cycles: int) -> float:
@@ -186,12 +186,12 @@ def _names(job: PlannedJob, slot: tuple[int, ...]) -> str:
     return " and ".join(job.servos[channel].name for channel in slot)
 
 
-def _parts_text(found: Shares) -> str:
+def _parts_text(shares: Shares) -> str:
     """Return the largest parts, and the sum of the others."""
-    order = sorted(found.parts, key=lambda part: -part.bytes)
-    shown = [part for part in found.parts if part in order[:MAX_PARTS]]
+    order = sorted(shares.parts, key=lambda part: -part.bytes)
+    shown = [part for part in shares.parts if part in order[:MAX_PARTS]]
     texts = [
-        f"{part.name}: {part.bytes} of {found.bytes} bytes"
+        f"{part.name}: {part.bytes} of {shares.bytes} bytes"
         + (f", {part.error_us:g} µs" if part.error_us is not None else "")
         for part in shown
     ]
@@ -215,29 +215,29 @@ def advised(
     if error.code not in CODES or (isinstance(section, MotionTable) and len(section.poses) > MAX_POSES):
         return error
     end = now() + MAX_S
-    found = Advice(job, error, _shares(job))
-    for group in _groups(job, error, found.shares):
+    advice = Advice(job, error, _shares(job))
+    for group in _groups(job, error, advice.shares):
         for change in group:
             if now() > end:
-                found.omitted = True
+                advice.omitted = True
                 break
             progress(f"trying {change.text}")
             fit = _fit(job, change)
             if fit is not None:
-                found.proposals.append(TriedChange(change.text, fit))
+                advice.proposals.append(TriedChange(change.text, fit))
                 break
     for change in _segments(job):
         if now() > end:
-            found.omitted = True
+            advice.omitted = True
             break
         progress(f"trying {change.text} alone")
-        found.segments.append(TriedChange(change.text, _fit(job, change)))
-    text = found.text()
+        advice.segments.append(TriedChange(change.text, _fit(job, change)))
+    text = advice.text()
     if not text:
         return error
     with_advice = copy(error)
     with_advice.diagnostics = (replace(error.first, hint=text),)
-    with_advice.details = {**error.details, "advice": found.to_json()}
+    with_advice.details = {**error.details, "advice": advice.to_json()}
     return with_advice
 
 
@@ -251,17 +251,17 @@ def _shares(job: PlannedJob) -> Shares | None:
         return None
 
 
-def _groups(job: PlannedJob, error: ServogenError, found: Shares | None) -> Iterator[list[JobChange]]:
+def _groups(job: PlannedJob, error: ServogenError, shares: Shares | None) -> Iterator[list[JobChange]]:
     """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
     period_us = float(job.frame.period.requested_us)
     longer = [value for value in PERIODS_US if value > period_us]
     if error.code == "frame-too-short":
         yield [JobChange({("frame", "period_us"): value}, f"period_us = {value}") for value in longer]
-        if found is not None:
-            yield list(_limits_as_used(job, found))
+        if shares is not None:
+            yield list(_limits_as_used(job, shares))
             if isinstance(section, MotionTable):
-                yield list(_shorter_pulses(job, found))
+                yield list(_shorter_pulses(job, shares))
     if isinstance(section, WalkTable):
         yield from _walk_changes(job, section, error.code)
     if isinstance(section, MotionTable) and len(section.poses) > 1:
@@ -309,12 +309,12 @@ def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[
         ]
 
 
-def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[JobChange]:
+def _limits_as_used(job: PlannedJob, shares: Shares) -> Iterator[JobChange]:
     """Yield limits at the angles of the longest pulses, for as many servos as the frame needs, those with the
     longest pulses first: a slot keeps no margin beyond a limit.
     """
     order = sorted(
-        range(len(job.servos)), key=lambda index: (-found.pulses[index].longest, job.servos[index].name)
+        range(len(job.servos)), key=lambda index: (-shares.pulses[index].longest, job.servos[index].name)
     )
     servos = list(job.servos)
     edits: dict[Key, object] = {}
@@ -328,26 +328,26 @@ def _limits_as_used(job: PlannedJob, found: Shares) -> Iterator[JobChange]:
         servos[index] = _with_limit(servo, key, degrees)
         edits["servo", index, key] = degrees
         names.append(f"{servo.name} {key} = {degrees:g}")
-        if found.frame(servos, job.frame, job.clock).minimum <= job.frame.period.cycles:
+        if shares.frame(servos, job.frame, job.clock).minimum <= job.frame.period.cycles:
             yield JobChange(edits, ", ".join(names))
             return
 
 
-def _shorter_pulses(job: PlannedJob, found: Shares) -> Iterator[JobChange]:
+def _shorter_pulses(job: PlannedJob, shares: Shares) -> Iterator[JobChange]:
     """Yield limits, and poses within them, for which the longest pulses fit the frame."""
-    longest = [float(job.clock.us(used.longest)) for used in found.pulses]
+    longest = [float(job.clock.us(used.longest)) for used in shares.pulses]
     poses = job.document.data["motion"]["poses"]
     if any(key in pose for pose in poses for key in ("tip_mm", "foot_mm")):
         return
     for cap in range(int(max(longest)) // CAP_US * CAP_US, int(min(longest)) // 2, -CAP_US):
         short = [
-            replace(used, longest=min(used.longest, job.clock.round_us(cap).cycles)) for used in found.pulses
+            replace(used, longest=min(used.longest, job.clock.round_us(cap).cycles)) for used in shares.pulses
         ]
         servos = [
             _limited(servo, cap) if width > cap else servo
             for servo, width in zip(job.servos, longest, strict=True)
         ]
-        shorter = replace(found, pulses=tuple(short)).frame(servos, job.frame, job.clock)
+        shorter = replace(shares, pulses=tuple(short)).frame(servos, job.frame, job.clock)
         if shorter.minimum <= job.frame.period.cycles:
             yield from _capped(job, [index for index, width in enumerate(longest) if width > cap], cap)
             return
@@ -371,7 +371,9 @@ def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[JobChan
             angle = pose.get(f"{servo.name}_deg")
             if angle is not None and keep(angle, degrees) != angle:
                 edits["motion", "poses", number, f"{servo.name}_deg"] = degrees
-    limits = ", ".join(f"{key} = {degrees:g} of {', '.join(each)}" for (key, degrees), each in names.items())
+    limits = ", ".join(
+        f"{key} = {degrees:g} of {', '.join(owners)}" for (key, degrees), owners in names.items()
+    )
     yield JobChange(edits, f"{limits}, and no pose beyond")
 
 
@@ -391,7 +393,7 @@ def _with_limit(servo: Servo, key: str, degrees: float) -> Servo:
 def _angle_of_longest(job: PlannedJob, index: int) -> float:
     """Return the angle at which a servo's pulse is longest, in radians."""
     planned_angles = (job.trajectory.angles, *(direction.angles for direction in job.directions))
-    angles = np.concatenate([each[:, index] for each in planned_angles])
+    angles = np.concatenate([angles_of_plan[:, index] for angles_of_plan in planned_angles])
     end = np.nanmax if _longer_upwards(job.servos[index]) else np.nanmin
     return float(end(angles))
 

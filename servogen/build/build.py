@@ -224,23 +224,23 @@ FILES = frozenset(
 """All files that a build may write; a build removes those of a previous build that it does not write."""
 
 
-def write(done: Build, folder: Path) -> None:
+def write(result: Build, folder: Path) -> None:
     """Write the files of a build, replacing those of an earlier build in one step."""
-    own = done.programs[0]
-    servos = {servo.pin: servo.name for servo in done.job.servos}
-    texts = {"schedule.json": done.plan.schedule.json_text()}
-    for program in done.programs:
+    own = result.programs[0]
+    servos = {servo.pin: servo.name for servo in result.job.servos}
+    texts = {"schedule.json": result.plan.schedule.json_text()}
+    for program in result.programs:
         texts |= {
             program.firmware.file: program.firmware.text,
-            hex_name(done, program): to_hex(program.image),
+            hex_name(result, program): to_hex(program.image),
         }
-    texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(done)}
+    texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(result)}
     with replaced_files(folder, FILES) as new:
         for name, text in texts.items():
             write_text(new / name, text)
-        schedule = done.plan.schedule
+        schedule = result.plan.schedule
         write_edges(
-            checked_edges(done),
+            checked_edges(result),
             new / "edges.csv",
             new / "main.vcd",
             servos=servos,
@@ -248,25 +248,25 @@ def write(done: Build, folder: Path) -> None:
         )
 
 
-def checked_edges(done: Build) -> EdgeTrace:
+def checked_edges(result: Build) -> EdgeTrace:
     """Return the edges of the job's own program from reset to the end of the checked time."""
-    schedule, own = done.plan.schedule, done.programs[0]
+    schedule, own = result.plan.schedule, result.programs[0]
     end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
     return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)
 
 
-def report(done: Build) -> str:
+def report(result: Build) -> str:
     """Return the text of report.txt."""
-    return report_text(BuildFacts(done.job, done.plan, program_facts(done), done.warnings))
+    return report_text(BuildFacts(result.job, result.plan, program_facts(result), result.warnings))
 
 
-def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
+def program_facts(result: Build) -> tuple[ProgramFacts, ...]:
     """Return the facts about each program that a report states."""
     return tuple(
         ProgramFacts(
             dialect=program.firmware.dialect,
             c_file=program.firmware.file,
-            hex_file=hex_name(done, program),
+            hex_file=hex_name(result, program),
             words=program.firmware.compilation.words,
             ram_bytes=program.firmware.compilation.ram_bytes,
             verdict=program.verdict,
@@ -274,9 +274,9 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
             overrun=None if program.firmware.overrun is None else Overrun(program.overrun),
             script=program.firmware.script,
         )
-        for program in done.programs
+        for program in result.programs
     )
 
 
-def hex_name(done: Build, program: BuiltProgram) -> str:
-    return "main.hex" if program is done.programs[0] else f"main.{program.firmware.dialect}.hex"
+def hex_name(result: Build, program: BuiltProgram) -> str:
+    return "main.hex" if program is result.programs[0] else f"main.{program.firmware.dialect}.hex"

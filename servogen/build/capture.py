@@ -65,7 +65,7 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 @contextmanager
 def silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
     """Yield a function that shows no progress."""
-    yield lambda done: None
+    yield lambda completed: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,8 +257,8 @@ def _look(
     look = SampleRequest(
         rate=planned.rate, words=planned.words, rle=planned.rle, channel=channel, patience_s=patience
     )
-    with progress(label, planned.words) as done:
-        return sump_capture(line, look, done, armed)
+    with progress(label, planned.words) as completed:
+        return sump_capture(line, look, completed, armed)
 
 
 def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> CaptureNeeds:

@@ -127,7 +127,7 @@ def grade_submissions(
     submissions: Sequence[Submission],
     task: GradingTask,
     scheduler: str | None = None,
-    progress: Callable[[int], None] = lambda done: None,
+    progress: Callable[[int], None] = lambda completed: None,
     at_once: int | None = None,
 ) -> list[Graded]:
     """Return the grades, in the order of `submissions`; `progress` is called with the number graded so far.
@@ -253,8 +253,8 @@ def _in_fresh_processes(
         }
         waiting = set(futures)
         while waiting:
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
                 yield futures[future], future.result()[0]
 
 
@@ -267,17 +267,17 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: GradingTask)
     command = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
     command += f"from {__name__} import serve; serve()"
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", command],
             input=pickle.dumps(sys.path) + pickle.dumps((submissions, task)),
             capture_output=True,
             timeout=STARTING_S + len(submissions) * each_s,
         )
-        if done.returncode == 0:
-            graded: list[Graded] = pickle.loads(done.stdout)
+        if process.returncode == 0:
+            graded: list[Graded] = pickle.loads(process.stdout)
             return graded
-        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        why = ": ".join([f"its process ended with exit code {done.returncode}", *last])
+        last = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        why = ": ".join([f"its process ended with exit code {process.returncode}", *last])
     except subprocess.TimeoutExpired as error:
         if len(submissions) == 1:  # where processes cannot be forked
             late = LimitExceeded(Resource.TIME, WorkLimits(seconds=error.timeout))
@@ -314,12 +314,12 @@ def _on_cluster(
         waiting = set(futures)
         seen = time.monotonic()
         while waiting:
-            done, waiting = wait(waiting, POLL_S, FIRST_COMPLETED)
-            if done or _has_worker(client):
+            finished, waiting = wait(waiting, POLL_S, FIRST_COMPLETED)
+            if finished or _has_worker(client):
                 seen = time.monotonic()
             elif time.monotonic() - seen > WITHOUT_WORKERS_S:
-                done, waiting = waiting, set()
-            for future in done:
+                finished, waiting = waiting, set()
+            for future in finished:
                 start = futures[future]
                 batch = submissions[start : start + BATCH]
                 yield from enumerate(_results(future, batch, task), start)

@@ -66,7 +66,7 @@ def page_of(
     With `twin` the page shows what the robot does in the physics; raises ToolError if MuJoCo is missing.
     """
     try:
-        done = build(job, progress)
+        result = build(job, progress)
     except ResourceError as error:
         planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
         beside = capture_facts(planned.schedule, capture, rate) if capture else None
@@ -84,38 +84,38 @@ def page_of(
     moved = None
     if twin:
         progress("moving the robot")
-        moved = twin_of_build(job, done)
+        moved = twin_of_build(job, result)
     progress("writing the page")
-    beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
+    beside = capture_facts(result.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
-    facts = replace(_facts(done, beside), twin=page_facts(moved) if moved else None)
+    facts = replace(_facts(result, beside), twin=page_facts(moved) if moved else None)
     return ReportPage(
         html=html_page(facts),
-        programs_proven=done.proven,
+        programs_proven=result.proven,
         not_built=None,
-        plan_error=done.plan.schedule.plan_error,
+        plan_error=result.plan.schedule.plan_error,
         capture=seen,
         twin=moved,
     )
 
 
-def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:
-    own = done.programs[0]
+def _facts(result: Build, capture: CaptureFacts | None) -> PageFacts:
+    own = result.programs[0]
     return PageFacts(
-        job=done.job,
-        plan=done.plan,
-        warnings=done.warnings,
-        programs=program_facts(done),
+        job=result.job,
+        plan=result.plan,
+        warnings=result.warnings,
+        programs=program_facts(result),
         listing=own.firmware.compilation.listing,
-        trace=_once(done.plan, done),
+        trace=_once(result.plan, result),
         capture=capture,
     )
 
 
-def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
+def _once(planned: PulsePlan, result: Build) -> EdgeTrace:
     """Return the edges of the job's own program for one pass of the motion."""
     schedule = planned.schedule
-    return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
+    return running(schedule, result.programs[0].image, motion_cycles(schedule)).stored()
 
 
 def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) -> CaptureFacts:

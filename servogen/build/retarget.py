@@ -119,12 +119,12 @@ def _overheads(
     ways = _ways(program)
     costs: dict[DelayPath, int] = {}
     for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
-        delays, taken, at = _since(ours, index) - known.of(path), _since(seen, index), seen[index].cycle
+        delays, taken, cycle = _since(ours, index) - known.of(path), _since(seen, index), seen[index].cycle
         cost = taken - delays
         if path != START and not 0 <= cost <= MARGIN:
             raise InputError(
                 "foreign-program",
-                f"is not compiled from {files[1]}: {ways[path]} it takes {taken} cycles up to cycle {at}, "
+                f"is not compiled from {files[1]}: {ways[path]} it takes {taken} cycles up to cycle {cycle}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
                 f"a compiler adds 0 to {MARGIN} cycles; name the C of the HEX with --c",
@@ -132,7 +132,8 @@ def _overheads(
         if costs.setdefault(path, cost) != cost:
             raise InputError(
                 "foreign-program",
-                f"{ways[path]} its statements take {cost} cycles up to cycle {at}, before that {costs[path]}",
+                f"{ways[path]} its statements take {cost} cycles up to cycle {cycle}, "
+                f"before that {costs[path]}",
                 Location(files[0]),
                 "a delay can only compensate for a constant: let the compiler optimise, or use the player",
             )

@@ -32,9 +32,9 @@ def twin_of(
     return twin_of_image(job, played.job, played.plan.schedule, image, settings, stimuli)
 
 
-def twin_of_build(job: PlannedJob, done: Build) -> TwinVerdict:
+def twin_of_build(job: PlannedJob, result: Build) -> TwinVerdict:
     """Return what the robot does with the job's own program of a build."""
-    return twin_of_image(job, done.job, done.plan.schedule, done.programs[0].image)
+    return twin_of_image(job, result.job, result.plan.schedule, result.programs[0].image)
 
 
 def twin_of_image(

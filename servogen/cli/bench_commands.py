@@ -88,9 +88,9 @@ def flash(
             print(shlex.join(command))
         return
     with status(f"programming with {installed.programmer.name}"):
-        done = flashed(installed, order, image, timeout)
-    if done.compared:
-        how = f"read back and compared: {', '.join(done.compared)}"
+        outcome = flashed(installed, order, image, timeout)
+    if outcome.compared:
+        how = f"read back and compared: {', '.join(outcome.compared)}"
     elif installed.programmer.verifies:
         how = "verified by the programmer, not read back"
     else:
@@ -100,7 +100,7 @@ def flash(
             {
                 "programmer": installed.programmer.name,
                 "words": image.words,
-                "compared": list(done.compared),
+                "compared": list(outcome.compared),
             }
         )
         return
@@ -309,23 +309,28 @@ def capture(
             "no analyser is given",
             hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
         )
-    done = captured(output, port, schedule, seconds, looking, progress)
-    if done.seen.unseen and seconds is None:
-        looks = len(done.seen.records)
-        text = f"{done.seen.unseen} of the loop's different frames were not seen whole in {looks} captures"
+    recorded = captured(output, port, schedule, seconds, looking, progress)
+    if recorded.seen.unseen and seconds is None:
+        looks = len(recorded.seen.records)
+        text = (
+            f"{recorded.seen.unseen} of the loop's different frames were not seen whole in {looks} captures"
+        )
         warn(Diagnostic("warning", "frames-unseen", text, Location(str(output))))
-    _show_capture(done, output, against, json)
+    _show_capture(recorded, output, against, json)
 
 
-def _show_capture(done: Captured, output: Path, against: Path | None, json: bool) -> None:
+def _show_capture(recorded: Captured, output: Path, against: Path | None, json: bool) -> None:
     if json:
-        as_json(done.to_json())
+        as_json(recorded.to_json())
         return
-    print(f"{output}: {done.seconds:g} s at {int(done.plan.rate)} samples a second from {done.analyser.name}")
-    if done.captures > 1:
+    print(
+        f"{output}: {recorded.seconds:g} s at {int(recorded.plan.rate)} samples a second "
+        f"from {recorded.analyser.name}"
+    )
+    if recorded.captures > 1:
         print(
-            f"stitched of {done.captures} captures, as one holds {counted(done.plan.frames, 'frame')}; "
-            "the time between two is not known"
+            f"stitched from {recorded.captures} captures, because one holds "
+            f"{counted(recorded.plan.frames, 'frame')}; the time between two is not known"
         )
     _suggest_verify(output, against)
 

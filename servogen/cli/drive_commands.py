@@ -418,13 +418,13 @@ def calibrate(
         taken = _taken(loaded, index, (from_us, to_us, points), angles, port, (baud, range_us, first))
     usual = WHEEL_TOLERANCE_DEG if chosen.model.continuous else TOLERANCE_DEG
     fitted = fit(taken, math.radians(tolerance_deg or usual), chosen.model.continuous)
-    kept = write_calibration(target, calibration_text(fitted, chosen))
+    previous = write_calibration(target, calibration_text(fitted, chosen))
     if plot is not None:
         from servogen.report.calibration_plot import calibration_plot
 
         calibration_plot(fitted, chosen, plot)
     refused = refusals(loaded, chosen.name, target)
-    _show_calibration(job, chosen, fitted, (target, kept), refused, json)
+    _show_calibration(job, chosen, fitted, (target, previous), refused, json)
     if refused:
         raise typer.Exit(1)
 
@@ -500,14 +500,14 @@ def _show_calibration(
     json: bool,
 ) -> None:
     """Print the fit, the file written, the file kept, and why the job cannot use the calibration."""
-    (target, kept), unit = files, servo.model.unit
+    (target, previous), unit = files, servo.model.unit
     slope = fitted.us_per_rad * math.radians(1)
     rms, worst = math.degrees(fitted.rms), math.degrees(fitted.residuals[fitted.worst])
     if json:
         as_json(
             {
                 "file": str(target),
-                "kept": None if kept is None else str(kept),
+                "kept": None if previous is None else str(previous),
                 "zero_us": fitted.zero_us,
                 "us_per_deg": slope,
                 "rms_deg": rms,
@@ -527,7 +527,7 @@ def _show_calibration(
         f"width = {fitted.zero_us:.1f} µs {slope:+z.4f} µs/{unit}; "
         f"rms {rms:.2f}{unit}, worst {worst:+z.2f}{unit}"
     )
-    print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
+    print(f"{target}: written" + (f"; {previous} is the file that was there" if previous else ""))
     if refused:
         print("with this calibration the job's motion is not possible:", file=sys.stderr)
         for warning in refused:

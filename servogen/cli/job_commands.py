@@ -101,18 +101,18 @@ def build(
     loaded = plan_job(load(job))
     folder = output or Path("build") / loaded.name
     with status(f"{loaded.name}: planning") as tell:
-        done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
-        write(done, folder)
+        result = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
+        write(result, folder)
     if json:
-        as_json(_build_to_json(done, folder), done.warnings)
+        as_json(_build_to_json(result, folder), result.warnings)
     else:
-        _width_table(done.plan.widths)
-        _program_table([done])
-        print("\n".join(timing_budgets_text(program_facts(done), done.job.clock)))
-        plan = plan_text(done.plan.schedule.plan_error)
-        print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
-    warn_of_all(done.warnings)
-    raise typer.Exit(0 if done.proven else 1)
+        _width_table(result.plan.widths)
+        _program_table([result])
+        print("\n".join(timing_budgets_text(program_facts(result), result.job.clock)))
+        plan = plan_text(result.plan.schedule.plan_error)
+        print(f"{folder}: {'proven' if result.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
+    warn_of_all(result.warnings)
+    raise typer.Exit(0 if result.proven else 1)
 
 
 def demo(
@@ -137,7 +137,7 @@ def demo(
     from servogen.build import build as built
     from servogen.job import load, plan_job
 
-    done: list[Build] = []
+    results: list[Build] = []
     refused: list[Diagnostic] = []
     with status("reading") as tell:
         for loaded in [plan_job(load(job)) for job in jobs]:
@@ -146,28 +146,30 @@ def demo(
                 tell(f"{name}: {step}")
 
             try:
-                done.append(built(loaded, progress))
+                results.append(built(loaded, progress))
             except ResourceError as error:
                 refused.append(error.first)
                 continue
-            write(done[-1], output / loaded.name)
-        checks = [] if certificates is None else _check_certificates(done, certificates, tell)
+            write(results[-1], output / loaded.name)
+        checks = [] if certificates is None else _check_certificates(results, certificates, tell)
     if json:
-        warnings = [warning for build in done for warning in build.warnings]
+        warnings = [warning for build in results for warning in build.warnings]
         content: dict[str, object] = {
-            "jobs": [_build_to_json(build, output / build.job.name) for build in done]
+            "jobs": [_build_to_json(build, output / build.job.name) for build in results]
         }
         if certificates is not None:
             content["for_all_inputs"] = [verdict.text for verdict in checks]
         as_json(content, (*warnings, *refused))
     else:
-        _program_table(done, [verdict.text for verdict in checks])
+        _program_table(results, [verdict.text for verdict in checks])
         for refusal in refused:
             print(refusal.message)
-        for build in done:
+        for build in results:
             if build.warnings:
                 print(f"{build.job.name}: {counted(len(build.warnings), 'warning')} in its report.txt")
-    fine = all(build.proven for build in done) and all(verdict.valid or verdict.missing for verdict in checks)
+    fine = all(build.proven for build in results) and all(
+        verdict.valid or verdict.missing for verdict in checks
+    )
     raise typer.Exit(0 if fine else 1)
 
 
@@ -179,11 +181,11 @@ def _check_certificates(
     from servogen.build.certificates import certificate_file, checked
 
     verdicts = []
-    for done in builds:
-        for program in done.programs:
-            tell(f"{done.job.name}: checking the proof for all inputs, {program.firmware.dialect}")
-            file = certificate_file(folder, done.job.name, hex_name(done, program))
-            verdicts.append(checked(file, program.image, done.plan.schedule.json_text()))
+    for result in builds:
+        for program in result.programs:
+            tell(f"{result.job.name}: checking the proof for all inputs, {program.firmware.dialect}")
+            file = certificate_file(folder, result.job.name, hex_name(result, program))
+            verdicts.append(checked(file, program.image, result.plan.schedule.json_text()))
     return verdicts
 
 
@@ -227,7 +229,7 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
 def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> None:
     from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
-    programs = [(done, program) for done in builds for program in done.programs]
+    programs = [(result, program) for result in builds for program in result.programs]
     certified = [[text] for text in for_all_inputs] or [[] for _ in programs]
     table(
         "Programs",
@@ -238,26 +240,26 @@ def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> N
         ),
         [
             (
-                done.job.name,
-                done.engine,
+                result.job.name,
+                result.engine,
                 program.firmware.dialect,
                 program.firmware.compilation.words,
                 PROGRAM_WORDS - program.firmware.compilation.words,
                 program.firmware.compilation.ram_bytes,
                 RAM_BYTES - program.firmware.compilation.ram_bytes,
-                done.frames,
+                result.frames,
                 f"{program.verdict.worst_edge_error} cycles",
                 "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
                 "proven" if program.proven else "NOT PROVEN",
                 *certificate,
             )
-            for (done, program), certificate in zip(programs, certified, strict=True)
+            for (result, program), certificate in zip(programs, certified, strict=True)
         ],
     )
 
 
-def _build_to_json(done: Build, folder: Path) -> dict[str, object]:
-    return {"folder": str(folder), **done.to_json()}
+def _build_to_json(result: Build, folder: Path) -> dict[str, object]:
+    return {"folder": str(folder), **result.to_json()}
 
 
 def plan(

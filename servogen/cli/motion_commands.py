@@ -383,7 +383,7 @@ def run_program(
     from servogen.units import Clock, Cycles
 
     source, chosen = read(file), arm(robot)
-    done = run(
+    program_run = run(
         source,
         manipulator(chosen),
         Cycles(period_us),
@@ -393,17 +393,20 @@ def run_program(
         budget=Budget(max_commands, Fraction(max_s)),
     )
     if output:
-        write_text(output, "".join(f"{line}\n" for line in joint_lines(done.trajectory, chosen)))
+        write_text(output, "".join(f"{line}\n" for line in joint_lines(program_run.trajectory, chosen)))
     if json:
-        as_json({"robot": robot, **done.to_json()}, done.warnings)
+        as_json({"robot": robot, **program_run.to_json()}, program_run.warnings)
         return
-    _show_run(done)
-    frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start
-    print(f"{file}: {frames} frames, {done.seconds(frames):g} s; the last {loop} of them repeat")
-    warn_of_all(done.warnings)
+    _show_run(program_run)
+    frames, loop = (
+        len(program_run.trajectory.angles),
+        len(program_run.trajectory.angles) - program_run.trajectory.loop_start,
+    )
+    print(f"{file}: {frames} frames, {program_run.seconds(frames):g} s; the last {loop} of them repeat")
+    warn_of_all(program_run.warnings)
 
 
-def _show_run(done: ProgramRun) -> None:
+def _show_run(program_run: ProgramRun) -> None:
     table(
         "Motion",
         ("line", "command", "from s", "for s", "x mm", "y mm", "z mm", "pitch °", "roll °", "hand"),
@@ -411,14 +414,17 @@ def _show_run(done: ProgramRun) -> None:
             (
                 step.statement.number or "",
                 step.statement.text,
-                f"{done.seconds(step.frame):z.2f}",
-                f"{done.seconds(step.frames):z.2f}",
+                f"{program_run.seconds(step.frame):z.2f}",
+                f"{program_run.seconds(step.frames):z.2f}",
                 *(f"{value:z.1f}" for value in step.pose.values),
                 "closed" if step.hand == "C" else "open",
             )
-            for step in done.steps
+            for step in program_run.steps
         ],
     )
-    if done.outputs:
-        rows = [(f"{done.seconds(output.frame):z.2f}", f"&{output.value:02X}") for output in done.outputs]
+    if program_run.outputs:
+        rows = [
+            (f"{program_run.seconds(output.frame):z.2f}", f"&{output.value:02X}")
+            for output in program_run.outputs
+        ]
         table("Output port", ("at s", "value"), rows)

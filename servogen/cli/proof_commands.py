@@ -268,7 +268,7 @@ def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: 
             schedule,
             request.over,
             board,
-            lambda done, known: tell(f"{done} of {known} states"),
+            lambda explored, known: tell(f"{explored} of {known} states"),
             request.max_states or MAX_STATES,
         )
     if proof.proven and request.certificate is not None:

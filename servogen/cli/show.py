@@ -104,14 +104,14 @@ def show_error(error: ServogenError, arguments: Sequence[str]) -> None:
 def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
     """Show a progress bar if standard error is a terminal; yield a function that takes how much is done."""
     if not sys.stderr.isatty():
-        yield lambda done: None
+        yield lambda completed: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda completed: bar.update(task, completed=completed)
 
 
 @contextmanager

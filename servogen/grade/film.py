@@ -52,9 +52,9 @@ def film_of(watched: Watched, pins: Sequence[int], moment: int | None, source: F
     """Return the film of the pulses on `pins` around a moment; None: from the first pulse on."""
     clock = watched.clock
     first = min((int(watched.pins[pin].rise[0]) for pin in pins if pin in watched.pins), default=0)
-    at = first if moment is None else moment
-    begin = max(0, at - clock.round_seconds(BEFORE_S))
-    end = min(watched.end, at + clock.round_seconds(AFTER_S))
+    shown_moment = first if moment is None else moment
+    begin = max(0, shown_moment - clock.round_seconds(BEFORE_S))
+    end = min(watched.end, shown_moment + clock.round_seconds(AFTER_S))
     us = float(clock.cycle_us)
     rows = []
     for pin in pins:
@@ -70,7 +70,9 @@ def film_of(watched: Watched, pins: Sequence[int], moment: int | None, source: F
         )
         kept = [(round(rise, 1), round(width, 1)) for rise, width in kept[:MAX_PULSES]]
         rows.append(FilmRow(pin, tuple(rise for rise, _ in kept), tuple(width for _, width in kept)))
-    return Film(begin_us=begin * us, moment_us=at * us, end_us=end * us, rows=tuple(rows), source=source)
+    return Film(
+        begin_us=begin * us, moment_us=shown_moment * us, end_us=end * us, rows=tuple(rows), source=source
+    )
 
 
 def lines_around(file: str, text: str, line: int) -> FilmSource:

@@ -45,7 +45,7 @@ def program_of(
     hand = _hand(document, table, servos, bindings)
     arm = _reachable(document, robot, bindings, servos)
     source = read(Path(document.file).parent / table.file)
-    done = run(
+    program_run = run(
         source,
         _manipulator(document, arm, bindings, servos, limits),
         job.frame.period.cycles,
@@ -59,10 +59,10 @@ def program_of(
         budget=Budget(table.max_commands, exact(table.max_s)),
     )
     return PlannedPoses(
-        _on_servos(document, done, table, bindings, servos),
-        done.warnings,
-        _notes(document, done),
-        tuple(Part(f"line {step.statement.number}", step.frame) for step in done.steps if step.frames),
+        _on_servos(document, program_run, table, bindings, servos),
+        program_run.warnings,
+        _notes(document, program_run),
+        tuple(Part(f"line {step.statement.number}", step.frame) for step in program_run.steps if step.frames),
     )
 
 
@@ -135,7 +135,7 @@ def _manipulator(
 
 def _on_servos(
     document: Document,
-    done: ProgramRun,
+    program_run: ProgramRun,
     table: ProgramTable,
     bindings: Sequence[Binding],
     servos: Sequence[Servo],
@@ -154,22 +154,24 @@ def _on_servos(
                 f"{servo.name} turns no joint of the arm",
                 'state the joint: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
             )
-    motion = bound(done.trajectory, [by_servo[servo.name] for servo in servos])
+    motion = bound(program_run.trajectory, [by_servo[servo.name] for servo in servos])
     if table.end == "release":
         motion.angles[-1] = np.nan
     return motion
 
 
-def _notes(document: Document, done: ProgramRun) -> tuple[Diagnostic, ...]:
+def _notes(document: Document, program_run: ProgramRun) -> tuple[Diagnostic, ...]:
     place = document.place("program")
-    trajectory = done.trajectory
+    trajectory = program_run.trajectory
     seconds = float(trajectory.clock.seconds(len(trajectory.angles) * trajectory.period))
     notes = [
         Diagnostic(
             "note", "program", f"the program takes {len(trajectory.angles)} frames, {seconds:g} s", place
         )
     ]
-    if done.outputs:
-        text = f"the program writes its output port {len(done.outputs)} times: firmware only makes pulses"
+    if program_run.outputs:
+        text = (
+            f"the program writes its output port {len(program_run.outputs)} times: firmware only makes pulses"
+        )
         notes.append(Diagnostic("note", "output-port", text, place))
     return tuple(notes)

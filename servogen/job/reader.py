@@ -378,13 +378,13 @@ def _sensors(
         taken[row.pin] = f"sensor[{index + 1}]"
         names = {"foot": legs, "end-stop": joints, "stall": []}[row.kind]
         if row.kind != "stall" and row.of not in names:
-            what = "leg" if row.kind == "foot" else "joint"
+            part = "leg" if row.kind == "foot" else "joint"
             raise document.error(
                 "unknown-name",
                 (*key, "of"),
-                f"the robot has no {what} '{row.of}'"
+                f"the robot has no {part} '{row.of}'"
                 if row.of
-                else f"it does not state which {what} it watches",
+                else f"it does not state which {part} it watches",
                 did_you_mean(row.of or "", names),
             )
         if row.kind == "end-stop" and (row.at_deg is None) == (row.at_mm is None):

@@ -178,8 +178,8 @@ def spherical(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike, keep_orientation:
     """Return Rot(z, γ) Rot(y, β) T(0,0,r): position r (sin β cos γ, sin β sin γ, cos β)."""
     r, beta, gamma = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, beta, gamma)))
     turn = rot("z", gamma) @ rot("y", beta)
-    kept = np.broadcast_to(np.eye(3), turn.shape) if keep_orientation else turn
-    return transform(kept, turn[..., :, 2] * r[..., None])
+    rotation = np.broadcast_to(np.eye(3), turn.shape) if keep_orientation else turn
+    return transform(rotation, turn[..., :, 2] * r[..., None])
 
 
 def spherical_of(point: ArrayLike) -> Floats:

@@ -105,5 +105,5 @@ def positions(base: DrivingRobot, speeds: Floats, period_s: float) -> Floats:
         ],
         axis=1,
     )
-    at = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-    return np.column_stack([at, heading])
+    corners = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+    return np.column_stack([corners, heading])

@@ -97,13 +97,13 @@ def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) 
     """
     times: list[float] = []
     rows: list[np.polynomial.Polynomial] = []
-    at = way = speed = 0.0
+    elapsed = distance = speed = 0.0
     for length, acceleration in pieces:
         if length <= 0:
             continue
         # Each piece continues at the position and speed with which the one before ends.
-        row = np.polynomial.Polynomial(acceleration).integ(2, k=[speed, way])
-        times.append(at)
+        row = np.polynomial.Polynomial(acceleration).integ(2, k=[speed, distance])
+        times.append(elapsed)
         rows.append(row)
-        at, way, speed = at + length, float(row(length)), float(row.deriv()(length))
-    return Law(name, tuple(times), tuple(tuple((row / way).coef.tolist()) for row in rows))
+        elapsed, distance, speed = elapsed + length, float(row(length)), float(row.deriv()(length))
+    return Law(name, tuple(times), tuple(tuple((row / distance).coef.tolist()) for row in rows))

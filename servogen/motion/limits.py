@@ -44,12 +44,16 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[JointLimits]) -
     For a path parameter from 0 to 1 the limits are those of each joint divided by its travel, and the
     smallest applies. Raises InputError if a joint moves that nothing limits.
     """
-    used = [(abs(way), limit) for way, limit in zip(travel, limits, strict=True) if abs(way) > STILL]
+    used = [
+        (abs(distance), limit)
+        for distance, limit in zip(travel, limits, strict=True)
+        if abs(distance) > STILL
+    ]
     if not used:
         return TimedLaw(law(name), 0.0)
-    speed = min(limit.speed / way for way, limit in used)
-    acceleration = min(limit.acceleration / way for way, limit in used)
-    jerk = min(limit.jerk / way for way, limit in used)
+    speed = min(limit.speed / distance for distance, limit in used)
+    acceleration = min(limit.acceleration / distance for distance, limit in used)
+    jerk = min(limit.jerk / distance for distance, limit in used)
     if math.isinf(speed) and math.isinf(acceleration):
         raise InputError(
             "no-speed",

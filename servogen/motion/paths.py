@@ -56,10 +56,12 @@ class StraightLine:
 
     def distance(self, points: Floats) -> Floats:
         """Return the distance in metres of each of the points (n, 3) from the line."""
-        start, way = np.array(self.start), np.subtract(self.end, self.start)
-        square = float(way @ way)
-        share = np.clip((points - start) @ way / square, 0.0, 1.0) if square else np.zeros(len(points))
-        return np.asarray(np.linalg.norm(points - start - share[..., None] * way, axis=-1))
+        start, displacement = np.array(self.start), np.subtract(self.end, self.start)
+        square = float(displacement @ displacement)
+        share = (
+            np.clip((points - start) @ displacement / square, 0.0, 1.0) if square else np.zeros(len(points))
+        )
+        return np.asarray(np.linalg.norm(points - start - share[..., None] * displacement, axis=-1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,18 +126,18 @@ class _Sampler:
             self._through([*poses, poses[0]], closed=True)
             return
         self._stand(poses[0])
-        at = 0
+        frame = 0
         # A chain leads from a pose without `via` to the next; with `repeat` the last one leads back to the
         # first pose.
-        while at + 1 < len(poses) + repeat:
-            end = at + 1
+        while frame + 1 < len(poses) + repeat:
+            end = frame + 1
             while end < len(poses) and poses[end].via:
                 end += 1
-            chain = [poses[index % len(poses)] for index in range(at, end + 1)]
+            chain = [poses[index % len(poses)] for index in range(frame, end + 1)]
             self._go(chain)
             if end < len(poses):
                 self._stand(chain[-1])
-            at = end
+            frame = end
         if not repeat and poses[0].move_s:
             self.warnings.append(
                 Diagnostic(

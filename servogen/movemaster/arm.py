@@ -257,9 +257,9 @@ class Mover:
         """
         return np.concatenate(self._blocks)
 
-    def go(self, pose: ToolPose, what: str) -> None:
+    def go(self, pose: ToolPose, target: str) -> None:
         """Move to `pose`, all joints together."""
-        self.go_joints(self._solved(pose, self.q, what))
+        self.go_joints(self._solved(pose, self.q, target))
 
     def go_joints(self, q: Floats) -> None:
         """Move to the joint positions `q` through joint space."""
@@ -281,17 +281,17 @@ class Mover:
     def through(self, poses: list[tuple[ToolPose, str]]) -> None:
         """Move through all poses without stopping."""
         points = [self.q]
-        for pose, what in poses:
-            points.append(self._solved(pose, points[-1], what))
+        for pose, target in poses:
+            points.append(self._solved(pose, points[-1], target))
         self._path(np.stack(points), even=False)
 
-    def line(self, pose: ToolPose, intermediate: int, what: str) -> None:
+    def line(self, pose: ToolPose, intermediate: int, target: str) -> None:
         """Move to `pose` through `intermediate` equidistant points on the straight line."""
-        self._solved(pose, self.q, what)
-        branch = self._branch(pose, what)
+        self._solved(pose, self.q, target)
+        branch = self._branch(pose, target)
         points = _points_on(branch, self.q, intermediate)
         samples = self._path(points, even=True)
-        self._check_line(samples, branch, what, intermediate)
+        self._check_line(samples, branch, target, intermediate)
 
     def grip(self, state: str) -> None:
         """Open or close the hand, in GP's time, or longer if its servo is slower."""
@@ -333,13 +333,13 @@ class Mover:
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
-    def _solved(self, pose: ToolPose, near: Floats, what: str) -> Floats:
+    def _solved(self, pose: ToolPose, near: Floats, target: str) -> Floats:
         try:
             return self.manipulator.solve(pose, near)
         except Unreachable as error:
             raise InputError(
                 "out-of-reach",
-                f"{what} {pose} cannot be reached: {error.reason}",
+                f"{target} {pose} cannot be reached: {error.reason}",
                 hint=error.hint,
             ) from error
 
@@ -353,7 +353,7 @@ class Mover:
         self._add(np.concatenate(columns, axis=1))
         return samples
 
-    def _branch(self, pose: ToolPose, what: str) -> Branch:
+    def _branch(self, pose: ToolPose, target: str) -> Branch:
         """Return the branch on which the arm moves straight to `pose`; pitch and roll take the shorter
         turn.
         """
@@ -378,16 +378,16 @@ class Mover:
         except ChangesBranch as error:
             raise InputError(
                 "leaves-reach",
-                f"the straight line to {what} would change the branch of the inverse kinematics at "
+                f"the straight line to {target} would change the branch of the inverse kinematics at "
                 f"{in_mm(error.point)}: from {error.branches[0]} to {error.branches[1]}",
-                hint=f"MO goes to {what} through joint space",
+                hint=f"MO goes to {target} through joint space",
             ) from error
         except LeavesReach as error:
             raise InputError(
                 "leaves-reach",
-                f"the straight line to {what} leaves what the arm reaches at {in_mm(error.point)}: "
+                f"the straight line to {target} leaves what the arm reaches at {in_mm(error.point)}: "
                 f"{self._reason(ToolPose(*(start + error.share * path).tolist()))}",
-                hint=f"MO goes to {what} through joint space",
+                hint=f"MO goes to {target} through joint space",
             ) from error
 
     def _reason(self, pose: ToolPose) -> str:
@@ -398,7 +398,7 @@ class Mover:
             return error.reason
         return "the arm is at the limit of its reach"
 
-    def _check_line(self, samples: Floats, branch: Branch, what: str, intermediate: int) -> None:
+    def _check_line(self, samples: Floats, branch: Branch, target: str, intermediate: int) -> None:
         """Warn where the tool leaves the line between its points, because only the joints move linearly
         there.
         """
@@ -406,7 +406,7 @@ class Mover:
         worst = 1000 * float(branch.path.distance(tools).max(initial=0.0))
         if worst <= OFF_THE_LINE_MM:
             return
-        text = f"on the move to {what} the tool is up to {worst:z.1f} mm off the straight line"
+        text = f"on the move to {target} the tool is up to {worst:z.1f} mm off the straight line"
         enough = self._enough(branch, intermediate)
         self.warnings.append(
             Diagnostic(

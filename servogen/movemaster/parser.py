@@ -145,8 +145,8 @@ def _statement(line: str, file: str, row: int) -> Iterator[ProgramLine]:
         rest = code[head.end() :].strip()
         if rest or COMMENT not in line:
             wrong = rest.split(",")[0].split(" ")[0]
-            at = Location(file, row, len(code) - len(rest) + 1, key)
-            raise _no_command(wrong, head["number"], at)
+            location = Location(file, row, len(code) - len(rest) + 1, key)
+            raise _no_command(wrong, head["number"], location)
         yield ProgramLine(
             number=number,
             command=None,
@@ -233,11 +233,11 @@ def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
     """Yield the arguments between commas, with the column (from 1) of each."""
     if not code[start:].strip():
         return
-    at = start
+    offset = start
     for piece in code[start:].split(","):
         lead = len(piece) - len(piece.lstrip())
-        yield piece.strip(), at + lead + 1
-        at += len(piece) + 1
+        yield piece.strip(), offset + lead + 1
+        offset += len(piece) + 1
 
 
 def _arguments(

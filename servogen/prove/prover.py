@@ -67,7 +67,7 @@ def prove_for_all(
     schedule: PulseSchedule,
     quantifiers: Quantifiers = EVERYTHING,
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
-    tell: Tell = lambda done, found: None,
+    tell: Tell = lambda explored, known: None,
     max_states: int = MAX_STATES,
 ) -> Proof:
     """Return the proof that `image` follows `schedule` for everything quantified over, or why there is

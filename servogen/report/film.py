@@ -86,10 +86,10 @@ def job_scene(job: PlannedJob) -> FilmScene:
     angles = _held(trajectory.angles)[start:]
     frame_s, step = float(trajectory.clock.seconds(trajectory.period)), _step(len(angles))
     if job.base is not None:
-        at = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)[1:]
-        outline = base_outline(job.base, at[::step])
+        places = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)[1:]
+        outline = base_outline(job.base, places[::step])
         parts = [
-            _trace(at * [1, 1, 0], step),
+            _trace(places * [1, 1, 0], step),
             *(FilmPart(list(line), "tab:blue", marks=False) for line in outline),
         ]
         return FilmScene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))

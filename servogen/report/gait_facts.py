@@ -70,7 +70,7 @@ def facts_of(robot: WalkingRobot, planned: Walk) -> GaitFacts:
     frame_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     worst = int(np.argmin(np.round(planned.margins, SAME_DIGITS)))
     springs = np.linalg.norm(planned.corrections, axis=2)
-    at, leg = np.unravel_index(int(np.argmax(np.round(springs, SAME_DIGITS))), springs.shape)
+    sample, leg = np.unravel_index(int(np.argmax(np.round(springs, SAME_DIGITS))), springs.shape)
     ground = float(planned.feet[:, :, 2].min())
     higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, planned))
     return GaitFacts(
@@ -82,7 +82,7 @@ def facts_of(robot: WalkingRobot, planned: Walk) -> GaitFacts:
         ),
         correction=planned.largest_correction_m,
         correction_leg=planned.legs[int(leg)],
-        correction_frame=int(at),
+        correction_frame=int(sample),
         lift=planned.lift_m,
         clearance=higher - ground,
         body_height=-ground,
@@ -155,7 +155,9 @@ def walk_to_json(
         },
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
         "lost_motion": {"angle": planned.lost, "swing_beyond": planned.beyond},
-        "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in planned.centres],
+        "centres_of_rotation": [
+            None if centre is None else [centre.real, centre.imag] for centre in planned.centres
+        ],
         "held_back": [{"leg": held.leg, "angle": held.angle} for held in planned.held_back],
         "first_millimetre_m": planned.liftoff_slide_m,
         "torque": None

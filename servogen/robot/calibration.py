@@ -357,14 +357,14 @@ def write_calibration(path: Path, text: str) -> Path | None:
 
     Raises InputError if the path cannot be written.
     """
-    kept = _kept(path) if path.is_file() else None
+    previous = _kept(path) if path.is_file() else None
     try:
         write_text(path, text)
     except BaseException:
-        if kept is not None:  # the old file still has its name
-            kept.unlink(missing_ok=True)
+        if previous is not None:  # the old file still has its name
+            previous.unlink(missing_ok=True)
         raise
-    return kept
+    return previous
 
 
 def _kept(path: Path) -> Path:

@@ -417,11 +417,11 @@ class Chip(Signals):
             watched: list[Breakpoint] = [AtEdge("", pin, None) for pin in sorted(self._wiring.connected)]
             if watched:
                 watched.append(self._pull_ups_change)
-            made: list[EdgeChunk] = []
+            chunks: list[EdgeChunk] = []
             goal = min(end, self._due[0][0]) if self._due else end
-            hit = run_to(chip, goal, [*stops, *watched], image, made)
+            hit = run_to(chip, goal, [*stops, *watched], image, chunks)
             self._settle()
-            if hit is not None and (stop := _among(stops, hit, join(made))):
+            if hit is not None and (stop := _among(stops, hit, join(chunks))):
                 return stop
 
     def _changed(self, pin: int) -> bool:
@@ -493,11 +493,11 @@ class Chip(Signals):
         if pin in self._wiring.held:
             self._outside[pin] = self._wiring.held[pin]
 
-    def _check_free(self, what: int | frozenset[int]) -> None:
+    def _check_free(self, pins: int | frozenset[int]) -> None:
         """Raise InputError if what was begun on a pin, or on a switch between two, is not over."""
-        if self._busy.get(what, -1) > self.cycle:
-            until = time_words(self._busy[what], self.clock)
-            names = " to ".join(PINS[pin] for pin in sorted({what} if isinstance(what, int) else what))
+        if self._busy.get(pins, -1) > self.cycle:
+            until = time_words(self._busy[pins], self.clock)
+            names = " to ".join(PINS[pin] for pin in sorted({pins} if isinstance(pins, int) else pins))
             raise InputError(
                 "not-allowed",
                 f"{names} still changes from outside until {until}, and it is {self._now_words} now",
@@ -558,11 +558,11 @@ class Chip(Signals):
     def _driven(self) -> EdgeChunk:
         """Return all edges since power-up. Raises InputError where there are too many."""
         if self._seen_until < self.cycle:
-            made = self._machine.machine.edges_made
-            if made > MAX_EDGES:
+            edge_count = self._machine.machine.edges_made
+            if edge_count > MAX_EDGES:
                 raise InputError(
                     "out-of-range",
-                    f"the pins have {made} edges since power-up, more than {MAX_EDGES}",
+                    f"the pins have {edge_count} edges since power-up, more than {MAX_EDGES}",
                     hint="run for less",
                 )
             self._seen.append(self._machine.edges(self._seen_until, self.cycle))

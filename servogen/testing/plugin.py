@@ -81,9 +81,9 @@ def assert_pulses(
     capture.properties.extend(verdict.properties)
     if verdict.proven or (partial and verdict.agrees):
         return
-    what = "do not show the whole schedule" if verdict.agrees else "are not the schedule's"
+    difference = "do not show the whole schedule" if verdict.agrees else "are not the schedule's"
     text = "\n".join(verdict.lines)
-    raise AssertionError(f"the pulses seen on {capture.source} {what}\n{text}")
+    raise AssertionError(f"the pulses seen on {capture.source} {difference}\n{text}")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

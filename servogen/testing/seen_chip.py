@@ -182,21 +182,21 @@ class SeenChip(Signals):
         within = within_ms + self._player.late_ms
         look = self._look
         if not self._collected and look is not None:
-            at = self._next_edge(look.piece, pin, level, look.ms, look.ms + within)
-            if at is not None:
-                self._look = _Look(look.piece, at)
-                return 1000 * at
+            edge_ms = self._next_edge(look.piece, pin, level, look.ms, look.ms + within)
+            if edge_ms is not None:
+                self._look = _Look(look.piece, edge_ms)
+                return 1000 * edge_ms
             if look.ms + within <= self._captured_ms(look.piece):
                 raise self._missed(what, within_ms)
         begin = float(self._length_ms)
         self._length_ms += Fraction(within)
         self._flush()
         assert self._look is not None
-        at = self._next_edge(self._look.piece, pin, level, begin, begin + within)
-        if at is None:
+        edge_ms = self._next_edge(self._look.piece, pin, level, begin, begin + within)
+        if edge_ms is None:
             raise self._missed(what, within_ms)
-        self._look = _Look(self._look.piece, at)
-        return 1000 * at
+        self._look = _Look(self._look.piece, edge_ms)
+        return 1000 * edge_ms
 
     # Acting
 
@@ -417,8 +417,8 @@ class SeenChip(Signals):
 
     def _level_at(self, piece: int, pin: int, ms: float) -> int:
         changes = list(self._changes(piece, pin))
-        at = bisect_right(changes, ms, key=lambda change: change[0]) - 1
-        return changes[at][1] if at >= 0 else LOW
+        index = bisect_right(changes, ms, key=lambda change: change[0]) - 1
+        return changes[index][1] if index >= 0 else LOW
 
     def _next_edge(self, piece: int, pin: int, level: int | None, begin: float, end: float) -> float | None:
         before = LOW
@@ -433,8 +433,8 @@ class SeenChip(Signals):
         end = time_words(int(last.end), last.clock)
         return AssertionError(f"{what}: not within {within_ms:g} ms; the capture ends at {end}")
 
-    def _do(self, what: DrivePin | Close | Send, after_ms: int | Fraction = 0) -> None:
-        self._inputs.append(BoardInput(round(self._length_ms + after_ms), what))
+    def _do(self, action: DrivePin | Close | Send, after_ms: int | Fraction = 0) -> None:
+        self._inputs.append(BoardInput(round(self._length_ms + after_ms), action))
 
     def _bouncing(
         self, level: int, bounce_ms: float, bounces: int, seed: int
@@ -454,13 +454,15 @@ class SeenChip(Signals):
         for ms, now in self._bouncing(level, bounce_ms, bounces, seed):
             self._do(DrivePin(pin.upper(), now), after_ms + ms)
 
-    def _needs_board(self, what: str, pin: str) -> None:
+    def _needs_board(self, feature: str, pin: str) -> None:
         pin_index(pin)
         wiring = self._player.wiring
         if wiring is None:
-            self._skip(what, "nothing drives the chip's inputs here: --servogen-inputs=PORT, an input board")
+            self._skip(
+                feature, "nothing drives the chip's inputs here: --servogen-inputs=PORT, an input board"
+            )
         if pin.upper() not in wiring.pins:
-            self._skip(what, f"{pin.upper()} is not wired to the input board")
+            self._skip(feature, f"{pin.upper()} is not wired to the input board")
 
     def _wired_contact(self, pin: str, other: str) -> Contact:
         pin_index(pin), pin_index(other)
@@ -471,9 +473,9 @@ class SeenChip(Signals):
             self._skip("switch", f"the input board has no contact {names}: --servogen-input={names}=22")
         return contact
 
-    def _check_possible(self, what: DrivePin | Close | Send) -> None:
+    def _check_possible(self, action: DrivePin | Close | Send) -> None:
         """Skip the test where what a stimulus does cannot be played."""
-        match what:
+        match action:
             case DrivePin(name) if name in PINS:
                 self._needs_board("stimulus", name)
             case DrivePin():
@@ -484,8 +486,8 @@ class SeenChip(Signals):
                 if self._player.serial_pin != pin and (wiring is None or pin not in wiring.lines):
                     self._skip("stimulus", f"no serial line goes to {pin}: --servogen-input={pin}=TX1")
 
-    def _skip(self, what: str, why: str) -> NoReturn:
-        pytest.skip(f"needs the simulated chip: chip.{what}; {why}")
+    def _skip(self, feature: str, why: str) -> NoReturn:
+        pytest.skip(f"needs the simulated chip: chip.{feature}; {why}")
 
 
 def stimulus_inputs(stimuli: Stimuli, clock: Clock) -> list[BoardInput]:

@@ -110,7 +110,7 @@ class Signals(ABC):
         return [whole(time / self.chip_clock().cycle_us) for time in times]
 
     def _edges(self, pin: str, level: int, since_us: float) -> list[Moment]:
-        return [at for line in self._lines(pin, since_us) for at, now in line[1:] if now == level]
+        return [moment for line in self._lines(pin, since_us) for moment, now in line[1:] if now == level]
 
     def _widths(self, pin: str, level: int, since_us: float) -> list[Moment]:
         return [
@@ -124,7 +124,7 @@ class Signals(ABC):
         return [
             later - earlier
             for line in self._lines(pin, since_us)
-            for earlier, later in pairwise(at for at, level in line[1:] if level == HIGH)
+            for earlier, later in pairwise(moment for moment, level in line[1:] if level == HIGH)
         ]
 
     def _lines(self, pin: str, since_us: float) -> Iterator[list[Level]]:
@@ -147,11 +147,11 @@ def _levels(trace: EdgeTrace, pin: int, undriven: int, since: Moment) -> list[Le
     own = np.flatnonzero(edges.pin == pin)
     line: list[Level] = [(Fraction(0), undriven)]
     for cycle, level in zip(edges.cycle[own].tolist(), edges.level[own].tolist(), strict=True):
-        at, driven = _us(trace, cycle), undriven if level == UNDRIVEN else level
-        if at <= since and (at < since or cycle == 0):
-            line = [(at, driven)]
+        moment, driven = _us(trace, cycle), undriven if level == UNDRIVEN else level
+        if moment <= since and (moment < since or cycle == 0):
+            line = [(moment, driven)]
         elif driven != line[-1][1]:
-            line.append((at, driven))
+            line.append((moment, driven))
     return line
 
 
@@ -171,19 +171,19 @@ def _decoded(pin: str, line: Sequence[Level], baud: Fraction, idle: int, end: Mo
         if bits[0]:
             continue
         free = middles[-1]
-        inside = list(takewhile(partial(ge, free), (at for at, _ in islice(line, number + 1, None))))
-        wrong = next((at for at in inside if _error(at - start, bit) > MAX_BIT_ERROR), None)
+        inside = list(takewhile(partial(ge, free), (moment for moment, _ in islice(line, number + 1, None))))
+        wrong = next((moment for moment in inside if _error(moment - start, bit) > MAX_BIT_ERROR), None)
         if wrong is not None or not bits[-1]:
             raise AssertionError(_bad_byte(pin, bytes(received), start, wrong, inside, bit))
         received.append(sum(value << n for n, value in enumerate(bits[1:STOP])))
     return bytes(received)
 
 
-def _level_at(line: Sequence[Level], at: Moment) -> int:
+def _level_at(line: Sequence[Level], moment: Moment) -> int:
     low, high = 0, len(line)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if line[middle][0] <= at else (low, middle)
+        low, high = (middle, high) if line[middle][0] <= moment else (low, middle)
     return line[low][1]
 
 

@@ -101,12 +101,12 @@ def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
 def _supply(record: Record) -> Iterator[Event]:
     supply = record.rig.supply
     if supply.limit_a is not None:
-        at = np.flatnonzero(record.current >= supply.limit_a * FULL)
-        if len(at):
-            stalled = _stalled(record)[at].sum(axis=1)
-            most = at[stalled == stalled.max()]
+        samples = np.flatnonzero(record.current >= supply.limit_a * FULL)
+        if len(samples):
+            stalled = _stalled(record)[samples].sum(axis=1)
+            most = samples[stalled == stalled.max()]
             middle = int(most[len(most) // 2])
-            when, seconds = float(record.time[at[0]]), float(record.time[middle])
+            when, seconds = float(record.time[samples[0]]), float(record.time[middle])
             yield Event(
                 when,
                 EventKind.SUPPLY,

@@ -156,19 +156,19 @@ class LiveTwin:
         world, receiver = self._world, self._receiver
         begin, end = receiver.cycle_of(world.step), receiver.cycle_of(until)
         self._waiting += receiver.pulses(self._edges(begin, end))
-        done = 0
+        count = 0
         while world.step < until:
-            while done < len(self._waiting) and self._waiting[done].step <= world.step:
-                world.pulse(self._waiting[done])
-                done += 1
+            while count < len(self._waiting) and self._waiting[count].step <= world.step:
+                world.pulse(self._waiting[count])
+                count += 1
             world.advance()
-        del self._waiting[:done]
+        del self._waiting[:count]
         if not np.isfinite(world.data.qpos).all():
             raise InputError("unstable", f"the physics diverged at {world.seconds:g} s")
 
     def _keep(self) -> None:
-        kept = _Kept(self._world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))
-        self._kept[self.step] = kept
+        snapshot = _Kept(self._world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))
+        self._kept[self.step] = snapshot
         insort(self._at, self.step)
         if len(self._at) > MAX_SNAPSHOTS:
             self._thin()
@@ -183,7 +183,7 @@ class LiveTwin:
         self._kept = {step: self._kept[step] for step in self._at}
 
     def _restore(self, step: int) -> None:
-        kept = self._kept[step]
-        self._world.restore(kept.world)
-        self._receiver.restore(kept.wires)
-        self._waiting = list(kept.waiting)
+        snapshot = self._kept[step]
+        self._world.restore(snapshot.world)
+        self._receiver.restore(snapshot.wires)
+        self._waiting = list(snapshot.waiting)

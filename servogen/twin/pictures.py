@@ -43,7 +43,7 @@ PAGE_ROWS, PAGE_DOTS = 1000, 200
 
 def comparison_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str]]:
     """Yield what is compared: its name, as asked, with rigid legs or ideal wheels, as simulated."""
-    asked, rigid, done = verdict.planned.way, verdict.planned.rigid, verdict.done
+    asked, rigid, travelled = verdict.planned.way, verdict.planned.rigid, verdict.done
     record = verdict.record
     if record.floating:
         for index, (name, factor, unit) in enumerate(
@@ -53,7 +53,7 @@ def comparison_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str]]
                 name,
                 f"{factor * asked[index]:z.1f} {unit}" if asked else "",
                 f"{factor * rigid[-1, index]:z.1f} {unit}" if rigid is not None else "",
-                f"{factor * done[index]:z.1f} {unit}",
+                f"{factor * travelled[index]:z.1f} {unit}",
             )
         height = verdict.planned.height
         yield (
@@ -137,14 +137,14 @@ def _page_path(verdict: TwinVerdict) -> Iterator[tuple[str, Chart]]:
     record, planned = verdict.record, verdict.planned
     rows = slice(record.first, None, max(1, math.ceil(len(record.time) / PAGE_DOTS)))
     if record.floating and planned.rigid is not None:
-        made = _seen_from(record.pose[record.first], record.pose[rows, :2])
-        yield "path of the body; dots: simulated", _chart("body", planned.rigid[:, :2], made)
+        actual = _seen_from(record.pose[record.first], record.pose[rows, :2])
+        yield "path of the body; dots: simulated", _chart("body", planned.rigid[:, :2], actual)
     elif record.tool.shape[1] and planned.tool is not None:
         yield "path of the tool; dots: simulated", _chart("tool", planned.tool[:, :2], record.tool[rows, :2])
 
 
-def _chart(name: str, planned: Floats, made: Floats) -> Chart:
-    return path_chart([(name, 1000 * planned, 1000 * made)], "x, mm", "y, mm")
+def _chart(name: str, planned: Floats, actual: Floats) -> Chart:
+    return path_chart([(name, 1000 * planned, 1000 * actual)], "x, mm", "y, mm")
 
 
 def csv_text(verdict: TwinVerdict) -> str:
@@ -245,10 +245,10 @@ def _path(axes: Axes, verdict: TwinVerdict) -> None:
     record, rigid = verdict.record, verdict.planned.rigid
     if record.floating:
         first = record.pose[record.first]
-        at = _seen_from(first, record.pose[record.first :, :2])
+        places = _seen_from(first, record.pose[record.first :, :2])
         if rigid is not None:
             axes.plot(*(1000 * rigid[:, :2].T), "--", color="0.5", label="rigid legs, ideal wheels")
-        axes.plot(*(1000 * at.T), color="black", label="simulated")
+        axes.plot(*(1000 * places.T), color="black", label="simulated")
         for index, leg in enumerate(_legs(verdict.record)):
             stands = record.force[record.first :, index] > 0.1
             feet = _seen_from(first, record.feet[record.first :, index, :2])[stands]

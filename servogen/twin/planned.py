@@ -41,10 +41,10 @@ class PlannedRoute:
 
 def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute:
     """Return what a job asks; its trajectory begins with `lead_in_frames` of the engine."""
-    made = job.trajectory
-    loop = made.angles[made.loop_start :]
-    angles = np.concatenate([made.angles[lead_in_frames : made.loop_start], *[loop] * loops])
-    frame_s = float(made.clock.seconds(made.period))
+    trajectory = job.trajectory
+    loop = trajectory.angles[trajectory.loop_start :]
+    angles = np.concatenate([trajectory.angles[lead_in_frames : trajectory.loop_start], *[loop] * loops])
+    frame_s = float(trajectory.clock.seconds(trajectory.period))
     if job.base is not None:
         poses = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)
         x, y, yaw = poses[-1].tolist()
@@ -67,13 +67,13 @@ def _asked(job: PlannedJob, loops: int) -> tuple[float, float, float] | None:
     """Return where [walk] leads: x, y, yaw at the end of its route; None for a job without one."""
     if not isinstance(job.section, WalkTable):
         return None
-    at, yaw = 0j, 0.0
+    place, yaw = 0j, 0.0
     rows = [row for row in job.section.route if row.cycles is not None]
     if len(rows) < len(job.section.route):
         return None
     for row in [row for _ in range(loops) for row in rows]:
         segment = Segment(row.forward_mm / 1000, row.left_mm / 1000, math.radians(row.turn_deg), row.cycles)
         position, heading = segment.travelled(np.array(float(row.cycles or 0)))
-        at += complex(position) * complex(math.cos(yaw), math.sin(yaw))
+        place += complex(position) * complex(math.cos(yaw), math.sin(yaw))
         yaw += float(heading)
-    return at.real, at.imag, yaw
+    return place.real, place.imag, yaw

@@ -50,9 +50,9 @@ class PulseReceiver:
         """Return since when each wire is high."""
         return tuple(wire.rise for wire in self._wires.values())
 
-    def restore(self, kept: tuple[int | None, ...]) -> None:
+    def restore(self, snapshot: tuple[int | None, ...]) -> None:
         """Let each wire be high since when it was at a snapshot of this receiver."""
-        for wire, rise in zip(self._wires.values(), kept, strict=True):
+        for wire, rise in zip(self._wires.values(), snapshot, strict=True):
             wire.rise = rise
 
     def pulses(self, chunk: EdgeChunk) -> list[ReceivedPulse]:

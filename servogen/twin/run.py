@@ -146,9 +146,9 @@ def simulate(
 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
-    rig, made, world = standing(job, settings)
+    rig, built, world = standing(job, settings)
     world.energies = Energies() if settings.energies else None
-    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made).done()
+    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built).run()
 
 
 def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, World]:
@@ -157,10 +157,10 @@ def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
     rig, step_s = rig_of(job, settings.broken), float(settings.step_s)
-    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _held_at(job))
-    world = World(made, rig.wirings, rig.supply, step_s, contacts=settings.contacts)
+    built = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _held_at(job))
+    world = World(built, rig.wirings, rig.supply, step_s, contacts=settings.contacts)
     _stand(world, job, rig, settings.ground)
-    return rig, made, world
+    return rig, built, world
 
 
 def _held_at(job: PlannedJob) -> float:
@@ -209,10 +209,10 @@ class _Run:
         stimuli: Stimuli | None,
         rig: TwinRig,
         world: World,
-        made: Bodies,
+        built: Bodies,
     ) -> None:
         self.job, self.schedule, self.settings = job, schedule, settings
-        self.rig, self.world, self.bodies = rig, world, made
+        self.rig, self.world, self.bodies = rig, world, built
         self.lead_in_frames = lead_in_frames
         self.receiver = PulseReceiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
         self.off = unplugged(rig, settings.unplugged)
@@ -232,7 +232,7 @@ class _Run:
         self.rows: list[Floats] = []
         self.first_pulse: int | None = None
 
-    def done(self) -> Record:
+    def run(self) -> Record:
         """Run to the end and return the record."""
         waiting: list[ReceivedPulse] = []
         before = self.world.energy() if self.world.energies else 0.0
@@ -244,15 +244,15 @@ class _Run:
             if self.feed is not None:
                 self.feed.know(self.receiver.cycle_of(until + 1))
             waiting += self._edges(self.receiver.cycle_of(until))
-            done = 0
+            count = 0
             for step in range(step, until):  # noqa: B020 - continues where it was
-                while done < len(waiting) and waiting[done].step <= step:
-                    self._receive(waiting[done], step)
-                    done += 1
+                while count < len(waiting) and waiting[count].step <= step:
+                    self._receive(waiting[count], step)
+                    count += 1
                 if step % self.every == 0:
                     self._sample(step)
                 self.world.advance()
-            del waiting[:done]
+            del waiting[:count]
             step = until
             self._levels(step)
             if self.first_pulse is not None:
@@ -299,9 +299,9 @@ class _Run:
 
     def _frames(self) -> int:
         """Return the frames of the motion: the lead-in of its own and its loop as often as asked."""
-        made = self.job.trajectory
-        own = made.loop_start - self.lead_in_frames
-        return own + self.settings.loops * (len(made.angles) - made.loop_start)
+        trajectory = self.job.trajectory
+        own = trajectory.loop_start - self.lead_in_frames
+        return own + self.settings.loops * (len(trajectory.angles) - trajectory.loop_start)
 
     def _frame_s(self) -> float:
         return float(self.schedule.clock.seconds(self.schedule.period))
@@ -384,8 +384,8 @@ def _sensor(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
         return Sensor(pin, active, lambda: world.current > limit, "stall comparator")
     joint = world.model.joint(row.of)
     address = joint.qposadr[0]
-    at = math.radians(row.at_deg) if row.at_deg is not None else (row.at_mm or 0.0) / 1000
+    place = math.radians(row.at_deg) if row.at_deg is not None else (row.at_mm or 0.0) / 1000
     sign = 1.0 if row.side == "above" else -1.0
     return Sensor(
-        pin, active, lambda: bool(sign * (world.data.qpos[address] - at) >= 0), f"end stop {row.of}"
+        pin, active, lambda: bool(sign * (world.data.qpos[address] - place) >= 0), f"end stop {row.of}"
     )

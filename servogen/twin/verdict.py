@@ -142,17 +142,17 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
     """Return the comparison of a run with the plan of its job."""
     first = record.pose[record.first]
     turned = np.exp(-1j * first[3]) * complex(*(record.pose[-1] - first)[:2])
-    done = (float(turned.real), float(turned.imag), float(record.pose[-1, 3] - first[3]))
+    travelled = (float(turned.real), float(turned.imag), float(record.pose[-1, 3] - first[3]))
     drag, leg, drag_time = _drag(record)
     tool, rest, rest_time = _tool(record, planned)
-    checks = _checks(record, job.expect, planned, done, (drag, leg, drag_time), (rest, rest_time))
+    checks = _checks(record, job.expect, planned, travelled, (drag, leg, drag_time), (rest, rest_time))
     return TwinVerdict(
         record,
         planned,
         tuple(checks),
         events_of(record, job, planned),
         brown_out(record),
-        done,
+        travelled,
         drag,
         leg,
         tool,
@@ -165,7 +165,7 @@ def _checks(
     record: Record,
     expect: ExpectTable,
     planned: PlannedRoute,
-    done: tuple[float, float, float],
+    travelled: tuple[float, float, float],
     drag: tuple[float, str, float],
     rest: tuple[float | None, float | None],
 ) -> list[ExpectationCheck]:
@@ -186,8 +186,10 @@ def _checks(
         )
     if planned.way is not None:
         x, y, yaw = planned.way
-        check("robot", 1000 * math.hypot(done[0] - x, done[1] - y), expect.robot_within_mm, "mm off")
-        check("turn", abs(math.degrees(done[2] - yaw)), expect.turn_within_deg, "° off")
+        check(
+            "robot", 1000 * math.hypot(travelled[0] - x, travelled[1] - y), expect.robot_within_mm, "mm off"
+        )
+        check("turn", abs(math.degrees(travelled[2] - yaw)), expect.turn_within_deg, "° off")
     if rest[0] is not None:
         check("tool at rest", 1000 * rest[0], expect.end_within_mm, "mm off", rest[1])
     if record.feet.shape[1]:
@@ -242,5 +244,5 @@ def _tool(record: Record, planned: PlannedRoute) -> tuple[float | None, float | 
     resting = rests[frame]
     if not resting.any():
         return float(error.max()), None, None
-    at = int(np.argmax(np.where(resting, error, -1.0)))
-    return float(error.max()), float(error[at]), float(record.time[record.first + at])
+    row_index = int(np.argmax(np.where(resting, error, -1.0)))
+    return float(error.max()), float(error[row_index]), float(record.time[record.first + row_index])

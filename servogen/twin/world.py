@@ -242,13 +242,17 @@ class World:
             self.step, physics, hot.target.copy(), hot.last.copy(), hot.driven.copy(), hot.wake
         )
 
-    def restore(self, kept: WorldSnapshot) -> None:
+    def restore(self, snapshot: WorldSnapshot) -> None:
         """Go back to a state of this world: the steps from there are the same again."""
         engine, hot = mujoco(), self.state
-        engine.mj_setState(self.model, self.data, kept.physics, engine.mjtState.mjSTATE_INTEGRATION)
-        self.step = kept.step
-        hot.target, hot.last, hot.driven = kept.target.copy(), kept.last.copy(), kept.driven.copy()
-        hot.wake = kept.wake
+        engine.mj_setState(self.model, self.data, snapshot.physics, engine.mjtState.mjSTATE_INTEGRATION)
+        self.step = snapshot.step
+        hot.target, hot.last, hot.driven = (
+            snapshot.target.copy(),
+            snapshot.last.copy(),
+            snapshot.driven.copy(),
+        )
+        hot.wake = snapshot.wake
         self._set_driven()
 
     @property

@@ -107,7 +107,7 @@ def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> ScheduledEdges | Non
     return None
 
 
-def differing(wanted: ScheduledEdges, made: EdgeChunk, begin: int, end: int) -> list[Edge]:
+def differing(wanted: ScheduledEdges, edges: EdgeChunk, begin: int, end: int) -> list[Edge]:
     """Return the edges of a window that only one of the two has; `made` counts an undriven pin as low.
 
     `made` has to reach `wanted.margin` beyond the window.
@@ -115,8 +115,8 @@ def differing(wanted: ScheduledEdges, made: EdgeChunk, begin: int, end: int) -> 
     last = end if wanted.end is None else min(end, wanted.end)
     first = max(begin, wanted.begin)
     asked = wanted.edges(begin - wanted.margin, end + wanted.margin)
-    mine = np.isin(made.pin, wanted.pins) & (made.cycle >= wanted.at(0) - wanted.margin)
-    seen = list(zip(*(column[mine].tolist() for column in made), strict=True))
+    mine = np.isin(edges.pin, wanted.pins) & (edges.cycle >= wanted.at(0) - wanted.margin)
+    seen = list(zip(*(column[mine].tolist() for column in edges), strict=True))
     alone = _alone(asked, seen, wanted.tolerance) | _alone(seen, asked, wanted.tolerance)
     return sorted(edge for edge in alone if first <= edge[0] < last)
 

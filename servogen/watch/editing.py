@@ -72,8 +72,8 @@ class Editor:
             return {"is": "problem", "text": f"the request is wrong: {error}"}, None
 
     def _build(self, job: PlannedJob, progress: Progress) -> tuple[Message, Subject]:
-        done = build(job, progress)
-        return _built(done), job_subject(self._path, job, self._setting, progress)
+        result = build(job, progress)
+        return _built(result), job_subject(self._path, job, self._setting, progress)
 
     def _record(self, text: str, angles: list[float]) -> Message:
         """Return the text with one more pose: `angles` of the job's servos, in radians."""
@@ -177,16 +177,16 @@ def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:
     }
 
 
-def _built(done: Build) -> Message:
-    own = done.programs[0]
+def _built(result: Build) -> Message:
+    own = result.programs[0]
     return {
         "is": "built",
-        "proven": done.proven,
-        "frames": done.frames,
+        "proven": result.proven,
+        "frames": result.frames,
         "words": own.firmware.compilation.words,
-        "distance": plan_text(done.plan.schedule.plan_error),
-        "reasons": [reason for program in done.programs for reason in map(str, program.verdict.reasons)],
-        "warnings": [warning.sentence for warning in done.warnings],
+        "distance": plan_text(result.plan.schedule.plan_error),
+        "reasons": [reason for program in result.programs for reason in map(str, program.verdict.reasons)],
+        "warnings": [warning.sentence for warning in result.warnings],
         "hex": to_hex(own.image),
-        "hex_name": f"{done.job.name}.hex",
+        "hex_name": f"{result.job.name}.hex",
     }

@@ -224,9 +224,9 @@ class WatchSession:
 
     def _advance(self, cycles: int) -> None:
         assert self.chip is not None and self.subject.image is not None
-        made: list[EdgeChunk] = []
-        hit = run_to(self.chip, self.now + cycles, self.breakpoints, self.subject.image, made)
-        self._pulses.add(join(made))
+        chunks: list[EdgeChunk] = []
+        hit = run_to(self.chip, self.now + cycles, self.breakpoints, self.subject.image, chunks)
+        self._pulses.add(join(chunks))
         if hit is not None:
             self._stop(hit.text)
 
@@ -396,7 +396,7 @@ class WatchSession:
         begin = max(0, int(message["begin"]))
         end = max(begin + 1, min(int(message["end"]), begin + longest))
         seen = min(end, int(self._place.reach))
-        made = self._place.edges(begin, seen) if begin < seen else join(())
+        edges = self._place.edges(begin, seen) if begin < seen else join(())
         before = self._place.levels_before(begin)
         asked = sorted(edge for wanted in self._wanted() for edge in wanted.edges(begin, end))
         given = self._outside(begin, seen)
@@ -406,7 +406,7 @@ class WatchSession:
             "end": end,
             "seen": seen,
             "before": list(before),
-            "edges": _packed(zip(*(column.tolist() for column in made), strict=True), begin),
+            "edges": _packed(zip(*(column.tolist() for column in edges), strict=True), begin),
             "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
             "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
             "wanted": _packed(asked, begin),
@@ -477,10 +477,10 @@ class WatchSession:
         commands = job.firmware.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
             raise InputError("not-allowed", "only a job with [walk] commands on a line accepts directions")
-        way, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
-        if way not in ways:
-            raise InputError("not-allowed", f"'{way[:40]}' is not a direction", hint=", ".join(ways))
-        code = bytes([uart_byte(None if way == STOP else way)] * REPEATS)
+        commanded, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
+        if commanded not in ways:
+            raise InputError("not-allowed", f"'{commanded[:40]}' is not a direction", hint=", ".join(ways))
+        code = bytes([uart_byte(None if commanded == STOP else commanded)] * REPEATS)
         self._send(code, commands.pin, self.subject.clock.cycles_per_second / self._period)
         yield self.shown(whole=False)
 
@@ -622,16 +622,16 @@ def _packed(edges: Iterable[Edge], begin: int) -> list[int]:
     return packed
 
 
-def _driven(before: tuple[int, ...], made: EdgeChunk) -> EdgeChunk:
+def _driven(before: tuple[int, ...], edges: EdgeChunk) -> EdgeChunk:
     """Return the edges with an undriven pin counted as low, given the levels before them."""
     driven = Driven()
     high = [pin for pin, level in enumerate(before) if level == HIGH]
-    begin = int(made.cycle[0]) if len(made.cycle) else 0
+    begin = int(edges.cycle[0]) if len(edges.cycle) else 0
     start = EdgeChunk(
         np.full(len(high), begin, np.int64), np.array(high, np.uint8), np.ones(len(high), np.uint8)
     )
     driven(start)
-    return driven(made)
+    return driven(edges)
 
 
 def _runs(runs: tuple[Run, ...]) -> list[list[Any]]:

@@ -227,7 +227,7 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
             f"the {len(arm.joints)} joints reach the point, but not in this orientation within their limits"
         )
     else:
-        held = [joint.name for joint, kept in zip(arm.joints, _held(arm), strict=True) if kept]
+        held = [joint.name for joint, is_held in zip(arm.joints, _held(arm), strict=True) if is_held]
         reason = f"not with {', '.join(held) or 'these joints'} at home: give an orientation"
     return _unreachable(arm, target, turn, reason, point)
 

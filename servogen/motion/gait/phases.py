@@ -123,9 +123,9 @@ def gait(name: str, robot: WalkingRobot) -> Gait:
             hint="give a duty factor and the phase of each leg",
         )
     lifts = {
-        leg: at * SIXTH
+        leg: time * SIXTH
         for side, times in zip(sides, sixths, strict=True)
-        for leg, at in zip(side, times, strict=True)
+        for leg, time in zip(side, times, strict=True)
     }
     return custom(name, duty, lifts, robot)
 

@@ -95,5 +95,5 @@ def _integrated(twist: Floats) -> Floats:
     yaw = np.concatenate([[0.0], np.cumsum(twist[:, 2])])
     # The chord of an arc of angle t is sin(t/2) / (t/2) of its length; numpy's sinc(x) is sin(πx) / πx.
     step = (twist[:, 0] + 1j * twist[:, 1]) * np.sinc(twist[:, 2] / (2 * np.pi))
-    at = np.concatenate([[0j], np.cumsum(step * np.exp(1j * (yaw[:-1] + twist[:, 2] / 2)))])
-    return np.column_stack([at.real, at.imag, yaw])
+    positions = np.concatenate([[0j], np.cumsum(step * np.exp(1j * (yaw[:-1] + twist[:, 2] / 2)))])
+    return np.column_stack([positions.real, positions.imag, yaw])

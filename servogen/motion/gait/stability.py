@@ -57,7 +57,7 @@ def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> f
 
 def _to_segment(a: Floats, b: Floats, point: Floats) -> float:
     """Return the distance of a point from a line segment."""
-    way = b - a
-    square = float(way @ way)
-    share = min(1.0, max(0.0, float((point - a) @ way) / square)) if square else 0.0
-    return float(np.linalg.norm(point - a - share * way))
+    edge = b - a
+    square = float(edge @ edge)
+    share = min(1.0, max(0.0, float((point - a) @ edge) / square)) if square else 0.0
+    return float(np.linalg.norm(point - a - share * edge))

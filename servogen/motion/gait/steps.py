@@ -108,8 +108,8 @@ class Steps:
     def ends(self, number: int) -> tuple[Points, Points]:
         """Return where a swing begins and ends, in the frame of a body that always moves."""
         first, last = (
-            self._seen(self.holds[hold : hold + 1], self.cruise.steady(at[number : number + 1]))
-            for hold, at in ((number, self.lifts), (number + 1, self.lands))
+            self._seen(self.holds[hold : hold + 1], self.cruise.steady(phase[number : number + 1]))
+            for hold, phase in ((number, self.lifts), (number + 1, self.lands))
         )
         return first, last
 

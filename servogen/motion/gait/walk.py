@@ -128,8 +128,8 @@ class Walk:
         standing = self.ground[rows[1:]] & self.ground[rows[:-1]]
         steps = np.linalg.norm(np.diff(self.corrections[rows], axis=0), axis=2)
         worst = Slip(0.0, self.legs[0], 0)
-        for leg, stands, way in zip(self.legs, standing.T, steps.T, strict=True):
-            total = np.cumsum(np.where(stands, way, 0.0))
+        for leg, stands, step in zip(self.legs, standing.T, steps.T, strict=True):
+            total = np.cumsum(np.where(stands, step, 0.0))
             dragged = total - np.maximum.accumulate(np.where(stands, 0.0, total))
             last = int(np.argmax(np.round(dragged, SAME_DIGITS)))
             if dragged[last] > worst.metres + SAME_M:
@@ -150,10 +150,11 @@ class Walk:
         return tuple(
             (
                 index,
-                f"the body turns about ({1000 * at.real:z.1f}, {1000 * at.imag:z.1f}) mm in its own frame",
+                f"the body turns about ({1000 * centre.real:z.1f}, {1000 * centre.imag:z.1f}) mm "
+                "in its own frame",
             )
-            for index, at in enumerate(self.centres)
-            if at is not None
+            for index, centre in enumerate(self.centres)
+            if centre is not None
         )
 
     def lost_motion_text(self) -> str | None:
@@ -166,10 +167,10 @@ class Walk:
         lost = f"lost motion of {math.degrees(self.lost):.2f}°"
         if self.beyond <= 0:
             return f"the swings take up the servos' {lost} before the feet land"
-        what = "part of the servos'" if self.beyond >= MAX_BEYOND else "the servos'"
+        owners = "part of the servos'" if self.beyond >= MAX_BEYOND else "the servos'"
         return (
             f"the swings overshoot their footholds by a further {100 * self.beyond:.1f} % of their length, "
-            f"so that {what} {lost} is taken up before the feet land"
+            f"so that {owners} {lost} is taken up before the feet land"
         )
 
     @property
