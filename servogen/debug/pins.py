@@ -45,9 +45,9 @@ def _sentences(chip: TimeMachine, pin: int) -> Iterator[str]:
 
 
 def _writes_in_bank_1(chip: TimeMachine, address: int) -> bool:
-    """Return whether the program selects bank 1 or has TRIS, and writes the register's address there.
+    """Return whether the program may write a register of bank 1: by TRIS, with RP0 changed, or through FSR.
 
-    An address through FSR counts as a write: it may be any.
+    A write through FSR may be to any address; FSR selects its bank.
     """
     decoded = [word for word in map(decode, chip.machine.image.program.values()) if word is not None]
     if any(word.instruction.mnemonic == "TRIS" and word.f == address for word in decoded):
@@ -60,7 +60,5 @@ def _writes_in_bank_1(chip: TimeMachine, address: int) -> bool:
         and (word.b == rp0 or not word.instruction.changes_bit)
         for word in decoded
     )
-    writes = any(
-        word.f in (address, through_fsr) and word.instruction.writes_file(word.d) for word in decoded
-    )
-    return banked and writes
+    written = {word.f for word in decoded if word.instruction.writes_file(word.d)}
+    return through_fsr in written or (banked and address in written)
