@@ -12,6 +12,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar, NoReturn
@@ -25,7 +26,7 @@ from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
 from servogen.errors import InputError
-from servogen.job import load, plan_job
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pulse.schedule import from_json
 from tests.drive.conftest import ROOT, Run
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -35,11 +36,16 @@ FIRMWARE = ROOT / "firmware" / "hexapod-command"
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
+@cache
+def planned() -> PlannedJob:
+    return plan_job(load(JOB))
+
+
 def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[CommandedFrame]:
     """Return the states at which direction or part change, and the last one."""
     states: list[CommandedFrame] = []
     drive = CommandedDrive(
-        Twin(plan_job(load(JOB))), script(text), VirtualTime().time(), states.append, single_keys=single_keys
+        Twin(planned()), script(text), VirtualTime().time(), states.append, single_keys=single_keys
     )
     drive.run(seconds)
     kept = [states[0]]
@@ -140,7 +146,7 @@ def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_o
     monkeypatch.setattr("servogen.cli.drive_commands._source", lambda *_: nullcontext(script("")))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: terminal))
     monkeypatch.setattr(Ended, "made", [])
-    job = plan_job(load(JOB))
+    job = planned()
     for as_json in (False, True):
         _walk_on_command(job, port, None, None, dry_run, as_json)
         drive = Ended.made.pop()
