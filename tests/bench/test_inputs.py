@@ -346,6 +346,18 @@ def test_too_long_a_run_is_refused_with_what_to_do(serve: Serve, pins: int, fit:
     assert f"of which {fit} fit into the input board" in str(raised.value)
 
 
+def test_a_task_that_ends_with_a_delay_is_repeated_from_its_first_message() -> None:
+    """RB0 is high for 2 of 5 ms, again and again; a task begins a millisecond later (scheduler.md)."""
+    rig = Rig(program(IDLE))
+    high, low = firmata.pin_value(2, 1), firmata.pin_value(2, 0)
+    messages = high + firmata.delay_ms(2) + low + firmata.delay_ms(3)
+    rig.board.received(firmata.pin_mode(2, Mode.OUTPUT) + firmata.load_task(1, messages))
+    rig.board.received(firmata.schedule_task(1, 4))
+    seen = edges(rig.chip, RB0, 16 * CYCLES_PER_MS)
+    ms = [(round(at / CYCLES_PER_MS), level) for at, level in seen]
+    assert ms == [(5, 1), (7, 0), (10, 1), (12, 0), (15, 1)]
+
+
 def test_without_a_scheduler_this_process_plays_the_run_in_order(serve: Serve) -> None:
     rig = Rig(program(IDLE), options=BoardOptions(scheduler=False))
     now = 0.0

@@ -1,5 +1,8 @@
 """Words of the SUMP protocol: what is encoded is decoded, and single words mean what the protocol says."""
 
+from fractions import Fraction
+from typing import cast
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +10,8 @@ from hypothesis import strategies as st
 
 from servogen.bench.analysers import sump
 from servogen.bench.analysers.sump import channel_of, wires
-from servogen.bench.analysers.sump_client import metadata
+from servogen.bench.analysers.sump_client import SampleRequest, capture, metadata
+from servogen.bench.ports import Port
 from servogen.errors import InputError
 
 LENGTHS = st.one_of(st.integers(1, 300), st.integers(32_760, 70_000))
@@ -78,3 +82,24 @@ def test_the_commands_are_those_of_the_protocol() -> None:
     long = [("DIVIDER", 0x80), ("COUNTS", 0x81), ("FLAGS", 0x82)]
     trigger = [("TRIGGER_MASK", 0xC0), ("TRIGGER_VALUE", 0xC1), ("TRIGGER_CONFIG", 0xC2)]
     assert commands == short + long + trigger
+
+
+class InPieces:
+    """A port whose other end sends the bytes a few at a time."""
+
+    def __init__(self, *pieces: bytes) -> None:
+        self.pieces = list(pieces)
+
+    def write(self, data: bytes) -> None:
+        pass
+
+    def read(self, most: int, seconds: float) -> bytes:
+        return self.pieces.pop(0) if self.pieces else b""
+
+
+def test_the_progress_of_a_capture_is_in_words_and_ends_with_all_of_them() -> None:
+    """A word of 16 channels is two bytes; half a word is not counted."""
+    told: list[int] = []
+    port = InPieces(bytes(4), bytes(7), bytes(1), bytes(8))
+    capture(cast(Port, port), SampleRequest(Fraction(1_000_000), 10, False, None, 1.0), told.append)
+    assert told == [5, 6, 10]

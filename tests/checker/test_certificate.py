@@ -223,6 +223,16 @@ def test_the_work_is_bounded(limit: str, monkeypatch: pytest.MonkeyPatch) -> Non
         check(packed, image, schedule)
 
 
+def test_a_certificate_may_list_as_many_states_as_the_checker_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = certified(certify.button_program(), certify.schedule(STOP))
+    count = certify.unpack(packed)["count"]
+    monkeypatch.setattr("servogen.checker.certificate.MAX_STATES", count)
+    assert read_certificate(packed, "certificate").count == count
+    monkeypatch.setattr("servogen.checker.certificate.MAX_STATES", count - 1)
+    with pytest.raises(InputError, match="count or cuts"):
+        read_certificate(packed, "certificate")
+
+
 def test_broken_and_huge_files_are_bad_input() -> None:
     good = certified(certify.plain_program(), certify.schedule())
     huge = lzma.compress(b"0" * (65 << 20))

@@ -125,6 +125,15 @@ def test_a_byte_with_another_bit_is_another_byte() -> None:
         assert line.uart("RB5", 2400) == bytes([0x41 ^ 1 << bit]) != b"A"
 
 
+@pytest.mark.parametrize("late", [-100, 100])
+def test_an_edge_may_be_a_quarter_of_a_bit_off_and_no_more(late: int) -> None:
+    """A bit at 2500 baud is 400 cycles; 0xFE has one edge, 800 cycles after that of the start bit."""
+    further = late + (1 if late > 0 else -1)
+    assert Line([(0, 1), (1000, 0), (1800 + late, 1)], 10_000).uart("RB5", 2500) == b"\xfe"
+    with pytest.raises(AssertionError, match="25 % of a bit from where it belongs"):
+        Line([(0, 1), (1000, 0), (1800 + further, 1)], 10_000).uart("RB5", 2500)
+
+
 def test_a_start_bit_that_ends_early_is_a_disturbance_and_a_byte_that_is_cut_off_is_left_out() -> None:
     glitch = [(0, 1), (200, 0), (400, 1)]
     sent = [(c.cycle, c.level) for c in Serial(10, b"AB", Fraction(2400), 1000).changes(CLOCK)][1:]

@@ -15,6 +15,7 @@ from servogen.bench.ports import Unplugged
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.programs import read_schedule
+from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from servogen.watch.differences import Edge, ScheduledEdges
@@ -131,6 +132,19 @@ def test_a_pin_is_held_from_outside_and_seen_in_the_waves() -> None:
     assert (pin, level) == (0, 1) and 1000 < cycle < 1005
     later = answer(session, do="waves", begin=1050, end=1100)
     assert later["inputs"] == [] and later["inputs_before"] == {0: 1}
+
+
+def test_a_window_has_the_inputs_from_its_beginning_to_before_its_end() -> None:
+    """Windows side by side show each recorded input once."""
+    recorded = Recorded([LevelChange(cycle, 0, level) for cycle, level in ((500, 1), (700, 0), (900, 1))])
+    subject = Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY), stimuli=Stimuli([recorded]))
+    session = WatchSession(subject)
+    answer(session, do="seek", cycle=2000)
+    shown = [
+        unpacked(answer(session, do="waves", begin=begin, end=end)["inputs"], begin)
+        for begin, end in ((300, 500), (500, 700), (700, 900), (900, 1100))
+    ]
+    assert shown == [[], [(500, 0, 1)], [(700, 0, 0)], [(900, 0, 1)]]
 
 
 def test_bytes_wait_for_those_that_are_on_the_line() -> None:
