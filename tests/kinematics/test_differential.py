@@ -43,6 +43,15 @@ def test_the_motion_is_found_again_from_the_change() -> None:
     assert (d, delta) == (pytest.approx(D), pytest.approx(DELTA))
 
 
+def test_a_stack_of_frames_is_treated_frame_by_frame() -> None:
+    frames = np.stack([FRAME, np.eye(4), moved(1.0)])
+    for function in (diff.change, diff.seen_from):
+        together, apart = function(frames, D, DELTA), [function(frame, D, DELTA) for frame in frames]
+        np.testing.assert_allclose(together, np.moveaxis(apart, 0, -3 if function is diff.change else -2))
+    found = diff.motion_of(diff.change(frames, D, DELTA), frames)
+    np.testing.assert_allclose(found, [[D] * 3, [DELTA] * 3])
+
+
 def test_small_rotations_commute_to_first_order() -> None:
     small = 1e-4
     one, two = t.rot("x", small), t.rot("y", small)

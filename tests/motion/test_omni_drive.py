@@ -78,6 +78,17 @@ def test_the_time_is_the_way_over_the_speed_in_whole_frames() -> None:
     assert driven((routine(BASE, 0, 0.3001),), 0.1).frames == (151,)
 
 
+@pytest.mark.parametrize("options", [{"pause_s": Fraction(10)}, {"ramp_s": Fraction(10)}], ids=str)
+def test_pauses_and_ramps_count_towards_the_longest_drive(
+    options: dict[str, Fraction], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """0.3 m at 0.1 m/s are 150 frames; a pause of 10 s is 500 more, two ramps of 10 s are 1000 more."""
+    monkeypatch.setattr("servogen.motion.drive.MAX_FRAMES", 640)
+    with pytest.raises(InputError, match="more than 640 frames"):
+        driven((routine(BASE, 0, 0.3),), **options)
+    assert len(driven((routine(BASE, 0, 0.3),), pause_s=Fraction(9)).trajectory.angles) == 600
+
+
 def test_other_directions_and_negative_distances_are_no_routine() -> None:
     with pytest.raises(InputError, match=r"90° is not one of the six directions"):
         routine(BASE, 90, 0.1)

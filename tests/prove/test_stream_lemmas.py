@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -268,6 +269,22 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     proof = prove_line(image, other, ARM, STREAMED, lambda what: None)
     assert not proof.proven and proof.counterexample is None
     assert "OPTION_REG becomes 142, not 143" in proof.reason
+
+
+def test_a_proof_states_how_late_a_pulse_and_a_command_may_be(
+    listing: Listing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 4 MHz a slot is 13 rounds of 256 µs; two slots and a round are 6912 µs, a frame is six slots."""
+    pytest.importorskip("bitwuzla", reason="the solver is not installed")
+    from servogen.prove.stream.proof import _Proof
+
+    monkeypatch.setattr(_Proof, "_data", lambda proof: [])
+    monkeypatch.setattr(_Proof, "_edges", lambda proof: [])
+    findings = _Proof(listing, ARM, STREAMED, lemmas(listing), lambda what: None).prove()
+    assert [re.findall(r"\d+(?= µs| cycles| of|$)", each)[-2:] for each in findings[1:]] == [
+        ["1043", "3328"],
+        ["6912", "26880"],
+    ]
 
 
 # the specification, with the second one that the simulator's edges are compared with

@@ -130,6 +130,18 @@ def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> N
     assert empty.events == ()
 
 
+def test_an_arm_whose_pulses_end_has_no_path_to_compare_its_tool_with() -> None:
+    text = (JOBS / "scara-pick.toml").read_text().partition("poses = [")[0]
+    poses = ", ".join(
+        f"{{ tip_mm = [500, 200, {z}], orientation_deg = [0], hold_s = 0.1 }}" for z in (450, 440)
+    )
+    made = firmware(f'{text}repeat = false\nend = "release"\nposes = [{poses}]\n')
+    seen = made.twin(TwinSettings(seconds=0.5))
+    assert np.isnan(made.job.trajectory.angles[-1]).all()
+    assert seen.record.tool.shape[1] == 3
+    assert (seen.tool_error, seen.tool_rest_error) == (None, None)
+
+
 def test_a_payload_bends_an_arm_and_too_much_of_it_is_the_first_cause() -> None:
     made = firmware((JOBS / "rvm1-program.toml").read_text())
     light, heavy = (

@@ -212,3 +212,21 @@ def test_backlash_is_a_joint_of_its_own_and_changes_the_walk() -> None:
     worn = made.with_motor(backlash=math.radians(3)).twin()
     assert worn.record.bodies.text.count('_play"') == 12
     assert abs(worn.done[0] - made.twin().done[0]) > 0.001
+
+
+def test_the_map_of_a_walk_shows_the_rigid_way_and_the_simulated_one_from_the_same_start(
+    ahead: TwinVerdict,
+) -> None:
+    """Rigid legs go the 80 mm that the job asks for."""
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    from matplotlib.figure import Figure
+
+    from servogen.twin.pictures import _path
+
+    axes = Figure().add_subplot()
+    _path(axes, ahead)
+    lines = {line.get_label(): line.get_xydata() for line in axes.lines}
+    rigid, simulated = lines["rigid legs, ideal wheels"], lines["simulated"]
+    assert rigid[-1] == pytest.approx([80, 0], abs=0.5)
+    assert simulated[0] == pytest.approx([0, 0], abs=1e-9)
+    assert simulated[-1] == pytest.approx(1000 * np.array(ahead.done[:2]), abs=0.5)

@@ -89,6 +89,17 @@ def test_without_the_overheads_the_edges_are_off_by_them() -> None:
     assert ran(schedule, cost, 0, 4) == [0, 1501, 20_001, 21_502]
 
 
+def test_a_frame_that_is_repeated_or_comes_back_is_a_function() -> None:
+    """1000 µs twice, for a frame each; 1500 µs once, for two frames; 2000 µs once, for one frame."""
+    schedule = schedule_of([(1, [1000]), (2, [1500])], [(1, [2000]), (1, [1000])])
+    program = sequence(schedule, Overheads())
+    widths = [position.frame.last - position.frame.first for position in program.positions]
+    assert widths == [1000, 1500]
+    steps = [step.position and step.position.number for step in (*program.lead_in, *program.loop)]
+    assert steps == [1, 2, None, 1]
+    assert ran(schedule, {}, 1, 40) == expected_times(schedule, 40)
+
+
 def test_a_run_longer_than_a_byte_counts_is_split_and_keeps_its_period() -> None:
     for frames, calls in ((1000, [(250, 4)]), (256, [(128, 2)]), (257, [(255, 1), (2, 1)])):
         schedule = schedule_of([], [(frames, [1500])])
