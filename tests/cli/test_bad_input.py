@@ -193,5 +193,7 @@ def test_an_unknown_choice_is_answered_with_the_choices(run: Callable[..., Any])
 def test_an_option_without_its_values_leads_to_the_help_of_its_command(run: Callable[..., Any]) -> None:
     ran = run("statics", "leg", 10, 30, "--force-n", 0, 0)
     assert ran.code == 2 and "see: servogen statics --help" in ran.err
+    ran = run("statics", "check", 10, 30, "--force-n", 0, 0)
+    assert ran.code == 2 and "see: servogen statics --help" in ran.err
     ran = run("explode", "--force-n")
     assert ran.code == 2 and "see: servogen --help" in ran.err

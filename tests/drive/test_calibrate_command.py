@@ -221,6 +221,28 @@ def test_a_wheels_speeds_are_calibrated(run: Run, tmp_path: Path) -> None:
     assert "speed_deg_s" in (tmp_path / "wheel2.calibration.toml").read_text()
 
 
+@pytest.mark.parametrize(
+    ("base", "servo", "column", "values", "allowed"),
+    [
+        ("lab8-exercise", "arm", "angle_deg", (0, 45, 90, 135, 180), 5.0),
+        ("omni-square", "wheel2", "speed_deg_s", (-200, -100, 0, 100, 200), 20.0),
+    ],
+)
+def test_the_usual_tolerance_is_5_degrees_and_of_a_wheel_20_degrees_per_second(
+    base: str, servo: str, column: str, values: tuple[int, ...], allowed: float, run: Run, tmp_path: Path
+) -> None:
+    """Of five readings the middle one is off by e: by least squares it is 4/5 e from the line."""
+    readings = tmp_path / "seen.csv"
+    for off, code in ((allowed - 0.1, 0), (allowed + 0.1, 2)):
+        seen = [value + (off * 5 / 4 if n == 2 else 0) for n, value in enumerate(values)]
+        rows = [f"{1000 + 250 * n},{value}" for n, value in enumerate(seen)]
+        readings.write_text("\n".join([f"width_us,{column}", *rows]) + "\n")
+        job = ROOT / "jobs" / f"{base}.toml"
+        done = run("calibrate", job, "--servo", servo, "--readings", readings, "-o", tmp_path / "c.toml")
+        assert done.code == code, done.err
+        assert ("[bad-readings]" in done.err) == bool(code)
+
+
 def test_a_sweep_goes_by_small_steps() -> None:
     job = plan_job(loads(LAB8.read_text(), "job.toml"))
     robot = Robot(9600)
