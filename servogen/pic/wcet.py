@@ -414,12 +414,15 @@ class TimedProgram:
         return {address: tuple(returns) for address, returns in callers.items()}
 
     def check_table(self, address: int) -> None:
-        """Check that a computed jump at `address` leads to a RETLW: RETLWs must follow it, and nothing else,
-        up to the end of the function. Raises _NoBound.
+        """Check that a computed jump at `address` leads to a RETLW: only RETLWs may follow it, up to the end
+        of the function. Raises _NoBound.
+
+        One that ends its function is taken to lead to a table elsewhere: that is how the compiler's routine
+        reads flash through a pointer.
         """
         start = self._home_of(address)
-        table = range(address + 1, self.functions[start].end)
-        if not table or any(self.word(entry).name != "RETLW" for entry in table):
+        end = self.functions[start].end
+        if any(self.word(after).name != "RETLW" for after in range(address + 1, end)):
             raise _NoBound("computed jump", address)
 
     @cached_property

@@ -126,7 +126,7 @@ def test_the_equal_turns_of_a_loop_take_one_step(monkeypatch: pytest.MonkeyPatch
     ("kind", "without_bound"),
     [
         ("sleep", "sleep\n goto done"),
-        ("computed jump", "movf PORTB, w\n movwf PCL"),
+        ("computed jump", "movf PORTB, w\n movwf PCL\n nop"),
         ("computed jump", "retfie"),
         ("call", "call f_wait\n goto done"),
     ],
@@ -198,6 +198,13 @@ def test_a_table_costs_its_jump_and_its_return() -> None:
     assert most(f"main\nstart\n movf PORTB, w\n call f_table\ndone\n nop\n{table}") == 1 + 2 + 2 + 2
     other = table.replace("retlw 2", "goto f_table")
     assert most(f"main\nstart\n movf PORTB, w\n call f_table\ndone\n nop\n{other}") is None
+
+
+def test_a_jump_at_the_end_of_a_function_leads_to_a_table_elsewhere() -> None:
+    """CALL 2, MOVWF 1, MOVWF PCL 2, RETLW 2: so the compiler reads flash through a pointer."""
+    text = "main\nstart\n call f_read\ndone\n nop\nf_read\n movwf PCLATH\n movwf PCL\nf_table\n retlw 1\n retlw 2\n"
+    assert most(text) == 2 + 1 + 2 + 2
+    assert most(text.replace("f_table", " nop\nf_table")) is None
 
 
 def test_ways_through_a_forbidden_address_do_not_count() -> None:
