@@ -297,7 +297,7 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     assert ran.code == 0
     assert ran.out.splitlines() == [
         f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer",
-        "stitched of 3 captures, as one holds 25 frames; the time between two is not known",
+        "stitched from 3 captures, because one holds 25 frames; the time between two is not known",
         next_step,
     ]
     seen.unseen = 2

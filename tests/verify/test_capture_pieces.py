@@ -64,7 +64,7 @@ def test_pieces_of_a_motion_are_proven_with_its_clock_and_no_period_across_a_sea
     assert all(piece.ppm == pytest.approx(180, abs=8) for piece in verdict.pieces)
     assert all(abs(channel.period.worst_us) < 1.1 for channel in verdict.channels)
     assert verdict.frames == sum(piece.frames for piece in verdict.pieces)
-    assert "stitched of 4 captures" in capture_lines(verdict)[2]
+    assert "stitched from 4 captures" in capture_lines(verdict)[2]
 
 
 def test_the_same_samples_taken_for_one_record_are_not_proven() -> None:

@@ -326,7 +326,7 @@ def _seen_words(coverage: Coverage) -> str:
 
 def _seams_words(verdict: CaptureVerdict) -> str:
     return (
-        f"stitched of {len(verdict.pieces)} captures: the time between two is not known; each is aligned to "
+        f"stitched from {len(verdict.pieces)} captures: the time between two is not known; each is aligned to "
         "the schedule by itself, and nothing is measured across a seam"
     )
 
