@@ -202,7 +202,10 @@ def test_a_table_costs_its_jump_and_its_return() -> None:
 
 def test_a_jump_at_the_end_of_a_function_leads_to_a_table_elsewhere() -> None:
     """CALL 2, MOVWF 1, MOVWF PCL 2, RETLW 2: so the compiler reads flash through a pointer."""
-    text = "main\nstart\n call f_read\ndone\n nop\nf_read\n movwf PCLATH\n movwf PCL\nf_table\n retlw 1\n retlw 2\n"
+    text = (
+        "main\nstart\n call f_read\ndone\n nop\n"
+        "f_read\n movwf PCLATH\n movwf PCL\nf_table\n retlw 1\n retlw 2\n"
+    )
     assert most(text) == 2 + 1 + 2 + 2
     assert most(text.replace("f_table", " nop\nf_table")) is None
 

@@ -228,6 +228,26 @@ def test_the_watchdog_must_hold_on_the_chip_with_the_shortest_period(
         assert abs(warnings[0].location.cycle - 7000 * (2 if option & 8 else 1)) < 10
 
 
+@pytest.mark.parametrize(("option", "certain"), [(0x28, True), (0x29, False), (0x2F, False), (0x20, True)])
+def test_an_unknown_count_of_the_prescaler_matters_where_it_divides_the_watchdog(
+    option: int, certain: bool
+) -> None:
+    """Noise on RA4 is counted by TMR0's prescaler, which the watchdog then takes over (DS35007 section 5.2.1).
+
+    Assigned to the watchdog (bit 3) with 1:1 (PS 0) it is not in the way.
+    """
+    source = f"""
+        bsf STATUS, RP0
+        movlw 0x27
+        movwf OPTION_REG
+        movlw {option}
+        movwf OPTION_REG
+        bcf STATUS, RP0
+    """
+    warnings = found(source, 1000, WATCHDOG)
+    assert [warning.code for warning in warnings] == ([] if certain else ["watchdog-margin"])
+
+
 def test_an_oscillator_that_is_not_for_the_clock_is_named() -> None:
     def kinds(oscillator: str) -> list[str]:
         return [each.code for each in found("", 10, f" __config _{oscillator}_OSC & _WDT_OFF\n")]
