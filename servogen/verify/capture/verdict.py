@@ -326,8 +326,8 @@ def _seen_words(coverage: Coverage) -> str:
 
 def _seams_words(verdict: CaptureVerdict) -> str:
     return (
-        f"stitched from {len(verdict.pieces)} captures: the time between two is not known; each is aligned to "
-        "the schedule by itself, and nothing is measured across a seam"
+        f"stitched from {len(verdict.pieces)} captures: the time between two is not known; each is aligned "
+        "to the schedule by itself, and nothing is measured across a seam"
     )
 
 
