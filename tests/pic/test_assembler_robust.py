@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -102,6 +103,19 @@ def test_deep_brackets_are_an_error_with_a_column() -> None:
 # -- docs/assembler.md ---------------------------------------------------------------------------------
 
 PAGE = (Path(__file__).parents[2] / "docs" / "assembler.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r", "\f\n"])
+def test_the_lines_of_every_system_are_lines(ending: str) -> None:
+    """Unix, DOS, old Macintosh, and printers' page breaks. A Ctrl-Z ends the file, whatever is behind it."""
+    lines = [" list p=16f84", " movlw 5", " nop", ""]
+    text = ending.join(lines)
+    assert assemble(text).image.program == {0: 0x3005, 1: 0x0000}
+    for behind in ("", "\x1a", f"{ending} no code{ending}\x1a{ending} nop"):
+        assert assemble(f"{text}\x1a{behind}").image.program == {0: 0x3005, 1: 0x0000}
+    with pytest.raises(InputError) as caught:
+        assemble(f"{text} wrong 5{ending}\x1a", "old.asm")
+    assert [each.location.line for each in caught.value.diagnostics] == [4]
 
 
 def test_the_example_of_the_page_assembles() -> None:

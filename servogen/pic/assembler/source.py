@@ -36,8 +36,8 @@ class SourceLine:
 
 def lines_of(text: str, file: str) -> list[SourceLine]:
     """Return the lines of a file, numbered from 1. A Ctrl-Z, as old editors write it, ends the file."""
-    whole = text.split("\x1a", 1)[0]
-    rows = re.split(r"\r\n|\n|\r", whole)
+    before, _, _ = text.partition("\x1a")
+    rows = re.split(r"\r\n|\n|\r", before)
     return [SourceLine(Text.of(row.rstrip("\f")), file, number) for number, row in enumerate(rows, 1)]
 
 
