@@ -4,8 +4,11 @@
 // expect: c == 2
 // expect: d == 0x33
 // expect: e == 1
+// expect: f == 0x77
+// expect: g == 1
+// expect: h == 0x05
 #pragma CLOCK_FREQ 4000000
-char a, b, c, d, e;
+char a, b, c, d, e, f, g, h, zero;
 void directions(void)
 {
   TRISB = 0x0F;
@@ -29,6 +32,15 @@ void main(void)
   clear_bit(STATUS, RP0);
   d = EEADR;
   STATUS = 0x20;
+  PORTB = 0x77;
   if (test_bit(TRISB, 0)) e = 1;
   STATUS = 0;
+  TRISB = 0;
+  f = PORTB;
+  TRISB = 0x01;
+  if (test_bit(TRISB, 0)) g++;
+  if (test_bit(TRISB, 1)) g++;
+  if (!zero) set_bit(TRISB, 2);
+  if (!f) set_bit(TRISB, 3);
+  h = TRISB;
 }
