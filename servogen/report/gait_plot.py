@@ -105,7 +105,7 @@ def _draw_springs(axes: Axes, planned: Walk, times: Floats) -> None:
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
     axes.set_title(
-        f"what the springs give: at most {1000 * planned.largest_correction_m:z.2f} mm", fontsize=10
+        f"deflection of the springs: at most {1000 * planned.largest_correction_m:z.2f} mm", fontsize=10
     )
 
 
@@ -130,7 +130,12 @@ def _draw_above(axes: Axes, robot: WalkingRobot, planned: Walk, facts: GaitFacts
             fontsize=9,
         )
     axes.margins(y=0.12)
-    plane(axes, "x (forward)", "y (left)", "from above: foot paths and the support polygon of least margin")
+    plane(
+        axes,
+        "x (forward)",
+        "y (left)",
+        "from above: foot paths and the support polygon with the smallest margin",
+    )
     if facts.margin is None:
         axes.set_title("from above: the foot's path", fontsize=10)
         return
