@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 
 from servogen.graph import bottom_up, components
-from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.device import ERASED_WORD, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.known_values import (
     CARRY,
     FSR,
@@ -51,7 +51,6 @@ MAX_STATES = 200_000
 """The number of states between two addresses after which the search is given up."""
 MAX_FUNCTION_STATES, MAX_PROGRAM_STATES = 2_000, 8_000
 """These limits for one function of a program, and for all functions, which bound the time of the compiler."""
-ERASED = 0x3FFF
 _PASSES = 0x1000
 """Places from here on count how often an address was passed, for loops whose bound is given."""
 _STARTING = -1
@@ -121,7 +120,7 @@ class _Decoded(dict[int, DecodedWord]):
         self._words = words
 
     def __missing__(self, address: int) -> DecodedWord:
-        word = self[address] = word_of(self._words.get(address, ERASED))
+        word = self[address] = word_of(self._words.get(address, ERASED_WORD))
         return word
 
 

@@ -16,7 +16,8 @@ from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruc
 from servogen.prove.generalise import Generaliser
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator.abstract import EEIE, FIELD, AssumedBits, ChipState, Reason, Use
+from servogen.simulator.abstract import FIELD, AssumedBits, ChipState, Reason, Use
+from servogen.simulator.interrupts import EEIE
 from servogen.simulator.layout import NEVER, T0IF, USE_INTERRUPT
 
 _SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]

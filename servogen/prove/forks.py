@@ -40,7 +40,7 @@ RD, WR, BANK_1 = 0, 1, 0x80
 _FIELDS = {registers()[row.register].address: name for name, row in UNCERTAIN.items() if row.register}
 """The registers whose bits may be unknown, by address with the bank in bit 7; those of both banks by the
 lower one."""
-_IN_BOTH_BANKS = frozenset(registers()[name].address for name in BOTH_BANKS)
+_IN_BOTH_BANKS = frozenset(addresses(*BOTH_BANKS))
 
 
 @dataclass(frozen=True)

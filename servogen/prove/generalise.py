@@ -26,6 +26,7 @@ from servogen.simulator.abstract import (
     Reason,
     Use,
 )
+from servogen.simulator.layout import INTF, PS, PSA, RBIF, T0CS, T0IE, T0IF
 
 if TYPE_CHECKING:
     from servogen.prove.explore import Decision, Node
@@ -35,9 +36,7 @@ BYTES = tuple(name for name in FREE_BYTES if name not in TIME_FIELDS)
 REGISTERS = (*BYTES, "FLAGS", "TIMER", "PRESCALER", "PIN_FLAGS")
 """What is general beside the RAM, unless it is kept."""
 PHASE = "PHASE"
-INTE, RBIE, INTF, RBIF, T0IE, T0IF = masks("INTE", "RBIE", "INTF", "RBIF", "T0IE", "T0IF")
-T0CS, PSA = masks("T0CS", "PSA")
-PS = sum(masks("PS2", "PS1", "PS0"))
+INTE, RBIE = masks("INTE", "RBIE")
 FLAGS = 0x07
 PATIENCE = 5
 """How often a use at one address is looked into without finding anything to blame."""

@@ -19,17 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
-from servogen.pic.device import RAM_FIRST, RAM_LAST, masks
+from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator import unknown
 from servogen.simulator.aot_cache import loop
 from servogen.simulator.block_cache import fast_code, marked_code
-from servogen.simulator.layout import RB4_TO_7
+from servogen.simulator.interrupts import EEIE
+from servogen.simulator.layout import PS, PSA, RB4_TO_7
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import POSTSCALER, START, power_up
 from servogen.simulator.slots import Future
+from servogen.simulator.unknown import PD, TO
 from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
 from servogen.units import Clock
 
@@ -82,8 +84,6 @@ _RELATIVE, _NOT_BEFORE_NOW, _WATCHDOG = (
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
 RA4, RB0 = 1 << 4, 1 << 5
 _WATCHDOG_NEVER = 1 << 39
-TO, PD, PSA, EEIE = masks("TO", "PD", "PSA", "EEIE")
-PS = sum(masks("PS2", "PS1", "PS0"))
 WRITTEN = 0x08
 """The bit of an interrupt in doubt that is for the end of an EEPROM write."""
 

@@ -18,19 +18,21 @@ def code(text: str) -> Assembly:
     return assemble(f'    list p=16f84, r=dec\n    include "p16f84.inc"\n    org 0\n{text}\n    end\n')
 
 
-def most(text: str, start: str = "start", end: str = "done", without: str | None = None) -> int | None:
-    """The longest way between two labels; functions begin at labels that begin with "f_"."""
+def timed(text: str) -> tuple[TimedProgram, dict[str, int]]:
+    """Return the program and its labels; functions begin at `main` and at labels that begin with "f_"."""
     made = code(text)
     labels = dict(made.labels)
     starts = sorted(at for name, at in labels.items() if name.startswith("f_") or name == "main")
     ends = [*starts[1:], max(made.image.program) + 1]
     names = {at: name for name, at in labels.items()}
     functions = [ListedFunction(names[a], a, b) for a, b in zip(starts, ends, strict=True)]
-    return TimedProgram(made.image.program, functions).longest(
-        labels[start],
-        {labels[end]},
-        {labels[without]} if without else (),
-    )
+    return TimedProgram(made.image.program, functions), labels
+
+
+def most(text: str, start: str = "start", end: str = "done", without: str | None = None) -> int | None:
+    """The longest way between two labels."""
+    program, labels = timed(text)
+    return program.longest(labels[start], {labels[end]}, {labels[without]} if without else ())
 
 
 def test_straight_code_costs_what_the_data_sheet_says() -> None:
@@ -134,44 +136,37 @@ def test_the_equal_turns_of_a_loop_take_one_step(monkeypatch: pytest.MonkeyPatch
 def test_between_two_places_with_something_without_a_bound_neither_time_is_known(
     kind: str, without_bound: str
 ) -> None:
-    made = code(
+    program, labels = timed(
         f"main\nstart\n btfss PORTB, 0\n goto other\ndone\n goto done\nother\nhere\n {without_bound}\n"
         "f_wait\n btfss PORTB, 0\n goto f_wait\n return\n"
     )
-    labels, words = dict(made.labels), made.image.program
-    main = ListedFunction("main", labels["main"], labels["f_wait"])
-    program = TimedProgram(words, [main, ListedFunction("f_wait", labels["f_wait"], max(words) + 1)])
     at = labels["here"] + (without_bound.startswith("movf"))
     found = program.between(labels["start"], {labels["done"]})
     assert found == Times(None, None, (Unbounded(kind, (at,)),))
 
 
 def test_the_times_of_a_function_that_only_its_arguments_bound_are_those_of_its_calls() -> None:
-    made = code(
+    program, labels = timed(
         "main\n movlw 3\n movwf 0x20\n call f_wait\n movlw 7\n movwf 0x20\n call f_wait\ndone\n goto done\n"
         "f_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
     )
-    labels, words = dict(made.labels), made.image.program
-    main = ListedFunction("main", labels["main"], labels["f_wait"])
-    wait = ListedFunction("f_wait", labels["f_wait"], max(words) + 1)
-    program = TimedProgram(words, [main, wait])
-    assert program.times(wait.start).longest is None
-    assert program.times_with_arguments(wait.start) == program.times(wait.start), "no call is known yet"
-    assert program.longest(main.start, {labels["done"]}) is not None
-    assert program.times_with_arguments(wait.start) == Times(*(3 * (turns - 1) + 2 + 2 for turns in (3, 7)))
+    assert program.times(labels["f_wait"]).longest is None
+    assert program.times_with_arguments(labels["f_wait"]) == program.times(labels["f_wait"]), (
+        "no call is known yet"
+    )
+    assert program.longest(labels["main"], {labels["done"]}) is not None
+    assert program.times_with_arguments(labels["f_wait"]) == Times(
+        *(3 * (turns - 1) + 2 + 2 for turns in (3, 7))
+    )
 
 
 def test_a_call_with_an_unknown_argument_leaves_the_function_without_a_bound() -> None:
-    made = code(
+    program, labels = timed(
         "main\n movlw 3\n movwf 0x20\n call f_wait\n movf PORTB, w\n movwf 0x20\n"
         " call f_wait\ndone\n goto done\nf_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
     )
-    labels, words = dict(made.labels), made.image.program
-    main = ListedFunction("main", labels["main"], labels["f_wait"])
-    wait = ListedFunction("f_wait", labels["f_wait"], max(words) + 1)
-    program = TimedProgram(words, [main, wait])
-    assert program.times(main.start).longest is None
-    found = program.times_with_arguments(wait.start)
+    assert program.times(labels["main"]).longest is None
+    found = program.times_with_arguments(labels["f_wait"])
     assert found.longest is None, "PORTB may be 255"
     assert found.shortest == 2 + 2, "or 1"
 
@@ -179,13 +174,9 @@ def test_a_call_with_an_unknown_argument_leaves_the_function_without_a_bound() -
 def test_a_function_for_which_no_states_are_left_may_return_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """That nothing was explored does not mean that it never returns: its callers go on after the call."""
     monkeypatch.setattr(wcet, "MAX_PROGRAM_STATES", 1)
-    made = code(
+    program, labels = timed(
         "main\n btfss PORTB, 0\n goto main\ndone\n goto done\nf_one\n call f_two\n return\nf_two\n return\n"
     )
-    labels, words = dict(made.labels), made.image.program
-    starts = [labels[name] for name in ("main", "f_one", "f_two")]
-    ends = [*starts[1:], max(words) + 1]
-    program = TimedProgram(words, [ListedFunction(str(a), a, b) for a, b in zip(starts, ends, strict=True)])
     program.times(labels["main"])
     for name, returns_after in (("f_two", 2), ("f_one", 2 + 2 + 2)):
         times = program.times(labels[name])

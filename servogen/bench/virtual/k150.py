@@ -31,7 +31,7 @@ BLOCK = 32
 
 FIRMWARE = 3  # a K150
 PROTOCOL = b"P18A"
-NO_DEVICE_ID = 0x3FFF  # the plain PIC16F84 has none: its place reads as erased
+NO_DEVICE_ID = ERASED_WORD  # the plain PIC16F84 has none: its place reads as erased
 ERASED_BYTE = 0xFF
 ID_BITS = 0x7F  # DS35007 section 6.13: the low four bits are meant; seven are programmed
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.errors import Location
-from servogen.pic.device import registers
+from servogen.pic.device import addresses, registers
 from servogen.pic.isa import by_mnemonic, mnemonics
 
 
@@ -47,9 +47,8 @@ def exposed(operand: Operand | None) -> bool:
     return isinstance(operand, Reg) or (isinstance(operand, Byte) and operand.symbol.volatile)
 
 
-_SFR = registers()
 INDF, PCL, STATUS, FSR, PCLATH, INTCON = (
-    Reg(_SFR[name].address) for name in ("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
+    Reg(address) for address in addresses("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
 )
 C, DC, Z, RP0 = 0, 1, 2, 5  # bits of STATUS: DS35007 register 2-1
 
@@ -176,7 +175,7 @@ def operand_text(operand: object) -> str:
         case Byte(symbol, offset):
             return symbol.name + (f"+{offset}" if offset else "")
         case Reg(address):
-            name = next((row.name for row in _SFR.values() if row.address == address), None)
+            name = next((row.name for row in registers().values() if row.address == address), None)
             return name or f"0x{address:02X}"
         case AddressByte(symbol, offset, part):
             return f"{('LOW', 'HIGH')[part]}({symbol.name}+{offset})"

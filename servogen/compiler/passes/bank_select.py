@@ -23,11 +23,11 @@ from servogen.compiler.ir.instruction import (
     Label,
     Reg,
 )
-from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses
 
 UNKNOWN = 2
 """One bank or the other, by the way that was taken."""
-_COMMON = frozenset(registers()[name].address & 0x7F for name in BOTH_BANKS)
+_COMMON = frozenset(addresses(*BOTH_BANKS))
 
 
 def bank_needed(ins: Instruction) -> int | None:

@@ -42,12 +42,18 @@ from servogen.pic.analysis.state import (
     skip_ways,
 )
 from servogen.pic.analysis.values import Value
-from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, STACK_LEVELS
+from servogen.pic.device import (
+    ERASED_WORD,
+    INTERRUPT_VECTOR,
+    PROGRAM_WORDS,
+    RAM_FIRST,
+    RAM_LAST,
+    STACK_LEVELS,
+)
 from servogen.pic.isa import Opcode, decode
 from servogen.pic.known_values import CARRY, FSR, PCL, ZERO, DecodedWord, Undefined, W, word_of
 from servogen.pic.wcet import TimedProgram, is_live
 
-ERASED = 0x3FFF
 MAX_STATES = 20
 """The number of states of an address and call path kept apart; beyond it, those with equal FSR are joined."""
 MAX_POINTERS = 80
@@ -217,7 +223,7 @@ class PathExplorer:
         self.open_pins: dict[Node, int] = {}
         """The same for writes of which it is not known whether they write inputs."""
         self.gave_up = False
-        self.words = {address: in_memory(words.get(address, ERASED)) for address in range(PROGRAM_WORDS)}
+        self.words = {address: in_memory(words.get(address, ERASED_WORD)) for address in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
         self._heads = self._find_heads()
         live = TimedProgram(self.words, ()).live

@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from servogen.pic.analysis.paths import ERASED, Paths, in_memory
+from servogen.pic.analysis.paths import Paths, in_memory
 from servogen.pic.analysis.state import INTCON, T0IE
 from servogen.pic.analysis.values import Value
-from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, masks
+from servogen.pic.device import ERASED_WORD, INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, masks
 from servogen.pic.isa import decode
 from servogen.pic.known_values import Undefined, word_of
 from servogen.pic.listing import ListedFunction
@@ -52,7 +52,9 @@ class ProgramTimes:
 
     def __init__(self, words: Mapping[int, int], paths: Paths) -> None:
         self._paths = paths
-        self._words = {address: in_memory(words.get(address, ERASED)) for address in sorted(paths.executed)}
+        self._words = {
+            address: in_memory(words.get(address, ERASED_WORD)) for address in sorted(paths.executed)
+        }
         changing = {place for place in paths.interrupt_changes if RAM_FIRST <= place <= RAM_LAST}
         self._program = TimedProgram(
             self._words,

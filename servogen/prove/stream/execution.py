@@ -12,14 +12,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, addresses, registers
 from servogen.pic.isa import encode
 from servogen.pic.known_values import DecodedWord, Undefined, word_of
 from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
 from servogen.simulator.layout import ROWS
 
-INDF, TMR0, PCL, STATUS, FSR, PCLATH, INTCON = (
-    registers()[name].address for name in ("INDF", "TMR0", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
+INDF, TMR0, PCL, STATUS, FSR, PCLATH, INTCON = addresses(
+    "INDF", "TMR0", "PCL", "STATUS", "FSR", "PCLATH", "INTCON"
 )
 PORTA, PORTB, OPTION, EEDATA, EEADR, EECON1, EECON2 = (
     registers()[name].address
@@ -28,7 +28,7 @@ PORTA, PORTB, OPTION, EEDATA, EEADR, EECON1, EECON2 = (
 BANK_1 = 0x80
 EEPROM = 0x100
 """The place of the EEPROM's first byte."""
-IN_BOTH_BANKS = tuple(registers()[name].address for name in BOTH_BANKS if name != "INDF")
+IN_BOTH_BANKS = tuple(address for address in addresses(*BOTH_BANKS) if address != INDF)
 KEPT = frozenset(register.address for row in ROWS for register in row.registers)
 """The registers that a program can read."""
 VOLATILE = frozenset(

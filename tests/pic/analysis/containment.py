@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from unittest import mock
 
 from servogen.pic.analysis import paths
-from servogen.pic.analysis.paths import ERASED, PathExplorer
+from servogen.pic.analysis.paths import PathExplorer
 from servogen.pic.analysis.state import AbstractState
+from servogen.pic.device import ERASED_WORD
 from servogen.pic.image import Image
 from servogen.pic.known_values import word_of
 from tests.pic.analysis.programs import assembled, random_player
@@ -64,7 +65,9 @@ def compared(text: str, seed: int, steps: int) -> Run:
     run = Run(not answer.tables and not answer.beyond and not answer.lost, len(last) > 1)
     chip = _powered_up(image, seed, steps)
     for _ in range(steps):
-        if word_of(image.program.get(chip.pc, ERASED)).name == "RETLW":  # a table is one step of the analysis
+        if (
+            word_of(image.program.get(chip.pc, ERASED_WORD)).name == "RETLW"
+        ):  # a table is one step of the analysis
             chip.run(chip.now + 1)
             continue
         states = answering.states.get(chip.pc, [])
