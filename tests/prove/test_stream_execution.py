@@ -1,0 +1,534 @@
+"""The symbolic execution of every instruction, with an arithmetic of DS35007 table 7-2 written separately."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+
+import pytest
+
+from servogen.pic.isa import encode
+from servogen.prove.stream import execution
+from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, byte, unknown
+from servogen.prove.stream.execution import RETURNED, Execution, NotFollowed, SymbolicState
+
+pytest.importorskip("bitwuzla", reason="the solver is not installed")
+
+INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB = range(7)
+EEDATA, EEADR, PCLATH, INTCON = 8, 9, 10, 11
+OPTION, TRISA, TRISB, EECON1, EECON2 = 0x81, 0x85, 0x86, 0x88, 0x89
+EEPROM = 0x100
+AT = 0x40
+"""Where the instruction is that is executed."""
+RAM = 0x20
+
+BYTES = (0x00, 0x01, 0x0F, 0x10, 0x7F, 0x80, 0xAA, 0xFF)
+
+
+def begun(
+    words: Mapping[int, int] | int, known: Mapping[int, Bits] | None = None, pc: int = AT
+) -> tuple[Execution, SymbolicState]:
+    """A state before the words, or before one at `AT`; W is 0 and the flags are clear."""
+    one = Execution({pc: words} if isinstance(words, int) else words, Solver())
+    state = one.state(pc, known or {})
+    state.w = byte(0)
+    state.carry = state.digit_carry = state.zero = FALSE
+    return one, state
+
+
+def stepped(one: Execution, state: SymbolicState) -> SymbolicState:
+    (after,) = one._step(state)
+    return after
+
+
+def flags(state: SymbolicState) -> tuple[bool | None, bool | None, bool | None]:
+    return state.carry.known, state.digit_carry.known, state.zero.known
+
+
+def result_of(name: str, f: int, w: int, carry: int) -> tuple[int, dict[str, bool]]:
+    """The result of an instruction of a byte and W, and the flags that it sets (DS35007 section 7.1)."""
+    if name == "ADD":
+        total = f + w
+        return total % 256, {"C": total > 255, "DC": f % 16 + w % 16 > 15, "Z": total % 256 == 0}
+    if name == "SUB":
+        # C and DC are inverted borrows.
+        return (f - w) % 256, {"C": f >= w, "DC": f % 16 >= w % 16, "Z": f == w}
+    if name == "RLF":
+        return f * 2 % 256 + carry, {"C": f >= 128}
+    if name == "RRF":
+        return f // 2 + 128 * carry, {"C": f % 2 == 1}
+    plain = {
+        "AND": f & w,
+        "IOR": f | w,
+        "XOR": f ^ w,
+        "MOVF": f,
+        "INCF": (f + 1) % 256,
+        "DECF": (f + 255) % 256,
+        "COMF": 255 - f,
+        "CLRF": 0,
+    }
+    if name in plain:
+        return plain[name], {"Z": plain[name] == 0}
+    return {"SWAPF": f % 16 * 16 + f // 16, "MOVWF": w}[name], {}
+
+
+OF_FILES = {
+    "ADDWF": "ADD", "SUBWF": "SUB", "ANDWF": "AND", "IORWF": "IOR", "XORWF": "XOR", "MOVF": "MOVF",
+    "INCF": "INCF", "DECF": "DECF", "COMF": "COMF", "RLF": "RLF", "RRF": "RRF", "SWAPF": "SWAPF",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OF_FILES)
+def test_an_instruction_of_a_byte_does_what_the_data_sheet_says(name: str) -> None:
+    for f, w, carry, d in itertools.product(BYTES, BYTES, (0, 1), (0, 1)):
+        one, state = begun(encode(name, f=RAM, d=d), {RAM: byte(f)})
+        state.w, state.carry = byte(w), Truth(bool(carry))
+        result, set_flags = result_of(OF_FILES[name], f, w, carry)
+        after = stepped(one, state)
+        assert after.pc == AT + 1
+        assert one.byte(after, RAM).value == (result if d else f), (f, w, carry)
+        assert after.w.value == (w if d else result), (f, w, carry)
+        wanted = {"C": bool(carry), "DC": False, "Z": False} | set_flags
+        assert flags(after) == (wanted["C"], wanted["DC"], wanted["Z"]), (f, w, carry)
+        assert (one.reads, one.writes) == ({RAM}, {RAM} if d else set())
+
+
+@pytest.mark.parametrize(
+    ("name", "operation"),
+    [("ADDLW", "ADD"), ("SUBLW", "SUB"), ("ANDLW", "AND"), ("IORLW", "IOR"), ("XORLW", "XOR")],
+)
+def test_an_instruction_of_a_literal_does_what_the_data_sheet_says(name: str, operation: str) -> None:
+    for k, w in itertools.product(BYTES, BYTES):
+        one, state = begun(encode(name, k=k))
+        state.w = byte(w)
+        after = stepped(one, state)
+        result, set_flags = result_of(operation, k, w, 0)
+        wanted = {"C": False, "DC": False} | set_flags
+        assert (after.w.value, after.pc) == (result, AT + 1), (k, w)
+        assert flags(after) == (wanted["C"], wanted["DC"], wanted["Z"]), (k, w)
+
+
+def test_moves_and_clears() -> None:
+    one, state = begun(encode("MOVWF", f=RAM), {RAM: byte(9)})
+    state.w = byte(0x5A)
+    after = stepped(one, state)
+    assert one.byte(after, RAM).value == 0x5A and flags(after) == (False, False, False)
+    assert one.reads == set(), "MOVWF does not read"
+    one, state = begun(encode("CLRF", f=RAM), {RAM: byte(9)})
+    after = stepped(one, state)
+    assert one.byte(after, RAM).value == 0 and flags(after) == (False, False, True)
+    assert one.byte(state, RAM).value == 9, "the state before is kept"
+    one, state = begun(encode("CLRW"))
+    state.w = byte(3)
+    after = stepped(one, state)
+    assert after.w.value == 0 and flags(after) == (False, False, True)
+    one, state = begun(encode("MOVLW", k=0))
+    state.w = byte(3)
+    after = stepped(one, state)
+    assert after.w.value == 0 and flags(after) == (False, False, False), "MOVLW sets no flag"
+    for name in ("NOP", "CLRWDT"):
+        one, state = begun(encode(name))
+        after = stepped(one, state)
+        assert (after.pc, after.w.value, flags(after)) == (AT + 1, 0, (False, False, False))
+        assert not one.reads and not one.writes
+
+
+@pytest.mark.parametrize("bit", range(8))
+def test_bits_are_set_cleared_and_tested(bit: int) -> None:
+    for value in BYTES:
+        for name, wanted in (("BSF", value | 1 << bit), ("BCF", value & ~(1 << bit))):
+            one, state = begun(encode(name, f=RAM, b=bit), {RAM: byte(value)})
+            after = stepped(one, state)
+            assert (one.byte(after, RAM).value, after.pc) == (wanted, AT + 1)
+            assert flags(after) == (False, False, False)
+        for name, skips in (("BTFSS", value >> bit & 1 == 1), ("BTFSC", value >> bit & 1 == 0)):
+            one, state = begun(encode(name, f=RAM, b=bit), {RAM: byte(value)})
+            assert stepped(one, state).pc == AT + 1 + skips
+
+
+@pytest.mark.parametrize(("name", "step", "last"), [("INCFSZ", 1, 0xFF), ("DECFSZ", -1, 1)])
+def test_a_counter_skips_only_where_it_becomes_0(name: str, step: int, last: int) -> None:
+    for value, d in itertools.product((*BYTES, 2, 0xFE), (0, 1)):
+        one, state = begun(encode(name, f=RAM, d=d), {RAM: byte(value)})
+        after = stepped(one, state)
+        assert after.pc == AT + (2 if value == last else 1)
+        result = (value + step) % 256
+        assert (one.byte(after, RAM).value, after.w.value) == ((result, 0) if d else (value, result))
+        assert flags(after) == (False, False, False)
+
+
+def test_what_is_unknown_goes_both_ways_if_both_are_possible() -> None:
+    one, state = begun(encode("BTFSS", f=RAM, b=3))
+    ways = list(one._step(state))
+    assert sorted(way.pc for way in ways) == [AT + 1, AT + 2]
+    for way in ways:
+        bit = one.at_first(RAM).bit(3)
+        assert one.solver.possible(way.path & bit) == (way.pc == AT + 2)
+        assert one.solver.possible(way.path & ~bit) == (way.pc == AT + 1)
+    one, state = begun(encode("BTFSS", f=RAM, b=3))
+    one.given = one.at_first(RAM).less(8)
+    assert [way.pc for way in one._step(state)] == [AT + 1]
+    one, state = begun(encode("INCFSZ", f=RAM, d=1))
+    assert sorted(way.pc for way in one._step(state)) == [AT + 1, AT + 2]
+
+
+def test_a_jump_a_call_and_a_return_lead_where_they_should() -> None:
+    one, state = begun(encode("GOTO", k=0x123))
+    assert (stepped(one, state).pc, stepped(one, state).stack) == (0x123, ())
+    one, state = begun(encode("CALL", k=0x123))
+    after = stepped(one, state)
+    assert (after.pc, after.stack) == (0x123, (AT + 1,))
+    for name, operands, w in (("RETURN", {}, 7), ("RETFIE", {}, 7), ("RETLW", {"k": 0x35}, 0x35)):
+        one, state = begun(encode(name, **operands))
+        state.stack, state.w = (5, 9), byte(7)
+        after = stepped(one, state)
+        assert (after.pc, after.stack, after.w.value) == (9, (5,), w)
+    one, state = begun(encode("RETURN"))
+    with pytest.raises(NotFollowed, match=r"^a return without a call at 0x040$"):
+        stepped(one, state)
+
+
+@pytest.mark.parametrize(
+    ("f", "bank", "place"),
+    [
+        *((f, bank, f) for f in (PCL, STATUS, FSR, PCLATH, INTCON, 0x0C, 0x4F) for bank in (0, 1)),
+        *((f, 0, f) for f in (TMR0, PORTA, PORTB, EEDATA, EEADR)),
+        (TMR0, 1, OPTION),
+        (PORTA, 1, TRISA),
+        (PORTB, 1, TRISB),
+        (EEDATA, 1, EECON1),
+        (EEADR, 1, EECON2),
+    ],
+)
+def test_rp0_selects_the_bank(f: int, bank: int, place: int) -> None:
+    """DS35007 figure 2-2: what is in both banks, and what is not."""
+    one, state = begun(0)
+    state.bank = bank
+    assert [place for _, place in one._place(state, f)] == [place]
+    # FSR addresses the same, with its bit 7 as the bank, whatever RP0 is.
+    state.bank = 1 - bank
+    state.bytes[FSR] = byte(f | bank << 7)
+    assert [place for _, place in one._place(state, INDF)] == [place]
+
+
+def test_an_unknown_pointer_is_followed_to_each_place() -> None:
+    one, state = begun(0)
+    one.given = ~one.at_first(FSR).less(0x10) & one.at_first(FSR).less(0x13)
+    ways = {place: way for way, place in one._place(state, INDF)}
+    assert sorted(ways) == [0x10, 0x11, 0x12]
+    for place, way in ways.items():
+        assert not one.solver.possible(one.given & way.path & ~one.at_first(FSR).equals(place))
+
+
+def test_a_pointer_with_too_many_values_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    for most, refused in ((4, False), (3, True)):
+        monkeypatch.setattr(execution, "MAX_VALUES", most)
+        one, state = begun(0)
+        one.given = one.at_first(FSR).less(4)
+        if refused:
+            with pytest.raises(NotFollowed, match=r"^a pointer has too many values at 0x040$"):
+                list(one._place(state, INDF))
+        else:
+            assert len(list(one._place(state, INDF))) == 4
+
+
+def test_status_is_put_together_from_its_flags_and_the_bank() -> None:
+    for carry, digit, zero, bank in itertools.product((0, 1), repeat=4):
+        one, state = begun(encode("MOVF", f=STATUS, d=0), {STATUS: byte(0b1101_1000)})
+        state.carry, state.digit_carry, state.zero = (Truth(bool(bit)) for bit in (carry, digit, zero))
+        state.bank = bank
+        assert one.status(state).value == 0b1101_1000 | bank << 5 | zero << 2 | digit << 1 | carry
+    one, state = begun(encode("MOVWF", f=STATUS), {STATUS: byte(0b0001_1000)})
+    state.w = byte(0b0010_0101)
+    after = stepped(one, state)
+    assert (after.bank, flags(after)) == (1, (True, False, True))
+    # TO and PD (bits 4 and 3) cannot be written.
+    assert one.status(after).value == 0b0011_1101 and one.writes == {STATUS}
+    state.w = byte(0b0000_0010)
+    after = stepped(one, state)
+    assert (after.bank, flags(after)) == (0, (False, True, False))
+    state.w = unknown("W")
+    with pytest.raises(NotFollowed, match=r"^an unknown bank is selected at 0x040$"):
+        stepped(one, state)
+
+
+def test_single_bits_of_status() -> None:
+    for bit, name in itertools.product((0, 1, 2), ("BSF", "BCF")):
+        one, state = begun(encode(name, f=STATUS, b=bit), {STATUS: byte(0)})
+        before = Truth(name == "BCF")
+        state.carry = state.digit_carry = state.zero = before
+        after = stepped(one, state)
+        assert flags(after) == tuple((name == "BSF") if n == bit else before.known for n in range(3))
+        assert after.pc == AT + 1 and one.writes == {STATUS}
+        for test in ("BTFSS", "BTFSC"):
+            one, state = begun(encode(test, f=STATUS, b=bit), {STATUS: byte(0)})
+            state.carry, state.digit_carry, state.zero = (Truth(n == bit) for n in range(3))
+            assert stepped(one, state).pc == AT + (2 if test == "BTFSS" else 1)
+            assert one.reads == set()
+    for name, bank in (("BSF", 1), ("BCF", 0)):
+        one, state = begun(encode(name, f=STATUS, b=5), {STATUS: byte(0)})
+        state.bank = 1 - bank
+        assert stepped(one, state).bank == bank
+    for bit in (6, 7):
+        one, state = begun(encode("BCF", f=STATUS, b=bit))
+        assert stepped(one, state).pc == AT + 1
+        one, state = begun(encode("BSF", f=STATUS, b=bit))
+        with pytest.raises(NotFollowed, match=r"^IRP or RP1 is set at 0x040$"):
+            stepped(one, state)
+
+
+def test_what_time_and_pins_change_is_read_anew_each_time() -> None:
+    for f in (TMR0, PORTA, PORTB):
+        one, state = begun(encode("MOVF", f=f, d=0))
+        first = stepped(one, state)
+        assert first.w is one.at_first(f) and first.looks == (f,) and one.reads == {f}
+        first.pc = AT
+        second = stepped(one, first)
+        assert second.looks == (f, f)
+        assert one.solver.possible(~second.w.equals(first.w)), "another look may give another value"
+    one, state = begun(encode("MOVF", f=RAM, d=0))
+    assert stepped(one, state).looks == (), "a byte of RAM stays as it is"
+
+
+def test_a_bit_of_a_port_changes_its_latch_only() -> None:
+    for f in (PORTA, PORTB):
+        one, state = begun(encode("BSF", f=f, b=1), {f: byte(0b1000)})
+        after = stepped(one, state)
+        assert one.byte(after, f).value == 0b1010 and after.looks == ()
+        assert one.reads == {f} == one.writes
+
+
+def test_registers_without_content_read_as_0() -> None:
+    one, state = begun(0)
+    state.w = byte(9)
+    assert one._read(state, EECON2).value == 0
+    assert one._read(state, INDF).value == 0 and one._read(state, 0x80).value == 0
+    assert one._read(state, 0x07).value == 0 and one._read(state, 0x50).value == 0
+    assert one._read(state, 0x4F).value is None and one._read(state, 0x0C).value is None
+    for place in (INDF, 0x80, EECON2):
+        one._write(state, place, byte(5))
+        assert place not in state.bytes and place in one.writes
+    with pytest.raises(NotFollowed, match=r"^PCL is read at 0x040$"):
+        one._read(state, PCL)
+
+
+def test_the_flags_of_intcon_are_never_known() -> None:
+    one, state = begun(0, {INTCON: byte(0b1010_0111)})
+    read = one._read(state, INTCON)
+    assert read[3:8].value == 0b10100 and all(read.bit(n).known is None for n in range(3))
+    assert one._operand(state, execution.word_of(encode("BSF", f=INTCON, b=7)), INTCON).value == 0b1010_0111
+
+
+def test_a_computed_jump_goes_to_each_target() -> None:
+    one, state = begun(encode("ADDWF", f=PCL, d=1), {PCLATH: byte(0b11110)})
+    state.w = byte(3)
+    # The low byte of the next address plus 3, in the page of PCLATH's bits 1 and 0.
+    assert stepped(one, state).pc == 0x200 + AT + 4
+    state.w = unknown("W")
+    one.given = state.w.less(3)
+    assert sorted(way.pc for way in one._step(state)) == [0x241, 0x242, 0x243]
+    one, state = begun(encode("ADDWF", f=PCL, d=1))
+    with pytest.raises(NotFollowed, match=r"^PCLATH is not known at 0x040$"):
+        stepped(one, state)
+    one, state = begun(encode("MOVWF", f=PCL), {PCLATH: byte(1)})
+    state.w = byte(0x44)
+    assert stepped(one, state).pc == 0x144
+
+
+@pytest.mark.parametrize("name", ["SLEEP", "OPTION", "TRIS"])
+def test_what_is_not_followed_is_named(name: str) -> None:
+    one, state = begun(encode(name, **({"f": 5} if name == "TRIS" else {})))
+    with pytest.raises(NotFollowed, match=f"^{name} at 0x040 is not followed$"):
+        stepped(one, state)
+
+
+def test_where_there_is_no_instruction_the_execution_ends() -> None:
+    for words in ({}, {AT: 0x0002}):  # no word, and one that no data sheet defines
+        one, state = begun(words)
+        with pytest.raises(NotFollowed, match=r"^there is no instruction at 0x040$"):
+            stepped(one, state)
+
+
+# the EEPROM
+
+
+def unlocking(write: int, *, last: int = 0xAA) -> dict[int, int]:
+    """The words of DS35007 example 3-2 from `AT` - 4 on, and at `AT` the one that starts the write."""
+    words = [("MOVLW", {"k": 0x55}), ("MOVWF", {"f": 9}), ("MOVLW", {"k": last}), ("MOVWF", {"f": 9})]
+    return {AT - 4 + n: encode(name, **operands) for n, (name, operands) in enumerate(words)} | {AT: write}
+
+
+START_WRITE = encode("BSF", f=8, b=1)
+START_READ = encode("BSF", f=8, b=0)
+
+
+def eeprom(
+    words: Mapping[int, int], *, address: int = 5, intcon: int = 0x20, eecon1: int = 0b100
+) -> tuple[Execution, SymbolicState]:
+    """A state before `AT` in bank 1; writing is enabled, interrupts are not."""
+    values = {EEADR: address, EEDATA: 0x66, INTCON: intcon, EECON1: eecon1, EEPROM + 5: 0x77}
+    one, state = begun(words, {place: byte(value) for place, value in values.items()})
+    state.bank = 1
+    return one, state
+
+
+def test_a_byte_of_the_eeprom_is_read() -> None:
+    one, state = eeprom({AT: START_READ})
+    after = stepped(one, state)
+    assert one.byte(after, EEDATA).value == 0x77 and one.byte(after, EEPROM + 5).value == 0x77
+    # Writing is not started, and the other bits do not read.
+    for bit in range(1, 5):
+        one, state = eeprom({AT: encode("BSF", f=8, b=bit)})
+        assert one.byte(stepped(one, state), EEDATA).value == 0x66
+
+
+def test_a_byte_of_the_eeprom_is_written_only_after_the_unlocking_words() -> None:
+    one, state = eeprom(unlocking(START_WRITE))
+    after = stepped(one, state)
+    assert one.byte(after, EEPROM + 5).value == 0x66 and one.byte(after, EEDATA).value == 0x66
+    for words, eecon1 in (
+        (unlocking(START_WRITE, last=0xAB), 0b100),
+        ({AT: START_WRITE}, 0b100),
+        (unlocking(START_WRITE), 0b000),  # writing is not enabled
+        (unlocking(encode("BSF", f=8, b=3)), 0b100),  # another bit
+    ):
+        one, state = eeprom(words, eecon1=eecon1)
+        assert one.byte(stepped(one, state), EEPROM + 5).value == 0x77
+
+
+def test_what_is_not_sure_of_the_eeprom_is_not_followed() -> None:
+    one, state = eeprom(unlocking(START_WRITE), intcon=0x80)
+    enabled = r"^the EEPROM is written while interrupts are enabled, at 0x040$"
+    with pytest.raises(NotFollowed, match=enabled):
+        stepped(one, state)
+    state.bytes[INTCON] = unknown("INTCON")
+    with pytest.raises(NotFollowed, match=enabled):
+        stepped(one, state)
+    for address, known in ((63, True), (64, False)):
+        one, state = eeprom({AT: START_READ}, address=address)
+        if known:
+            assert one.byte(stepped(one, state), EEDATA) is one.at_first(EEPROM + 63)
+        else:
+            with pytest.raises(NotFollowed, match=r"^the EEPROM's address is not known at 0x040$"):
+                stepped(one, state)
+    one, state = eeprom({AT: START_READ})
+    state.bytes[EEADR] = unknown("EEADR")
+    with pytest.raises(NotFollowed, match=r"^the EEPROM's address is not known at 0x040$"):
+        stepped(one, state)
+    one, state = eeprom({AT: encode("MOVWF", f=8)})
+    state.w = unknown("W")
+    with pytest.raises(NotFollowed, match=r"^EECON1 is written with an unknown value at 0x040$"):
+        stepped(one, state)
+
+
+def test_whether_a_write_is_under_way_is_not_known() -> None:
+    one, state = eeprom({AT: encode("MOVF", f=8, d=0)}, eecon1=0b1_1111)
+    after = stepped(one, state)
+    # RD reads as 0; WR may be either, WREN, WRERR and EEIF are as they were.
+    assert after.w.bit(0).known is False and after.w.bit(1).known is None
+    assert after.w[2:8].value == 0b111 and len(one.busy) == 1
+    assert one.solver.possible(after.w.bit(1)) and one.solver.possible(~after.w.bit(1))
+    assert not one.solver.possible(one.busy[0] & ~after.w.bit(1))
+    operand = one._operand(state, execution.word_of(START_WRITE), EECON1)
+    assert operand.value == 0b1_1100, "an instruction of one bit starts neither a read nor a write"
+
+
+# runs
+
+
+def program(*words: int, at: int = AT) -> dict[int, int]:
+    return dict(enumerate(words, at))
+
+
+def values_of(one: Execution, ends: Iterable[SymbolicState], place: int) -> set[int]:
+    found = set()
+    for end in ends:
+        left = one.given & end.path
+        while one.solver.possible(left):
+            value = one.solver.example(one.byte(end, place))
+            found.add(value)
+            left = left & ~one.byte(end, place).equals(value)
+    return found
+
+
+def test_ways_that_meet_become_one_state() -> None:
+    words = program(
+        encode("CLRF", f=RAM),
+        encode("BTFSC", f=0x30, b=0),
+        encode("INCF", f=RAM, d=1),
+        encode("BTFSC", f=0x30, b=1),
+        encode("BSF", f=RAM, b=2),
+        encode("NOP"),
+        encode("NOP"),
+    )
+    one, state = begun(words)
+    (end,) = one.run(state, {AT + 6})
+    assert end.pc == AT + 6
+    assert values_of(one, [end], RAM) == {0, 1, 4, 5}
+    for low in range(4):
+        given = one.at_first(0x30)[0:2].equals(low) & end.path
+        assert one.solver.possible(given)
+        assert one.solver.example(one.byte(end, RAM)) == (low & 1) + 2 * (low & 2)
+    assert not one.solver.possible(~end.path), "together the ways are all ways"
+
+
+def test_a_loop_is_followed_to_its_end_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = program(encode("DECFSZ", f=RAM, d=1), encode("GOTO", k=AT), encode("NOP"))
+    one, state = begun(words, {RAM: byte(5)})
+    (end,) = one.run(state, {AT + 2})
+    assert one.byte(end, RAM).value == 0
+    # Five DECFSZ, four GOTO: eight states after the first one, the end, and the look that finds nothing left.
+    for most, refused in ((10, False), (9, True)):
+        monkeypatch.setattr(execution, "MAX_STEPS", most)
+        one, state = begun(words, {RAM: byte(5)})
+        if refused:
+            with pytest.raises(NotFollowed, match=r"^the program does not come to an end, at 0x040$"):
+                one.run(state, {AT + 2})
+        else:
+            assert len(one.run(state, {AT + 2})) == 1
+
+
+def test_a_stop_counts_only_outside_of_subroutines_unless_anywhere() -> None:
+    words = program(encode("CALL", k=0x60), encode("NOP")) | program(encode("NOP"), encode("RETURN"), at=0x60)
+    one, state = begun(words)
+    assert [end.pc for end in one.run(state, {0x61, AT + 1})] == [AT + 1]
+    one, state = begun(words)
+    assert [end.pc for end in one.run(state, {0x61, AT + 1}, anywhere=True)] == [0x61]
+    one, state = begun(words, pc=0x60)
+    state.stack = (RETURNED,)
+    assert [end.pc for end in one.run(state, set())] == [RETURNED]
+
+
+def test_states_with_different_banks_stay_apart() -> None:
+    words = program(encode("BTFSC", f=RAM, b=0), encode("BSF", f=STATUS, b=5), encode("NOP"), encode("NOP"))
+    one, state = begun(words)
+    ends = one.run(state, {AT + 3})
+    assert sorted(end.bank for end in ends) == [0, 1]
+    covered = ends[0].path | ends[1].path
+    assert not one.solver.possible(ends[0].path & ends[1].path) and not one.solver.possible(~covered)
+
+
+def test_flags_and_w_depend_on_the_way() -> None:
+    words = program(
+        encode("MOVLW", k=1),
+        encode("BTFSC", f=RAM, b=0),
+        encode("ADDLW", k=0xFF),
+        encode("NOP"),
+        encode("NOP"),
+    )
+    one, state = begun(words)
+    (end,) = one.run(state, {AT + 4})
+    bit = one.at_first(RAM).bit(0)
+    for truth, wanted in ((end.carry, bit), (end.digit_carry, bit), (end.zero, bit)):
+        assert not one.solver.possible((truth & ~wanted) | (~truth & wanted))
+    assert one.solver.possible(bit) and one.solver.example(end.w) == 0
+    assert one.solver.possible(~bit) and one.solver.example(end.w) == 1
+
+
+def test_a_first_state_knows_what_it_was_given() -> None:
+    one = Execution({}, Solver())
+    state = one.state(7, {RAM: byte(3)}, (1, 2))
+    assert (state.pc, state.stack, state.bank, state.path) == (7, (1, 2), 0, TRUE)
+    assert one.at_first(RAM).value == 3 and one.byte(state, RAM).value == 3
+    assert one.byte(state, 0x21) is one.at_first(0x21)
+    assert state.w.value is None and flags(state) == (None, None, None)
