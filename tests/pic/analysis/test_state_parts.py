@@ -1,0 +1,539 @@
+"""The parts of an abstract state: what it says at reset, of pointers, ports, flags and saved registers, and
+where two states meet.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.pic.analysis import values
+from servogen.pic.analysis.state import (
+    BANK,
+    DIGIT,
+    INTCON,
+    LATCHES,
+    OPTION,
+    PCLATH,
+    TMR0,
+    TRISA,
+    TRISB,
+    AbstractState,
+    Effects,
+    Fact,
+    at_interrupt,
+    at_reset,
+    bit,
+    bits,
+    computed,
+    execute,
+    operands,
+    skip_ways,
+)
+from servogen.pic.analysis.values import ANY, BIT, Value
+from servogen.pic.isa import encode
+from servogen.pic.known_values import CARRY, FSR, PCL, STATUS, ZERO, W, word_of
+from tests.pic.analysis.programs import assembled
+from tests.pic.analysis.test_state import new_chip
+
+PORTA, PORTB, INTCON_ADDRESS = 5, 6, 0x0B
+
+
+def state_of(known: dict[int, int | Value], written: int = 0) -> AbstractState:
+    """Return a state that knows these values, in bank 0 unless they say otherwise."""
+    whole: dict[int, int | Value] = {BANK: 0} | known
+    return AbstractState(
+        {place: values.constant(v) if isinstance(v, int) else v for place, v in whole.items()}, written
+    )
+
+
+def words(text: str) -> list[int]:
+    """Return the words of some instructions."""
+    program = assembled(text).image.program
+    return [program[address] for address in range(len(program))]
+
+
+def step(text: str, before: AbstractState, at: int = 0) -> tuple[AbstractState, Effects]:
+    """Return the state after one instruction, and its effects."""
+    return execute(before, word_of(words(text)[0]), at)
+
+
+def run(text: str, state: AbstractState) -> AbstractState:
+    """Return the state after some instructions."""
+    for number in words(text):
+        state, _ = execute(state, word_of(number), 0)
+    return state
+
+
+# DS35007 table 6-3: what a power-on reset guarantees.
+AT_RESET = {OPTION: 0xFF, TRISA: 0x1F, TRISB: 0xFF, PCLATH: 0, INTCON: 0, BANK: 0}
+
+
+def test_a_reset_sets_six_registers_and_leaves_the_rest_unknown_and_unwritten() -> None:
+    state = at_reset()
+    assert {place: value.constant for place, value in state.values.items()} == AT_RESET
+    assert state.written == bits(AT_RESET)
+    for place in (*range(0x0C, 0x50), W, FSR, CARRY, DIGIT, ZERO, TMR0, *range(LATCHES, LATCHES + 13)):
+        assert not state.has_written(place)
+        assert state.get(place) is (BIT if place in (CARRY, DIGIT, ZERO) else ANY)
+    assert (state.saved, state.facts, state.copies) == ({}, {}, ())
+
+
+def test_an_interrupt_may_come_where_gie_and_an_enable_bit_are_1_in_some_member() -> None:
+    for number in range(256):  # DS35007 register 2-3: GIE is bit 7; EEIE, T0IE, INTE and RBIE are 6 to 3
+        possible = number >= 0x80 and number // 8 % 16 > 0
+        assert state_of({INTCON: number}).interruptible == possible
+        assert state_of({INTCON: values.of({number, 0x80})}).interruptible == possible
+    assert not state_of({INTCON: values.of({0x78, 0x80})}).interruptible, "no member has both"
+    assert AbstractState({}, 0).interruptible
+
+
+def test_the_interrupt_begins_with_gie_cleared_and_every_register_as_it_was() -> None:
+    interrupted = state_of({INTCON: values.of({0xA0, 0x90}), W: 3, 0x20: 3}, bits((W, 0x20)))
+    interrupted.facts, interrupted.copies = {ZERO: (0x20, "==", 0)}, (0x20,)
+    state = at_interrupt(interrupted)
+    assert set(state.get(INTCON)) == {0x20, 0x10}
+    assert (state.get(W).constant, state.get(0x20).constant) == (3, 3)
+    preserved = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
+    assert state.saved == {place: (place, False) for place in preserved}
+    assert (state.facts, state.copies) == ({}, ())
+    assert interrupted.copies == (0x20,), "the interrupted state is not changed"
+
+
+# DS35007 figure 2-2: what is at an address of both banks.
+AT = {
+    0x01: ("special", TMR0), 0x02: ("special", PCL), 0x03: ("special", STATUS), 0x04: ("place", FSR),
+    0x05: ("port", 5), 0x06: ("port", 6), 0x0A: ("place", PCLATH), 0x0B: ("special", INTCON),
+    0x81: ("place", OPTION), 0x82: ("special", PCL), 0x83: ("special", STATUS), 0x84: ("place", FSR),
+    0x85: ("place", TRISA), 0x86: ("place", TRISB), 0x8A: ("place", PCLATH), 0x8B: ("special", INTCON),
+    **{address | bank: ("place", address) for address in range(0x0C, 0x50) for bank in (0, 0x80)},
+}  # fmt: skip
+
+
+def test_every_address_of_both_banks_is_the_byte_of_the_register_file_map() -> None:
+    for address in range(256):
+        kind, number = AT.get(address, ("place", None))
+        expected = {"place": None, "port": None, "special": None} | {kind: number}
+        ways = [operands(state_of({FSR: address}), 0)]
+        if address & 0x7F:
+            ways.append(operands(state_of({BANK: address >> 7}), address & 0x7F))
+        for found, unknown in ways:
+            assert not unknown
+            assert [{n: getattr(each, n) for n in expected} for each in found] == [expected], hex(address)
+
+
+def test_a_pointer_or_bank_of_several_values_addresses_each_of_them() -> None:
+    found, _ = operands(state_of({FSR: values.of({0x20, 0xA0, 0x21})}), 0)
+    assert sorted(each.place for each in found) == [0x20, 0x21], "0xA0 is 0x20 in bank 1"
+    found, _ = operands(state_of({BANK: BIT}), 6)
+    assert {(each.place, each.port) for each in found} == {(None, 6), (TRISB, None)}
+
+
+def test_a_pointer_with_more_than_half_of_all_addresses_is_taken_to_address_ram() -> None:
+    for pointer in (ANY, values.of_bits(0xFF, 0xFF)):
+        found, unknown = operands(state_of({FSR: pointer}), 0)
+        assert unknown
+        assert [each.place for each in found] == list(range(0x0C, 0x50))
+    _, unknown = operands(state_of({FSR: values.of_bits(0xFF, 0x7F)}), 0)
+    assert not unknown, "128 addresses"
+
+
+@pytest.mark.parametrize(
+    ("f", "expected"),
+    [
+        (0x07, {0}), (0x50, {0}), (0x7F, {0}),  # unimplemented: read as 0
+        (0x05, None), (0x06, None), (0x08, None), (0x09, None), (0x01, None),
+        (0x02, {0x35}),  # PCL holds the address of the next instruction when it is read
+        (0x0B, {0xA0 | low for low in range(8)}),  # the three flags may be set at any time
+        (0x0A, {3}), (0x04, {0x20}), (0x20, {9}),
+    ],
+)  # fmt: skip
+def test_what_a_read_of_a_register_finds(f: int, expected: set[int] | None) -> None:
+    before = state_of({INTCON: 0xA0, PCLATH: 3, FSR: 0x20, 0x20: 9})
+    after, _ = execute(before, word_of(encode("MOVF", f=f, d=0)), 0x134)
+    assert set(after.get(W)) == (set(range(256)) if expected is None else expected)
+    if f not in (2, 0x0A):
+        through, _ = execute(before.copy(), word_of(encode("MOVF", f=f, d=0)), 0x134)
+        assert through.get(W) is after.get(W)
+
+
+def test_pcl_is_read_modulo_256() -> None:
+    assert step(" movf PCL, w", state_of({}), 0x1FF)[0].get(W).constant == 0
+
+
+@pytest.mark.parametrize("pointer", [0x00, 0x08, 0x09, 0x88, 0x89, 0x07])
+def test_a_pointer_to_a_register_that_is_not_followed_reads_anything(pointer: int) -> None:
+    assert step(" movf INDF, w", state_of({FSR: pointer}))[0].get(W) is ANY
+
+
+@pytest.mark.parametrize(
+    ("text", "unwritten"),
+    [
+        (" movf TMR0, w", {TMR0}),
+        (" movwf TMR0", {W}),
+        (" movf STATUS, w", {CARRY, DIGIT, ZERO}),
+        (" btfsc STATUS, 0", {CARRY}),
+        (" btfss STATUS, 1", {DIGIT}),
+        (" btfsc STATUS, 2", {ZERO}),
+        (" btfsc STATUS, 3", set()),
+        (" btfsc STATUS, 5", {BANK}),
+        (" bsf STATUS, 0", set()),
+        (" bcf STATUS, 2", set()),
+        (" movf INDF, w", {FSR}),
+        (" clrf INDF", {FSR}),
+        (" movf PORTB, w", set()),
+        (" movf INTCON, w", set()),
+        (" movf PCL, w", set()),
+        (" option", {W}),
+        (" tris 6", {W}),
+        (" retlw 4", set()),
+        (" goto 0", set()),
+    ],
+)
+def test_what_is_used_that_was_never_written(text: str, unwritten: set[int]) -> None:
+    assert step(text, state_of({}))[1].unwritten == unwritten
+    known = state_of({}, bits((TMR0, W, CARRY, DIGIT, ZERO, BANK, FSR)))
+    assert step(text, known)[1].unwritten == set()
+
+
+def test_a_read_through_a_pointer_uses_the_bytes_that_it_may_address() -> None:
+    two = state_of({FSR: values.of({0x20, 0x31})}, bits((FSR, 0x31)))
+    assert step(" movf INDF, w", two)[1].unwritten == {0x20}
+    assert not step(" movf INDF, w", two)[1].any_byte
+    anywhere = state_of({FSR: ANY}, bits((FSR,)))
+    read, write = step(" movf INDF, w", anywhere)[1], step(" clrf INDF", anywhere)[1]
+    assert (read.unwritten, read.any_byte, read.wild) == (set(), True, False)
+    assert (write.unwritten, write.any_byte, write.wild) == (set(), False, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "w", "pins"),
+    [
+        (" bsf PORTB, 3", {0}, [(6, 0x08, 0x08)]),
+        (" bcf PORTB, 7", {0}, [(6, 0x80, 0x80)]),
+        (" bcf PORTA, 0", {0}, [(5, 0x01, 0x01)]),
+        (" movwf PORTB", {0x81, 0x01}, [(6, 0x81, 0x01)]),
+        (" movwf PORTA", {0x00, 0x10}, [(5, 0x10, 0x00)]),
+        (" clrf PORTA", {0}, [(5, 0, 0)]),
+        (" movf PORTA, w", {0}, []),
+        (" btfsc PORTA, 1", {0}, []),
+    ],
+)
+def test_the_pins_that_a_write_of_a_port_means(
+    text: str, w: set[int], pins: list[tuple[int, int, int]]
+) -> None:
+    state, effects = step(text, state_of({W: values.of(w)}))
+    assert effects.pins == pins
+    latches = {5: range(LATCHES, LATCHES + 5), 6: range(LATCHES + 5, LATCHES + 13)}
+    assert state.written & bits(range(LATCHES, LATCHES + 13)) == (bits(latches[pins[0][0]]) if pins else 0)
+
+
+def test_a_pointer_that_may_address_both_ports_writes_neither_for_certain() -> None:
+    state, effects = step(" movwf INDF", state_of({FSR: values.of({5, 6}), W: 3}))
+    assert sorted(effects.pins) == [(5, 3, 0), (6, 3, 0)]
+    assert state.written == 0
+    state, effects = step(" movwf INDF", state_of({FSR: values.of({1, 3}), W: 3}))
+    assert not state.has_written(TMR0)
+    assert effects.changed >= {TMR0, CARRY, ZERO, DIGIT, BANK}
+    assert set(state.get(CARRY)) == {0, 1}, "1 is written, or it keeps the value that it had"
+
+
+def test_pins_become_outputs_before_their_latches_are_written() -> None:
+    in_bank_1 = {BANK: 1}
+    _, effects = step(" movwf PORTB", state_of(in_bank_1 | {W: values.of({0xF0, 0xB0})}))
+    assert effects.driven_unwritten == {5, 6, 7, 8, 11}, "RB0 to RB3, and RB6 perhaps"
+    _, effects = step(" clrf PORTA", state_of(in_bank_1, bit(LATCHES) | bit(LATCHES + 3)))
+    assert effects.driven_unwritten == {1, 2, 4}
+    state, effects = step(" tris 5", state_of({W: 0xE7}))
+    assert effects.driven_unwritten == set()
+    assert (state.get(TRISA).constant, state.has_written(TRISA)) == (0x07, True), "five bits exist"
+    assert step(" tris 6", state_of({W: 0xE7}))[0].get(TRISB).constant == 0xE7
+    assert step(" option", state_of({W: 0xE7}))[0].get(OPTION).constant == 0xE7
+
+
+def test_writes_of_the_timer_and_of_pcl_through_a_pointer_are_reported() -> None:
+    state, effects = step(" movwf TMR0", state_of({W: values.of({3, 9})}))
+    assert effects.timer_writes is values.of({3, 9})
+    assert (effects.changed, state.has_written(TMR0), TMR0 in state.values) == ({TMR0}, True, False)
+    _, effects = step(" movwf INDF", state_of({FSR: values.of({1, 0x20}), W: 3}))
+    assert effects.timer_writes is values.constant(3)
+    assert not effects.jumps
+    assert step(" movwf INDF", state_of({FSR: values.of({2, 0x20}), W: 3}))[1].jumps
+
+
+@pytest.mark.parametrize(
+    ("text", "before", "after"),
+    [
+        (" bsf INTCON, 7", {0x20}, {0xA0}),
+        (" bsf INTCON, 5", {0x00}, {0x20}),
+        (" bcf INTCON, 2", {0x20}, {0x20}),
+        (" bcf INTCON, 7", {0xA0}, {0x20, 0xA0}),  # an interrupt during it sets GIE again as it returns
+        (" bcf INTCON, 7", {0x80}, {0x00}),  # none is enabled
+        (" clrf INTCON", {0xA0}, {0x00, 0x80}),
+        (" clrf INTCON", {0x20}, {0x00}),
+        (" bcf INTCON, 5", {0xA0}, {0x80}),
+    ],
+)
+def test_the_enable_bits_of_interrupts_after_a_write(text: str, before: set[int], after: set[int]) -> None:
+    state, effects = step(text, state_of({INTCON: values.of(before)}))
+    assert set(state.get(INTCON)) == after
+    assert effects.changed == {INTCON} | ({ZERO} if "clrf" in text else set())
+
+
+CAME_FROM = [
+    (" movf 0x25, w", {}, {ZERO: (0x25, "==", 0)}, (0x25,)),
+    (" movf 0x25, f", {}, {ZERO: (0x25, "==", 0)}, (0x29, 0x2A)),
+    (" movwf 0x26", {}, {}, (0x29, 0x2A, 0x26)),
+    (" movwf 0x29", {}, {}, (0x2A, 0x29)),
+    (" movwf FSR", {}, {}, (0x29, 0x2A)),
+    (" movwf PCLATH", {}, {}, (0x29, 0x2A)),
+    (" movwf PORTB", {}, {}, (0x29, 0x2A)),
+    (" clrf 0x29", {}, {}, (0x2A,)),
+    (" movlw 5", {}, {}, ()),
+    (" andwf 0x25, w", {W: 6}, {ZERO: (0x25, "&", 6)}, ()),
+    (" andwf 0x25, w", {W: ANY}, {}, ()),
+    (" andwf 0x25, f", {W: 6}, {}, (0x29, 0x2A)),
+    (" andlw 6", {W: ANY}, {ZERO: (0x2A, "&", 6)}, ()),
+    (" subwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9), CARRY: (0x25, ">=", 9)}, ()),
+    (" subwf 0x25, f", {W: 9}, {}, (0x29, 0x2A)),
+    (" subwf 0x25, w", {W: ANY}, {}, ()),
+    (" subwf PORTB, w", {W: 9}, {}, ()),
+    (" xorwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9)}, ()),
+    (" sublw 9", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, "<=", 9)}, ()),
+    (" xorlw 9", {}, {ZERO: (0x2A, "==", 9)}, ()),
+    (" addlw 247", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, ">=", 9)}, ()),
+    (" addlw 0", {}, {}, ()),
+    (" iorlw 9", {}, {}, ()),
+    (" incf 0x25, w", {}, {}, ()),
+]
+
+
+@pytest.mark.parametrize(("text", "known", "facts", "copies"), CAME_FROM)
+def test_what_a_flag_and_w_tell_of_a_byte(
+    text: str, known: dict[int, int | Value], facts: dict[int, Fact], copies: tuple[int, ...]
+) -> None:
+    before = state_of({0x29: ANY} | known)
+    before.copies = (0x29, 0x2A)
+    after, _ = step(text, before)
+    assert (after.facts, after.copies) == (facts, copies)
+
+
+COMPARED = [
+    *(f" movlw {k}\n {op} 0x25, w" for op in ("subwf", "xorwf", "andwf") for k in (0, 1, 7, 30, 63)),
+    *(f" movf 0x25, w\n {op} {k}" for op in ("sublw", "xorlw", "andlw") for k in (0, 1, 7, 30, 62)),
+    *(f" movf 0x25, w\n addlw {-k & 0xFF}" for k in (0, 1, 7, 30, 63)),
+    " movf 0x25, f", " movf 0x25, w", " movf 0x25, w\n movwf 0x26\n movwf 0x27",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", COMPARED)
+@pytest.mark.parametrize("flag", [0, 2])
+def test_a_test_of_the_flag_leaves_the_members_for_which_the_chip_goes_there(text: str, flag: int) -> None:
+    members = range(64)
+    before = state_of({0x25: values.of(members), CARRY: 0, ZERO: 0, FSR: 0x4F})
+    for name in ("BTFSS", "BTFSC"):
+        program = [*words(text), encode(name, f=3, b=flag)]
+        ends: dict[int, set[int]] = {}
+        for member in members:
+            chip = new_chip([*program, encode("NOP"), encode("NOP"), encode("NOP")])
+            chip.ram[0x25 - 0x0C], chip.status = member, chip.status & ~7
+            chip.run(len(program))
+            ends.setdefault(chip.pc, set()).add(member)
+        state = run(text, before)
+        at = len(program) - 1
+        tested, _ = execute(state, word_of(program[-1]), at)
+        ways = {at + words_on: way for words_on, way in skip_ways(tested, state, word_of(program[-1]), at)}
+        undecided = text.endswith("addlw 0")  # it never carries
+        assert ways.keys() == ends.keys()
+        for to, way in ways.items():
+            assert set(way.get(0x25)) == (set(members) if undecided else ends[to])
+            equal = {0x26, 0x27} if "0x27" in text else set()
+            equal |= {W} if text.endswith(("w", "0x27")) and text.startswith(" movf") else set()
+            for place in equal:
+                assert set(way.get(place)) == ends[to]
+
+
+SAVING = " movwf 0x40\n swapf STATUS, w\n movwf 0x41\n"
+RESTORING = " swapf 0x41, w\n movwf STATUS\n swapf 0x40, f\n swapf 0x40, w"
+
+
+@pytest.mark.parametrize(
+    ("text", "restored"),
+    [
+        ("", {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (" nop", {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (" movlw 0", {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (" incf 0x30, f", {W, FSR, CARRY, DIGIT, BANK, PCLATH}),
+        (" addwf 0x30, f", {W, FSR, BANK, PCLATH}),
+        (" bsf STATUS, 5", {W, FSR, CARRY, DIGIT, ZERO, PCLATH}),
+        (" clrf FSR\n", {W, CARRY, DIGIT, BANK, PCLATH}),
+        (" clrf PCLATH", {W, FSR, CARRY, DIGIT, BANK}),
+        (SAVING, {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (SAVING + " swapf 0x41, w\n movwf STATUS", {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (
+            f"{SAVING} addlw 1\n bcf STATUS, 5\n{RESTORING}",
+            {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH},
+        ),
+        # 0x40 is swapped once only; 0x41 holds STATUS unswapped; a flag changed before STATUS was saved
+        (SAVING + " movlw 0\n swapf 0x41, w\n movwf STATUS\n swapf 0x40, w",
+         {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
+        (SAVING + " addlw 1\n movf 0x41, w\n movwf STATUS", {FSR, PCLATH}),
+        (" movwf 0x40\n addlw 1\n" + SAVING[12:] + " swapf 0x41, w\n movwf STATUS", {FSR, PCLATH}),
+        # 0x40 is overwritten
+        (SAVING + " clrf 0x40\n swapf 0x40, f\n swapf 0x40, w", {FSR, CARRY, DIGIT, BANK, PCLATH}),
+        (" movf FSR, w\n movwf 0x42\n clrf FSR\n movf 0x42, w\n movwf FSR",
+         {FSR, CARRY, DIGIT, BANK, PCLATH}),
+    ],
+)  # fmt: skip
+def test_the_registers_that_hold_what_they_held_at_the_interrupt(text: str, restored: set[int]) -> None:
+    begun = at_interrupt(state_of({INTCON: 0xA0, W: ANY}))
+    state = run(text, begun)
+    own = {place for place, (source, swapped) in state.saved.items() if place == source and not swapped}
+    assert own == restored
+
+
+def test_saving_a_register_uses_nothing_of_it() -> None:
+    begun = at_interrupt(state_of({INTCON: 0xA0}))
+    for text in (" movwf 0x40", " swapf STATUS, w", " movf FSR, w", " movf STATUS, w"):
+        assert step(text, begun)[1].unwritten == set()
+    assert step(" addwf 0x40, f", begun)[1].unwritten == {W, 0x40}
+    assert step(" movf 0x40, w", begun)[1].unwritten == {0x40}
+
+
+def two_states() -> tuple[AbstractState, AbstractState]:
+    one = state_of({W: 1, 0x20: 5, 0x21: 7, 0x22: 1}, bits((W, 0x20, 0x21)))
+    other = state_of({W: 1, 0x20: 6, 0x23: 8, 0x22: 1}, bits((0x20, 0x22)))
+    one.saved, other.saved = {0x40: (W, True), 0x41: (FSR, False)}, {0x40: (W, True), 0x41: (FSR, True)}
+    one.facts = {ZERO: (0x20, "==", 0), CARRY: (0x20, ">=", 3)}
+    other.facts = {ZERO: (0x20, "==", 0), CARRY: (0x20, ">=", 4)}
+    one.copies, other.copies = (0x22, 0x24), (0x24, 0x25)
+    return one, other
+
+
+def test_where_paths_meet_only_what_both_know_is_known() -> None:
+    one, other = two_states()
+    assert one.join(other)
+    assert one.values == {
+        BANK: values.constant(0), W: values.constant(1), 0x20: values.of({5, 6}), 0x22: values.constant(1)
+    }  # fmt: skip
+    assert one.written == bits((0x20,))
+    assert one.saved == {0x40: (W, True)}
+    assert one.facts == {ZERO: (0x20, "==", 0)}
+    assert one.copies == (0x24,)
+    again = one.copy()
+    assert not one.join(other), "nothing is left to forget"
+    assert not one.join(again)
+
+
+@pytest.mark.parametrize("part", ["values", "missing", "written", "saved", "facts", "copies"])
+def test_each_part_that_a_join_changes_is_reported(part: str) -> None:
+    one, _ = two_states()
+    other = one.copy()
+    if part == "values":
+        other.values[0x20] = values.constant(99)
+    elif part == "missing":
+        del other.values[0x20]
+    elif part == "written":
+        other.written &= ~bit(0x20)
+    elif part == "copies":
+        other.copies = (0x22,)
+    else:
+        getattr(other, part).clear()
+    assert one.join(other)
+    assert not one.join(other)
+
+
+def test_a_value_that_grows_beyond_the_limit_becomes_any() -> None:
+    def joined(mine: set[int], theirs: set[int], exempt: int = 0) -> set[int]:
+        one = state_of({0x20: values.of(mine)})
+        one.join(state_of({0x20: values.of(theirs)}), 3, exempt)
+        return set(one.get(0x20))
+
+    assert joined({1, 2}, {3}) == {1, 2, 3}
+    assert joined({1, 2}, {3, 4}) == set(range(256))
+    assert joined({1, 2, 3, 4}, {3, 4}) == {1, 2, 3, 4}, "it does not grow"
+    assert joined({1, 2}, {3, 4}, exempt=bit(0x20)) == {1, 2, 3, 4}
+    assert joined({1, 2}, {3, 4}, exempt=bit(0x21)) == set(range(256))
+    whole = state_of({0x20: 1})
+    whole.join(state_of({0x20: 2}))
+    assert 0x20 in whole.values
+    whole.values[0x20] = values.of_bits(0xFF, 0x7F)
+    assert whole.join(state_of({0x20: 0x80}))
+    assert 0x20 not in whole.values, "every value: one representation of it"
+
+
+def test_a_write_on_some_paths_adds_a_value_and_writes_nothing_for_certain() -> None:
+    state = state_of({0x20: 5, 0x21: 5}, bits((0x21,)))
+    state.copies, state.saved = (0x20, 0x21), {0x20: (W, False)}
+    state.facts = {CARRY: (0x20, ">=", 3), ZERO: (0x21, "==", 0)}
+    state.may_put(0x20, values.constant(6))
+    state.may_put(0x21, values.constant(5))
+    assert (set(state.get(0x20)), set(state.get(0x21))) == ({5, 6}, {5})
+    assert state.written == bits((0x21,))
+    assert (state.copies, state.saved, state.facts) == ((), {}, {})
+
+
+def test_a_write_forgets_what_flags_and_copies_told_of_the_place() -> None:
+    state = state_of({0x20: 5})
+    state.copies, state.saved = (0x20, 0x21), {0x20: (W, False), 0x21: (W, False)}
+    state.facts = {CARRY: (0x20, ">=", 3), ZERO: (0x21, "==", 0)}
+    state.put(0x20, ANY)
+    assert (0x20 in state.values, state.has_written(0x20)) == (False, True)
+    assert (state.copies, state.saved, state.facts) == ((0x21,), {0x21: (W, False)}, {ZERO: (0x21, "==", 0)})
+    state.put(ZERO, values.constant(1))
+    assert state.facts == {}
+    state.put(W, values.constant(1))
+    assert state.copies == ()
+
+
+def test_a_split_gives_one_state_for_each_value_and_the_same_to_what_is_equal() -> None:
+    state = state_of({0x20: values.of({1, 2, 3}), W: values.of({2, 3, 9}), 0x21: 7})
+    assert [part.get(0x20).constant for part in state.split(0x20)] == [1, 2, 3]
+    assert all(part.get(W) is state.get(W) for part in state.split(0x20))
+    state.copies = (0x20,)
+    assert state.equal_to(0x20) == (W, 0x20)
+    assert state.equal_to(0x21) == (0x21,)
+    parts = state.split(0x20)
+    assert [(part.get(0x20).constant, part.get(W).constant) for part in parts] == [(2, 2), (3, 3)]
+    assert state.get(0x20).size == 3
+
+
+def test_up_to_1024_combinations_are_computed_and_more_are_not() -> None:
+    word = word_of(encode("ADDWF", f=0x20, d=1))
+    one, other = values.of(range(32)), values.of(range(0, 64, 2))
+    result, carry, zero = computed(word, one, other, BIT)
+    assert set(result) == set(range(128)), "0 to 93, by the bits of more than 64 members"
+    assert (carry, zero) == (values.constant(0), BIT)
+    more = values.of(range(0, 66, 2))
+    assert computed(word, one, more, BIT) == (ANY, BIT, BIT)
+    rotate = word_of(encode("RLF", f=0x20, d=1))
+    assert computed(rotate, ANY, values.of(range(4)), BIT)[0] is values.of(range(8))
+    assert computed(word_of(encode("INCFSZ", f=0x20, d=1)), ANY, ANY, BIT)[1:] == (None, None)
+
+
+def test_the_result_of_decfsz_at_a_register_that_keeps_five_bits_is_not_known_from_it() -> None:
+    """DECFSZ PCLATH with PCLATH 0 makes 0xFF, of which five bits are kept: it does not skip."""
+    before = state_of({PCLATH: 0})
+    word = word_of(encode("DECFSZ", f=0x0A, d=1))
+    state, _ = execute(before, word, 0)
+    assert state.get(PCLATH).constant == 0x1F
+    assert [words_on for words_on, _ in skip_ways(state, before, word, 0)] == [1, 2]
+
+
+def test_a_tested_bit_of_a_byte_that_is_known_by_bits() -> None:
+    free = values.of_bits(0xFF, 0x7F)  # bit 7 is 0
+    before = state_of({0x20: free})
+    for name, levels in (("BTFSS", {1: 0, 2: 1}), ("BTFSC", {2: 0, 1: 1})):
+        for number in (0, 3, 7):
+            word = word_of(encode(name, f=0x20, b=number))
+            state, _ = execute(before, word, 0)
+            ways = dict(skip_ways(state, before, word, 0))
+            for words_on, level in levels.items():
+                expected = {byte for byte in range(128) if byte >> number & 1 == level}
+                assert (set(ways[words_on].get(0x20)) if words_on in ways else set()) == expected
+
+
+def test_a_tested_flag_of_an_interrupt_is_not_followed_but_its_enable_bit_is() -> None:
+    before = state_of({INTCON: 0x20})
+    for number, ways in ((5, [2]), (4, [1]), (3, [1]), (2, [1, 2]), (0, [1, 2])):
+        word = word_of(encode("BTFSS", f=INTCON_ADDRESS, b=number))
+        assert sorted(to for to, _ in skip_ways(before.copy(), before, word, 0)) == ways
