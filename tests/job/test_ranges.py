@@ -1,8 +1,8 @@
 """Every key with a range takes its ends and refuses what is just beyond, in jobs, robot and servo files.
 
-Where the numbers come from: lengths up to 100 m, times up to 11.6 days, masses up to 10 t, stall torques up to
-1000 N·m and currents up to 1000 A are beyond anything that a servo moves; a turn is at most once round, one
-per cycle; the PIC16F84 has 13 I/O pins (DS30430D, section 5), so 13 servos.
+Where the numbers come from: lengths up to 100 m, times up to 11.6 days, masses up to 10 t, torques up to
+1000 N·m and currents up to 1000 A are beyond anything that a servo moves; a turn is at most once round in
+each cycle; the PIC16F84 has 13 I/O pins (DS30430D, section 5), so 13 servos.
 """
 
 from __future__ import annotations
@@ -206,5 +206,6 @@ def test_a_number_out_of_range_is_refused_with_its_key_and_what_is_allowed() -> 
     with pytest.raises(InputError) as caught:
         toml_file.validate(document, schema.SupplyTable, ("supply",))
     assert str(caught.value) == (
-        "job.toml:3:1: error: supply.resistance_ohm: 100.5 is out of range: at most 100 is allowed [out-of-range]"
+        "job.toml:3:1: error: supply.resistance_ohm: 100.5 is out of range: at most 100 is allowed "
+        "[out-of-range]"
     )
