@@ -1,0 +1,584 @@
+"""The checker's chip function by function: pins, registers, timers, interrupts, and where a run stops.
+
+Each expected value is from the data sheet, or from a model that looks at one pin or one cycle at a time.
+"""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from servogen.checker import chip
+from servogen.checker.chip import NEVER, UNKNOWN
+from servogen.pic.image import Image
+from servogen.pic.isa import encode
+from tests.checker import lockstep
+from tests.checker.lockstep import NO_EDGES
+
+MOVES = 1 << 16
+GIE, EEIE, T0IE, INTE, RBIE, T0IF, INTF, RBIF = (0x80 >> bit for bit in range(8))
+"""INTCON from bit 7 down: DS35007 register 2-3."""
+NOTHING = chip.ChipSurroundings(
+    limit=NEVER, period=NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
+)
+AT = 100
+"""The cycle of the instructions here."""
+
+
+def edges(*rows: tuple[int, int]) -> tuple[chip.Ints, chip.Ints]:
+    """Return the cycles of edges, and the levels of all pins after each."""
+    cycles, levels = zip(*rows, strict=True) if rows else ((), ())
+    return np.array(cycles, dtype=np.int64), np.array(levels, dtype=np.int64)
+
+
+def resting(**slots: int) -> chip.Ints:
+    """Return a chip in cycle 100 with everything known to be 0, no event due, and these slots."""
+    s = np.zeros(chip.SLOTS, dtype=np.int64)
+    s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = NEVER
+    s[chip.FRAME], s[chip.GIVEN], s[chip.CYCLE] = chip.BEFORE, UNKNOWN, AT
+    s[chip.OPTION] = chip.PSA
+    for name, value in slots.items():
+        s[getattr(chip, name)] = value
+    return s
+
+
+# Pins -----------------------------------------------------------------------------------------------------
+
+
+def read_pin(s: chip.Ints, board: chip.ChipSurroundings, pin: int) -> int | None:
+    """Return the level of one pin (bit of a 13-bit word), None if it is unknown."""
+    port, bit = (chip.PORTA, pin) if pin < 5 else (chip.PORTB, pin - 5)
+    latch, doubt = int(s[port]) >> bit & 1, int(s[port]) >> 8 + bit & 1
+    output = not int(s[port + chip.BANK_1]) >> bit & 1
+    if output and pin == 4 and latch and not board.channels >> 4 & 1:
+        output = False  # an open drain: DS35007 section 4.1
+    if output:
+        return None if doubt else latch
+    return board.levels >> pin & 1 if board.held >> pin & 1 else None
+
+
+def test_a_port_is_read_pin_by_pin() -> None:
+    rng = random.Random(5)
+    word = 0x1FFF
+    for _ in range(300):
+        s = resting()
+        for port, mask in ((chip.PORTA, 0x1F), (chip.PORTB, 0xFF)):
+            doubt = rng.getrandbits(8) & rng.getrandbits(8) & mask
+            s[port] = rng.getrandbits(8) & mask & ~doubt | doubt << 8
+            s[port + chip.BANK_1] = rng.getrandbits(8) & mask
+        board = NOTHING._replace(
+            channels=rng.getrandbits(13), held=rng.getrandbits(13) & word, levels=rng.getrandbits(13)
+        )
+        for port, first, count in ((chip.PORTA, 0, 5), (chip.PORTB, 5, 8)):
+            cell = chip.read(s, board, port, AT)
+            assert cell >> 8 & cell & 0xFF == 0
+            found = [None if cell >> 8 + bit & 1 else cell >> bit & 1 for bit in range(8)]
+            pins = [read_pin(s, board, first + bit) for bit in range(count)]
+            assert found == pins + [0] * (8 - count)  # RA5 to RA7 are not there
+
+
+def test_registers_beside_the_ports_are_read_as_they_are() -> None:
+    s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, T0_ZERO=90, EECON1=0x0800, OPTION=0xC8)
+    assert chip.read(s, NOTHING, chip.PCL, AT) == 0xFF  # of the next instruction
+    s[chip.PC] = 0x1FF
+    assert chip.read(s, NOTHING, chip.PCL, AT) == 0
+    for name in ("FSR", "EEDATA", "PCLATH", "EECON1", "OPTION"):
+        assert chip.read(s, NOTHING, getattr(chip, name), AT) == s[getattr(chip, name)]
+    assert chip.read(s, NOTHING, chip.T0, AT) == 10
+    assert chip.read(s, NOTHING, chip.NOWHERE, AT) == 0
+
+
+@pytest.mark.parametrize(("timer", "doubt"), [(0, 0), (UNKNOWN, T0IF), (MOVES, T0IF)])
+def test_intf_and_rbif_are_always_unknown_and_t0if_where_tmr0_is(timer: int, doubt: int) -> None:
+    for intcon, its_doubt in ((0xF8, 0), (0x07, 0), (0x00, 0), (0xA4, 0), (0x80, T0IF)):
+        s = resting(INTCON=intcon | its_doubt << 8, T0=timer)
+        cell = chip.read(s, NOTHING, chip.INTCON, AT)
+        unknown = INTF | RBIF | doubt | its_doubt
+        assert cell == intcon & ~unknown | unknown << 8
+
+
+# Timer and watchdog ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ps", range(8))
+def test_tmr0_counts_once_in_2_to_256_cycles_from_the_third_after_a_write(ps: int) -> None:
+    """DS35007 section 5 and register 2-2; the cycle in which T0IF is seen: DS30430 figure 6-4."""
+    ratio = 2 << ps
+    s = resting(OPTION=ps)
+    assert chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 250) == chip.GOES_ON
+    counts = AT + 3
+    for cycle in (*range(AT + 1, counts + 1), counts + ratio - 1):
+        assert chip.timer(s, cycle) == 250
+    for n in (1, 5, 6, 261, 262):
+        assert chip.timer(s, counts + n * ratio) == (250 + n) % 256
+        assert chip.timer(s, counts + n * ratio - 1) == (249 + n) % 256
+    assert s[chip.T0_DUE] == counts + 6 * ratio - 1
+    s[chip.CYCLE] = s[chip.T0_DUE] - 1
+    chip.attend(s, NO_EDGES, NOTHING)
+    assert s[chip.INTCON] == 0
+    s[chip.CYCLE] += 1
+    chip.attend(s, NO_EDGES, NOTHING)
+    assert s[chip.INTCON] == T0IF
+    assert s[chip.T0_DUE] == counts + (6 + 256) * ratio - 1
+
+
+def test_a_write_of_tmr0_whose_count_was_unknown_leaves_t0if_unknown() -> None:
+    for before in (UNKNOWN, MOVES):
+        s = resting(T0=before, INTCON=T0IE | T0IF)
+        chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 5)
+        assert s[chip.INTCON] == T0IE | T0IF << 8
+    s = resting(INTCON=T0IE | T0IF)
+    chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 5)
+    assert s[chip.INTCON] == T0IE | T0IF
+
+
+@pytest.mark.parametrize("bit", range(8))
+@pytest.mark.parametrize("before", [0x00, 0xFF])
+def test_a_change_of_tmr0s_clock_makes_its_count_unknown_and_other_bits_of_option_do_not(
+    bit: int, before: int
+) -> None:
+    """T0CS is bit 5, PSA 3, PS2 to PS0 are 2 to 0: DS35007 register 2-2."""
+    s = resting(OPTION=before, T0_FROM=40, T0_ZERO=50, T0_DUE=900)
+    assert chip.write(s, np.zeros(64, np.int64), NOTHING, chip.OPTION, AT, before ^ 1 << bit) == chip.GOES_ON
+    assert s[chip.OPTION] == before ^ 1 << bit
+    after = s[[chip.T0, chip.T0_FROM, chip.T0_ZERO, chip.T0_DUE]].tolist()
+    assert after == ([UNKNOWN, 0, 0, NEVER] if bit in (0, 1, 2, 3, 5) else [0, 40, 50, 900])
+
+
+WATCHED = NOTHING._replace(watchdog=7000)
+
+
+@pytest.mark.parametrize(
+    ("option", "changed", "cycle", "due"),
+    [
+        (0x00, 0, AT, 60 + 7000),  # the prescaler is TMR0's
+        (0x07, 0, AT, 60 + 7000),
+        (0x08, 0, AT, 60 + 7000),
+        (0x0B, 0, AT, 60 + 7000 * 8),
+        (0x0F, 0, AT, 60 + 7000 * 128),
+        (0x0F, 0x04, AT, 60 + 7000 * 128),
+        (0x0F, 0x08, AT, 60 + 7000),  # its count is not 0
+        (0x07, 0x08, AT, 60 + 7000),
+        (0x0F, 0x04, 60 + 6999, 60 + 7000 * 128),
+        (0x0F, 0x04, 60 + 7000, 60 + 7000),  # a chip's prescaler may have counted one period
+        (0x0F, 0x04, 60 + 9000, 60 + 9000),
+        (0x0F, 0, 60 + 9000, 60 + 7000 * 128),
+    ],
+)
+def test_when_the_watchdog_of_some_chip_may_time_out(option: int, changed: int, cycle: int, due: int) -> None:
+    s = resting(OPTION=option, CLEARED=60, WDT_DUE=1)
+    chip.plan_time_out(s, WATCHED, changed, cycle)
+    assert s[chip.WDT_DUE] == due
+    chip.plan_time_out(s, NOTHING, changed, cycle)
+    assert s[chip.WDT_DUE] == due  # no watchdog: nothing is planned
+
+
+# Interrupts -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("intcon", [GIE | T0IE | T0IF, 0xFF, GIE | T0IE, GIE | T0IF, T0IE | T0IF, 0x5B, 0])
+@pytest.mark.parametrize(
+    ("before", "requested", "otherwise"),
+    [(NEVER, 100, NEVER), (100, 100, NEVER), (101, 100, NEVER), (99, 99, 99), (90, 90, 90)],
+)
+def test_an_interrupt_is_requested_by_gie_t0ie_and_t0if_together(
+    intcon: int, before: int, requested: int, otherwise: int
+) -> None:
+    """What was sampled in an earlier cycle stays so, whatever becomes of the flags (DS30430 figure 8-17)."""
+    s = resting(INTCON=intcon, IRQ=before)
+    chip.request(s, 100)
+    assert s[chip.IRQ] == (requested if intcon & 0xA4 == 0xA4 else otherwise)
+
+
+def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled() -> None:
+    for irq, entered in ((AT - 1, True), (AT - 2, True), (AT, False)):
+        s = resting(INTCON=GIE | T0IE | T0IF, IRQ=irq, PC=0x123, DEPTH=2)
+        why = chip.attend(s, NO_EDGES, NOTHING)
+        if entered:
+            assert why == chip.INTERRUPTED
+            assert s[[chip.PC, chip.DEPTH, chip.STACK + 2, chip.STACK + 1]].tolist() == [4, 3, 0x123, 0]
+            assert s[[chip.CYCLE, chip.IRQ, chip.INTCON]].tolist() == [irq + 3, NEVER, T0IE | T0IF]
+        else:
+            assert why == chip.GOES_ON
+            assert s[[chip.PC, chip.DEPTH, chip.CYCLE, chip.IRQ]].tolist() == [0x123, 2, AT, AT]
+            assert s[chip.NEXT_EVENT] == AT + 1
+
+
+@pytest.mark.parametrize(("depth", "why"), [(7, chip.INTERRUPTED), (8, chip.OVERFLOW)])
+def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> None:
+    s = resting(INTCON=GIE | T0IE | T0IF, IRQ=AT - 1, DEPTH=depth)
+    assert chip.attend(s, NO_EDGES, NOTHING) == why
+
+
+@pytest.mark.parametrize(
+    ("intcon", "doubt", "timer", "refused"),
+    [
+        (GIE | INTE, 0, 0, True),
+        (GIE | RBIE, 0, 0, True),
+        (INTE | RBIE | T0IE, T0IF, UNKNOWN, False),
+        (GIE | T0IE, 0, 0, False),
+        (GIE | T0IE, T0IF, 0, True),
+        (GIE | T0IE, 0, UNKNOWN, True),
+        (GIE | T0IE, 0, MOVES, True),
+        (GIE, T0IF, UNKNOWN, False),
+        (GIE | EEIE, 0, 0, False),
+    ],
+)
+def test_interrupts_that_pins_or_an_unknown_count_may_cause_are_refused(
+    intcon: int, doubt: int, timer: int, refused: bool
+) -> None:
+    s = resting(INTCON=intcon | doubt << 8, T0=timer)
+    assert (chip.attend(s, NO_EDGES, NOTHING) == chip.INTERRUPT) is refused
+
+
+# Events in order ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("slots", "limits", "due"),
+    [
+        ({"T0_DUE": 500}, {}, 500),
+        ({"WDT_DUE": 501}, {}, 501),
+        ({"DARK": 502}, {}, 503),
+        ({"IRQ": 504}, {}, 505),
+        ({}, {"limit": 506}, 506),
+        ({"FRAME": 90}, {"period": 400}, 490),
+        ({"T0_DUE": 500, "WDT_DUE": 499, "DARK": 499}, {"limit": 501}, 499),
+    ],
+)
+def test_the_next_event_is_the_earliest(slots: dict[str, int], limits: dict[str, int], due: int) -> None:
+    s = resting(**slots)
+    assert chip.attend(s, NO_EDGES, NOTHING._replace(**limits)) == chip.GOES_ON
+    assert s[chip.NEXT_EVENT] == due
+
+
+@pytest.mark.parametrize(
+    ("slots", "limits", "why"),
+    [
+        ({"WDT_DUE": AT}, {}, chip.WATCHED),
+        ({"WDT_DUE": AT + 1}, {}, chip.GOES_ON),
+        ({"DARK": AT - 1}, {}, chip.DARK_PIN),
+        ({"DARK": AT}, {}, chip.GOES_ON),
+        ({}, {"limit": AT}, chip.TOO_LONG),
+        ({}, {"limit": AT + 1}, chip.GOES_ON),
+        ({"FRAME": 60}, {"period": 40}, chip.NEW_FRAME),
+        ({"FRAME": 60}, {"period": 41}, chip.GOES_ON),
+        ({"FRAME": chip.BEFORE}, {"period": 1}, chip.GOES_ON),
+        ({"WDT_DUE": AT, "DARK": AT - 1}, {}, chip.WATCHED),
+        ({"IRQ": AT - 1, "FRAME": 60}, {"period": 40}, chip.NEW_FRAME),  # then the interrupt
+    ],
+)
+def test_a_run_stops_in_the_cycle_in_which_something_is_due(
+    slots: dict[str, int], limits: dict[str, int], why: int
+) -> None:
+    assert chip.attend(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
+
+
+@pytest.mark.parametrize(("edge", "cycle", "why"), [(0, 39, chip.MISSING), (0, 40, chip.GOES_ON),
+                                                     (1, 20, chip.GOES_ON), (1, 19, chip.MISSING),
+                                                     (2, 5, chip.GOES_ON)])  # fmt: skip
+def test_an_edge_is_missing_one_cycle_after_it_was_due(edge: int, cycle: int, why: int) -> None:
+    """The frame began in cycle 60: an edge in its cycle 40 is made by the instruction of cycle 100."""
+    at, _ = edges((cycle if edge == 0 else 0, 1), (max(cycle, 30) if edge == 0 else cycle, 0))
+    s = resting(FRAME=60, EDGE=edge, CYCLE=AT if edge != 1 else 80)
+    assert chip.attend(s, at, NOTHING._replace(period=200)) == why
+    if why == chip.GOES_ON:
+        assert s[chip.NEXT_EVENT] == (60 + int(at[edge]) + 1 if edge < 2 else 260)
+
+
+# What is driven -------------------------------------------------------------------------------------------
+
+
+def drive(edge_at: chip.Ints, edge_out: chip.Ints, channels: int = 0, **slots: int) -> tuple[int, chip.Ints]:
+    s = resting(**slots)
+    return chip.drive(s, edge_at, edge_out, NOTHING._replace(channels=channels), AT), s
+
+
+@pytest.mark.parametrize("pin", range(13))
+def test_the_first_rise_of_any_output_begins_the_frame(pin: int) -> None:
+    """Its first edge is in cycle 7 of the frame, and the second in 9."""
+    level = 1 << pin
+    slots = {"PORTA": level & 0x1F, "PORTB": level >> 5}
+    due = edges((7, level), (9, 0))
+    why, s = drive(*due, **slots)
+    assert (why, s[chip.FRAME], s[chip.EDGE]) == (chip.GOES_ON, AT - 7, 1)
+    wrong, s = drive(*edges((7, 3 << 11 if pin < 11 else 3), (9, 0)), **slots)
+    assert (wrong, s[chip.EDGE]) == (chip.WRONG_EDGE, 0)
+    inputs = {"TRISA": level & 0x1F, "TRISB": level >> 5}
+    why, s = drive(*due, **slots, **inputs)  # nothing is driven yet
+    assert (why, s[chip.FRAME]) == (chip.GOES_ON, chip.BEFORE)
+    why, s = drive(*due, channels=level, FRAME=93, EDGE=1, **slots, **inputs)
+    assert why == chip.DARK_PIN  # a servo's pin must stay an output
+    assert drive(*edges(), channels=level, FRAME=93, **inputs)[0] == chip.DARK_PIN
+    assert drive(*edges(), channels=0x1FFF & ~level, FRAME=93, **inputs)[0] == chip.GOES_ON
+
+
+@pytest.mark.parametrize(
+    ("frame", "edge", "level", "why", "after"),
+    [
+        (90, 0, 1, chip.GOES_ON, 1),
+        (89, 0, 1, chip.WRONG_EDGE, 0),  # a cycle late
+        (91, 0, 1, chip.WRONG_EDGE, 0),  # a cycle early
+        (90, 0, 2, chip.WRONG_EDGE, 0),
+        (90, 0, 0, chip.GOES_ON, 0),  # nothing changes
+        (90, 1, 1, chip.GOES_ON, 1),
+        (90, 1, 0, chip.WRONG_EDGE, 1),
+        (70, 1, 0, chip.GOES_ON, 2),
+        (70, 2, 0, chip.GOES_ON, 2),
+        (70, 2, 1, chip.WRONG_EDGE, 2),  # one more than all
+    ],
+)
+def test_an_edge_must_be_the_next_one_and_in_its_cycle(
+    frame: int, edge: int, level: int, why: int, after: int
+) -> None:
+    found, s = drive(*edges((10, 1), (30, 0)), FRAME=frame, EDGE=edge, PORTA=level)
+    assert (found, s[chip.EDGE], s[chip.FRAME]) == (why, after, frame)
+
+
+def test_an_unknown_level_may_be_driven_for_ten_cycles_before_the_first_pulse_only() -> None:
+    for slots in ({"PORTA": 0x0200}, {"PORTB": 0x8000}):
+        why, s = drive(*edges((0, 1)), **slots)
+        assert (why, s[chip.DARK]) == (chip.GOES_ON, AT + 10)
+        why, s = drive(*edges((0, 1)), DARK=AT + 3, **slots)
+        assert s[chip.DARK] == AT + 3  # since it began
+        assert drive(*edges((0, 1)), FRAME=90, **slots)[0] == chip.DARK_PIN
+        why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK=AT + 3, **slots)
+        assert (why, s[chip.DARK]) == (chip.GOES_ON, NEVER)
+
+
+# Writes ---------------------------------------------------------------------------------------------------
+
+
+def test_eecon1_keeps_wrerr_and_wren_and_starts_no_write() -> None:
+    """EEIF is bit 4, WRERR 3, WREN 2, WR 1, RD 0: DS35007 section 3."""
+    cells = np.arange(64) + 0x40
+    for value in range(256):
+        s = resting(EEADR=0x3F, EEDATA=0x11, EECON1=0x0800)
+        why = chip.write(s, cells, NOTHING, chip.EECON1, AT, value)
+        assert why == (chip.EEPROM_WRITE if value & 0x12 else chip.GOES_ON)
+        if why == chip.GOES_ON:
+            assert s[chip.EECON1] == value & 0x0C
+            assert s[chip.EEDATA] == (0x7F if value & 1 else 0x11)
+
+
+@pytest.mark.parametrize(("address", "byte"), [(0, 0x40), (63, 0x7F), (64, UNKNOWN), (0xFF, UNKNOWN),
+                                               (0x0100, UNKNOWN), (3 | MOVES, UNKNOWN)])  # fmt: skip
+def test_a_cell_of_the_eeprom_is_read_at_a_known_address_below_64(address: int, byte: int) -> None:
+    s = resting(EEADR=address)
+    assert chip.write(s, np.arange(64) + 0x40, NOTHING, chip.EECON1, AT, 1) == chip.GOES_ON
+    assert s[chip.EEDATA] == byte
+    assert chip.write(s, np.arange(64) + 0x40, NOTHING, chip.EECON1, AT, 0x0800) == chip.GOES_ON
+    assert s[chip.EECON1] == 0x0800
+
+
+def test_intcon_is_written_with_its_flags_and_may_request_an_interrupt_from_the_next_cycle() -> None:
+    none = np.zeros(64, np.int64)
+    for value in range(256):
+        s = resting()
+        assert chip.write(s, none, NOTHING, chip.INTCON, AT, value) == chip.GOES_ON
+        assert s[chip.INTCON] == value
+        assert s[chip.IRQ] == (AT + 1 if value & 0xA4 == 0xA4 else NEVER)
+    s = resting()
+    assert chip.write(s, none, NOTHING, chip.INTCON, AT, 0xA0 | 0x0700) == chip.GOES_ON
+    assert s[chip.INTCON] == 0xA0 | T0IF << 8  # INTF and RBIF are unknown always, and not noted
+
+
+def test_other_registers_take_the_cell_and_what_does_not_exist_takes_nothing() -> None:
+    none = np.zeros(64, np.int64)
+    for slot in (chip.FSR, chip.EEDATA, chip.EEADR):
+        for cell in (0xA5, 0x0F | 0xA000, 0x12 | MOVES):
+            s = resting()
+            assert chip.write(s, none, NOTHING, slot, AT, cell) == chip.GOES_ON
+            assert s[slot] == cell
+    s = resting()
+    assert chip.write(s, none, NOTHING, chip.NOWHERE, AT, 0xA5) == chip.GOES_ON
+    assert np.array_equal(s, resting())
+    assert chip.write(s, none, NOTHING, chip.PCLATH, AT, 0xFF) == chip.GOES_ON
+    assert s[chip.PCLATH] == 0x1F
+    assert chip.write(s, none, NOTHING, chip.PCLATH, AT, 7 | MOVES) == chip.GOES_ON
+    assert s[chip.PCLATH] == 0x1F00
+
+
+def test_what_is_asked_is_the_lowest_unknown_bit() -> None:
+    for bits in range(1, 256):
+        s = resting()
+        assert chip.ask(s, 0x20, bits) == chip.FORK
+        lowest = next(1 << bit for bit in range(8) if bits >> bit & 1)
+        assert s[[chip.ASKED, chip.ASKED_BIT]].tolist() == [0x20, lowest]
+    assert chip.ask(resting(), 0x20, 0x100) == chip.PHASE  # a byte that moves has no bits to ask for
+
+
+# Instructions ---------------------------------------------------------------------------------------------
+
+
+def run(
+    words: list[int], board: chip.ChipSurroundings | None = None, at: int = 0, **slots: int
+) -> tuple[int, chip.Ints, chip.Ints]:
+    """Run words from cycle 100 on, for one instruction each. Returns why it stopped, the chip, and `used`."""
+    s, used = resting(PC=at, **slots), np.zeros(chip.SLOTS, dtype=np.int64)
+    held = lockstep.memory(Image(dict(enumerate(words, at))))
+    return chip.run(s, used, *edges(), held, board or NOTHING._replace(limit=AT + len(words))), s, used
+
+
+def test_option_and_tris_write_w() -> None:
+    for word, slot, mask in (
+        (encode("OPTION"), chip.OPTION, 0xFF),
+        (encode("TRIS", f=5), chip.TRISA, 0x1F),
+        (encode("TRIS", f=6), chip.TRISB, 0xFF),
+    ):
+        why, s, used = run([word], W=0xA5)
+        assert (why, s[slot], s[chip.PC]) == (chip.TOO_LONG, 0xA5 & mask, 1)
+        assert used[chip.W] == chip.READ
+        assert run([word], W=0x0100)[0] == chip.REGISTER
+
+
+@pytest.mark.parametrize(
+    ("word", "slots", "slot", "bit"),
+    [
+        (encode("MOVF", f=0), {"FSR": 0x0600}, chip.FSR, 0x02),
+        (encode("MOVF", f=1), {"STATUS": 0x2000}, chip.STATUS, 0x20),
+        (encode("BTFSC", f=0x20, b=3), {"RAM": 0}, None, 0),
+        (encode("BTFSC", f=0x0C, b=3), {"RAM": 0x0800}, 0x0C, 0x08),
+        (encode("BTFSC", f=0x0C, b=3), {"RAM": 0xF700}, None, 0),
+        (encode("DECFSZ", f=0x0C), {"RAM": 0x1801}, 0x0C, 0x08),
+        (encode("DECFSZ", f=0x0C), {"RAM": 0x1800}, None, 0),  # 255, 247, 239 or 231
+        (encode("ADDWF", f=2, d=1), {"W": 0x3000}, chip.W, 0x10),
+        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0300}, chip.PCLATH, 0x01),
+        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0200}, chip.PCLATH, 0x02),
+        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x1C00}, None, 0),  # 1024 words have ten bits of address
+        (encode("BTFSS", f=5, b=2), {"TRISA": 0x04}, chip.GIVEN, 0x04),
+        (encode("BTFSS", f=6, b=7), {"TRISB": 0x80}, chip.GIVEN, 0x80),
+        (encode("BTFSS", f=11, b=1), {}, chip.GIVEN, 0x02),
+        (encode("BTFSS", f=1, b=1), {"T0": UNKNOWN}, chip.GIVEN, 0x02),
+    ],
+)
+def test_a_bit_that_decides_the_way_is_asked_for(
+    word: int, slots: dict[str, int], slot: int | None, bit: int
+) -> None:
+    why, s, _ = run([word], **slots)
+    if slot is None:
+        assert why == chip.TOO_LONG
+    else:
+        assert (why, s[chip.ASKED], s[chip.ASKED_BIT], s[chip.PC], s[chip.CYCLE]) == (
+            chip.FORK, slot, bit, 0, AT)  # fmt: skip
+
+
+@pytest.mark.parametrize("f", [*range(1, 0x10), 0x4F, 0x50, 0x7F])
+def test_the_bank_must_be_known_where_the_two_have_different_registers(f: int) -> None:
+    """Alike in both: PCL, STATUS, FSR, PCLATH, INTCON and the RAM; not there in either: 07h, from 50h on."""
+    alike = f in (2, 3, 4, 10, 11) or 0x0C <= f <= 0x4F or f in (7, 0x50, 0x7F)
+    assert (run([encode("MOVF", f=f, d=0)], STATUS=0x2000)[0] == chip.FORK) is not alike
+
+
+@pytest.mark.parametrize("pin", range(13))
+def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
+    f, bit = (5, pin) if pin < 5 else (6, pin - 5)
+    inputs = {"TRISA": 0x1F, "TRISB": 0xFF}
+    board = NOTHING._replace(limit=AT + 1, buttons=1 << pin)
+    for word in (encode("BTFSC", f=f, b=bit), encode("MOVF", f=f, d=0)):
+        why, s, _ = run([word], board, **inputs)
+        slot = chip.PORTA if f == 5 else chip.PORTB
+        assert (why, s[chip.ASKED], s[chip.ASKED_BIT]) == (chip.BUTTON, slot, 1 << bit)
+        answered = {"GIVEN": UNKNOWN & ~(1 << bit << 8) | 1 << bit}
+        why, s, _ = run([word], board, **inputs, **answered)
+        assert why == chip.TOO_LONG
+        if word == encode("MOVF", f=f, d=0):
+            mask = 0x1F if f == 5 else 0xFF
+            assert s[chip.W] == 1 << bit | (mask & ~(1 << bit)) << 8
+        else:
+            assert s[chip.CYCLE] == AT + 1
+        assert s[chip.GIVEN] == UNKNOWN  # for this instruction only
+    # A test of another bit, and a read that writes the port back, ask for nothing.
+    other = encode("BTFSC", f=f, b=bit ^ 1)
+    assert run([other], board, **inputs)[1][chip.ASKED_BIT] == (
+        1 << (bit ^ 1) if bit ^ 1 < 5 or f == 6 else 0
+    )
+    assert run([other], board, **inputs)[0] != chip.BUTTON
+    assert run([encode("MOVF", f=f, d=1)], board, **inputs)[0] != chip.BUTTON
+
+
+def test_calls_and_returns_use_eight_levels() -> None:
+    call = encode("CALL", k=0x155)
+    for depth, why in ((0, chip.TOO_LONG), (7, chip.TOO_LONG), (8, chip.OVERFLOW)):
+        found, s, _ = run([call], at=0x3FF, DEPTH=depth)
+        assert found == why
+        if why == chip.TOO_LONG:
+            assert s[[chip.PC, chip.DEPTH, chip.STACK + depth, chip.CYCLE]].tolist() == [
+                0x155,
+                depth + 1,
+                0,
+                AT + 2,
+            ]
+    for depth, why in ((0, chip.EMPTY), (1, chip.TOO_LONG), (8, chip.TOO_LONG)):
+        levels = {"STACK": 0x111} if depth == 1 else {}
+        found, s, _ = run([encode("RETLW", k=0x77)], DEPTH=depth, **levels)
+        assert found == why
+        if depth == 1:
+            assert s[[chip.PC, chip.DEPTH, chip.STACK, chip.CYCLE, chip.W]].tolist() == [
+                0x111,
+                0,
+                0,
+                AT + 2,
+                0x77,
+            ]
+
+
+def test_clrwdt_restarts_the_watchdog_and_makes_to_and_pd_known() -> None:
+    why, s, _ = run([encode("CLRWDT")], WATCHED._replace(limit=AT + 1), STATUS=0x1F00, OPTION=0x0A)
+    assert (why, s[chip.STATUS], s[chip.CLEARED]) == (chip.TOO_LONG, 0x18 | 0x0700, AT + 1)
+    assert s[chip.WDT_DUE] == AT + 1 + 4 * 7000
+
+
+def test_status_as_a_destination_keeps_to_and_pd_and_flags_of_the_instruction() -> None:
+    """DS35007 section 2.3.1."""
+    _, s, _ = run([encode("MOVWF", f=3)], W=0xE7, STATUS=0x08)
+    assert s[chip.STATUS] == 0xEF
+    _, s, _ = run([encode("CLRF", f=3)], STATUS=0xFB)
+    assert s[chip.STATUS] == 0x1F
+    _, s, _ = run([encode("MOVWF", f=3)], W=0xFF00, STATUS=0x08)
+    assert s[chip.STATUS] == 0x08 | 0xE700
+    _, s, _ = run([encode("MOVWF", f=3)], W=5 | MOVES, STATUS=0x10)
+    assert s[chip.STATUS] == 0x10 | 0xE700
+    _, s, _ = run([encode("IORWF", f=3, d=1)], W=0x47, STATUS=0x08)
+    assert s[chip.STATUS] == 0x48
+
+
+@pytest.mark.parametrize("f", [5, 6])
+def test_a_port_takes_unknown_bits_and_a_direction_none(f: int) -> None:
+    inputs = {"TRISA": 0x1F, "TRISB": 0xFF}
+    why, s, _ = run([encode("MOVWF", f=f)], W=0x0A | 0xF500, **inputs)
+    assert (why, s[f]) == (chip.TOO_LONG, 0x0A | (0x1500 if f == 5 else 0xF500))
+    assert run([encode("MOVWF", f=f)], W=5 | MOVES, **inputs)[0] == chip.REGISTER
+    bank_1 = {"STATUS": 0x20}
+    assert run([encode("MOVWF", f=f)], W=0x0100, **bank_1)[0] == chip.REGISTER
+    why, s, _ = run([encode("MOVWF", f=f)], W=0xFF, **bank_1)
+    assert (why, s[f + chip.BANK_1]) == (chip.TOO_LONG, 0x1F if f == 5 else 0xFF)
+
+
+def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -> None:
+    """In cycle 0, before the first pulse, while TMR0 stands still, and with an interrupt on its way."""
+    words = {0: encode("NOP"), 1: encode("NOP")}
+    code = chip.program_code(Image(words), frozenset({0}))
+    held = lockstep.memory(Image(words))._replace(code=code)
+
+    def why(**slots: int) -> int:
+        s = resting(**({"FRAME": 90} | slots))
+        board = NOTHING._replace(limit=int(s[chip.CYCLE]) + 1)
+        return int(chip.run(s, np.zeros(chip.SLOTS, dtype=np.int64), *edges(), held, board))
+
+    assert why() == why(CYCLE=1, FRAME=0) == why(T0_FROM=AT) == why(FRAME=NEVER) == chip.CUT
+    passed = (why(CYCLE=0, FRAME=0), why(FRAME=chip.BEFORE), why(T0_FROM=AT + 1), why(IRQ=AT))
+    assert passed == (chip.TOO_LONG,) * 4
+
+
+def test_the_last_edge_of_a_frame_stops_a_run_that_has_made_it() -> None:
+    words = [encode("BSF", f=6, b=0), encode("NOP")]
+    held = lockstep.memory(Image(dict(enumerate(words))))
+    due = edges((10, 1 << 5))
+    for edge, port, expected in ((0, 0, chip.LAST_EDGE), (1, 1, chip.TOO_LONG)):
+        s = resting(FRAME=90, EDGE=edge, PORTB=port)
+        found = chip.run(s, np.zeros(chip.SLOTS, dtype=np.int64), *due, held, NOTHING._replace(limit=AT + 2))
+        assert found == expected
+        assert s[chip.CYCLE] == (AT + 1 if edge == 0 else AT + 2)
