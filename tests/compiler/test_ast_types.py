@@ -303,7 +303,7 @@ def test_pointers_that_lead_to_const_on_one_side_only_are_found_wherever_they_st
 
 @pytest.mark.parametrize("c2c", [False, True])
 def test_the_usual_arithmetic_conversions_of_all_pairs(c2c: bool) -> None:
-    """ISO C 6.3.1.1 and 6.3.1.8 with ranks by size. In C2C, where `int` has no sign, a byte keeps its signedness."""
+    """ISO C 6.3.1.1 and 6.3.1.8 with ranks by size. In C2C, where `int` has no sign, a byte keeps its own."""
     kinds = [U8, S8, U16, S16, U24, S24, U32, S32, BOOL, BIT, C2C_INT, C2C_SIGNED]
 
     def promotion(kind: IntType) -> tuple[int, bool]:
@@ -390,7 +390,7 @@ OPERATORS: dict[str, Callable[[int, int], int]] = {
 
 @pytest.mark.parametrize("kind", [*INTEGERS, BOOL], ids=str)
 def test_constants_are_computed_as_c_does(kind: IntType) -> None:
-    """ISO C 6.5: rounding towards zero, the remainder with the dividend's sign, results modulo the type's size."""
+    """ISO C 6.5: quotients rounded towards zero, remainders with the dividend's sign, results that wrap."""
     values = [value for value in EDGES if kind.low <= value <= kind.high] + [
         kind.low // 3,
         kind.high // 3,
