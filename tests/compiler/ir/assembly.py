@@ -12,7 +12,7 @@ In: text such as `BTFSC Z; GOTO end; INCF t,F; end: RETURN`. The first letter of
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
@@ -266,3 +266,10 @@ class Chip:
         if sign in "+-":
             self.c, self.dc = carry, digit
         self.z = new == 0
+
+
+def check(transform: Callable[[Function], bool], before: str, after: str | None) -> None:
+    """Assert what a pass makes of a function: `after`, or nothing else where that is None."""
+    made = function(before)
+    assert transform(made) == (after is not None)
+    assert texts(made) == lines(before if after is None else after)
