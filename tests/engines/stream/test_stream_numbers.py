@@ -1,0 +1,401 @@
+"""The stream's numbers by hand or by search: slots, rates, widths, tables of the C, samples of the line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen.engines.stream.engine import TRIMS, _idle, stream, timing_budgets
+from servogen.engines.stream.layout import RoundLayout, layout
+from servogen.engines.stream.protocol import (
+    CommandKind,
+    WidthRange,
+    group_goes,
+    position_command,
+    query_command,
+    speed_command,
+    travel,
+    trim_command,
+)
+from servogen.engines.stream.rendering import _everybody, _facts, _out
+from servogen.engines.stream.response import Response, _minimum
+from servogen.engines.stream.settings import (
+    Stream,
+    _latest_sample,
+    _rates,
+    bit_units,
+    first_units,
+)
+from servogen.engines.stream.streaming import streaming
+from servogen.engines.stream.theorem import Guarantee, _Seen
+from servogen.errors import InputError
+from servogen.job import load, plan_job
+from servogen.units import Clock, Cycles
+from tests.engines.stream.stream_soak import JOBS
+
+JOB = plan_job(load(JOBS / "stream-arm.toml"))
+ARM = stream(JOB)[1]
+CLOCK = Clock(4_000_000)
+
+
+# the protocol's limits
+
+
+def refusal(call: Any) -> tuple[str, str, str | None]:
+    with pytest.raises(InputError) as error:
+        call()
+    return error.value.code, error.value.message, error.value.hint
+
+
+def test_the_last_numbers_that_a_command_holds_and_the_first_that_it_does_not() -> None:
+    assert position_command(7, 254) == bytes((0xFF, 7, 254)) and speed_command(0, 0) == bytes((0xFF, 0x40, 0))
+    no_servo = ("unknown-servo", "there is no servo 8", "servos are 0 to 7")
+    assert refusal(lambda: position_command(8, 0)) == no_servo
+    assert refusal(lambda: query_command(8)) == no_servo
+    assert refusal(lambda: query_command(-1))[1] == "there is no servo -1"
+    assert query_command(7) == bytes((0xFF, 0xF0, 7)) and query_command(7, low=True)[2] == 15
+    too_large = ("bad-command", "255 cannot be the third byte of a command", "0 to 254")
+    assert refusal(lambda: speed_command(0, 255)) == too_large == refusal(lambda: group_goes(255))
+    assert refusal(lambda: position_command(0, -1))[1] == "-1 cannot be the third byte of a command"
+    assert group_goes(1) == bytes((0xFF, 0x80, 1)) and group_goes(254)[2] == 254
+    assert refusal(lambda: group_goes(0))[1] == "a group's time is at least one frame"
+    for cycles in (-1, 128, -128):
+        text = f"a trim of {cycles} cycles cannot be sent"
+        assert refusal(lambda: trim_command(0, cycles)) == (
+            "bad-command",
+            text,
+            "-127 to 127 cycles, but not -1",
+        )
+    assert [trim_command(0, cycles)[2] for cycles in (-127, -2, 0, 127)] == [0, 125, 127, 254]
+    widths = WidthRange(Cycles(1000), Cycles(2000))
+    for p in (-1, 255):
+        assert refusal(partial(widths.width, p)) == ("bad-command", f"{p} is not a position", "0 to 254")
+    assert [kind for kind in CommandKind if not kind.of_a_servo] == [CommandKind.GROUP, CommandKind.QUERY]
+
+
+@pytest.mark.parametrize("span", [1, 127, 254, 500, 1000, 4999])
+def test_a_scale_is_256ths_of_a_cycle_for_each_position_rounded(span: int) -> None:
+    widths = WidthRange(Cycles(1000), Cycles(1000 + span))
+    exact = Fraction(256 * span, 254)
+    assert abs(widths.scale - exact) <= Fraction(1, 2)
+    for p in (0, 1, 127, 253, 254):
+        # Half of a 256th more is rounded down.
+        assert widths.width(p) == 1000 + (p * widths.scale + 128) // 256
+
+
+def test_the_nearest_of_two_positions_is_the_smaller() -> None:
+    widths = WidthRange(Cycles(1000), Cycles(1508))
+    assert [widths.width(p) for p in (0, 1, 2)] == [1000, 1002, 1004]
+    assert [widths.nearest(width) for width in (1000.9, 1001, 1001.1, 1003)] == [0, 0, 1, 1]
+
+
+def test_a_travel_is_from_limit_to_limit_in_cycles() -> None:
+    base, shoulder = (travel(servo, CLOCK) for servo in JOB.servos[:2])
+    # futaba-s3001: 1000 to 2000 µs over 180°; 20° and 160° are ninths.
+    assert (base.minimum, base.maximum) == (1000, 2000)
+    assert (shoulder.minimum, shoulder.maximum) == (1111, 1889)
+    fast = travel(JOB.servos[0], Clock(20_000_000))
+    assert (fast.minimum, fast.maximum) == (5000, 10_000)
+
+
+# slots
+
+
+def test_a_slot_holds_the_longest_pulse_and_the_frame_is_as_long_as_it_may_be() -> None:
+    made = layout(JOB.servos, JOB.frame, CLOCK, 2400)
+    assert made == RoundLayout(6, 13) and made.period == 6 * 13 * 256
+    assert [made.rise(servo) for servo in (0, 1, 5)] == [0, 3328, 16_640]
+    # 78 rounds are the most of 20 000 cycles; six slots of 13 use all of them, fewer slots are longer than
+    # the 19 rounds after which commands take effect within 10 ms.
+    assert 20_000 // 256 == 78 == made.slots * made.rounds
+    every = [(slots * min(78 // slots, 19), -slots) for slots in range(3, 9) if 78 // slots >= 9]
+    assert max(every) == (78, -6)
+
+
+def test_pulses_too_short_or_too_long_are_refused_with_their_numbers() -> None:
+    short = replace(JOB.servos[0], trim_us=-617.0)
+    code, message, hint = refusal(lambda: layout((short,), JOB.frame, CLOCK, 2400))
+    assert (code, message) == ("pulse-too-short", "base: a pulse of 383 cycles is shorter than 384")
+    assert hint == "use a faster clock, or narrow the servo's limits"
+    assert layout((replace(short, trim_us=-616.0),), JOB.frame, CLOCK, 2400)
+    code, message, hint = refusal(lambda: layout(JOB.servos * 3, JOB.frame, CLOCK, 2400))
+    # The longest pulse, 2000 cycles, a trim of 127, less 80 of the last round: 8 rounds and one; at least 9.
+    assert (code, message) == (
+        "frame-too-short",
+        "the pulses do not fit a frame: 9 servos, one after the other, take 9 rounds of 256 cycles each, "
+        "the frame has 78",
+    )
+    assert hint == f"period_us = {9 * 9 * 256}, or narrow the servos' limits"
+    assert layout(JOB.servos[:2] * 4, JOB.frame, CLOCK, 2400) == RoundLayout(8, 9)
+    code, message, hint = refusal(lambda: layout(JOB.servos, JOB.frame, CLOCK, 9600))
+    # Three bytes of a fast sender are 30 * 104.17 * 0.98 = 3062 cycles; less nine rounds of C, 2 are left.
+    assert (code, message) == (
+        "baud-rate",
+        "the longest pulse needs a slot of 9 rounds of 256 cycles; "
+        "commands at 9600 baud come after as few as 2",
+    )
+    assert hint == "use a lower rate, or narrow the servos' limits"
+
+
+@pytest.mark.parametrize(("longest", "rounds"), [(2001, 9), (2257, 10), (2258, 11), (2513, 11), (2514, 12)])
+def test_the_rounds_of_the_longest_pulse(longest: int, rounds: int) -> None:
+    """A fall is at most 80 cycles into the last round but one, with a trim of 127."""
+    needed = max(9, -(-(longest + 127 - 80) // 256) + 1)
+    assert needed == rounds
+    servo = replace(JOB.servos[0], trim_us=float(longest - 2000))
+    text = refusal(lambda: layout((servo,) * 13, JOB.frame, CLOCK, 2400))[1]
+    assert f"take {rounds} rounds of 256" in text
+
+
+# rates
+
+
+@pytest.mark.parametrize(
+    ("baud", "hz", "latest"),
+    [(2400, 4_000_000, 4083), (9600, 16_000_000, 4083), (9600, 20_000_000, 5071)],
+)
+def test_the_stop_bit_is_sampled_when_the_page_says(baud: int, hz: int, latest: int) -> None:
+    """docs/firmware.md, "Supported baud rates"."""
+    bit = Clock(hz).cycles_per_second / baud
+    assert _latest_sample(bit, 9, first_units(bit)) == latest
+
+
+@pytest.mark.parametrize(("baud", "hz", "latest"), [(4800, 4_000_000, 2171), (19_200, 20_000_000, 2651)])
+def test_a_refusal_has_the_page_s_numbers(baud: int, hz: int, latest: int) -> None:
+    code, message, _ = refusal(lambda: bit_units(Stream(baud), Clock(hz)))
+    bit = hz / 4 / baud
+    assert (code, message) == (
+        "baud-rate",
+        f"{baud} baud at {hz} Hz: a bit is {bit:.1f} cycles; samples are up to 114 cycles apart before a "
+        "start bit and 129 after it, so that the stop bit of a sender 2 % off is sampled up to "
+        f"{latest} cycles after the byte began, and ends after {10 * bit / 1.02:.1f}",
+    )
+
+
+def fits(bit: Fraction, first: int) -> bool:
+    """Whether every bit of any sender is sampled within its time: the page's gaps, and the path in cycles."""
+    units = round(bit / 4)
+    slow, fast = bit / Fraction(98, 100), bit / Fraction(102, 100)
+    for k in range(10):
+        due = 4 * (first + 1 + k * units)
+        # A time stamp is rounded down to 4 cycles; it is read 2 cycles after the sample of the start bit.
+        earliest, latest = 2 + due - 3 + 20, 114 + 2 + due - 1 + 129 + 9 + (22 if k == 9 else 30)
+        if (k and earliest < k * slow) or latest > (k + 1) * fast:
+            return False
+    return True
+
+
+def test_the_time_of_the_first_sample_is_the_middle_of_what_is_possible() -> None:
+    possible = 0
+    for cycles in range(330, 900, 7):
+        bit = Fraction(cycles)
+        right = [first for first in range(224) if fits(bit, first)]
+        if right:
+            possible += 1
+            assert first_units(bit) == (right[0] + right[-1]) // 2, cycles
+    assert possible > 50
+
+
+def test_a_bit_has_223_units_at_most() -> None:
+    """A byte, less the longest time between two samples: 892 cycles (docs/firmware.md)."""
+    # At 4 MHz, 1 000 000 / 892 = 1121.08 and / 894 = 1118.6 baud: 223 and 223.5 units.
+    assert bit_units(Stream(1121), CLOCK) == 223
+    code, message, _ = refusal(lambda: bit_units(Stream(1118), CLOCK))
+    assert (code, message) == (
+        "baud-rate", "1118 baud at 4000000 Hz: a bit is 894.5 cycles, the receiver counts 892 at most"
+    )  # fmt: skip
+    assert _rates(CLOCK) == "at this clock: 1200, 2400 baud"
+    assert _rates(Clock(32_768)) == "no usual rate is possible with this clock: use another one"
+
+
+# a stream's plan
+
+
+def planned(**changes: Any) -> Any:
+    line = replace(
+        JOB.stream, **{key: changes.pop(key) for key in ("silence_s", "fail_safe") if key in changes}
+    )
+    soft = changes.pop("soft_start_s", Fraction(1))
+    return streaming(JOB.servos, JOB.frame, CLOCK, line, soft)
+
+
+def test_silence_is_counted_in_5_to_254_frames() -> None:
+    frame_s = Fraction(19_968, 1_000_000)
+    for frames in (5, 254):
+        assert planned(silence_s=frames * frame_s).silence_frames == frames
+        assert planned(silence_s=(frames + Fraction(49, 100)) * frame_s).silence_frames == frames
+    for frames in (4, 255):
+        code, message, hint = refusal(partial(planned, silence_s=frames * frame_s))
+        shown = f"{float(frames * frame_s):g}"
+        assert (code, message) == ("out-of-range", f"a silence of {shown} s is {frames} frames")
+        assert hint == "5 to 254 frames are counted, 0.1 to 5.1 s"
+
+
+def test_the_schedule_is_the_neutral_pose_until_the_fail_safe_has_acted() -> None:
+    to_neutral = planned(silence_s=Fraction(1), soft_start_s=Fraction(2))
+    assert (to_neutral.silence_frames, to_neutral.soft_frames) == (50, 100)
+    schedule = to_neutral.plan.schedule
+    assert (schedule.lead_in_frames, schedule.loop_frames) == (150, 1)
+    pulses = [(pulse.rise, pulse.width) for pulse in schedule.lead_in[0].pulses if pulse]
+    assert pulses == [(0, 1500), (3328, 1500), (6656, 1500)]
+    assert schedule.loop[0].pulses == schedule.lead_in[0].pulses
+    off = planned(fail_safe="off").plan.schedule
+    assert (off.lead_in_frames, off.loop_frames) == (49, 1)
+    assert off.loop[0].pulses == (None, None, None)
+    texts = [warning.message for warning in to_neutral.plan.warnings if warning.code == "period-rounded"]
+    assert texts == ["the frame takes 19968 µs, not 20000: 6 slots of 13 rounds of 256 cycles"]
+
+
+def test_the_motion_without_commands_is_the_neutral_pose_or_none() -> None:
+    motion, streamed = stream(JOB)
+    assert motion.angles.shape == (101, 3) and motion.loop_start == 100
+    assert [round(float(angle), 4) for angle in motion.angles[0]] == [
+        round(servo.neutral, 4) for servo in JOB.servos
+    ]
+    (idle,) = streamed.plan.schedule.inputs
+    assert (idle.pin, idle.level) == ("RA4", 1)
+    off = planned(fail_safe="off").plan.schedule
+    angles = _idle(JOB, off).angles
+    assert angles.shape == (50, 3)
+    assert not (angles[:49] != angles[:49]).any() and (angles[49] != angles[49]).all()
+    code, message, hint = refusal(partial(stream, SimpleNamespace(stream=None, name="stream-arm")))
+    assert (code, message, hint) == (
+        "missing-key", "stream-arm has no serial line", "add a table [stream]"
+    )  # fmt: skip
+
+
+# tables of the C
+
+
+def with_pins(*pins: str) -> Any:
+    schedule = ARM.plan.schedule
+    channels = tuple(replace(channel, pin=pin) for channel, pin in zip(schedule.channels, pins, strict=True))
+    return replace(ARM, plan=replace(ARM.plan, schedule=replace(schedule, channels=channels)))
+
+
+def test_the_facts_of_servos_are_rows_of_low_and_high_bytes() -> None:
+    one = _facts(with_pins("RB7", "RB3", "RB5"), False)
+    rows = [one[n : n + 3] for n in range(0, len(one), 3)]
+    # Minima, scales and neutral widths: 1000 * 256 / 254 = 1007.9, 778 and 500 times as much.
+    minima, scales, neutral = (1000, 1111, 1250), (1008, 784, 504), (1500, 1500, 1500)
+    assert [travel.scale for travel in ARM.travels] == list(scales)
+    wanted = [
+        [value & 255 for value in row] if low else [value // 256 for value in row]
+        for row in (minima, scales, neutral)
+        for low in (True, False)
+    ]
+    assert rows == [*wanted, [128, 8, 32], [128, 8, 32]]
+    two = _facts(with_pins("RB7", "RA3", "RB5"), True)
+    rows = [two[n : n + 3] for n in range(0, len(two), 3)]
+    assert rows == [*wanted, [1, 2, 4], [128, 8, 32], [6, 5, 6]]
+
+
+def test_all_servos_are_a_mask_of_pins_or_of_numbers() -> None:
+    assert _everybody(["RB7", "RB3", "RB5"], False) == "0xA8"
+    assert _everybody(["RB7", "RA3", "RB5"], True) == "0x07"
+    assert _everybody(["RB0"], False) == "0x01"
+
+
+def test_the_transmit_pin_is_the_only_output_of_its_port() -> None:
+    assert _out(None) is None
+    for pin, tris, idle in (("RA3", "0x17", "0x08"), ("RA0", "0x1E", "0x01"), ("RB7", "0x7F", "0x80")):
+        out = _out(pin)
+        assert out is not None and (out.name, out.tris, out.idle) == (pin[1], tris, idle)
+
+
+# bounds
+
+
+def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def response(listing: Any, rounds: int, travel: int, apart: int) -> Response:
+        asked.append((rounds, travel, apart))
+        return Response(Cycles(900), Cycles(100), Cycles(1500), 3)
+
+    monkeypatch.setattr("servogen.engines.stream.engine.response", response)
+    listing: Any = None
+    first, second = timing_budgets(listing, ARM)
+    # Nine bits of 104 units and 15 to the start bit's sample are a byte; two trims are up to 255 apart.
+    assert asked == [(13, 1256, 3 * 4 * (15 + 9 * 104))] and TRIMS == 256
+    assert (first.between, first.worst, first.room) == ("a request and its slot", 900, 1500)
+    assert (second.between, second.worst, second.left) == ("the same, after a command", 900, 600)
+    monkeypatch.setattr(
+        "servogen.engines.stream.engine.response", lambda *_: Response(Cycles(900), None, None, 3)
+    )
+    first, second = timing_budgets(listing, ARM)
+    assert (first.worst, first.room, second.worst) == (900, 0, None)
+
+
+def test_a_response_as_json() -> None:
+    assert Response(Cycles(100), Cycles(50), Cycles(124), 3).to_json() == {
+        "prepare_cycles": 100,
+        "execute_cycles": 50,
+        "supply_cycles": 124,
+        "slots_between_commands": 3,
+        "proven": False,
+    }
+    assert Response(Cycles(100), Cycles(50), Cycles(126), 3).proven
+    for none in ((None, 50, 126), (100, None, 126), (100, 50, None)):
+        assert Response(*none, 3).after_command is None  # type: ignore[arg-type]
+
+
+def test_a_minimum_needs_every_bound() -> None:
+    assert _minimum([3, 1, 2]) == 1 and _minimum([3, None, 2]) is None and _minimum([0]) == 0
+
+
+# samples
+
+
+def guarantee(starts: set[tuple[int, int, int]], waits: set[tuple[int, int]]) -> Guarantee:
+    return Guarantee(163, frozenset(starts), frozenset(waits), 1)
+
+
+def latest(one: Guarantee, k: int, first: int, bit: int) -> int:
+    """By trying each pair of time stamps, of which the second is the first one at the due cycle or later."""
+    found = 0
+    for stamp, since, gap in one.starts:
+        due = 4 * (stamp // 4 + first + 1 + k * bit)
+        after = 22 if k == 9 else 30
+        late = 0
+        for before, wait in one.waits:
+            for round_ in range(-2, 40):
+                begin = before + 256 * round_
+                if begin < due <= begin + wait:
+                    late = max(late, begin + wait - due)
+        found = max(found, gap + since + due - stamp + late + after)
+    return found
+
+
+def test_the_latest_sample_of_a_bit_is_that_of_the_worst_pair_of_looks() -> None:
+    one = guarantee({(10, 2, 100), (131, 2, 90)}, {(5, 120), (133, 128), (100, 60)})
+    for k in range(10):
+        for first, bit in ((15, 104), (3, 64), (20, 65)):
+            assert one.latest_sample(k, first, bit) == latest(one, k, first, bit), (k, first, bit)
+    assert (one.start_gap, one.bit_gap) == (100, 128)
+
+
+def test_the_earliest_sample_is_20_cycles_after_the_time_at_which_it_is_due() -> None:
+    one = guarantee({(10, 2, 100), (131, 5, 90)}, {(5, 120)})
+    for k in (0, 5, 9):
+        # Time stamps are rounded down to 4 cycles: 10 to 8, and 131 to 128.
+        due = [4 * (stamp // 4 + 16 + k * 104) - stamp + since for stamp, since in ((10, 2), (131, 5))]
+        assert one.earliest_sample(k, 15, 104) == 20 + min(due)
+
+
+def test_of_two_states_the_one_with_the_earlier_look_stands_for_both() -> None:
+    def state(sample: int, stamp: int, bit: int, kind: str = "bit", now: int = 7) -> Any:
+        return (5, (), now, frozenset({(1, 2)}), (kind, sample, stamp), bit)
+
+    seen = _Seen()
+    assert seen.add(state(10, 12, 3)) and not seen.add(state(10, 12, 3))
+    assert (
+        not seen.add(state(11, 12, 3)) and not seen.add(state(10, 13, 3)) and not seen.add(state(10, 12, 4))
+    )
+    assert seen.add(state(9, 13, 3)) and seen.add(state(10, 11, 4)) and seen.add(state(11, 13, 2))
+    assert seen.add(state(10, 12, 3, kind="wait")) and seen.add(state(10, 12, 3, now=8))
