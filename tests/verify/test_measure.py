@@ -198,3 +198,87 @@ def test_years_without_an_edge_are_passed_over() -> None:
     assert pin_of(found, RB0).widths == {1500: 2}
     assert pin_of(found, RB0).periods == {years: 1}
     assert found.end == 2 * years
+
+
+@pytest.mark.parametrize(
+    ("cycles", "clock", "words"),
+    [
+        (0, MHZ4, "0 µs"),
+        (9_999, MHZ4, "9999 µs"),
+        (10_000, MHZ4, "10 ms"),
+        (999_999, MHZ4, "999.999 ms"),
+        (1_000_000, MHZ4, "1 s"),
+        (1_234_567, MHZ4, "1.234567 s"),
+        (19_999, Clock(8_000_000), "9999.5 µs"),
+        (20_000, Clock(8_000_000), "10 ms"),
+    ],
+)
+def test_a_time_is_in_the_unit_that_keeps_it_short(cycles: int, clock: Clock, words: str) -> None:
+    assert measuring.time_words(cycles, clock) == words
+    assert measuring.both(cycles, clock) == (words if clock is MHZ4 else f"{cycles} cycles ({words})")
+
+
+def test_a_gap_of_three_periods_is_not_a_pause_and_one_cycle_more_is() -> None:
+    regular = [(1000 * number, 100, RB0) for number in range(6)]
+    for gap, pauses in ((3000, ()), (3001, (Pause(Cycles(5100), Cycles(2901)),))):
+        found = pin_of(measured([*regular, (5000 + gap, 100, RB0)], 5000 + gap + 101), RB0)
+        assert found.period == 1000
+        assert found.pauses == pauses
+        assert found.periods == ({1000: 5} if pauses else {1000: 5, 3000: 1})
+        assert len(found.runs) == 1 + len(pauses)
+
+
+def test_the_lines_list_twelve_values_and_runs_and_count_the_others() -> None:
+    """Widths of 100, 110, …: each comes once, but the last of all twice."""
+    for number in (12, 13, 14):
+        widths = [100 + 10 * index for index in range(number)]
+        pulses = [(5 + 1000 * index, width, RB0) for index, width in enumerate([*widths, widths[-1]])]
+        lines = measurement_lines(measured(pulses, 5 + 1000 * len(pulses)))
+        end = 5 + 1000 * len(pulses)
+        assert lines[:2] == [
+            f"measured {end} cycles ({end / 1000:.10g} ms) from reset",
+            f"RB0: {number + 1} pulses, the first at cycle 5",
+        ]
+        shown = [f"{width} µs × 1" for width in widths[: 11 if number > 12 else -1]]
+        listed = ", ".join([*shown, f"{widths[-1]} µs × 2"])
+        more = f" and {number - 12} more, from 100 µs to {widths[-1]} µs" if number > 12 else ""
+        assert lines[2] == f"  widths: {listed}{more}"
+        runs = [line for line in lines if line.startswith("  from cycle")]
+        assert len(runs) == 12
+        assert runs[1] == "  from cycle 1005: 1 pulse of 110 µs"
+        tail = {12: None, 13: "  and 1 further run", 14: "  and 2 further runs"}[number]
+        assert [line for line in lines if "further" in line] == ([tail] if tail else [])
+
+
+def test_the_lines_say_pauses_overlaps_and_what_stays_high() -> None:
+    pulses = [(1000 * number, 100, RB0) for number in range(5)] + [(9000, 100, RB0), (9050, 500, RB1)]
+    lines = measurement_lines(measured(pulses, 9300))
+    assert lines == [
+        "measured 9300 cycles (9300 µs) from reset",
+        "RB0: 6 pulses, the first at cycle 0",
+        "  widths: 100 µs × 6",
+        "  periods: 1000 µs × 4",
+        "  pauses without pulses: 4900 µs × 1",
+        "  from cycle 0: 5 pulses of 100 µs every 1000 µs",
+        "  from cycle 9000: 1 pulse of 100 µs",
+        "two pins are high at once 1 time, first RB0 and RB1 at cycle 9050, for at most 50 µs",
+    ]
+    open_line = measurement_lines(measured([*pulses, (9200, 500, RB0)], 9300))
+    assert "  at the end high since cycle 9200" in open_line
+    assert measurement_lines(measured([], 9300)) == [
+        "measured 9300 cycles (9300 µs) from reset",
+        "no pin has a pulse",
+    ]
+
+
+def test_frames_of_two_widths_differ_by_their_most_frequent_periods() -> None:
+    now, pulses = 0, []
+    for width, period in ((100, 1000), (100, 1000), (100, 900), (200, 1300), (200, 1300), (300, 1000)):
+        pulses.append((now, width, RB0))
+        now += period
+    found = pin_of(measured([*pulses, (now, 100, RB0)], now + 200), RB0)
+    assert found.kinds == (FrameKind(Cycles(100), 3, Cycles(1000)), FrameKind(Cycles(200), 2, Cycles(1300)))
+    assert found.frame_difference == 300
+    lines = measurement_lines(measured([*pulses, (now, 100, RB0)], now + 200))
+    assert "  frames differ by 300 µs: 1000 µs with pulses of 100 µs, 1300 µs with pulses of 200 µs" in lines
+    assert "  from cycle 0: 3 pulses of 100 µs every 1000 µs" in lines
