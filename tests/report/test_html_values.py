@@ -1,0 +1,343 @@
+"""The values that a page writes down: badges, tiles, tables and the viewer's data, worked out by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from servogen.edges import PINS
+from servogen.errors import Diagnostic, Location
+from servogen.job import PlannedJob, loads, plan_job
+from servogen.pic.listing import ListedFunction, Listing
+from servogen.plan_error import PlanError
+from servogen.pulse import PulsePlan, plan
+from servogen.report import Overrun, ProgramFacts, html
+from servogen.report.html import CaptureFacts, PageFacts
+from servogen.units import Clock, Cycles
+
+TEXT = """
+[chip]
+device = "PIC16F84"
+clock_hz = 8_000_000
+[[servo]]
+name = "arm"
+pin = "RB0"
+model = "futaba-s3001"
+trim_us = 12.5
+[[servo]]
+name = "hand"
+pin = "RA1"
+model = "futaba-s3001"
+[motion]
+poses = [{ arm_deg = 0, hand_deg = 45, hold_s = 0.1 }, { arm_deg = 90, hand_deg = 0, hold_s = 0.2 }]
+"""
+
+
+def planned(text: str = TEXT, loop_start: int = 5) -> tuple[PlannedJob, PulsePlan]:
+    """Fifteen frames of 20 ms, of which the last ten repeat; a cycle is half a microsecond."""
+    job = plan_job(loads(text, "two.toml"))
+    job = replace(job, trajectory=replace(job.trajectory, loop_start=loop_start))
+    return job, plan(job.trajectory, job.servos, job.frame)
+
+
+@pytest.fixture(scope="module")
+def facts() -> PageFacts:
+    return PageFacts(*planned(), ())
+
+
+def verdict(proven: bool = True, **others: Any) -> Any:
+    given = {
+        "proven": proven,
+        "clock": Clock(8_000_000),
+        "span": SimpleNamespace(frames=30, compared=Cycles(1_200_000)),
+        "plan_error": None,
+        "start": Cycles(25_000),
+        "reasons": (),
+        "channels": (),
+        "worst_edge_error": 3,
+    }
+    return SimpleNamespace(**{**given, **others})
+
+
+def program(proven: bool = True, **others: Any) -> ProgramFacts:
+    return ProgramFacts("xc8", "main.c", "main.xc8.hex", 256, 17, verdict(proven, **others))
+
+
+def capture(proven: bool, agrees: bool, **others: Any) -> CaptureFacts:
+    found: Any = SimpleNamespace(proven=proven, agrees=agrees, word="partly proven", reasons=(), **others)
+    return CaptureFacts("run.vcd", Any, found)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("programs", "captured", "state"),
+    [
+        ((), None, ("open", "planned, not built")),
+        ((program(False),), None, ("bad", "NOT proven")),
+        ((program(), program(False)), None, ("bad", "NOT proven")),
+        ((program(False),), capture(True, True), ("bad", "NOT proven")),
+        ((program(),), None, ("good", "every edge proven")),
+        ((program(),), capture(True, True), ("good", "every edge proven")),
+        ((program(),), capture(False, True), ("open", "program proven, capture partly proven")),
+        ((program(),), capture(False, False), ("bad", "program proven, capture NOT")),
+    ],
+)
+def test_the_badge_says_no_more_than_was_proven(
+    facts: PageFacts,
+    programs: tuple[ProgramFacts, ...],
+    captured: CaptureFacts | None,
+    state: tuple[str, str],
+) -> None:
+    assert html._state(replace(facts, programs=programs, capture=captured)) == state
+
+
+def test_the_distance_from_the_schedule_is_that_of_proven_programs_only(facts: PageFacts) -> None:
+    exact = replace(facts.plan.schedule, plan_error=PlanError(0.25, 0.045))
+    at = replace(facts, plan=replace(facts.plan, schedule=exact))
+    words = "the schedule is within 0.25 µs, 0.045° of the plan"
+    assert html._distance(at) == words
+    assert html._distance(replace(at, programs=(program(), program(False)))) == words
+    assert (
+        html._distance(replace(at, programs=(program(), program()))) == f"0 cycles from the schedule; {words}"
+    )
+
+
+def test_the_tiles_have_the_numbers_of_the_motion_and_of_the_first_program(facts: PageFacts) -> None:
+    motion = [
+        ("2", "servos"),
+        ("20 ms", "period"),
+        ("0.2 s", "loop, 10 frames"),
+        ("0.1 s", "lead-in, 5 frames"),
+    ]
+    assert list(html._tiles(facts)) == motion
+    other = replace(program(), words=1, ram_bytes=1)
+    assert list(html._tiles(replace(facts, programs=(program(), other)))) == [
+        *motion,
+        ("256 of 1024", "words of program"),  # DS35007 section 2.1
+        ("17 of 68", "bytes of RAM"),  # section 2.2
+        ("3", "cycles, the worst edge error"),
+        ("30", "frames checked"),
+    ]
+    one = (
+        TEXT[: TEXT.index('[[servo]]\nname = "hand"')]
+        + "[motion]\nposes = [{ arm_deg = 0, hold_s = 0.02 }]\n"
+    )
+    assert list(html._tiles(PageFacts(*planned(one, 0), ()))) == [
+        ("1", "servo"),
+        ("20 ms", "period"),
+        ("0.02 s", "loop, 1 frame"),
+    ]
+
+
+def test_the_wiring_has_the_range_and_the_trim_of_each_servo(facts: PageFacts) -> None:
+    """A Futaba S3001 of the labs: 1 ms at 0° and 1 ms more at 180°, trimmed by 12.5 µs."""
+    arm, hand, supply, *_ = html._wiring(facts.job)
+    title = facts.job.servos[0].model.title
+    low, high = facts.job.servos[1].widths_us
+    assert arm == ("6", "RB0", "arm", title, f"{low + 12.5:g} to {high + 12.5:g} µs", "+12.5 µs")
+    assert hand == ("18", "RA1", "hand", title, f"{low:g} to {high:g} µs", "–")
+    assert supply == ("14", "VDD", "+5 V, 100 nF to VSS", "", "", "")
+    assert ("4", "MCLR", "10 kΩ to VDD", "", "", "") in list(html._wiring(facts.job))
+
+
+def test_the_page_has_the_values_of_its_job(facts: PageFacts) -> None:
+    shown = html._values(facts)
+    assert shown["title"] == "two"
+    assert shown["chip"] == "PIC16F84, 8 MHz crystal (HS); one instruction cycle is 0.5 µs"  # DS35007 6.2
+    assert (shown["programs"], shown["capture"], shown["costs"], shown["memory"]) == ((), None, (), ())
+    assert (shown["listing"], shown["notes"], shown["warnings"], shown["twin"]) == ("", [], [], None)
+    assert (shown["paths"], shown["errors"], shown["not_built"]) == ((), (), "")
+    said = Diagnostic("note", "x", "said", Location("a.toml", key="motion"))
+    plain = Diagnostic("note", "x", "said")
+    noted = replace(facts, job=replace(facts.job, notes=(said, plain)), warnings=(plain,), not_built="why")
+    again = html._values(noted)
+    assert (again["notes"], again["warnings"], again["not_built"]) == (
+        ["motion: said", "said"],
+        ["said"],
+        "why",
+    )
+
+
+def test_a_stream_job_says_that_its_positions_come_over_the_line() -> None:
+    text = TEXT.split("[motion]")[0] + "[stream]\n"
+    shown = html._values(PageFacts(*planned(text, 0), ()))
+    assert shown["notes"] == [html.ALONE]
+
+
+def test_the_viewer_opens_four_frames_from_just_before_the_first_pulse(facts: PageFacts) -> None:
+    """The room before a frame is 4 % of 1.06 times its longest time; see the oscilloscope's view."""
+    values: Any = html._signal_values(facts)
+    data = json.loads(values["signal_data"])
+    schedule = facts.plan.schedule
+    ends = [
+        pulse.rise + pulse.width
+        for run in (*schedule.lead_in, *schedule.loop)
+        for pulse in run.pulses
+        if pulse
+    ]
+    start = -0.04 * 1.06 * max(ends) * 0.5
+    assert data["first"] == pytest.approx([start, start + 80_000])
+    assert (data["end"], data["period"], data["loop"], data["cycle_us"]) == (300_000, 20_000, 100_000, 0.5)
+    assert data["pins"] == list(PINS)
+    rows = [(row["channel"], row["pin"], row["kind"], len(row["rise"])) for row in data["rows"]]
+    assert rows == [("arm", PINS.index("RB0"), "planned", 15), ("hand", PINS.index("RA1"), "planned", 15)]
+    assert len({row["colour"] for row in data["rows"]}) == 2
+    assert (values["span_s"], values["cut"], len(values["scopes"])) == ("0.3", False, 2)
+
+
+def test_a_short_motion_is_shown_whole_and_a_long_one_cut() -> None:
+    """Two frames last 40 ms; of two hours 2000 frames of 20 ms are drawn."""
+    text = TEXT.replace("hold_s = 0.1", "hold_s = 0.02").replace("hold_s = 0.2", "hold_s = 0.02")
+    short: Any = html._signal_values(PageFacts(*planned(text, 0), ()))
+    data = json.loads(short["signal_data"])
+    assert data["first"][1] == data["end"] == 40_000
+    assert (data["loop"], short["span_s"], short["cut"]) == (0, "0.04", False)
+    job, pulses = planned(loop_start=0)
+    for frames, span, cut in ((1999, "39.98", False), (2000, "40", False), (2001, "40", True)):
+        loop = (replace(pulses.schedule.loop[0], frames=frames),)
+        long = replace(pulses, schedule=replace(pulses.schedule, loop=loop))
+        values: Any = html._signal_values(PageFacts(job, long, ()))
+        assert (values["span_s"], values["cut"]) == (span, cut)
+
+
+def test_charts_begin_at_zero_and_mark_the_loop(facts: PageFacts) -> None:
+    schedule = facts.plan.schedule
+    assert html._times(schedule).tolist() == pytest.approx([0.02 * frame for frame in range(16)])
+    assert html._mark(schedule) == pytest.approx(0.1)
+    assert html._mark(planned(loop_start=0)[1].schedule) is None
+    angles, widths = html.angle_chart(facts.job, schedule), html.width_chart(schedule)
+    assert [line.label for line in angles.lines] == [line.label for line in widths.lines] == ["arm", "hand"]
+    assert (angles.y_label, widths.y_label) == ("servo angle, °", "pulse width, µs")
+    third = 58 + 890 / 3  # of the width between the margins
+    assert [float(chart.mark or 0) for chart in (angles, widths)] == pytest.approx([third] * 2, abs=0.051)
+    wheels = [replace(servo, model=replace(servo.model, continuous=True)) for servo in facts.job.servos]
+    for servos, label in ((wheels, "wheel speed, °/s"), ((wheels[0], facts.job.servos[1]), "servo angle, °")):
+        assert html.angle_chart(replace(facts.job, servos=tuple(servos)), schedule).y_label == label
+
+
+def test_rounded_widths_have_the_pulse_that_they_are_of(facts: PageFacts) -> None:
+    """12.5 µs of trim are 25 cycles of half a microsecond: nothing is rounded."""
+    first = next(iter(html.rounding(facts.plan)))
+    row = facts.plan.widths[0]
+    assert first == (
+        "arm",
+        "0.00",
+        f"{float(row.requested_us):.3f}",
+        str(row.cycles),
+        f"{row.cycles / 2:.3f}",
+        "+0.000",
+        "5",
+    )
+    named = replace(facts.plan, widths=(replace(row, which="lowest"),))
+    assert next(iter(html.rounding(named)))[0] == "arm, lowest"
+
+
+def worst(error: int) -> Any:
+    return SimpleNamespace(error=error)
+
+
+def test_a_program_has_its_size_its_times_and_its_channels() -> None:
+    """1,200,000 cycles of half a microsecond are 0.6 s; 25,000 are 12.5 ms."""
+    channels = [
+        SimpleNamespace(
+            name="arm", pin=PINS.index("RB3"), observed=29, scheduled=30, missing=1, extra=2,
+            width=worst(-4), period=worst(0), edge=worst(5),
+        ),
+        SimpleNamespace(
+            name="b", pin=0, observed=30, scheduled=30, missing=0, extra=0,
+            width=worst(0), period=worst(-7), edge=worst(0),
+        ),
+    ]  # fmt: skip
+    budgets: Any = (SimpleNamespace(between="the pulses", worst=120, room=Cycles(500)),)
+    found = replace(program(channels=channels, reasons=("late",)), timing_budgets=budgets)
+    shown = html.program_values(found)
+    assert shown["name"] == "main.xc8.hex"
+    assert shown["facts"] == (
+        "xc8, 256 words, 17 bytes of RAM, the C between the pulses at most 120 of 500 cycles"
+    )
+    assert (shown["proven"], shown["start"], shown["reasons"]) == (True, "12500 µs after reset", ("late",))
+    assert shown["span"] == "30 frames, 0.6 s, 1200000 cycles, on all 13 pins; no plan to compare with"
+    assert shown["rows"] == [
+        ("arm", "RB3", "29 of 30", "1", "2", "-4", "0", "+5"),
+        ("b", PINS[0], "30 of 30", "0", "0", "0", "-7", "0"),
+    ]
+    never = replace(program(start=None), overrun=Overrun(None))
+    assert (html.program_values(never)["start"], html.program_values(never)["reasons"]) == (None, ())
+    late = replace(program(), overrun=Overrun(Cycles(300)))
+    assert html.program_values(late)["reasons"] == ("overrun: by cycle 300 after reset (150 µs)",)
+    assert html.program_values(late)["proven"] is False
+
+
+def test_a_capture_has_its_channels_in_microseconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(html, "capture_summary", lambda verdict: ("summary",))
+    spread = SimpleNamespace(worst_us=-0.25, mean_us=0.125)
+    common: dict[str, Any] = {"captured": 7, "scheduled": 8, "width": spread, "jitter_us": 0.0625}
+    channels = [
+        SimpleNamespace(name="arm", pin=0, connected=True, mean_period_us=20_000.126, **common),
+        SimpleNamespace(name="hand", pin=1, connected=False, mean_period_us=None, **common),
+    ]
+    assert html.capture_values(None) is None
+    rows = [
+        ("arm", PINS[0], "7 of 8", "-0.250", "+0.125", "20000.13", "0.062"),
+        ("hand", PINS[1], "not connected", "-0.250", "+0.125", "–", "0.062"),
+    ]
+    for proven, agrees, badge, word in (
+        (True, True, "good", "partly proven"),
+        (False, True, "open", "partly proven"),
+        (False, False, "bad", "NOT proven"),
+    ):
+        assert html.capture_values(capture(proven, agrees, channels=channels)) == {
+            "name": "run.vcd",
+            "badge": badge,
+            "word": word,
+            "lines": ("summary",),
+            "reasons": (),
+            "rows": rows,
+        }
+
+
+def test_functions_are_listed_from_the_longest_to_the_shortest_then_by_address() -> None:
+    functions = (
+        ListedFunction(
+            "early", 0x010, 0x015, minimum_cycles=7, maximum_cycles=7, ram_bytes=3, deepest_calls=2
+        ),
+        ListedFunction("long", 0x020, 0x03F),
+        ListedFunction("late", 0x100, 0x105, maximum_cycles=9),
+    )
+    assert list(html.costs(Listing((), (functions[2], *functions[:2])))) == [
+        ("long", "0020", "31", "0", "0", "–"),
+        ("early", "0010", "5", "3", "2", "7"),
+        ("late", "0100", "5", "0", "0", "up to 9"),
+    ]
+    assert list(html.costs(None)) == []
+
+
+@pytest.mark.parametrize(
+    ("reasons", "text"),
+    [("ab", "a, b"), ("abc", "a, b and 1 more"), ("a", "a"), ("abcde", "a, b and 3 more")],
+)
+def test_two_reasons_are_named_and_the_others_counted(reasons: str, text: str) -> None:
+    assert html._few(reasons) == text
+
+
+def test_memory_is_a_share_of_the_chips() -> None:
+    """256 of 1024 words are a quarter, 17 of 68 bytes as well."""
+    assert html.memory(()) == ()
+    assert html.memory((program(), replace(program(), words=1))) == (
+        ("program words", 256, 1024, "25.0"),
+        ("bytes of RAM", 17, 68, "25.0"),
+    )
+
+
+def test_the_rows_of_a_channel_stand_together(facts: PageFacts) -> None:
+    """First all of the arm's, planned before simulated, then all of the hand's."""
+    schedule = facts.plan.schedule
+    trace: Any = SimpleNamespace(clock=schedule.clock, driven=lambda: iter(()))
+    seen = json.loads(html._signal_values(replace(facts, trace=trace))["signal_data"])  # type: ignore[arg-type]
+    rows = [(row["channel"], row["kind"]) for row in seen["rows"]]
+    assert rows == [(name, kind) for name in ("arm", "hand") for kind in ("planned", "simulated")]
+    assert np.all([row["rise"] == [] for row in seen["rows"][1::2]])
