@@ -18,6 +18,7 @@ from servogen.report.drawing import (
     nice,
     path_chart,
     points_path,
+    pulses_path,
     px,
     steps_path,
     time_chart,
@@ -155,6 +156,10 @@ def test_a_chart_has_no_more_ticks_than_it_has_room_for() -> None:
         assert 2 <= len(wide.y_ticks) <= 7, end
     twelve = time_chart(np.array([0.0, 12]), np.array([[0.0]]), ["a"], "y", None)
     assert len(twelve.x_ticks) == 13
+    more = time_chart(np.array([0.0, 12.5]), np.array([[0.0]]), ["a"], "y", None)
+    assert [tick.label for tick in more.x_ticks] == ["0", "2", "4", "6", "8", "10", "12"]
+    wider = time_chart(np.array([0.0, 1, 2]), np.array([[0.0], [6.5 / 1.12]]), ["a"], "y", None)
+    assert [tick.label for tick in wider.y_ticks] == ["0", "2", "4", "6"]
     six = time_chart(np.array([0.0, 1, 2]), np.array([[0.0], [6 / 1.12]]), ["a"], "y", None)
     assert len(six.y_ticks) == 6  # of six steps of 1 from -0.32 to 5.68: 0 to 5
 
@@ -258,3 +263,9 @@ def test_points_with_one_coordinate_are_left_out() -> None:
     x, y = np.array([0.0, np.nan, 2, 3, 4]), np.array([0.0, 1, np.nan, 3, 4])
     assert points_path(x, y) == "M0 0M3 3L4 4"
     assert dots_path(x, y) == "M0 0h0M3 3h0M4 4h0"
+
+
+def test_a_logic_signal_is_low_before_between_and_after_its_pulses() -> None:
+    path = pulses_path(np.array([2.0, 5]), np.array([3.5, 6]), 26.0, 6.0, 0.5, 10.0)
+    assert path == "M0.5 26H2V6H3.5V26H5V6H6V26H10"
+    assert pulses_path(np.array([]), np.array([]), 26.0, 6.0, 0.5, 10.0) == "M0.5 26H10"

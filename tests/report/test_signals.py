@@ -6,6 +6,7 @@ import re
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
@@ -116,3 +117,105 @@ def test_what_was_captured_is_in_the_chips_time_and_at_its_frame() -> None:
         ppm=100.0, first_frame=2
     )  # of another run; what follows is the loop's beginning
     assert signals.captured(schedule(), trace(300), later)[0].rise == (2, 40_000)
+
+
+def test_times_beyond_what_is_drawn_are_left_out_and_a_long_motion_is_cut() -> None:
+    """2000 frames of 20 ms are drawn; the lead-in counts, and a pulse may end with the last frame."""
+    many = schedule(lead_in=(Run(1999, (None, None, None)),))
+    assert signals.shown_us(many) == 40_000_000
+    assert signals.shown_us(schedule(lead_in=(Run(1996, (None, None, None)),))) == 39_980_000
+    assert signals.shown_us(schedule(8_000_000)) == 30_000
+    assert [each.rise for each in signals.planned(many)] == [(39_980_000,), (39_980_000,), (39_982_000,)]
+    full = Run(3, (pulse(19_000, 1000), None, None))
+    (arm, *_) = signals.planned(PulseSchedule(Clock(4_000_000), Cycles(20_000), CHANNELS, (), (full,)))
+    assert arm.rise == (19_000, 39_000, 59_000)
+
+
+def test_a_trace_without_pulses_has_none_on_any_channel() -> None:
+    empty = EdgeTrace(Clock(4_000_000), [], Cycles(30_000))
+    unknown: Any = SimpleNamespace(ppm=None, first_frame=None)
+    for found in (signals.simulated(schedule(), empty), signals.captured(schedule(), empty, unknown)):
+        assert [(each.rise, each.width) for each in found] == [((), ())] * 3
+        assert [each.channel for each in found] == ["arm", "leg", "foot"]
+    known: Any = SimpleNamespace(ppm=0.0, first_frame=1)
+    assert [each.rise for each in signals.captured(schedule(), empty, known)] == [()] * 3
+
+
+def test_a_pin_that_is_high_at_first_has_no_pulse_until_it_rises() -> None:
+    """RB0 is high from before the beginning, falls at 400 and has one whole pulse; the last has no end."""
+    edges = [(0, HIGH), (400, LOW), (5000, HIGH), (6000, LOW), (25_000, HIGH)]
+    chunk = edge_chunk(*zip(*((cycle, PINS.index("RB0"), level) for cycle, level in edges), strict=True))
+    found = signals.simulated(schedule(), EdgeTrace(Clock(4_000_000), [chunk], Cycles(30_000)))
+    assert [(each.rise, each.width) for each in found] == [((0,), (1000,)), ((), ()), ((), ())]
+
+
+def test_a_capture_goes_around_the_loop_once() -> None:
+    """The loop is three frames; of five that were captured two lie on what is drawn already."""
+    rises = [300 + 20_000 * frame for frame in range(5)]
+    marks = ((0, HIGH), (1000, LOW))
+    edges = [(rise + late, PINS.index("RB0"), level) for rise in rises for late, level in marks]
+    found = EdgeTrace(Clock(4_000_000), [edge_chunk(*zip(*edges, strict=True))], Cycles(100_000))
+    for first, expected in ((0, (0, 20_000, 40_000)), (2, (0, 20_000, 40_000))):
+        verdict: Any = SimpleNamespace(ppm=0.0, first_frame=first)
+        assert signals.captured(schedule(), found, verdict)[0].rise == expected
+    before = schedule(lead_in=(Run(2, (pulse(0, 1000), None, None)),))
+    verdict = SimpleNamespace(ppm=0.0, first_frame=1)
+    captured = signals.captured(before, found, verdict)[0]
+    assert captured.rise == (20_000, 40_000, 60_000)  # the lead-in's second frame, then the loop's first two
+
+
+@pytest.mark.parametrize(("first", "at"), [(number, 20_000 * number) for number in (0, 1, 2, 3, 4, 7)])
+def test_the_shift_of_a_capture_follows_the_schedule_around_the_loop(first: int, at: int) -> None:
+    """A pulse that was seen at 300 µs and is the first of a frame; of frame 2 the leg has no pulse."""
+    none = np.array([])
+    seen = (np.array([300.0]), np.array([1000.0]))
+    assert signals._shift(schedule(), [seen, (none, none), (none, none)], first) == at - 300
+    foot = [(none, none), (none, none), seen]
+    assert signals._shift(schedule(), foot, first) == at + 2000 - 300
+    assert signals._shift(schedule(), foot, None) == 0
+    leg = signals._shift(schedule(), [(none, none), seen, (none, none)], 2)
+    assert leg == 40_000 - 300
+    later = (np.array([301.0]), np.array([1.0]))
+    assert signals._shift(schedule(), [later, (none, none), seen], first) == at + 2000 - 300
+
+
+def motion(count: int, each: int = 1) -> PulseSchedule:
+    """`count` distinct frames, `each` of them in a row."""
+    runs = tuple(Run(each, (pulse(0, 1000 + number),)) for number in range(count))
+    return PulseSchedule(Clock(4_000_000), Cycles(20_000), CHANNELS[:1], (), runs)
+
+
+def shown(found: tuple[signals.ScopeView, ...]) -> list[int]:
+    """The frames that views begin with."""
+    return [round(float(view.title.split()[1]) / 0.02) for view in found]
+
+
+def test_six_distinct_frames_are_shown_besides_those_of_the_poses() -> None:
+    """More are spread from the first on; a frame like an earlier one counts as that one."""
+    assert shown(signals.scopes(motion(6))) == [0, 1, 2, 3, 4, 5]
+    assert shown(signals.scopes(motion(7))) == [0, 1, 2, 3, 4, 5]
+    assert shown(signals.scopes(motion(12, each=2))) == [0, 4, 8, 12, 16, 20]
+    assert shown(signals.scopes(motion(12), [11])) == [0, 2, 4, 6, 8, 11]  # five of the other eleven
+    assert shown(signals.scopes(motion(12, each=3), [35, 34, 4])) == [0, 3, 9, 18, 24, 33]  # four of ten
+    assert shown(signals.scopes(motion(12), range(8))) == [*range(8)]  # poses are never left out
+    assert shown(signals.scopes(motion(7), range(6))) == [*range(6)]
+
+
+def test_channels_of_a_view_share_a_row_where_one_ends_before_the_next_begins() -> None:
+    """The second begins where the first ends; the fourth overlaps the third; the fifth fits again."""
+    names = tuple(Channel(f"c{number}", pin, "") for number, pin in enumerate(PINS[:5]))
+    run = Run(1, (pulse(0, 1000), pulse(1000, 1000), pulse(2000, 2000), pulse(3999, 1000), pulse(4000, 500)))
+    (view,) = signals.scopes(PulseSchedule(Clock(4_000_000), Cycles(20_000), names, (), (run,)))
+    assert [line.y for line in view.lines] == [0, 0, 0, 32, 0]
+    assert view.height == 64
+
+
+def test_a_pose_is_found_at_its_first_frame() -> None:
+    """The nearest by the servo that is farthest off; frames and poses without pulses have no place."""
+    angles = np.radians([[0.0, 0], [np.nan, 10], [10, 0], [10, 10], [10, 10.0000000001], [5, 5]])
+    poses = [(10, 10), (5, 6), (0, 0), (np.nan, 0), (9, 1)]
+    job: Any = SimpleNamespace(
+        trajectory=SimpleNamespace(angles=angles),
+        poses=[SimpleNamespace(angles=np.radians(pose)) for pose in poses],
+    )
+    assert signals.pose_frames(job) == (3, 5, 0, 2)
