@@ -269,3 +269,33 @@ def test_a_logic_signal_is_low_before_between_and_after_its_pulses() -> None:
     path = pulses_path(np.array([2.0, 5]), np.array([3.5, 6]), 26.0, 6.0, 0.5, 10.0)
     assert path == "M0.5 26H2V6H3.5V26H5V6H6V26H10"
     assert pulses_path(np.array([]), np.array([]), 26.0, 6.0, 0.5, 10.0) == "M0.5 26H10"
+
+
+@pytest.mark.parametrize(
+    ("span", "largest", "across", "up"),
+    [
+        (2.2, 90.0, ["0", "2"], ["0", "1", "2"]),  # two steps of 1.1, three of 0.73
+        (3.3, 90.0, ["0", "2"], ["0", "2"]),  # three of 1.1 as well
+        (5.5, 420.0, ["0", "1", "2", "3", "4", "5"], None),  # six of 0.92: one label per 70 pixels
+        (9.5, 400.0, None, [str(number) for number in range(9)]),  # ten of 0.95: one per 40
+    ],
+)
+def test_the_ticks_of_a_path_are_as_many_as_its_pixels_allow(
+    span: float, largest: float, across: list[str] | None, up: list[str] | None
+) -> None:
+    corners = np.array([[0.0, 0], [span / 1.12, span / 1.12]])
+    chart = path_chart([("a", corners, corners)], "x", "y", largest)
+    assert across in (None, [tick.label for tick in chart.x_ticks])
+    assert up in (None, [tick.label for tick in chart.y_ticks])
+
+
+def test_times_and_values_that_do_not_belong_together_are_refused() -> None:
+    one, two, three = (np.arange(count, dtype=float) for count in (1, 2, 3))
+    for wrong in (
+        lambda: steps_path(three, three),
+        lambda: points_path(two, three),
+        lambda: dots_path(two, three),
+        lambda: pulses_path(one, two, 0, 1, 0, 1),
+    ):
+        with pytest.raises(ValueError, match=r"shorter|longer"):
+            wrong()

@@ -220,6 +220,11 @@ def test_the_rows_of_a_frame_have_a_thin_grey_line_and_numbers_in_the_pulses() -
     assert [line.get_color() for line in (first, second)] == list(PALETTE[:2])
     assert [text.get_text() for text in axes.texts] == ["1000 µs", "1000.5 µs"]
     assert [text.get_position()[1] for text in axes.texts] == pytest.approx([0.45, 0.45 - 1.4])
+    assert [text.get_position()[0] for text in axes.texts] == pytest.approx([0.5, 0.5 + 0.50025])
+    assert first.get_xdata() == pytest.approx([0, 0, 1, 1])
+    assert first.get_ydata() == pytest.approx([0, 1, 1, 0])
+    assert second.get_xdata() == pytest.approx([0.5, 0.5, 1.5005, 1.5005])
+    assert second.get_ydata() == pytest.approx([-1.4, -0.4, -0.4, -1.4])
     for text in axes.texts:
         assert (text.get_ha(), text.get_va(), text.get_fontsize()) == ("center", "center", 8)
 
