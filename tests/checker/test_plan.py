@@ -347,6 +347,8 @@ def test_an_input_is_read_once_in_a_frame() -> None:
     assert at_end.sample(first, 1, 0) is None
     assert at_end.sample(first, 0, 0) == Place((0, 0, 0), 0b10, 0b11)
     assert at_end.sample(first, 0, 1) == Place((0, 0, 0), 0b11, 0b11)
+    start_stop = plan_of(data(buttons=buttons()))
+    assert start_stop.sample(Place((0, 1, 0, 0)), 12, 1) == Place((0, 1, 0, 0), 1 << 12, 1 << 12)
     at_once = plan_of(data(commands=STEP))
     assert at_once.sample(Place((0, 0, 0)), 3, 0) == Place((0, 0, 1), 0, 0b1000)
     assert at_once.sample(Place((0, 0, 2)), 3, 1) == Place((0, 0, 0), 0, 0b1000)
