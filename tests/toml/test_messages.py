@@ -133,7 +133,8 @@ def test_a_part_of_a_document_is_checked_by_itself() -> None:
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (True, "true"), (1.0, "1.0"), (4_000_000, "4000000"), ("a", '"a"'), ((1, "b", False), '[1, "b", false]'),
+        (True, "true"), (1.0, "1.0"), (4_000_000, "4000000"), ("a", '"a"'),
+        ((1, "b", False), '[1, "b", false]'),
         ({"a": 1, "b": (2,)}, "{ a = 1, b = [2] }"), ("x" * 38, f'"{"x" * 38}"'), ("x" * 39, f'"{"x" * 36}…'),
         ((), "[]"),
     ],
