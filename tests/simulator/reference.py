@@ -71,6 +71,8 @@ class Chip:
         self.ee_writing = (0, 0)
         self.resets = {"mclr": 0, "mclr_in_sleep": 0, "watchdog": 0}
         self.interrupts = 0
+        self.wakes = {"watchdog": 0, "interrupt": 0}
+        self.deepest = 0
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -112,6 +114,7 @@ class Chip:
                 self.wdt_zero = self.now
                 self.watchdog_period()
         if self.asleep and not self.held and self.requested():
+            self.wakes["interrupt"] += 1
             self.wake()
         self.announce_overflow()
 
@@ -169,12 +172,20 @@ class Chip:
                 return
         if self.asleep:
             self.status &= ~(TO | PD)
+            self.wakes["watchdog"] += 1
             self.wake()
         else:
             self.status = self.status & 7 | PD
             self.resets["watchdog"] += 1
             self.reset()
             self.busy_until = self.now + 1
+
+    def watchdog_at(self) -> int | None:
+        """The cycle in which it times out if nothing clears it."""
+        if self.watchdog_cycles is None:
+            return None
+        division = 1 << (self.option & 7) if self.option & PSA else 1
+        return self.wdt_zero + (division - self.prescaler % division) * self.watchdog_cycles
 
     # --- resets: DS35007 tables 6-3 and 6-4 -------------------------------------------------------
 
@@ -393,6 +404,7 @@ class Chip:
         self.sp = (self.sp + 1) % 8
         self.wraps += self.depth == 8
         self.depth = min(8, self.depth + 1)
+        self.deepest = max(self.deepest, self.depth)
 
     def pop(self) -> int:
         self.sp = (self.sp - 1) % 8

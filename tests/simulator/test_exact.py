@@ -156,8 +156,10 @@ def test_a_run_may_be_cut_anywhere(batch: int) -> None:
 
 def registers_of(machine: Machine) -> dict[str, object]:
     state = machine.state()
-    names = ("cycles", "pc", "w", "status", "ram", "stack", "eeprom", "stack_wraps", "interrupts", "sleeping")
-    told = {name: getattr(state, name) for name in (*names, "read_unwritten")}
+    names = ("cycles", "pc", "w", "status", "ram", "ram_written", "read_unwritten", "eeprom", "sleeping")
+    names += ("stack", "stack_depth", "deepest_stack", "stack_wraps", "prescaler", "watchdog_at")
+    names += ("interrupts", "wakes", "edges")
+    told = {name: getattr(state, name) for name in names}
     causes = {name: count for name, count in state.resets.items() if name != "power_on"}
     return told | dict(state.registers) | causes
 
@@ -174,6 +176,13 @@ def registers_of_chip(chip: Chip) -> dict[str, object]:
         "stack_wraps": chip.wraps,
         "interrupts": chip.interrupts,
         "sleeping": chip.asleep,
+        "prescaler": chip.prescaler,
+        "deepest_stack": chip.deepest,
+        "stack_depth": chip.depth,
+        "edges": len(chip.edges),
+        "wakes": chip.wakes,
+        "watchdog_at": chip.watchdog_at(),
+        "ram_written": tuple(0x0C + place for place in range(68) if chip.written[place]),
         "read_unwritten": tuple(sorted(chip.read_unwritten)),
         "PCL": chip.pc & 0xFF,
         "EECON2": 0,
