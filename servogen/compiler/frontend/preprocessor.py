@@ -114,7 +114,10 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _MAX_MESSAGE_CHARACTERS:
             msg = msg[:_MAX_MESSAGE_CHARACTERS] + "…"
-        self.reporter.error("c-preprocessor", f"preprocessor: {msg}", Location(file or None, line or None))
+        place = Location(file or None, line or None)
+        if not line and self.lastdirective is not None:  # pcpp gives an #if without an expression no place
+            place = Location(self.lastdirective.source, self.lastdirective.lineno)
+        self.reporter.error("c-preprocessor", f"preprocessor: {msg}", place)
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
         """Handle the directives that pcpp leaves to its user: #pragma, #error, #warning, #line."""
@@ -177,7 +180,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.included += 1
         if self.included > limits.INCLUDES:
             raise self.reporter.fatal("c-include", f"more than {limits.INCLUDES} files are included", place)
-        if self.depth > 20:
+        if self.depth >= 20:
             self.reporter.error("c-include", "#include is nested more than 20 levels deep", place)
             return
         self.depth += 1
