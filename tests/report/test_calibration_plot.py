@@ -15,6 +15,7 @@ from servogen.job import loads
 from servogen.report import calibration_plot
 from servogen.robot.calibration import Reading, fit
 from servogen.robot.servo import Servo
+from tests.report.legible import check_legible
 from tests.report.test_html import JOB
 
 
@@ -49,7 +50,8 @@ def test_the_words_of_a_calibration_have_its_numbers_with_their_sign(
         assert above.get_shared_x_axes().joined(above, below)
         for axes in figure.axes:
             line = axes.xaxis.get_gridlines()[0]
-            assert (line.get_visible(), line.get_alpha()) == (True, 0.3)
+            assert line.get_visible()
+        check_legible(figure)
 
 
 def test_a_wheel_has_speeds(monkeypatch: pytest.MonkeyPatch, servo: Servo) -> None:
@@ -75,18 +77,15 @@ def test_the_fit_is_a_line_the_readings_are_dots_and_the_old_line_is_dashed(
     figure = drawn(monkeypatch, servo, (1000, 0), (1450, 90), (1900, 180))
     above, below = figure.axes
     line, before, read = above.lines
-    assert same_color(line.get_color(), "C0")
     assert line.get_linestyle() == "-"
-    assert same_color(before.get_color(), "0.6")
+    assert not same_color(before.get_color(), line.get_color())
     assert before.get_linestyle() == "--"
     zero, dots = below.lines
     for each in (read, dots):
-        assert (each.get_color(), each.get_marker(), each.get_linestyle()) == ("k", "o", "None")
-        assert each.get_markersize() == 5
-    assert (zero.get_color(), zero.get_linewidth(), list(zero.get_ydata())) == ("C0", 1, [0, 0])
-    assert below.collections[0].get_linewidth() == pytest.approx([1])
-    assert tuple(figure.get_size_inches()) == (8, 6)
-    assert above.get_gridspec().get_height_ratios() == pytest.approx([2.4, 1])
+        assert (each.get_marker(), each.get_linestyle()) == ("o", "None")
+    assert list(zero.get_ydata()) == [0, 0]
+    assert len(below.collections) == 1  # from the line to each dot
+    assert above.bbox.height > below.bbox.height
 
 
 def test_an_unknown_ending_is_refused(servo: Servo) -> None:

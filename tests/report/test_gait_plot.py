@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from servogen.errors import InputError
 from servogen.report import gait_plot
 from servogen.report.gait_facts import diagram
+from tests.report.legible import check_legible, check_marks
 
 FEET = np.array(  # (frames, legs, xyz) in metres: L steps forward in frames 1 and 2, R stands
     [
@@ -56,11 +57,6 @@ def axes() -> Any:
     return Figure().add_subplot()
 
 
-def grid(axes: Any) -> tuple[bool, float]:
-    line = axes.xaxis.get_gridlines()[0]
-    return line.get_visible(), line.get_alpha()
-
-
 def test_stretches_on_the_ground_begin_and_end_with_their_frames() -> None:
     for frames, expected in (
         ([True, False, False, True], [(0.0, 0.02), (0.06, 0.02)]),
@@ -87,7 +83,6 @@ def test_the_diagram_has_a_row_for_each_leg_from_the_first_at_the_top(axes: Any)
     assert axes.get_yticks().tolist() == [0, 1]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["L", "R"]
     assert axes.get_title() == "gait diagram: dark on the ground, light in the air"
-    assert axes.title.get_fontsize() == 10
 
 
 def test_the_margin_is_a_curve_with_its_least_point_and_a_gap_without_feet(axes: Any) -> None:
@@ -97,12 +92,10 @@ def test_the_margin_is_a_curve_with_its_least_point_and_a_gap_without_feet(axes:
     assert curve.get_ydata() == pytest.approx([10, 4, math.nan, 12, 12], nan_ok=True)
     assert (curve.get_drawstyle(), curve.get_color()) == ("steps-post", "tab:blue")
     assert (list(worst.get_xdata()), list(worst.get_ydata())) == ([0.02], [4.0])
-    assert (worst.get_marker(), worst.get_markersize(), worst.get_color()) == ("o", 5, "tab:red")
-    assert (zero.get_color(), zero.get_linewidth(), list(zero.get_ydata())) == ("0.5", 1, [0, 0])
-    assert axes.margins()[1] == 0.15
-    assert grid(axes) == (True, 0.3)
+    assert (worst.get_marker(), worst.get_color()) == ("o", "tab:red")
+    assert list(zero.get_ydata()) == [0, 0]
+    check_marks(axes)
     assert axes.get_title() == "centre of mass inside the support polygon: at least 4.0 mm in frame 1"
-    assert axes.title.get_fontsize() == 10
     assert axes.get_ylabel() == "stability margin, mm"
 
 
@@ -110,7 +103,6 @@ def test_fewer_than_three_legs_have_no_curve(axes: Any) -> None:
     gait_plot._draw_margin(axes, steps(), facts(margin=None), TIMES)
     assert (len(axes.lines), len(axes.get_yticks())) == (0, 0)
     assert axes.get_title() == "fewer than three legs: something else must hold the robot"
-    assert axes.title.get_fontsize() == 10
 
 
 def test_springs_are_curves_of_their_length_in_millimetres(axes: Any) -> None:
@@ -119,16 +111,13 @@ def test_springs_are_curves_of_their_length_in_millimetres(axes: Any) -> None:
     left, right = axes.lines
     assert left.get_ydata() == pytest.approx([0] * 5)
     assert right.get_ydata() == pytest.approx([0, 0, 0.5, 0, 0])
-    assert [line.get_linewidth() for line in axes.lines] == pytest.approx([3.0, 1.2])
+    assert left.get_linewidth() > right.get_linewidth()  # equal curves: the one beneath is seen
     assert [line.get_label() for line in axes.lines] == ["L", "R"]
     assert [line.get_color() for line in axes.lines] == ["C0", "C1"]
     assert {line.get_drawstyle() for line in axes.lines} == {"steps-post"}
     assert axes.get_title() == "deflection of the springs: at most 0.50 mm"
-    assert (axes.title.get_fontsize(), axes.get_ylim()[0], grid(axes)) == (10, 0, (True, 0.3))
-    alone = steps(legs=("L",), feet=FEET[:, :1], corrections=np.zeros((4, 1, 3)))
-    single = Figure().add_subplot()
-    gait_plot._draw_springs(single, alone, TIMES)
-    assert [line.get_linewidth() for line in single.lines] == [3.0]
+    assert axes.get_ylim()[0] == 0
+    check_marks(axes)
 
 
 def test_a_foots_round_begins_with_the_loop_and_ends_where_it_began() -> None:
@@ -141,21 +130,17 @@ def test_the_side_shows_the_first_foots_round_with_dots_of_two_colours(axes: Any
     path, down, up = axes.lines
     assert path.get_xdata() == pytest.approx([60, 70, 80, 60])
     assert path.get_ydata() == pytest.approx([-80, -80, -100, -80])
-    assert (path.get_color(), path.get_linestyle(), path.get_linewidth()) == ("C0", "-", 1.5)
+    assert path.get_linestyle() == "-"
     assert (down.get_xdata().tolist(), up.get_xdata().tolist()) == (
         pytest.approx([80]),
         pytest.approx([60, 70, 60]),
     )
-    assert [(line.get_marker(), line.get_markersize(), line.get_label()) for line in (down, up)] == [
-        ("o", 4, "on the ground"),
-        ("o", 4, "in the air"),
+    assert [(line.get_marker(), line.get_label()) for line in (down, up)] == [
+        ("o", "on the ground"),
+        ("o", "in the air"),
     ]
-    assert [line.get_color() for line in (down, up)] == ["0.25", "tab:orange"]
-    legend = axes.get_legend()
-    assert ({text.get_fontsize() for text in legend.get_texts()}, legend._get_loc()) == (
-        {8},
-        1,
-    )  # upper right
+    assert not same_color(down.get_color(), up.get_color())
+    assert axes.get_legend() is not None
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (forward), mm", "z, mm")
     assert axes.get_title() == "the foot of L from the side"
 
@@ -171,33 +156,26 @@ def two_legs(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_from_above_there_are_feet_names_polygon_and_centre(axes: Any, two_legs: Any) -> None:
     gait_plot._draw_above(axes, two_legs, steps(), facts(margin_frame=2))
     left, right, stand, centre = axes.lines
-    assert [(line.get_color(), line.get_linewidth()) for line in (left, right)] == [("C0", 1.5), ("C1", 1.5)]
+    assert [line.get_color() for line in (left, right)] == ["C0", "C1"]
     assert (stand.get_xdata().tolist(), stand.get_ydata().tolist()) == ([pytest.approx(30.3)], [-30.0])
-    assert (stand.get_marker(), stand.get_markersize(), stand.get_color()) == ("o", 6, "tab:green")
+    assert stand.get_marker() == "o"
     assert (centre.get_xdata().tolist(), centre.get_ydata().tolist()) == ([3.0], [0.0])
-    assert (centre.get_marker(), centre.get_markersize(), centre.get_markeredgewidth()) == ("+", 12, 2)
-    names = [
-        (text.get_text(), text.xy, text.xyann, text.get_va(), text.get_fontsize()) for text in axes.texts
-    ]
+    assert centre.get_marker() == "+"
+    names = [(text.get_text(), text.xy, text.xyann, text.get_va()) for text in axes.texts]
     assert names == [
-        ("L", (pytest.approx(67.5), 30.0), (0, 4), "bottom", 9),  # the mean of 60, 70, 80, 60
-        ("R", (pytest.approx(32.5), -30.0), (0, -4), "top", 9),
+        ("L", (pytest.approx(67.5), 30.0), (0, 4), "bottom"),  # the mean of 60, 70, 80, 60
+        ("R", (pytest.approx(32.5), -30.0), (0, -4), "top"),
     ]
     assert [(text.get_color(), text.get_ha(), text.anncoords) for text in axes.texts] == [
         ("C0", "center", "offset points"),
         ("C1", "center", "offset points"),
     ]
     body, polygon = axes.patches
-    assert (body.get_zorder(), polygon.get_zorder(), polygon.get_alpha()) == (0, 1, 0.2)
-    assert same_color(body.get_facecolor(), "0.93")
-    assert same_color(body.get_edgecolor(), "0.6")
+    assert body.get_zorder() < polygon.get_zorder() < left.get_zorder()
+    assert 0 < polygon.get_alpha() < 0.5
     legend = axes.get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["on the ground in frame 2", "centre of mass"]
-    assert ({text.get_fontsize() for text in legend.get_texts()}, legend._ncols) == ({8}, 2)
-    assert (legend.get_frame_on(), legend._get_loc()) == (False, 9)  # 9: upper center
-    anchor = legend.get_bbox_to_anchor().transformed(axes.transAxes.inverted())
-    assert (anchor.x0, anchor.y0) == pytest.approx((0.5, -0.14))
-    assert axes.margins()[1] == 0.12
+    check_marks(axes)
     assert axes.get_title() == "from above: foot paths and the support polygon with the smallest margin"
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (forward), mm", "y (left), mm")
 
@@ -211,7 +189,7 @@ def test_without_feet_on_the_ground_there_is_a_centre_and_no_polygon(axes: Any, 
 def test_without_a_margin_there_are_paths_only(axes: Any, two_legs: Any) -> None:
     gait_plot._draw_above(axes, two_legs, steps(), facts(margin=None))
     assert (len(axes.patches), len(axes.lines), axes.get_legend()) == (1, 2, None)
-    assert (axes.get_title(), axes.title.get_fontsize()) == ("from above: the foot's path", 10)
+    assert axes.get_title() == "from above: the foot's path"
 
 
 @pytest.mark.parametrize(("start", "words"), [(0, "time, s"), (1, "time, s (repeats from the red line on)")])
@@ -225,12 +203,13 @@ def test_the_whole_picture_has_three_rows_over_time_and_two_views(
     rhythm: Any = SimpleNamespace(name="own", duty=0.75)
     gait_plot.gait_plot(two_legs, rhythm, walk, facts(), Path("a.svg"))
     (figure,) = figures
-    assert tuple(figure.get_size_inches()) == (13, 8)
+    check_legible(figure)
     assert figure.get_suptitle() == f"{two_legs.name}: the gait 'own', duty factor 0.75"
     left, right = figure.subfigs
-    assert left.bbox.width / right.bbox.width == pytest.approx(1.2)
+    assert left.bbox.width > right.bbox.width
     assert (len(left.axes), len(right.axes)) == (3, 2)
-    assert right.axes[0].get_gridspec().get_height_ratios() == pytest.approx([1.6, 1])
+    above, side = right.axes[0].get_gridspec().get_height_ratios()
+    assert above > side
     assert all(left.axes[0].get_shared_x_axes().joined(left.axes[0], each) for each in left.axes)
     assert left.axes[1].lines[0].get_xdata() == pytest.approx(TIMES)
     assert [each.get_xlabel() for each in left.axes] == ["", "", words]
@@ -239,9 +218,7 @@ def test_the_whole_picture_has_three_rows_over_time_and_two_views(
         marks = [
             line for line in each.lines if line.get_color() == "tab:red" and line.get_linestyle() == "--"
         ]
-        assert [(list(line.get_xdata()), line.get_linewidth()) for line in marks] == [
-            ([0.02, 0.02], 1)
-        ] * start
+        assert [list(line.get_xdata()) for line in marks] == [[0.02, 0.02]] * start
     with pytest.raises(InputError, match=r"'\.txt' is not a picture"):
         gait_plot.gait_plot(two_legs, rhythm, walk, facts(), Path("a.txt"))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
@@ -16,6 +17,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import plan
 from servogen.report import motion_plot
 from servogen.report.tracks import Track, tracks_of
+from tests.report.legible import check_legible
 
 JOBS = Path(__file__).parents[2] / "jobs"
 Draw = Callable[..., Any]
@@ -45,23 +47,18 @@ def scara() -> tuple[PlannedJob, PulseSchedule, tuple[Track, ...]]:
     return planned("scara-pick")
 
 
-def grids(axes: Any) -> tuple[bool, float]:
-    line = axes.xaxis.get_gridlines()[0]
-    return line.get_visible(), line.get_alpha()
-
-
 def test_a_robot_has_five_panels_and_servos_alone_two(draw: Draw, scara: Any) -> None:
     figure = draw(*scara)
-    assert tuple(figure.get_size_inches()) == (13, 8)
+    check_legible(figure)
     assert figure.get_suptitle() == "scara-pick: the planned motion"
     left, right = figure.subfigs
-    assert left.bbox.width / right.bbox.width == pytest.approx(1.7)
+    assert left.bbox.width > right.bbox.width
     assert [len(part.axes) for part in (left, right)] == [3, 2]
     above, side = right.axes
-    assert above.get_gridspec().get_height_ratios() == pytest.approx([1.6, 1])
-    assert side is not above
+    assert above.bbox.height > side.bbox.height
     alone = draw(*scara[:2], ())
-    assert tuple(alone.get_size_inches()) == (9, 5.5)
+    check_legible(alone)
+    assert np.all(alone.get_size_inches() < figure.get_size_inches())
     assert (len(alone.subfigs), len(alone.axes)) == (0, 2)
     for rows in (left.axes, alone.axes):
         assert all(rows[0].get_shared_x_axes().joined(rows[0], axes) for axes in rows)
@@ -84,16 +81,14 @@ def test_the_panels_of_a_robot_have_their_units_grids_and_ranges(draw: Draw, sca
     end = 0.02 * len(job.trajectory.angles)
     for axes in (angles, widths, error):
         assert axes.get_xlim() == pytest.approx((-0.01 * end, 1.01 * end))
-    assert [grids(axes) for axes in figure.axes] == [(True, 0.3)] * 5
+    assert all(axes.xaxis.get_gridlines()[0].get_visible() for axes in figure.axes)
     labels = ["servo angle, °", "pulse width, µs", "error of the pulses, mm", "y, mm", "z, mm"]
     assert [axes.get_ylabel() for axes in figure.axes] == labels
     assert [axes.get_xlabel() for axes in (above, side)] == ["x, mm", "x, mm"]
     assert [axes.get_title() for axes in (above, side)] == ["from above", "from the side"]
-    assert {axes.title.get_fontsize() for axes in (above, side)} == {10}
     assert {axes.get_aspect() for axes in (above, side)} == {1.0}  # millimetres are as long both ways
     assert {axes.get_adjustable() for axes in (above, side)} == {"datalim"}
     assert error.get_ylim()[0] == 0
-    assert [axes.margins()[1] for axes in (angles, widths)] == [0.1, 0.1]
     shown = np.array([line.get_ydata()[:-1] for line in angles.lines[: len(job.servos)]]).T
     assert shown == pytest.approx(np.degrees(job.trajectory.angles), nan_ok=True)
 
@@ -104,15 +99,14 @@ def test_the_legend_is_below_the_curves_and_names_each_servo_once(draw: Draw, sc
     (legend,) = left.legends
     names = [servo.name for servo in scara[0].servos]
     assert [text.get_text() for text in legend.get_texts()] == names
-    assert {text.get_fontsize() for text in legend.get_texts()} == {8}
-    assert (legend._ncols, legend.get_frame_on(), legend._outside_loc) == (6, False, "lower")
+    assert legend.get_window_extent().y1 < left.axes[-1].bbox.y0
     above, side = right.axes
-    assert {text.get_fontsize() for text in above.get_legend().get_texts()} == {8}
+    assert above.get_legend() is not None
     assert side.get_legend() is None
     for panel in (above, side):
         path, dots = panel.lines
-        assert (path.get_linestyle(), path.get_linewidth(), path.get_color()) == ("-", 1.5, "C0")
-        assert (dots.get_marker(), dots.get_markersize(), dots.get_color()) == (".", 2, "k")
+        assert (path.get_linestyle(), dots.get_marker()) == ("-", ".")
+        assert not same_color(dots.get_color(), path.get_color())
         assert dots.get_zorder() > path.get_zorder()
         assert dots.get_linestyle() == "None"
 
@@ -127,21 +121,22 @@ def test_paths_and_errors_of_several_feet_have_colours_and_one_name_for_the_dots
         assert labels[-1] == "with whole cycles"
     curves = error.lines[:6]
     assert [line.get_color() for line in curves] == [f"C{leg}" for leg in range(6)]
-    widths = [3.0 - 1.8 * leg / 5 for leg in range(6)]
-    assert [line.get_linewidth() for line in curves] == pytest.approx(widths)
+    widths = [line.get_linewidth() for line in curves]
+    assert np.all(np.diff(widths) < 0)  # where curves are equal, those beneath are seen
+    assert np.diff(widths) == pytest.approx([widths[1] - widths[0]] * 5)
     assert {line.get_drawstyle() for line in curves} == {"steps-post"}
 
 
 def test_servos_of_a_leg_differ_in_their_dashes_and_of_a_single_leg_in_colour(draw: Draw) -> None:
-    """Widths fall from leg to leg, as the errors' do; of one leg each servo has a colour."""
     angles = draw(*planned("hexapod-tripod")).axes[0]
     curves = angles.lines[:12]
     assert sorted({line.get_linestyle() for line in curves}) == ["-", "--"]
     by_colour = {line.get_color(): line.get_linewidth() for line in curves}
-    assert by_colour == {f"C{leg}": pytest.approx(3.0 - 1.8 * leg / 5) for leg in range(6)}
+    assert list(by_colour) == [f"C{leg}" for leg in range(6)]
+    assert np.all(np.diff(list(by_colour.values())) < 0)
     one = draw(*planned("lab9-exercise")).axes[0].lines[:2]
     assert [(line.get_color(), line.get_linestyle()) for line in one] == [("C0", "-"), ("C1", "-")]
-    assert [line.get_linewidth() for line in one] == pytest.approx([3.0, 1.2])
+    assert one[0].get_linewidth() > one[1].get_linewidth()
 
 
 def test_a_base_is_seen_from_above_only(draw: Draw) -> None:
@@ -156,18 +151,13 @@ def test_a_base_is_seen_from_above_only(draw: Draw) -> None:
     assert draw(replace(job, servos=mixed), schedule, ()).axes[0].get_ylabel() == "servo angle, °"
 
 
-def test_the_mark_of_the_loop_is_a_thin_grey_dashed_line(draw: Draw, scara: Any) -> None:
+def test_the_mark_of_the_loop_is_a_dashed_line_at_its_first_frame(draw: Draw, scara: Any) -> None:
     job, schedule, tracks = scara
     later = replace(job, trajectory=replace(job.trajectory, loop_start=3))
     for axes in draw(later, schedule, tracks).axes[:3]:
         mark = axes.lines[-1]
         assert list(mark.get_xdata()) == pytest.approx([0.06, 0.06])
-        assert (mark.get_color(), mark.get_linestyle(), mark.get_linewidth()) == ("0.5", "--", 1)
-
-
-def test_widths_of_two_lines_are_the_widest_and_the_thinnest() -> None:
-    assert [motion_plot._width(index, 2) for index in (0, 1)] == pytest.approx([3.0, 1.2])
-    assert [motion_plot._width(index, 3) for index in (0, 1, 2)] == pytest.approx([3.0, 2.1, 1.2])
+        assert mark.get_linestyle() == "--"
 
 
 def test_an_unknown_ending_is_refused_before_anything_is_drawn(scara: Any) -> None:

@@ -24,6 +24,7 @@ from servogen.report.pulse_plot import (
     pulse_plot,
 )
 from servogen.units import Clock, Cycles
+from tests.report.legible import check_legible
 
 CLOCK = Clock(8_000_000)  # a cycle is half a microsecond
 
@@ -210,12 +211,12 @@ def test_all_frames_have_the_time_of_the_longest_and_rows_for_overlapping_pulses
     assert [axes.get_xlabel() for axes in found.axes] == ["time, s", "", "time in the frame, ms"]
 
 
-def test_the_rows_of_a_frame_have_a_thin_grey_line_and_numbers_in_the_pulses() -> None:
+def test_the_rows_of_a_frame_have_a_line_at_low_level_and_numbers_in_the_pulses() -> None:
     _, axes = figure_of(("RB0", 300, 2000), ("RB1", 1300, 2001)).axes
     *ground, first, second = axes.lines
     assert sorted(line.get_ydata()[0] for line in ground) == pytest.approx([-1.4, 0])
     for line in ground:
-        assert (line.get_color(), line.get_linewidth(), line.get_zorder()) == ("0.6", 1, 0)
+        assert line.get_zorder() < first.get_zorder()
         assert line.get_ydata()[0] == line.get_ydata()[1]
     assert [line.get_color() for line in (first, second)] == list(PALETTE[:2])
     assert [text.get_text() for text in axes.texts] == ["1000 µs", "1000.5 µs"]
@@ -226,21 +227,20 @@ def test_the_rows_of_a_frame_have_a_thin_grey_line_and_numbers_in_the_pulses() -
     assert second.get_xdata() == pytest.approx([0.5, 0.5, 1.5005, 1.5005])
     assert second.get_ydata() == pytest.approx([-1.4, -0.4, -0.4, -1.4])
     for text in axes.texts:
-        assert (text.get_ha(), text.get_va(), text.get_fontsize()) == ("center", "center", 8)
+        assert (text.get_ha(), text.get_va()) == ("center", "center")
 
 
 def test_the_legend_stands_above_the_widths_in_at_most_four_columns() -> None:
-    widths = figure_of(*((f"RB{number}", 300, 2000) for number in range(6))).axes[0]
+    figure = figure_of(*((f"RB{number}", 300, 2000) for number in range(6)))
+    check_legible(figure)
+    widths = figure.axes[0]
     legend = widths.get_legend()
     assert [text.get_text() for text in legend.get_texts()] == [f"RB{number}" for number in range(6)]
-    assert {text.get_fontsize() for text in legend.get_texts()} == {9}
-    assert (legend._ncols, legend.get_frame_on(), legend._get_loc()) == (4, False, 4)  # 4: lower right
-    anchor = legend.get_bbox_to_anchor().transformed(widths.transAxes.inverted())
-    assert (anchor.x0, anchor.y0) == pytest.approx((1, 1))
+    places = [text.get_window_extent() for text in legend.get_texts()]
+    assert legend.get_window_extent().y0 >= widths.bbox.y1 - 1
+    assert len({round(place.x0) for place in places}) == 4
     assert {line.get_drawstyle() for line in widths.lines} == {"steps-post"}
-    assert widths.margins() == (pytest.approx(widths.margins()[0]), 0.15)
-    grid = widths.xaxis.get_gridlines()[0]
-    assert (grid.get_visible(), grid.get_alpha()) == (True, 0.3)
+    assert widths.xaxis.get_gridlines()[0].get_visible()
 
 
 def test_a_picture_without_a_schedule_takes_the_period_of_its_pulses_and_one_with_it_its_own() -> None:
