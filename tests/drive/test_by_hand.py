@@ -214,6 +214,24 @@ def test_a_pose_is_one_of_the_job_s_or_angles_of_servos() -> None:
         assert caught.value.hint == "1 to 2, or a name"
 
 
+def test_a_job_without_poses_has_angles_only() -> None:
+    with pytest.raises(InputError, match="the job has no poses") as caught:
+        pose_of(wheels(), "1")
+    assert caught.value.hint == "state angles: --pose arm=90,hand=45"
+    assert np.degrees(pose_of(wheels(), "w2=90"))[1] == pytest.approx(90)
+
+
+def test_a_first_pose_is_reached_in_a_second_unless_another_time_is_asked_for() -> None:
+    """docs/drive.md: --arrive-s, 1 by default; 50 frames of 20 ms."""
+    job = arms("[stream]\nsilence_s = 1.2\n")
+    baud, controller = controller_of(job, None, None, 0)
+    log: list[dict[str, object]] = []
+    with linked(baud) as (clock, _, line):
+        session = DriveSession(controller, line, clock.time(), log.append)
+        session.run(Limited(Still(pose_of(job, "low")), 0.0))
+    assert [entry["frames"] for entry in log if "frames" in entry] == [50]
+
+
 # ---- steering -------------------------------------------------------------------------------------------
 
 
