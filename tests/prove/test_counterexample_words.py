@@ -201,6 +201,9 @@ def test_a_run_is_judged_with_its_samples_and_its_end() -> None:
         _judge(spec, right, samples[:1], 40_101)
     assert wrong.value.message == "RA4 is not read in a frame"
     assert wrong.value.cycle == 40_100, "the end of the second frame, since reset"
+    # RA0 is pin 0.
+    first = Specification(SCHEDULE, ButtonRule(None, Input("RA0", 0), True, 3))
+    _judge(first, right, [(15_000, 0, 1), (35_000, 0, 1)], 40_100)
     spec = Specification(SCHEDULE, None)
     _judge(spec, [], [], 50 * 20_000 - 1)
     with pytest.raises(Violation) as wrong:
@@ -259,6 +262,29 @@ def test_a_fault_after_a_reset_counts_from_the_reset_on(monkeypatch: pytest.Monk
     assert found.reset < begun <= found.reset + 3
     assert found.cycle == begun + 21_600 and machines.asked[-1][3] == begun + 500 + 2 * 20_000
     assert found.levels == (("RB1", ((0, 1),)),)
+
+
+def test_the_chip_of_a_trial_has_its_levels_and_its_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+
+    def machine(image: Image, clock: Clock, options: SimulatorOptions, stimuli: Any) -> Any:
+        made.append((options, stimuli))
+        return SimpleNamespace()
+
+    monkeypatch.setattr(counterexample, "Machine", machine)
+    monkeypatch.setattr(counterexample, "Stimuli", list)
+    levels = (("RB1", ((0, 1), (5, 0))),)
+    for trial, sources in (
+        (ChipTrial(PLAIN), 1),
+        (ChipTrial(PLAIN, 70), 2),
+    ):
+        counterexample._machine(case(), trial, levels)
+        options, stimuli = made[-1]
+        assert options is PLAIN and len(stimuli) == sources
+    reset = made[-1][1][1]
+    assert (reset.pressed, reset.released) == (70, 71)
+    counterexample._machine(case(), ChipTrial(PLAIN), ())
+    assert made[-1][1] is None
 
 
 def test_a_chip_of_which_the_specification_says_nothing_is_none(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,15 +27,18 @@ from servogen.engines.stream.protocol import (
 )
 from servogen.engines.stream.streaming import Streaming
 from servogen.job import load, plan_job
+from servogen.pic.image import Image
 from servogen.prove.specification import Edge
 from servogen.prove.stream import counterexample
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import (
     NOBODY,
+    CounterexampleSearch,
     Sender,
     Sent,
     Suspect,
+    WrongPulse,
     _approach,
     _broken,
     _described,
@@ -46,12 +49,16 @@ from servogen.prove.stream.counterexample import (
     _talk,
     _text,
     _third,
+    _Trial,
     wrong_pulse,
 )
+from servogen.simulator import SimulatorOptions
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
 
-ARM = stream(plan_job(load(JOBS / "stream-arm.toml")))[1]
+JOB = plan_job(load(JOBS / "stream-arm.toml"))
+ARM = stream(JOB)[1]
+OPTIONS = SimulatorOptions()
 BIT = Fraction(1_000_000, 2400)
 SLOT, FRAME = 13 * 256, 6 * 13 * 256
 RB0, RB1, RB2 = (PINS.index(pin) for pin in ("RB0", "RB1", "RB2"))
@@ -507,6 +514,92 @@ def test_a_run_with_too_many_possible_chips_is_not_judged(monkeypatch: pytest.Mo
     for most, noticed in ((2, True), (1, False)):
         monkeypatch.setattr(counterexample, "MAX_CHIPS", most)
         assert (judged(wrong, [lasting]) is not None) == noticed
+
+
+def test_a_run_shows_its_levels_and_its_last_command_up_to_the_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command whose stop bit is over when the pulse is wrong; levels from then on are left out."""
+    one = sender()
+    one.levels = [(0, 1), (100, 0), (2000, 1), (2001, 0)]
+    one.sent = [Sent(10, 20, 0x41, 7), Sent(1990, 2000, 0, 9), Sent(1990, 2001, 0, 1)]
+    images: list[Image] = []
+
+    def machine(image: Image, *arguments: Any) -> None:
+        images.append(image)
+
+    monkeypatch.setattr(counterexample, "Machine", machine)
+    monkeypatch.setattr(counterexample, "pin_changes", lambda machine, begun, end: [(begun, 0, end)])
+    asked: list[Any] = []
+    wrong: Any = WrongPulse("a pulse is wrong", 2000)
+
+    def judge(streamed: Any, edges: Any, sent: Any, trims: Any, end: int) -> Any:
+        asked.append((edges, list(trims), end))
+        return wrong
+
+    monkeypatch.setattr(counterexample, "wrong_pulse", judge)
+    search = CounterexampleSearch(Image({}, eeprom={0: 5, 2: 9}), JOB, ARM, lambda what: None)
+    found = search._run(_Trial(OPTIONS, {1: 7}, one))
+    assert found is not None
+    assert (found.message, found.cycle) == ("a pulse is wrong after the command FF 00 09", 2000)
+    assert found.levels == (("RA4", ((0, 1), (100, 0), (2000, 1))),) and found.eeprom == {1: 7}
+    # Fifty frames at least, in which the first pulse has to come.
+    assert asked == [([(0, 0, 50 * FRAME)], [0xFF, 7, 0xFF], 50 * FRAME)]
+    assert images[0].eeprom == {n: 7 if n == 1 else 0xFF for n in range(64)}
+    one.now = Fraction(60 * FRAME)
+    wrong = WrongPulse("early", 15)
+    found = search._run(_Trial(OPTIONS, None, one))
+    assert found is not None and (found.message, found.eeprom) == ("early", None)
+    assert asked[-1] == ([(0, 0, 60 * FRAME)], [5, 0xFF, 9], 60 * FRAME) and images[1].eeprom == {0: 5, 2: 9}
+    wrong = None
+    assert search._run(_Trial(OPTIONS, None, one)) is None
+
+
+def test_lines_are_tried_at_random_then_about_the_suspect_then_at_random(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told: list[str] = []
+    tried: list[bool] = []
+    seeds: list[float] = []
+
+    def trial(self: Any, dice: random.Random, suspect: Suspect) -> Any:
+        tried.append(suspect is not NOBODY)
+        seeds.append(dice.random())
+        return None
+
+    monkeypatch.setattr(CounterexampleSearch, "_trial", trial)
+    monkeypatch.setattr(
+        CounterexampleSearch, "_run", lambda self, trial: "shown" if len(tried) == last else None
+    )
+    search = CounterexampleSearch(Image({}), JOB, ARM, told.append)
+    last = -1
+    assert search.first() is None and tried == [False] * 20
+    assert told == [f"lines tried: {n} of 20" for n in range(20)]
+    assert seeds == [random.Random(seed).random() for seed in range(20)]
+    assert search.about(Suspect(second=1)) is None
+    assert tried[20:] == [True] * 100 + [False] * 300
+    assert told[20] == "lines tried: 0 of 400" and told[-1] == "lines tried: 399 of 400"
+    assert seeds[20:23] == [random.Random(seed).random() for seed in (20, 21, 22)]
+    tried.clear()
+    last = 3
+    assert search.first() == "shown" and len(tried) == 3
+
+
+def test_a_trial_has_a_board_an_eeprom_and_a_line_of_two_seconds() -> None:
+    search = CounterexampleSearch(Image({}), JOB, ARM, lambda what: None)
+    trials = [search._trial(random.Random(seed), NOBODY) for seed in range(60)]
+    for one in trials:
+        assert 2_000_000 < one.sender.now < 5_000_000
+        assert one.sender.levels[1][0] >= 3 * FRAME, "after the first pulses"
+        assert one.options.device == JOB.device.name
+    others = [one.options for one in trials if one.options.start_seed or one.options.tmr0_phase]
+    # Three chips of ten have another start; every other one has trims.
+    assert 6 <= len(others) <= 30 and {options.tmr0_phase for options in others} == {0, 1, 2, 3}
+    trimmed = [one.eeprom for one in trials if one.eeprom is not None]
+    assert 20 <= len(trimmed) <= 40 and all(eeprom.keys() == {0, 1, 2} for eeprom in trimmed)
+    assert {0, 0x7F, 0xFF} <= {byte for eeprom in trimmed for byte in eeprom.values()}
+    chip = chip_with(trims=[byte(5), byte(6), byte(7)])
+    suspected = search._trial(random.Random(1), Suspect(chip, 0x41, 9))
+    assert suspected.eeprom == {0: 5, 1: 6, 2: 7}
+    assert (0x41, 9) in bytes_of(suspected.sender)
 
 
 # words
