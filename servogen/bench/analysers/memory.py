@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import count
 from math import ceil, floor
 
 from servogen.bench.analysers import sump
@@ -23,6 +24,9 @@ MIN_EDGES = 2
 """The edges of a frame of which nothing is known: a pulse on each pin, no two edges at one time; or on one
 pin.
 """
+
+MAX_DIVISOR = 1 << 24
+"""The maximum ratio of the analyser's clock to its rate: the divider has 24 bits."""
 
 SLACK = 4
 """Words beyond what is needed, because memory is requested in multiples of four."""
@@ -75,7 +79,16 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
     Raises InputError if the memory is too small for it.
     """
     exact = Fraction(rate)
-    if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
+    if rate * MAX_DIVISOR < sump.BASE_HZ:
+        slowest = next(
+            hz for hz in count(ceil(Fraction(sump.BASE_HZ, MAX_DIVISOR))) if sump.BASE_HZ % hz == 0
+        )
+        raise InputError(
+            "bad-rate",
+            f"{rate} samples per second are fewer than the analyser's divider of 24 bits allows",
+            hint=f"try {slowest}",
+        )
+    if sump.BASE_HZ % rate:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
         raise InputError(
             "bad-rate",
