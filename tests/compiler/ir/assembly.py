@@ -158,10 +158,13 @@ class Chip:
         self.memory.update({Byte(symbol, at): value >> 8 * at & 0xFF for at in range(size)})
 
     def call(self, name: str) -> None:
-        """Execute a function up to its return or its end."""
+        """Execute a function, or what stands at a label of one, up to its return or its end."""
+        entry = name
+        if name not in self.functions:
+            name = next(each for each, made in self.functions.items() if entry in made.by_label())
         code = list(self.functions[name].lines())
         labels = {each.name: at for at, each in enumerate(code) if isinstance(each, Label)}
-        at = 0
+        at = labels.get(entry, 0)
         while at < len(code):
             ins = code[at]
             at += 1
