@@ -12,6 +12,7 @@ In: text such as `BTFSC Z; GOTO end; INCF t,F; end: RETURN`. The first letter of
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -148,7 +149,11 @@ class Chip:
         self.w = 0
         self.c = self.dc = self.z = False
         self.cycles = 0
-        self.most = 200_000
+        self.most = 2_000_000
+        self.passed: Counter[str] = Counter()
+        """How often each label was passed."""
+        self.stores: list[tuple[int, str, int]] = []
+        """(cycles, register, value) of each store to a register."""
 
     def number(self, symbol: Symbol, size: int) -> int:
         """The value of a variable, low byte first."""
@@ -169,6 +174,7 @@ class Chip:
             ins = code[at]
             at += 1
             if isinstance(ins, Label):
+                self.passed[ins.name] += 1
                 continue
             self.cycles += 1
             assert self.cycles < self.most, "it does not end"
@@ -208,6 +214,8 @@ class Chip:
         else:
             assert ins.f is not None
             self.memory[ins.f] = value
+            if isinstance(ins.f, Reg):
+                self.stores.append((self.cycles, _place(ins.f), value))
 
     def _skips(self, ins: Instruction) -> bool:
         """Execute one instruction that neither jumps nor returns; return whether it skips the next one."""
