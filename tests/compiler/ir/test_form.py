@@ -6,8 +6,8 @@ import pytest
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
-from servogen.compiler.ir.function import Block, Function, Line, text_of
-from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Label, Z
+from servogen.compiler.ir.function import Block, Function, Line, is_skipped, text_of
+from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Label, Reg, Z
 from servogen.compiler.ir.verifier import MalformedIR, faults, verify
 from servogen.compiler.passes.manager import PassManager
 
@@ -187,3 +187,92 @@ def test_the_manager_says_what_each_pass_saved() -> None:
     assert +manager.saved == {"drop-unreachable": 1, "dead-code": 2}
     assert manager.runs["dead-code"] == 2  # the second time it finds nothing
     assert manager.runs["peephole"] == 1  # nothing changes after it
+
+
+def test_a_function_says_what_it_calls() -> None:
+    made = function(
+        Instruction("CALL", target="b"),
+        Instruction("CALL", target="a"),
+        Instruction("CALL", target="b"),
+        Instruction("GOTO", target="f.here"),
+        Label("f.here"),
+        Instruction("GOTO", target="c"),
+    )
+    assert made.calls() == ["b", "a", "c"]
+    made.also_calls, made.also_jumps_to, made.falls_into = ("d",), ("e",), "g"
+    assert made.calls() == ["b", "a", "c", "d", "e", "g"]
+    assert made.size == 5
+
+
+def test_lines_are_appended_one_by_one_as_at_once() -> None:
+    at_once = counting_loop()
+    single = Function("f")
+    for each in at_once.lines():
+        single.append(each)
+    assert [(len(b.labels), len(b.instructions)) for b in single.blocks] == [(0, 2), (1, 1), (0, 1), (0, 1)]
+    # behind a skip a block is complete as soon as it has an instruction, even if it is filled later
+    skip = function(Instruction("BTFSC", STATUS, b=Z))
+    skip.append(Label("f.x"))
+    skip.append(Instruction("NOP"))
+    skip.append(Instruction("NOP"))
+    assert [len(block.instructions) for block in skip.blocks] == [1, 1, 1]
+
+
+def test_what_a_write_to_pcl_may_lead_to() -> None:
+    made = function(Instruction("ADDWF", Reg(2), 1), Instruction("NOP"), Instruction("RETURN"))
+    assert numbers(made) == [[None, 1], [None]]
+    assert numbers(function(Instruction("NOP"))) == [[None]]
+    assert numbers(function(Instruction("BTFSC", STATUS, b=Z), Instruction("NOP"))) == [[1, None], [None]]
+
+
+def test_whether_a_line_is_behind_a_skip() -> None:
+    lines = [Instruction("BTFSC", STATUS, b=Z), Instruction("NOP"), Label("f.x"), Instruction("NOP")]
+    assert [is_skipped(lines, index) for index in range(4)] == [False, True, False, False]
+
+
+def test_the_head_of_the_text_counts_blocks_and_instructions() -> None:
+    head = text_of(counting_loop()).splitlines()[0]
+    assert head == "f:" + " " * 34 + "; 4 blocks, 5 instructions"
+    assert text_of(function(Instruction("NOP"))).splitlines()[0].endswith("; 1 block, 1 instruction")
+    both = function(Instruction("ADDWF", Reg(2), 1), Instruction("NOP", fixed=True))
+    assert text_of(both).splitlines()[1:] == [
+        "  block 0 -> exit, 1",
+        "        ADDWF PCL, F",
+        "  block 1 -> exit",
+        "        NOP  ; fixed",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("ins", "fault"),
+    [
+        (Instruction("BSF", COUNT, b=7), None),
+        (Instruction("BSF", COUNT, b=-1), "BSF with the bit -1"),
+        (Instruction("MOVLW", b=1), "MOVLW with the bit 1"),
+        (Instruction("ADDWF", COUNT, 1), None),
+        (Instruction("ADDWF", COUNT, 2), "ADDWF with the destination 2"),
+        (Instruction("MOVLW", k=255), None),
+        (Instruction("MOVLW", k=0), None),
+        (Instruction("MOVLW", k=-1), "MOVLW with the literal -1"),
+        (Instruction("MOVLW", COUNT), "MOVLW with the file register count"),
+        (Instruction(DELAY, k=0), None),
+        (Instruction("CALL", target="g"), None),
+        (Instruction("CALL"), "CALL without a target"),
+    ],
+)
+def test_the_verifier_accepts_exactly_the_range_of_an_operand(ins: Instruction, fault: str | None) -> None:
+    found = list(faults(function(ins, Instruction("RETURN"))))
+    if fault is None:
+        assert found == []
+    else:
+        assert len(found) == 1 and fault.split(" with the file")[0] in found[0]
+
+
+def test_jumps_of_assembly_and_to_other_functions_may_lead_anywhere() -> None:
+    assert not list(faults(function(Instruction("GOTO", target="g.x"))))
+    assert not list(faults(function(Instruction("GOTO", target="f.x", fixed=True))))
+    assert list(faults(function(Instruction("GOTO", target="f.x")))) == ["GOTO f.x: there is no such label"]
+    skip = function(Instruction("BTFSC", STATUS, b=Z))
+    assert list(faults(skip)) == ["nothing follows the skip BTFSC STATUS, 2"]
+    skip.inline_asm = True
+    assert not list(faults(skip))
