@@ -7,12 +7,11 @@ import random
 from collections.abc import Callable, Sequence
 from itertools import product
 
-import pytest
-
 from servogen.compiler.codegen import arithmetic
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Chip, Names, texts
 
 T, A, B = "gt", "ga", "gb"
@@ -83,9 +82,9 @@ def operation(op: str, target: str, left: str | int, right: str | int, size: int
 OPERATORS = {"+": operator.add, "-": operator.sub, "&": operator.and_, "|": operator.or_, "^": operator.xor}
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
-@pytest.mark.parametrize("op", OPERATORS)
+@every("layout", LAYOUTS)
+@every("size", [1, 2, 3, 4])
+@every("op", OPERATORS)
 def test_every_operator_of_two_variables(op: str, size: int, layout: str) -> None:
     target, left, right = LAYOUTS[layout]
     made = operation(op, target, left, right, size)
@@ -101,7 +100,7 @@ def test_every_operator_of_two_variables(op: str, size: int, layout: str) -> Non
             assert chip.c == (a + b > mask if op == "+" else a >= b)
 
 
-@pytest.mark.parametrize(
+@every(
     ("op", "layout", "words"),
     [
         # MOVF b,W; ADDWF a,W; MOVWF t, above it MOVF a,W; MOVWF t; MOVF b,W; BTFSC C; INCFSZ b,W; ADDWF t,F,
@@ -134,9 +133,9 @@ def constants(size: int) -> list[int]:
     return [*ends, *(sum(dice.choice(parts) << 8 * at for at in range(size)) for _ in range(25))]
 
 
-@pytest.mark.parametrize("target", [T, A])
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
-@pytest.mark.parametrize("op", OPERATORS)
+@every("target", [T, A])
+@every("size", [1, 2, 3, 4])
+@every("op", OPERATORS)
 def test_every_operator_of_a_variable_and_a_constant(op: str, size: int, target: str) -> None:
     mask = (1 << 8 * size) - 1
     for constant in constants(size):
@@ -149,7 +148,7 @@ def test_every_operator_of_a_variable_and_a_constant(op: str, size: int, target:
                 assert made.left_in(size, target, ga=a) == OPERATORS[op](one, two) & mask
 
 
-@pytest.mark.parametrize(
+@every(
     ("target", "size", "constant", "expected"),
     [
         (A, 1, 1, "INCF ga,F"),
@@ -209,9 +208,9 @@ def test_constants_on_both_sides_are_added_as_well() -> None:
             assert operation(op, T, one, two, size).left_in(size, T) == OPERATORS[op](one, two) & mask
 
 
-@pytest.mark.parametrize("target", [T, A])
-@pytest.mark.parametrize("size", [2, 3, 4])
-@pytest.mark.parametrize("op", "+-")
+@every("target", [T, A])
+@every("size", [2, 3, 4])
+@every("op", "+-")
 def test_a_value_with_constant_bytes_at_its_top(op: str, size: int, target: str) -> None:
     """An unsigned byte or a negative one in more bytes: the others are 0 or 255."""
     mask = (1 << 8 * size) - 1
@@ -231,7 +230,7 @@ def test_a_value_with_constant_bytes_at_its_top(op: str, size: int, target: str)
             assert made.left_in(size, target, ga=a, gb=b) == expected & mask
 
 
-@pytest.mark.parametrize(
+@every(
     ("op", "target", "constant", "expected"),
     [
         ("&", A, 0xFF, ""),
@@ -265,7 +264,7 @@ def test_a_volatile_byte_is_read_where_its_value_does_not_matter() -> None:
     assert operation("|", T, "va", 0xFF, 1).texts == ["MOVF va,W", "MOVLW 255", "MOVWF gt"]
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
+@every("size", [1, 2, 3, 4])
 def test_negation_and_complement(size: int) -> None:
     mask = (1 << 8 * size) - 1
     for target in (T, A):
@@ -311,9 +310,9 @@ def shift(value: int, size: int, count: int, direction: str) -> int:
     return value >> count & (1 << 8 * size) - 1
 
 
-@pytest.mark.parametrize("target", [T, A])
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
-@pytest.mark.parametrize("direction", ["<<", ">>", "signed >>"])
+@every("target", [T, A])
+@every("size", [1, 2, 3, 4])
+@every("direction", ["<<", ">>", "signed >>"])
 def test_shifts_by_every_constant(direction: str, size: int, target: str) -> None:
     top = 1 << 8 * size - 1
     values = [0, 1, top, top - 1, 2 * top - 1, 0xA5C396E1 & 2 * top - 1, 0x5A3C691E & 2 * top - 1]
@@ -324,7 +323,7 @@ def test_shifts_by_every_constant(direction: str, size: int, target: str) -> Non
             assert made.left_in(size, target, ga=value) == expected, (count, value)
 
 
-@pytest.mark.parametrize(
+@every(
     ("direction", "target", "size", "words"),
     [
         # by 1: BCF C; RLF a,F. By 4: SWAPF; ANDLW; MOVWF. By 7: RRF a,W; CLRF t; RRF t,F. By 8: CLRF
@@ -362,7 +361,7 @@ def test_a_shift_of_a_constant_byte() -> None:
             assert Code(emit).left_in(1, T) == expected
 
 
-@pytest.mark.parametrize(("count", "read"), [(7, 0), (8, 1), (15, 1), (16, 2), (20, 2)])
+@every(("count", "read"), [(7, 0), (8, 1), (15, 1), (16, 2), (20, 2)])
 def test_the_bytes_that_are_shifted_out_are_read_where_they_are_volatile(count: int, read: int) -> None:
     def reads(volatile: str) -> int:
         def emit(gen: InstructionBuilder, names: Names) -> None:
@@ -385,7 +384,7 @@ def compare(left: str | int, right: str | int, size: int) -> Code:
     return Code(emit)
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
+@every("size", [1, 2, 3, 4])
 def test_c_is_set_unless_the_left_value_is_less(size: int) -> None:
     made = compare(A, B, size)
     assert made.words == 2 + 4 * (size - 1)  # MOVF b,W; SUBWF a,W; above: MOVF, BTFSS C, INCFSZ b,W, SUBWF
@@ -393,7 +392,7 @@ def test_c_is_set_unless_the_left_value_is_less(size: int) -> None:
         assert made.run(size, ga=a, gb=b).c == (a >= b)
 
 
-@pytest.mark.parametrize("size", [1, 2, 3])
+@every("size", [1, 2, 3])
 def test_comparisons_with_constants(size: int) -> None:
     mask = (1 << 8 * size) - 1
     for bound in constants(size):
@@ -412,7 +411,7 @@ def test_comparisons_with_constants(size: int) -> None:
             assert left.run(size, ga=a).c == (bound >= a)
 
 
-@pytest.mark.parametrize(
+@every(
     ("bound", "expected"),
     [
         (0x1234, "MOVLW 52; SUBWF ga,W; MOVLW 18; BTFSS C; MOVLW 19; SUBWF ga+1,W"),
@@ -425,7 +424,7 @@ def test_a_constant_bound_takes_the_shortest_form(bound: int, expected: str) -> 
     assert compare(A, bound, 2).texts == expected.split("; ")
 
 
-@pytest.mark.parametrize("size", [1, 2])
+@every("size", [1, 2])
 def test_a_biased_value_has_the_signed_order(size: int) -> None:
     half = 1 << 8 * size - 1
 
@@ -455,8 +454,8 @@ def test_the_byte_above_a_signed_one() -> None:
     ]
 
 
-@pytest.mark.parametrize("signed", [False, True])
-@pytest.mark.parametrize("size", [1, 2, 3])
+@every("signed", [False, True])
+@every("size", [1, 2, 3])
 def test_a_shift_by_one_bit_leaves_the_lost_bit_in_c(size: int, signed: bool) -> None:
     right = Code(lambda gen, names: arithmetic.one_right(gen, bytes_of(names, A, size), signed=signed))
     left = Code(lambda gen, names: arithmetic.one_left(gen, bytes_of(names, A, size)))

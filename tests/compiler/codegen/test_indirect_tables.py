@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
-
+from tests.compiler.cases import every
 from tests.compiler.codegen.forms import compiled, table
 
 SHORTEST = table("""
@@ -98,7 +97,7 @@ def forms() -> dict[str, str]:
     return compiled((*SHORTEST, *MOST_WORDS))
 
 
-@pytest.mark.parametrize("body", SHORTEST)
+@every("body", SHORTEST)
 def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
     assert forms()[body] == SHORTEST[body]
 

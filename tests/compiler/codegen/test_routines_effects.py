@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Assign,
@@ -36,6 +34,7 @@ from servogen.compiler.codegen.effects import (
 from servogen.compiler.codegen.routines import Divisor, Quotient, halvings, is_byte, is_power_of_two, quotient
 from servogen.compiler.ir.instruction import Byte, Reg
 from servogen.errors import Location
+from tests.compiler.cases import every
 
 AT = Location()
 
@@ -52,7 +51,7 @@ def binary(op: str, left: Expr, right: Expr, kind: IntType = U16) -> Binary:
     return Binary(op, left, right, kind, AT)
 
 
-@pytest.mark.parametrize(
+@every(
     ("low", "high", "expected"),
     [
         (0, 0, (1, False)),
@@ -74,7 +73,7 @@ def test_the_narrowest_width(low: int, high: int, expected: tuple[int, bool]) ->
     assert width_of(low, high) == expected
 
 
-@pytest.mark.parametrize(
+@every(
     ("left", "right", "kind", "expected"),
     [
         (U8, U8, U16, Quotient(1, False, False, Divisor(1, True))),
@@ -108,7 +107,7 @@ def test_how_a_division_is_computed(
             assert found == expected, op
 
 
-@pytest.mark.parametrize(
+@every(
     ("op", "divisor", "size", "bits"),
     [
         ("/", 1, 2, 0),
@@ -177,7 +176,7 @@ def wrapped(inner: Expr) -> list[Expr]:
     ]
 
 
-@pytest.mark.parametrize("number", range(14))
+@every("number", range(14))
 def test_what_an_operand_does_its_expression_does(number: int) -> None:
     of_call, of_change, of_variable, of_nothing = (
         wrapped(each)[number] for each in (Call("f", [], U8, AT), CHANGE, ref("x"), num(2, U8))
@@ -259,7 +258,7 @@ def test_values_that_are_0_or_1() -> None:
     assert [is_condition(each) for each in (one, wide, signed)] == [True, False, False]
 
 
-@pytest.mark.parametrize(
+@every(
     ("op", "size", "alone", "not_alone"),
     [
         ("+", 1, (0, 256), (1, 255)),

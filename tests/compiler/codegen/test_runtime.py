@@ -6,11 +6,10 @@ import random
 from collections.abc import Callable
 from itertools import pairwise, product
 
-import pytest
-
 from servogen.compiler.codegen.runtime import build, min_units
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import DELAY, Byte, Instruction, Loc
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Chip, Names
 
 
@@ -86,7 +85,7 @@ def values(size: int) -> list[int]:
     ]
 
 
-@pytest.mark.parametrize(
+@every(
     ("width", "factor", "size"),
     [(1, 1, 1), (1, 1, 2), (2, 1, 2), (2, 2, 2), (3, 1, 3), (3, 3, 3), (4, 1, 4), (4, 4, 4)],
 )
@@ -104,8 +103,8 @@ def test_a_product(width: int, factor: int, size: int) -> None:
     assert routine.function.w_parameter == (b if (width, factor, size) == (1, 1, 2) else None)
 
 
-@pytest.mark.parametrize("carry", [0, 1])
-@pytest.mark.parametrize(("size", "width"), [(1, 1), (2, 1), (2, 2), (3, 2), (4, 1), (4, 4)])
+@every("carry", [0, 1])
+@every(("size", "width"), [(1, 1), (2, 1), (2, 2), (3, 2), (4, 1), (4, 4)])
 def test_a_quotient_and_its_remainder(size: int, width: int, carry: int) -> None:
     routine = Routine("divide", size, width, carry)
     # CLRF, MOVLW, MOVWF; RLF through both; a comparison and a subtraction; BSF, DECFSZ, GOTO, RETURN
@@ -128,8 +127,8 @@ def test_the_remainder_needs_another_bit_with_divisors_above_half_of_the_range()
         assert tuple(found) == divmod(one, two)
 
 
-@pytest.mark.parametrize("negative", [0, 1])
-@pytest.mark.parametrize("size", [1, 2])
+@every("negative", [0, 1])
+@every("size", [1, 2])
 def test_a_signed_quotient_is_rounded_towards_zero(size: int, negative: int) -> None:
     routine = Routine("sdivide", size, size, 0, negative)
     negated = 2 if size == 1 else size + 2 * size - 1
@@ -150,7 +149,7 @@ def test_a_signed_quotient_is_rounded_towards_zero(size: int, negative: int) -> 
 LOAD_AND_CALL = 3
 
 
-@pytest.mark.parametrize("unit", [1, 2, 3, 4, 5, 6, 10, 11, 12, 13, 20, 50, 1000])
+@every("unit", [1, 2, 3, 4, 5, 6, 10, 11, 12, 13, 20, 50, 1000])
 def test_a_variable_delay_takes_its_units(unit: int) -> None:
     routine = Routine("delay", unit)
     arguments = range(256) if unit <= 4 else (0, 1, 2, 3, 4, 10, 100, 254, 255)
@@ -167,7 +166,7 @@ def test_a_variable_delay_takes_its_units(unit: int) -> None:
     )
 
 
-@pytest.mark.parametrize(("unit", "least"), [(5, 3), (6, 2), (11, 2), (12, 1), (1000, 1)])
+@every(("unit", "least"), [(5, 3), (6, 2), (11, 2), (12, 1), (1000, 1)])
 def test_no_smaller_argument_could_be_exact(unit: int, least: int) -> None:
     """The way through load, call, test, loop and return takes 12 cycles (docs/compiler.md)."""
     assert min_units(unit) == least
@@ -185,9 +184,9 @@ class Uart(Chip):
         return super().read(loc)
 
 
-@pytest.mark.parametrize("inverted", [0, 1])
-@pytest.mark.parametrize("cycles", [20, 104, 833])
-@pytest.mark.parametrize("value", [0x00, 0xFF, 0x55, 0xA6])
+@every("inverted", [0, 1])
+@every("cycles", [20, 104, 833])
+@every("value", [0x00, 0xFF, 0x55, 0xA6])
 def test_a_byte_is_sent_low_bit_first_with_equal_bits(value: int, cycles: int, inverted: int) -> None:
     chip = Routine("putchar", 6, 4, cycles, inverted).call(value, registers={"PORTB": 0})
     bits = [0, *(value >> at & 1 for at in range(8)), 1]
@@ -198,9 +197,9 @@ def test_a_byte_is_sent_low_bit_first_with_equal_bits(value: int, cycles: int, i
     assert chip.cycles - times[-1] == cycles
 
 
-@pytest.mark.parametrize("inverted", [0, 1])
-@pytest.mark.parametrize("cycles", [20, 105, 833])
-@pytest.mark.parametrize("value", [0x00, 0xFF, 0x55, 0xA6])
+@every("inverted", [0, 1])
+@every("cycles", [20, 105, 833])
+@every("value", [0x00, 0xFF, 0x55, 0xA6])
 def test_a_byte_is_sampled_in_the_middle_of_its_bits(value: int, cycles: int, inverted: int) -> None:
     start = 50
 
@@ -236,7 +235,7 @@ class Eeprom(Chip):
         return value
 
 
-@pytest.mark.parametrize("enabled", [0x00, 0x80])
+@every("enabled", [0x00, 0x80])
 def test_a_byte_is_written_to_the_eeprom(enabled: int) -> None:
     """DS35007 section 3.2: WREN, 0x55 and 0xAA to EECON2, WR, with no interrupt in between."""
     routine = Routine("eeprom_write", chip=Eeprom)

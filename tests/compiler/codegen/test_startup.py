@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
 from servogen.compiler import Compilation, Options, Source, compile_sources
+from tests.compiler.cases import every
 
 
 def compiled(text: str) -> Compilation:
@@ -33,7 +32,7 @@ def started(text: str) -> list[str]:
     return listed(compiled(text), "__start")
 
 
-@pytest.mark.parametrize("size", [1, 7, 8, 9, 20])
+@every("size", [1, 7, 8, 9, 20])
 def test_zeros_are_cleared_in_a_loop_from_nine_bytes_on(size: int) -> None:
     """MOVLW, MOVWF FSR; CLRF INDF, INCF FSR, MOVLW, XORWF FSR, BTFSS, GOTO: eight words for any number."""
     found = started(f"unsigned char z[{size}], n; void main(void) {{ PORTB = z[n]; z[0] = n = 1; }}")
@@ -75,7 +74,7 @@ unsigned char f(unsigned char x) { return t[x]; }
 MAIN = "void main(void) { list[n] = 2; PORTB = f(n); GIE = 1; T0IE = 1; while (1) n = list[n]; }"
 
 
-@pytest.mark.parametrize(
+@every(
     ("body", "extra"),
     [
         ("n++;", []),

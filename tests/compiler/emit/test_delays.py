@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 
-import pytest
-
 from servogen.compiler.emit.delay_loops import LoopNest, filler, instructions, plan
 from servogen.compiler.emit.delays import counters, expand_delays
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Instruction
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Chip, Names, function, texts
 
 
@@ -64,7 +63,7 @@ def ends() -> Iterator[int]:
             yield from (most + step for step in (-1, 0, 1, 2, 3, 4, 11, 12, 13, 14))
 
 
-@pytest.mark.parametrize("cycles", sorted({each for each in ends() if each >= 0}))
+@every("cycles", sorted({each for each in ends() if each >= 0}))
 def test_a_plan_takes_exactly_its_cycles(cycles: int) -> None:
     best = plan(cycles)
     used = cycles_of(best.counts, best.in_w) if best.counts else 0
@@ -81,7 +80,7 @@ def _places(count: int) -> Iterator[object]:
     return (names.loc(f"t{at}") for at in range(count))
 
 
-@pytest.mark.parametrize("cycles", [*range(40), 100, 768, 769, 1023, 1024, 1025, 1037, 1300, 2100])
+@every("cycles", [*range(40), 100, 768, 769, 1023, 1024, 1025, 1037, 1300, 2100])
 def test_the_instructions_of_a_plan_take_its_cycles(cycles: int) -> None:
     best = plan(cycles)
     made = Function("f")
@@ -129,7 +128,7 @@ def separate(*lengths: int) -> str:
     return "; ".join(f"DELAY {length}; NOP" for length in lengths)
 
 
-@pytest.mark.parametrize(
+@every(
     ("lengths", "expected", "routines"),
     [
         # in place: MOVLW, ADDLW, BTFSS, GOTO: four cycles a turn
@@ -233,7 +232,7 @@ def test_a_routine_that_sets_the_outer_counter() -> None:
     assert texts(made["f0"])[:2] == ["*MOVLW 116", "*CALL __delay_turns2"]
 
 
-@pytest.mark.parametrize("length", [*range(1024, 1048), 2046, 2047, 2064, 2065, 2070, 2080])
+@every("length", [*range(1024, 1048), 2046, 2047, 2064, 2065, 2070, 2080])
 def test_shared_loops_are_exact_at_the_ends_of_their_ranges(length: int) -> None:
     lengths = (length, length + 4, length + 8, length + 9, 500, 504, 508, 3000, 3026)
     made = expanded(separate(*lengths))

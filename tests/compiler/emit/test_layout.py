@@ -12,6 +12,7 @@ from servogen.compiler.emit.layout import MemoryMap, address_byte, allocate, fil
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Instruction, Reg
 from servogen.errors import InputError
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, function, texts
 
 FIRST, LAST = 0x0C, 0x4F
@@ -69,13 +70,13 @@ def test_the_interrupts_frames_lie_above_all_of_mains() -> None:
     assert placed([variable("g", 2)], main="NOP", isr=USE.format("li")) == {"g": FIRST, "li": FIRST + 2}
 
 
-@pytest.mark.parametrize("size", [67, 68])
+@every("size", [67, 68])
 def test_all_68_bytes_can_be_used(size: int) -> None:
     memory = allocate(["main"], {"main": function("NOP", name="main")}, [variable("a", size)], Reporter())
     assert memory.used == size
 
 
-@pytest.mark.parametrize(
+@every(
     ("statics", "needed"),
     [
         ([variable("a", 69)], 69),
@@ -190,7 +191,7 @@ def test_a_label_that_is_missing_is_named() -> None:
     assert reporter.failure().diagnostics[0].code == "c-asm"
 
 
-@pytest.mark.parametrize(("words", "small"), [(1024, True), (1025, True), (1025, False), (2000, False)])
+@every(("words", "small"), [(1024, True), (1025, True), (1025, False), (2000, False)])
 def test_a_program_of_1024_words_fits(words: int, small: bool) -> None:
     reporter = Reporter()
     made = Function("main")
@@ -225,7 +226,7 @@ def test_a_table_in_the_first_256_words_adds_to_pcl() -> None:
     assert code(4, 252, first_page=True) is None
 
 
-@pytest.mark.parametrize(
+@every(
     ("address", "page", "crosses"),
     [
         (0x100, 1, False),

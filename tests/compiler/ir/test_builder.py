@@ -12,6 +12,7 @@ from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand, Reg
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Chip, Names, texts
 
 
@@ -81,7 +82,7 @@ def test_labels_and_temporaries_are_numbered() -> None:
     assert block == [Byte(own[3], at) for at in range(3)]
 
 
-@pytest.mark.parametrize(
+@every(
     ("address", "offset", "register"),
     [(0x0B, 0, 0x0B), (0x0C, 0, None), (0x4F, 0, None), (0x50, 0, 0x50), (0x4F, 1, 0x50), (0x86, 0, 0x86),
      (0x8C, 0, None), (0xCF, 0, None), (0xD0, 0, 0xD0), (0x05, 1, 0x06)],
@@ -127,7 +128,7 @@ def test_volatile_bytes_are_read_once_and_where_nothing_depends_on_them() -> Non
     ]
 
 
-@pytest.mark.parametrize("sources", [*product(range(3), repeat=3), (3, 3, 1), (0, 3, 3), (4, 1, 3)])
+@every("sources", [*product(range(3), repeat=3), (3, 3, 1), (0, 3, 3), (4, 1, 3)])
 def test_bytes_that_overlap_are_all_copied(sources: tuple[int, ...]) -> None:
     """Byte n of three becomes what byte sources[n] was; 3 and 4 are constants."""
     gen, names = builder()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ast.nodes import AddressByte
 from servogen.compiler.ir.instruction import (
     BIT_TESTS,
@@ -27,6 +25,7 @@ from servogen.compiler.ir.instruction import (
     operand_text,
 )
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, line
 
 NAMES = Names()
@@ -62,7 +61,7 @@ def test_the_kinds_of_instructions() -> None:
     assert SETS_Z & known == set(WITH_Z.split())
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "reads", "writes", "flags"),
     [
         ("ADDWF g,W", "W f", "W", "CDZ"),
@@ -110,7 +109,7 @@ def test_what_an_instruction_reads_and_writes(text: str, reads: str, writes: str
     assert made.flags == flags
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "leaves", "ends"),
     [
         ("GOTO x", True, True),

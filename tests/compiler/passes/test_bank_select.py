@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ir.instruction import Instruction, Reg
 from servogen.compiler.passes.bank_select import UNKNOWN, bank_needed, banked, exit_banks, switch_banks
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, function, lines, texts
 
 
-@pytest.mark.parametrize(
+@every(
     ("address", "bank"),
     [
         # in both banks: INDF, PCL, STATUS, FSR, PCLATH, INTCON and RAM (DS35007 figure 2-2)
@@ -29,7 +28,7 @@ def test_variables_and_literals_need_no_bank() -> None:
     assert bank_needed(Instruction("MOVLW", k=0x86)) is None
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVWF TRISB; RETURN", "BSF RP0; MOVWF TRISB; BCF RP0; RETURN"),
@@ -89,7 +88,7 @@ def test_switches_stand_around_accesses_to_bank_1(before: str, after: str | None
     assert texts(made) == lines(before if after is None else after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # the program's own switches stay; what needs the other bank is switched to and back
@@ -134,7 +133,7 @@ def test_what_the_program_selects_itself_counts(before: str, after: str | None) 
     assert texts(made) == lines(before if after is None else after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "exits", "after"),
     [
         ("CALL g; RETURN", {}, None),
@@ -185,7 +184,7 @@ def test_functions_that_need_a_bank_are_called_in_bank_0(
     assert texts(made) == lines(before if after is None else after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "bank"),
     [
         ("*BSF RP0; RETURN", 1),

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.passes.branch_simplify import short_branches
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function
 
 END = "e: RETURN"
@@ -15,7 +14,7 @@ def choice(test: str, yes: str, other: str, end: str = END) -> str:
     return f"{test}; GOTO no; {yes}; GOTO e; no: {other}; {end}"
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # a constant in W
@@ -103,7 +102,7 @@ STARTS = "BTFSS {test}; GOTO no; {same}; MOVLW 1; MOVWF gb; GOTO e; no: {same}; 
 MOVED = "{same}; BTFSS {test}; GOTO no; MOVLW 1; MOVWF gb; GOTO e; no: MOVLW 2; CALL g; e: RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("test", "same", "moved"),
     [
         ("ga,1", "CLRF gb", True),
@@ -136,7 +135,7 @@ def test_what_both_arms_begin_with_stands_once_in_front(test: str, same: str, mo
     check(short_branches, before, MOVED.format(test=test, same=same) if moved else None)
 
 
-@pytest.mark.parametrize(
+@every(
     "before",
     [
         # one instruction is left in each arm
@@ -166,7 +165,7 @@ def test_one_instruction_is_left_in_either_arm() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         (
@@ -198,7 +197,7 @@ def test_a_choice_between_zero_and_another_constant(before: str, after: str | No
 DIFFERS = "BTFSS ga,1; GOTO no; {begin}; {other}; {store}; GOTO e; no: {same}; e: {end}"
 
 
-@pytest.mark.parametrize(
+@every(
     ("begin", "other", "store", "same", "end", "rewritten"),
     [
         ("INCF gb,W", "ANDLW 3", "MOVWF gb", "INCF gb,F", "RETURN", True),
@@ -230,7 +229,7 @@ def test_the_flag_that_is_tested_is_not_changed_before_the_test() -> None:
     check(short_branches, text.replace("BTFSS ga,1", "BTFSS Z"), None)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("a: CLRF gx; DECF gb,F; BTFSS Z; GOTO a; RETURN", "a: CLRF gx; DECFSZ gb,F; GOTO a; RETURN"),

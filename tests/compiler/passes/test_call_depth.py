@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.function import Function
 from servogen.compiler.passes.call_depth import check_stack, depths, room_for_calls
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import function
 
 
@@ -53,7 +52,7 @@ def test_calls_in_a_circle_end() -> None:
     assert len(depths(made)["main"]) <= 3
 
 
-@pytest.mark.parametrize("levels", [7, 8])
+@every("levels", [7, 8])
 def test_there_is_room_up_to_eight_levels(levels: int) -> None:
     made = program(main="CALL f1; RETURN", **chain(levels))
     room = room_for_calls(made, ["start"])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.passes.copy_coalescing import coalesce_copies, interference
 from servogen.compiler.passes.liveness import Liveness
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("CLRF t; INCF t,F; MOVF t,W; MOVWF l; MOVF l,W; MOVWF ga; RETURN",
@@ -49,7 +48,7 @@ def test_a_copy_and_its_source_are_merged(before: str, after: str | None) -> Non
     check(coalesce_copies, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "expected"),
     [
         ("CLRF t; CLRF t1; MOVF t,W; ADDWF t1,W; MOVWF ga; RETURN", {"t t1"}),

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ir.instruction import Instruction
 from servogen.compiler.passes.dead_code import drop_dead, drop_unreachable, remove
 from servogen.compiler.passes.liveness import Liveness
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function, lines, texts
 
 KEEP_W, KEEP_Z, KEEP_C = "MOVWF gz; RETURN", "BTFSC Z; INCF gz,F; RETURN", "BTFSC C; INCF gz,F; RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("GOTO a; NOP; CLRF gx; a: RETURN", "GOTO a; a: RETURN"),
@@ -40,7 +39,7 @@ def test_what_is_not_reached_goes_with_the_labels_that_nobody_names(before: str,
     check(drop_unreachable, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVLW 1; MOVWF t; RETURN", "MOVLW 1; RETURN"),
@@ -85,7 +84,7 @@ def test_what_nobody_reads_is_not_computed(before: str, after: str | None) -> No
     check(drop_dead, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("BTFSC ga,1; CLRF t; RETURN", "RETURN"),

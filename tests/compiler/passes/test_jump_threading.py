@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.passes.jump_threading import drop_jumps_to_next, invert_skips, thread_jumps
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function, texts
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("GOTO a; CLRF gx; a: GOTO b; CLRF gy; b: NOP", "GOTO b; CLRF gx; a: GOTO b; CLRF gy; b: NOP"),
@@ -31,7 +30,7 @@ def test_a_jump_leads_where_the_next_one_leads(before: str, after: str | None) -
     check(thread_jumps, before, after)
 
 
-@pytest.mark.parametrize("length", [1, 5, 10, 11])
+@every("length", [1, 5, 10, 11])
 def test_ten_jumps_are_followed_at_once(length: int) -> None:
     chain = "; ".join(f"l{number}: GOTO l{number + 1}" for number in range(length))
     made = function(f"GOTO l0; NOP; {chain}; l{length}: NOP")
@@ -45,7 +44,7 @@ def test_jumps_in_a_circle_are_not_followed_for_long() -> None:
     assert [text for text in texts(made) if text.startswith("GOTO")] != []
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("GOTO a; a: NOP", "a: NOP"),
@@ -67,7 +66,7 @@ def test_a_jump_to_the_next_instruction_goes(before: str, after: str | None) -> 
     check(drop_jumps_to_next, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("BTFSC Z; GOTO a; CLRF gx; a: NOP", "BTFSS Z; CLRF gx; a: NOP"),
@@ -98,7 +97,7 @@ def test_a_jump_over_one_instruction_becomes_a_skip(before: str, after: str | No
     check(drop_jumps_to_next, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("BTFSC Z; GOTO a; GOTO b; a: NOP", "BTFSS Z; GOTO b; a: NOP"),

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte
 from servogen.compiler.passes.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, function
 
 FLAGS = {"W": W_BIT, "C": C_BIT, "D": D_BIT, "Z": Z_BIT}
@@ -30,7 +29,7 @@ def after(made: Function) -> list[str]:
     return [named(live, live.after[ins]) for ins in made.instructions()]
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "needed"),
     [
         ("MOVLW 1; MOVWF t; MOVF t,W; MOVWF ga; RETURN", ["W", "t", "W", "", ""]),

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ir.function import Function
 from servogen.compiler.passes.outlining import outline
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, function, texts
 
 RUN = "INCF ga,F; DECF gb,F; COMF gc,F; SWAPF gd,F; RLF ge,F"
@@ -30,9 +29,7 @@ def between(text: str, number: int) -> str:
     return f"CLRF p{number}; {text}; CLRF q{number}; RETURN".replace("p", "gp").replace("q", "gq")
 
 
-@pytest.mark.parametrize(
-    ("places", "length", "saved"), [(2, 3, 0), (2, 4, 1), (2, 5, 2), (3, 3, 2), (4, 2, 1)]
-)
+@every(("places", "length", "saved"), [(2, 3, 0), (2, 4, 1), (2, 5, 2), (3, 3, 2), (4, 2, 1)])
 def test_the_words_saved(places: int, length: int, saved: int) -> None:
     """Each place keeps one word of the run, and the subroutine has the run and a RETURN."""
     made = program(**{f"f{at}": between(run(length), at) for at in range(places)})
@@ -77,7 +74,7 @@ def test_a_call_that_may_be_skipped_and_one_that_reads_a_table_return() -> None:
 FIRST, SECOND = "INCF ga,F; DECF gb,F", "COMF gc,F; SWAPF gd,F"
 
 
-@pytest.mark.parametrize(
+@every(
     "text",
     [
         f"CLRF gp{{0}}; {run(4).replace('DECF gb,F', '*DECF gb,F')}; RETLW {{0}}",
@@ -116,7 +113,7 @@ def test_variables_of_the_function_itself_stay() -> None:
     assert outline(again, ["main"]) == 0
 
 
-@pytest.mark.parametrize("why", ["inline_asm", "library", "table"])
+@every("why", ["inline_asm", "library", "table"])
 def test_assembly_library_and_tables_are_left_alone(why: str) -> None:
     names = Names()
     made = program(names, f0=between(run(4), 0), f1=between(run(4), 1))
@@ -145,7 +142,7 @@ def test_a_run_has_40_instructions_at_most() -> None:
     assert sorted(len(each) for each in shared(made).values()) == [7, 41]
 
 
-@pytest.mark.parametrize(("short", "saved", "length"), [(1, 4, 4), (2, 6, 3)])
+@every(("short", "saved", "length"), [(1, 4, 4), (2, 6, 3)])
 def test_the_run_that_saves_most_is_taken_first(short: int, saved: int, length: int) -> None:
     """Four in three places save 4, as three in four do: the longer run is taken; three in five save 6."""
     places = {f"f{at}": between(run(4), at) for at in range(3)}
@@ -155,7 +152,7 @@ def test_the_run_that_saves_most_is_taken_first(short: int, saved: int, length: 
     assert shared(made) == {"__shared_1": [*run(length).split("; "), "RETURN"]}
 
 
-@pytest.mark.parametrize(("words", "searched"), [(3072, True), (3073, False)])
+@every(("words", "searched"), [(3072, True), (3073, False)])
 def test_a_program_that_fits_in_no_case_is_not_searched(words: int, searched: bool) -> None:
     made = program(f0=between(run(4), 0), f1=between(run(4), 1))
     size = sum(each.size for each in made.values())
@@ -172,7 +169,7 @@ def test_without_a_level_of_the_stack_nothing_changes() -> None:
     assert {name: texts(each) for name, each in made.items()} == before
 
 
-@pytest.mark.parametrize(("inside", "saved"), [("NOP", 1), ("DELAY 9", 0)])
+@every(("inside", "saved"), [("NOP", 1), ("DELAY 9", 0)])
 def test_a_function_with_delays_keeps_its_level(inside: str, saved: int) -> None:
     """Called from a subroutine, d would be at level 8, where its delays could not call a shared loop."""
     inner = {f"f{at}": f"NOP; CALL f{at + 1}; RETURN" for at in range(1, 6)}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.passes.peephole import peephole
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function
 
 LIVE_W = "MOVWF gz; RETURN"
@@ -13,7 +12,7 @@ LIVE_Z = "BTFSC Z; INCF gz,F; RETURN"
 LIVE_C = "BTFSC C; INCF gz,F; RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("INCF ga,W; MOVWF ga; RETURN", "INCF ga,F; RETURN"),
@@ -35,7 +34,7 @@ def test_an_operation_through_w_is_done_in_place(before: str, after: str | None)
     check(peephole, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVLW 0; MOVWF ga; RETURN", "CLRF ga; RETURN"),
@@ -55,7 +54,7 @@ def test_zeros_are_cleared_and_nothing_is_copied_to_itself(before: str, after: s
     check(peephole, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVLW 1; ADDWF ga,F; RETURN", "INCF ga,F; RETURN"),
@@ -84,7 +83,7 @@ def test_counting_and_constant_results(before: str, after: str | None) -> None:
     check(peephole, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVWF t; MOVF ga,W; XORWF t,W; " + LIVE_W, "XORWF ga,W; " + LIVE_W),
@@ -104,7 +103,7 @@ def test_a_value_is_combined_without_a_temporary(before: str, after: str | None)
     check(peephole, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVF ga,W; ANDLW 12; MOVWF ga; RETURN", "MOVLW 12; ANDWF ga,F; RETURN"),
@@ -130,7 +129,7 @@ def test_a_store_becomes_the_operations_destination(before: str, after: str | No
     check(peephole, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVF ga,W; IORLW 0; " + LIVE_Z, "MOVF ga,W; " + LIVE_Z),

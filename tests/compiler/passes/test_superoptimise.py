@@ -17,12 +17,13 @@ from servogen.compiler.passes.superoptimise import (
     superoptimise,
 )
 from servogen.errors import Location
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, check, function, line
 
 ALL_LIVE = "MOVWF gz; BTFSC Z; INCF gz,F; BTFSC C; INCF gz,F; RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "expected"),
     [
         ("ADDWF a,F", RuleInstruction("ADDWF", "a", 1)),
@@ -42,7 +43,7 @@ def test_the_text_of_a_rules_instruction(text: str, expected: RuleInstruction) -
     assert str(expected) == text
 
 
-@pytest.mark.parametrize("text", ["ADDWF c,F", "BSF a.8", "addwf a,F", "MOVLW x", "ADDWF a,F ", ""])
+@every("text", ["ADDWF c,F", "BSF a.8", "addwf a,F", "MOVLW x", "ADDWF a,F ", ""])
 def test_another_text_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="is not an instruction of a rule"):
         RuleInstruction.parse(text)
@@ -56,7 +57,7 @@ def test_rules_that_save_most_come_first() -> None:
             assert len(one.old) <= len(two.old)
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "expected"),
     [
         ("ADDWF ga,F", "ADDWF a,F"),
@@ -108,7 +109,7 @@ def test_what_is_not_needed_behind_an_instruction() -> None:
     assert dead_after(code[6], {names.loc("ga"): "a"}, live) == {"C", "D", "Z", "W"}  # type: ignore[dict-item]
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # MOVF a,W; XORLW 255 -> COMF a,W, whatever is needed

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import STATUS, Byte, Instruction, Label, Z
 from servogen.compiler.passes.tail_merging import merge_tails, tail_calls
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, check, function
 
 A = Byte(Symbol("a", U8, "temp"), 0)
@@ -44,7 +43,7 @@ def test_equal_ends_are_merged() -> None:
     assert clears(made) == 1
 
 
-@pytest.mark.parametrize("fixed", [(True, False), (False, True), (True, True)])
+@every("fixed", [(True, False), (False, True), (True, True)])
 def test_an_end_with_a_fixed_instruction_stays(fixed: tuple[bool, bool]) -> None:
     """What an asm statement wrote is neither dropped nor reached from elsewhere."""
     made = two_ends(*fixed)
@@ -52,7 +51,7 @@ def test_an_end_with_a_fixed_instruction_stays(fixed: tuple[bool, bool]) -> None
     assert clears(made) == 2
 
 
-@pytest.mark.parametrize("fixed", [(False, False), (True, False), (False, True)])
+@every("fixed", [(False, False), (True, False), (False, True)])
 def test_a_call_before_a_return_is_a_jump_unless_one_of_them_is_fixed(fixed: tuple[bool, bool]) -> None:
     made = Function("f")
     made.extend([Instruction("CALL", target="g", fixed=fixed[0]), Instruction("RETURN", fixed=fixed[1])])
@@ -70,7 +69,7 @@ def test_a_label_between_call_and_return_keeps_the_call() -> None:
 TO_END = "BTFSC ga,0; GOTO o; {one}; GOTO e; o: {two}; e: RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # the longest run from the end
@@ -119,7 +118,7 @@ def test_runs_before_a_label(before: str, after: str | None) -> None:
     check(merge_tails, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # the distance of a write from a delay must not change: the other one jumps

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
-
 from servogen.compiler.passes.value_numbering import number_values
+from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function, lines, texts
 
 USE = "MOVWF gz"
 TEST_Z = "BTFSC Z; INCF gz,F; RETURN"
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVLW 5; MOVWF ga; MOVLW 5; MOVWF gb; RETURN", "MOVLW 5; MOVWF ga; MOVWF gb; RETURN"),
@@ -57,7 +56,7 @@ def test_nothing_is_loaded_stored_or_tested_twice(before: str, after: str | None
     check(number_values, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         ("MOVLW 5; MOVWF ga; COMF gb,W; MOVF ga,W; MOVWF gz; RETURN",
@@ -78,7 +77,7 @@ def test_a_byte_with_a_known_value_is_a_literal(before: str, after: str | None) 
     check(number_values, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # the same operation on the same values gives the same result
@@ -114,7 +113,7 @@ def test_what_is_forgotten(before: str, after: str | None) -> None:
     check(number_values, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # a temporary that is a copy of a variable
@@ -136,7 +135,7 @@ def test_a_copy_is_read_where_it_came_from(before: str, after: str | None) -> No
     check(number_values, before, after)
 
 
-@pytest.mark.parametrize(
+@every(
     ("before", "after"),
     [
         # known on both ways
