@@ -1,0 +1,630 @@
+"""What `drive` and `calibrate` print, ask for and pass on, in this process and without a robot."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import typer
+
+from servogen.cli import drive_commands, show
+from servogen.drive import controller, on_command, request, serial_link, session, sweep
+from servogen.drive.session import Summary
+from servogen.drive.steering import Rates
+from servogen.engines.player.commands import CommandLine
+from servogen.errors import Diagnostic, InputError, ToolError
+from servogen.job import load, loads
+from servogen.robot import calibration
+from servogen.robot.calibration import Fit, Reading
+from tests.cli.conftest import Run
+
+ROOT = Path(__file__).parents[2]
+LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
+WHEELS = ROOT / "jobs" / "omni-square.toml"
+Text = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def first_command() -> None:
+    """Each test is the first command of its process: no warning was given before."""
+    show.begin()
+
+
+@pytest.mark.parametrize(
+    ("servos", "words"),
+    [(1, "the servo 12.5 ms, 80.0 a second"), (3, "all 3 servos 37.5 ms, 26.7 a second")],
+)
+def test_the_line_carries_a_position_of_three_bytes_in_thirty_bits(
+    capsys: Text, servos: int, words: str
+) -> None:
+    """At 2400 baud and 8N1, ten bits a byte: 240 bytes a second."""
+    job: Any = SimpleNamespace(name="arm")
+    drive_commands._show_robot(job, SimpleNamespace(channels=[None] * servos), 2400, 1 / 240)  # type: ignore[arg-type]
+    assert capsys.readouterr().out == f"arm, 2400 baud: a position takes 12.5 ms, a pose of {words}\n"
+
+
+SUMMARY = Summary(seconds=12.345, moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, stopped=True)
+
+
+def test_a_drive_ends_with_its_numbers_and_says_when_the_port_was_away(capsys: Text) -> None:
+    """Ten poses in four seconds of motion are 2.5 a second."""
+    drive_commands._show_drive(SUMMARY, True, False)
+    text = "12.35 s, 30 positions, 10 poses (2.5 a second, the slowest 37.5 ms)"
+    assert capsys.readouterr().out.replace("12.34", "12.35") == f"{text}\n"
+    away = Summary(moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, outages=2, away_s=1.25)
+    drive_commands._show_drive(away, False, False)
+    assert capsys.readouterr().out.endswith("37.5 ms), 2 times away for 1.2 s\n")
+    drive_commands._show_drive(SUMMARY, True, True)
+    assert json.loads(capsys.readouterr().out) == {"diagnostics": [], **SUMMARY.to_json()}
+
+
+@pytest.mark.parametrize(("stopped", "wanted"), [(True, True), (True, False), (False, False), (False, True)])
+def test_a_robot_that_could_not_be_stopped_is_an_error(capsys: Text, stopped: bool, wanted: bool) -> None:
+    if wanted and not stopped:
+        with pytest.raises(ToolError, match="the robot was NOT stopped"):
+            drive_commands._show_drive(Summary(stopped=stopped), wanted, False)
+    else:
+        drive_commands._show_drive(Summary(stopped=stopped), wanted, False)
+    assert capsys.readouterr().out.count("\n") == 1
+
+
+SENT: dict[str, object] = {
+    "s": 0.02,
+    "bytes": "FF 00 7F",
+    "servo": "arm",
+    "position": 127,
+    "width_us": 1500.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("entry", "out", "err"),
+    [
+        (SENT, "     0.02 s  FF 00 7F  arm 1500.0 µs\n", ""),
+        ({"s": 12.5, "bytes": "FF F1"}, "     12.5 s  FF F1  group\n", ""),
+        ({"s": 1.0, "event": "lost", "text": "gone"}, "", "servogen: warning: lost: gone [drive-event]\n"),
+        ({"s": 1.0, "event": "found"}, "", "servogen: warning: found [drive-event]\n"),
+        ({"s": 1.0, "event": "stopped"}, "", ""),
+        ({"s": 1.0}, "", ""),
+    ],
+)
+def test_a_log_shows_bytes_and_events(capsys: Text, entry: dict[str, object], out: str, err: str) -> None:
+    """The bytes in a dry run only; with --json every entry, and nothing else."""
+    drive_commands._log(False, True)(entry)
+    assert tuple(capsys.readouterr()) == (out, err)
+    drive_commands._log(False, False)(entry)
+    assert tuple(capsys.readouterr()) == ("", err)
+    for dry_run in (True, False):
+        drive_commands._log(True, dry_run)(entry)
+        shown = capsys.readouterr()
+        assert (json.loads(shown.out), shown.err) == (entry, "")
+
+
+def test_an_entry_of_a_log_is_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    flushed: list[str] = []
+
+    class Pipe(io.StringIO):
+        def flush(self) -> None:
+            flushed.append(self.getvalue())
+
+    monkeypatch.setattr(sys, "stdout", Pipe())
+    drive_commands._log(False, True)(SENT)
+    assert flushed[-1:] == ["     0.02 s  FF 00 7F  arm 1500.0 µs\n"]
+
+
+class Session:
+    """Stands for a drive: keeps what it is given and ends at once."""
+
+    given: dict[str, Any]
+    interrupted = False
+
+    def __init__(self, **given: Any) -> None:
+        Session.given = given
+        self.summary = SUMMARY
+
+    def run(self, motion: Any) -> None:
+        Session.given["motion"] = motion
+        Session.given["handler"] = signal.getsignal(signal.SIGTERM)
+        if Session.interrupted:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture
+def driven(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What `drive` asks of the library: the session, the line, the controller, the request."""
+    seen: dict[str, Any] = {}
+    monkeypatch.setattr(session, "DriveSession", Session)
+    monkeypatch.setattr(Session, "interrupted", False)
+    real_link, real_controller, real_course = (
+        serial_link.SerialLink,
+        controller.controller_of,
+        request.course_of,
+    )
+
+    def link(opener: Any, speed: int, time: Any, patience: float) -> Any:
+        seen["link"] = (speed, patience)
+        return real_link(opener, speed, time, patience)
+
+    def controlled(job: Any, *settings: Any) -> Any:
+        seen["controller"] = settings
+        return real_controller(job, *settings)
+
+    def course(job: Any, wanted: Any) -> Any:
+        seen["request"] = wanted
+        seen["course"] = real_course(job, wanted)
+        return seen["course"]
+
+    monkeypatch.setattr(serial_link, "SerialLink", link)
+    monkeypatch.setattr(controller, "controller_of", controlled)
+    monkeypatch.setattr(request, "course_of", course)
+    return seen
+
+
+RANGE = ("--range-us", "500,2500")
+
+
+def test_a_drive_without_options_has_the_documented_defaults(run: Run, driven: dict[str, Any]) -> None:
+    """docs/drive.md: the first pose within 1 s, a lost port is waited for 60 s; the whole motion once."""
+    ran = run("drive", LAB8, *RANGE, "--dry-run")
+    assert ran.code == 0
+    assert driven["controller"] == (None, "500,2500", 0)
+    assert driven["link"][1] == 60.0
+    wanted = driven["request"]
+    assert (wanted.pose, wanted.steer, wanted.seconds, wanted.stop) == (None, False, None, None)
+    assert (wanted.single_keys, wanted.rehearsal) == (False, True)
+    assert wanted.rates == Rates(None, None)
+    assert (Session.given["arrive_s"], Session.given["stop"]) == (1.0, None)
+    assert Session.given["motion"] is driven["course"].motion
+    head, last = ran.out.splitlines()
+    assert head.startswith("lab8-exercise, 9600 baud: a position takes 3.125 ms, a pose of the servo 3.125")
+    assert last.endswith("30 positions, 10 poses (2.5 a second, the slowest 37.5 ms)")
+
+
+def test_the_options_of_a_drive_reach_the_library(run: Run, driven: dict[str, Any]) -> None:
+    words = (
+        "--pose",
+        "2",
+        "--seconds",
+        3,
+        "--stop",
+        "neutral",
+        "--arrive-s",
+        2,
+        "--baud",
+        1200,
+        "--first",
+        7,
+    )
+    ran = run("drive", LAB8, *RANGE, *words, "--patience", 5, "--dry-run", "--json")
+    assert (driven["controller"], driven["link"]) == ((1200, "500,2500", 7), (1200, 5.0))
+    wanted = driven["request"]
+    assert (wanted.pose, wanted.seconds, wanted.stop) == ("2", 3.0, "neutral")
+    assert Session.given["arrive_s"] == 2.0
+    assert Session.given["stop"] == pytest.approx([math.pi / 2])
+    assert json.loads(ran.out)["commands"] == 30
+    assert len(ran.out.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("json_", "lines"), [((), 1), (("--json",), 0)])
+def test_a_pose_that_is_kept_is_said_to_be(
+    run: Run, driven: dict[str, Any], monkeypatch: pytest.MonkeyPatch, json_: tuple[str, ...], lines: int
+) -> None:
+    """Only if it would go on without end; not with a time, and not of a whole motion that goes on."""
+    monkeypatch.setattr(
+        serial_link, "port_opener", lambda port, speed: lambda: nullcontext(serial_link.NullWire())
+    )
+    kept = "the pose is kept until Ctrl-C (or --seconds)"
+    pose = ("--pose", "wheel1=90,wheel2=0,wheel3=0")
+    common = ("drive", WHEELS, *RANGE, "--port", "any", *json_)
+    assert run(*common, *pose).out.count(kept) == lines
+    assert math.isinf(driven["course"].seconds)
+    assert run(*common, *pose, "--seconds", 1).out.count(kept) == 0
+    assert run(*common).out.count(kept) == 0
+    assert math.isinf(driven["course"].seconds)
+
+
+def test_ctrl_c_ends_a_drive_with_130_after_its_summary(run: Run, driven: dict[str, Any]) -> None:
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGHUP)
+    Session.interrupted = True
+    ran = run("drive", LAB8, *RANGE, "--dry-run")
+    assert (ran.code, "30 positions" in ran.out) == (130, True)
+    assert Session.given["handler"] is signal.default_int_handler
+    assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGHUP)) == before
+
+
+def test_a_drive_needs_a_port_or_a_dry_run(run: Run, driven: dict[str, Any]) -> None:
+    ran = run("drive", LAB8, *RANGE)
+    assert (ran.code, ran.out) == (2, "")
+    assert "no serial port is given" in ran.err
+    assert "--port /dev/ttyUSB0, or --dry-run" in ran.err
+
+
+def test_the_state_is_shown_after_each_command_but_not_as_json(
+    run: Run, driven: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: Text
+) -> None:
+    """On standard error, so that a pipe has the bytes alone."""
+    commands: list[str] = []
+    changes: list[dict[str, Any]] = []
+    made = request.course_of
+    monkeypatch.setattr(request, "course_of", lambda *given: replace(made(*given), **changes[-1]))
+    for state in ((lambda: "now"), None):
+        changes.append({"state": state, "on_command": commands.append})
+        for json_ in ((), ("--json",)):
+            run("drive", LAB8, *RANGE, "--dry-run", *json_)
+            Session.given["on_command"]("left")
+            assert capsys.readouterr().err == ("now\n" if state and not json_ else "")
+    assert commands == ["left"] * 4
+
+
+class Wire:
+    """Stands for the line of a walk on command."""
+
+    def __init__(self, *given: Any) -> None:
+        self.given = given
+
+    def __enter__(self) -> Wire:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+class State:
+    def __init__(self, direction: str, part: str, text: str) -> None:
+        self.direction, self.part, self.words = direction, part, text
+
+    def text(self) -> str:
+        return self.words
+
+    def to_json(self) -> dict[str, str]:
+        return {"text": self.words}
+
+
+STATES = (State("a", "", "1"), State("a", "", "2"), State("a", "x", "3"), State("b", "x", "4"))
+
+
+@pytest.fixture
+def walking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A walk on command that goes through `STATES`; what it is given."""
+    seen: dict[str, Any] = {"interrupted": False}
+
+    class Drive:
+        sent = 3
+
+        def __init__(self, **given: Any) -> None:
+            seen.update(given)
+
+        def run(self, seconds: float) -> None:
+            seen["seconds"] = seconds
+            for state in STATES:
+                seen["tell"](state)
+            if seen["interrupted"]:
+                raise KeyboardInterrupt
+
+    @contextmanager
+    def source(*given: Any) -> Iterator[str]:
+        seen["source_of"] = given
+        yield "source"
+
+    monkeypatch.setattr(on_command, "CommandedDrive", Drive)
+    monkeypatch.setattr(on_command, "Twin", lambda job: SimpleNamespace(seconds=1.5))
+    monkeypatch.setattr(on_command, "line_baud", lambda job: 50)
+    monkeypatch.setattr(serial_link, "SerialLink", Wire)
+    monkeypatch.setattr(serial_link, "port_opener", lambda port, rate: (port, rate))
+    monkeypatch.setattr(drive_commands, "_source", source)
+    return seen
+
+
+def walk_job(commands: Any = None) -> Any:
+    servos = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
+    firmware = SimpleNamespace(commands=commands)
+    return SimpleNamespace(name="six", servos=servos, firmware=firmware, file="six.toml")
+
+
+def terminal(monkeypatch: pytest.MonkeyPatch, is_one: bool) -> None:
+    keys: Any = io.StringIO()
+    keys.isatty = lambda: is_one
+    monkeypatch.setattr(sys, "stdin", keys)
+
+
+@pytest.mark.parametrize(
+    ("tty", "dry_run", "json_", "out"),
+    [
+        (False, False, False, "six: a simulated chip; widths of a, b\n1\n3\n4\n1.50 s, 3 commands\n"),
+        (True, True, False, "six: a simulated chip; widths of a, b\n1\n3\n4\n1.50 s, 3 commands\n"),
+        (True, False, False, "six: a simulated chip; widths of a, b\n\r1\r2\r3\r4\n1.50 s, 3 commands\n"),
+        (False, False, True, '{"text": "1"}\n{"text": "3"}\n{"text": "4"}\nEND\n'),
+        (True, False, True, '{"text": "1"}\n{"text": "3"}\n{"text": "4"}\nEND\n'),
+    ],
+)
+def test_a_walk_on_command_tells_its_states(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Text,
+    walking: dict[str, Any],
+    tty: bool,
+    dry_run: bool,
+    json_: bool,
+    out: str,
+) -> None:
+    """On a terminal every one on one line; else, and as JSON, those of a new direction or part."""
+    terminal(monkeypatch, tty)
+    drive_commands._walk_on_command(walk_job(), None, None, None, dry_run, json_)
+    end = '{"diagnostics": [], "seconds": 1.5, "commands": 3}'
+    assert capsys.readouterr().out == out.replace("END", end)
+    assert walking["seconds"] == math.inf
+    assert walking["single_keys"] is (tty and not dry_run)
+    assert (walking["link"], walking["source"]) == (None, "source")
+    assert walking["source_of"][:2] == (True, dry_run)
+    assert walking["source_of"][3] == drive_commands.WALK_KEYS_HELP
+
+
+@pytest.mark.parametrize(("baud", "rate"), [(None, 50), (1200, 1200)])
+def test_a_walk_on_a_port_uses_its_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: Text, walking: dict[str, Any], baud: int | None, rate: int
+) -> None:
+    terminal(monkeypatch, False)
+    job = walk_job(CommandLine("RA4"))
+    drive_commands._walk_on_command(job, "/dev/x", baud, 2.5, False, False)
+    assert capsys.readouterr().out.startswith(f"six: /dev/x, {rate} baud; widths of a, b\n")
+    assert walking["seconds"] == 2.5
+    opener, speed, time, patience = walking["link"].given
+    assert (opener, speed, patience) == (("/dev/x", rate), rate, 0)
+    assert time is walking["time"]
+    drive_commands._walk_on_command(job, "/dev/x", baud, 2.5, True, False)
+    assert walking["link"] is None
+    assert "a simulated chip" in capsys.readouterr().out
+
+
+def test_a_walk_that_is_interrupted_says_how_far_it_was(
+    monkeypatch: pytest.MonkeyPatch, capsys: Text, walking: dict[str, Any]
+) -> None:
+    terminal(monkeypatch, False)
+    walking["interrupted"] = True
+    with pytest.raises(typer.Exit) as ended:
+        drive_commands._walk_on_command(walk_job(), None, None, 0.0, False, False)
+    assert ended.value.exit_code == 130
+    assert capsys.readouterr().out.endswith("1.50 s, 3 commands\n")
+    assert walking["seconds"] == 0.0
+
+
+def test_buttons_are_not_commanded_through_a_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal(monkeypatch, False)
+    with pytest.raises(InputError, match="commanded by buttons, not by codes"):
+        drive_commands._walk_on_command(walk_job(), "/dev/x", None, None, False, False)
+
+
+@pytest.mark.parametrize(
+    ("steer", "others", "message"),
+    [
+        (True, ["--pose"], "--pose is for other jobs: this robot walks on command"),
+        (False, ["--stop", "--pose"], "--stop is for other jobs: this robot walks on command"),
+        (False, [], "the robot walks on command"),
+        (True, [], ""),
+    ],
+)
+def test_a_walk_on_command_is_steered_only(steer: bool, others: list[str], message: str) -> None:
+    if not message:
+        drive_commands._check_walk_on_command(walk_job(), steer, others)
+        return
+    with pytest.raises(InputError) as refused:
+        drive_commands._check_walk_on_command(walk_job(), steer, others)
+    assert refused.value.message == message
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("--pose", "1"), "--pose"),
+        (("--stop", "off"), "--stop"),
+        (("--step-mm", 5), "--step-mm"),
+        (("--turn-deg", 5), "--turn-deg"),
+        (RANGE, "--range-us"),
+    ],
+)
+def test_options_of_other_drives_are_refused_by_name(
+    run: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[object, ...], named: str
+) -> None:
+    monkeypatch.setattr("servogen.job.load", lambda path: None)
+    monkeypatch.setattr(
+        "servogen.job.plan_job", lambda job: SimpleNamespace(directions=(1,), file="six.toml")
+    )
+    ran = run("drive", "six.toml", "--keys", *words)
+    assert (ran.code, ran.out) == (2, "")
+    assert f"{named} is for other jobs" in ran.err
+
+
+def test_commands_come_from_keys_lines_a_script_or_nowhere(
+    monkeypatch: pytest.MonkeyPatch, capsys: Text, tmp_path: Path
+) -> None:
+    from servogen.drive import commands
+
+    keys: Any = io.StringIO("forward\nwait 1\n")
+    keys.fileno = lambda: 17
+    monkeypatch.setattr(sys, "stdin", keys)
+    monkeypatch.setattr(commands, "script", lambda text: ("script", text))
+    monkeypatch.setattr(commands, "LineCommands", lambda number: ("lines", number))
+    monkeypatch.setattr(commands, "terminal_keys", lambda number, own: nullcontext(("keys", number, own)))
+    with drive_commands._source(False, True) as none:
+        assert isinstance(none, commands.NoCommands)
+    with drive_commands._source(True, True) as given:
+        assert given == ("script", "forward\nwait 1\n")
+    keys.isatty = lambda: False
+    with drive_commands._source(True, False) as given:
+        assert given == ("lines", 17)
+    assert tuple(capsys.readouterr()) == ("", "")
+    keys.isatty = lambda: True
+    with drive_commands._source(True, False) as given:
+        assert given == ("keys", 17, commands.KEYS)
+    assert tuple(capsys.readouterr()) == ("", f"{drive_commands.KEYS_HELP}\n")
+    own: Any = {"x": "y"}
+    with drive_commands._source(True, False, own, "own help") as given:
+        assert given == ("keys", 17, own)
+    assert capsys.readouterr().err == "own help\n"
+
+
+READINGS = tuple(Reading(1000 + 5.0 * angle, math.radians(angle)) for angle in (0, 90, 180))
+FIT = Fit(READINGS, 1000.5, math.degrees(-5.25), tuple(math.radians(off) for off in (-0.25, 1.5, 0.0)))
+
+
+def shown_calibration(
+    servo: Any, files: Any, refused: tuple[Diagnostic, ...] = (), json_: bool = False
+) -> None:
+    drive_commands._show_calibration(Path("jobs/a.toml"), servo, FIT, files, refused, json_)
+
+
+@pytest.fixture
+def servo() -> Any:
+    return load(LAB8).servos[0]
+
+
+def test_a_calibration_shows_its_readings_its_line_and_its_file(
+    capsys: Text, monkeypatch: pytest.MonkeyPatch, servo: Any
+) -> None:
+    """The rms over one degree of freedom: √(0.25² + 1.5²) = 1.52; the worst is the second."""
+    tables: list[Any] = []
+    monkeypatch.setattr(drive_commands, "table", lambda *given: tables.append(given))
+    shown_calibration(servo, (Path("jobs/x.toml"), None))
+    line = "width = 1000.5 µs -5.2500 µs/°; rms 1.52°, worst +1.50°"
+    add = 'add to the servo in the job: calibration = "x.toml"'
+    assert capsys.readouterr().out.splitlines() == [line, "jobs/x.toml: written", add]
+    rows = [("1000.0", "0.0", "-0.25"), ("1450.0", "90.0", "+1.50"), ("1900.0", "180.0", "+0.00")]
+    columns = ("width µs", "seen °", "off the line °")
+    assert tables == [(f"{servo.name}, {servo.model.title}", columns, rows)]
+    shown_calibration(servo, (Path("/other/x.toml"), Path("/other/x.1.toml")))
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "/other/x.toml: written; /other/x.1.toml is the file that was there",
+        'add to the servo in the job: calibration = "/other/x.toml"',
+    ]
+    refusal = Diagnostic("warning", "out-of-range", "too far")
+    shown_calibration(servo, (Path("jobs/x.toml"), None), (refusal,))
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[1:] == ["jobs/x.toml: written"]
+    assert shown.err == f"with this calibration the job's motion is not possible:\n{refusal}\n"
+
+
+def test_a_calibration_as_json_is_in_degrees(capsys: Text, servo: Any) -> None:
+    refusal = Diagnostic("warning", "out-of-range", "too far")
+    for previous, refused in ((None, ()), (Path("b.toml"), (refusal,))):
+        show.begin()
+        shown_calibration(servo, (Path("a.toml"), previous), refused, True)
+        out, err = capsys.readouterr()
+        found = json.loads(out)
+        assert (found["file"], found["kept"], err) == ("a.toml", previous and str(previous), "")
+        assert (found["zero_us"], found["us_per_deg"]) == (1000.5, pytest.approx(-5.25))
+        assert found["rms_deg"] == pytest.approx(math.hypot(0.25, 1.5))
+        assert (found["worst_deg"], found["residuals_deg"]) == (
+            pytest.approx(1.5),
+            pytest.approx([-0.25, 1.5, 0]),
+        )
+        assert found["taken_by_job"] is not bool(refused)
+        assert [each["code"] for each in found["diagnostics"]] == [each.code for each in refused]
+
+
+@pytest.mark.parametrize(
+    ("job", "option", "degrees"),
+    [(LAB8, (), 5), (LAB8, ("--tolerance-deg", 0.5), 0.5), (WHEELS, ("--servo", "wheel2"), 20)],
+)
+def test_a_reading_may_be_five_degrees_off_and_a_wheels_twenty(
+    run: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    job: Path,
+    option: tuple[object, ...],
+    degrees: float,
+) -> None:
+    """As --help says."""
+    asked: list[Any] = []
+
+    def fitted(readings: Any, tolerance: float, continuous: bool) -> Any:
+        asked.append((math.degrees(tolerance), continuous))
+        raise InputError("bad-readings", "enough")
+
+    monkeypatch.setattr(calibration, "fit", fitted)
+    csv = tmp_path / "seen.csv"
+    column = "speed_deg_s" if job == WHEELS else "angle_deg"
+    csv.write_text(f"width_us,{column}\n1400,0\n1500,90\n1600,180\n")
+    assert run("calibrate", job, "--readings", csv, *option).code == 2
+    assert asked == [(pytest.approx(degrees), job == WHEELS)]
+
+
+def test_a_servo_is_moved_through_the_widths_that_are_asked_for(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Seven of its range unless told otherwise; angles that are given need no port."""
+    asked: list[Any] = []
+    real = sweep.positions
+
+    def positions(channel: Any, *span: Any) -> Any:
+        asked.append(span)
+        return real(channel, *span)
+
+    monkeypatch.setattr(sweep, "positions", positions)
+    angles = ",".join(str(30 * number) for number in range(7))
+    common = ("calibrate", LAB8, *RANGE, "-o", tmp_path / "a.toml")
+    run(*common, "--angles-deg", angles)
+    run(*common, "--angles-deg", "1,2,3", "--points", 3, "--from-us", 1100, "--to-us", 1900)
+    assert asked == [(None, None, 7), (1100, 1900, 3)]
+    without = run(*common)
+    assert (without.code, len(asked)) == (2, 2)
+    assert "no serial port is given" in without.err
+    both = run(*common, "--readings", tmp_path / "no.csv", "--angles-deg", angles)
+    assert (both.code, "--readings has the angles already" in both.err) == (2, True)
+
+
+def test_a_job_that_cannot_use_its_calibration_is_exit_code_1(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    csv = tmp_path / "seen.csv"
+    csv.write_text("width_us,angle_deg\n1000,0\n1500,90\n2000,180\n")
+    common = ("calibrate", LAB8, "--readings", csv, "-o", tmp_path / "a.toml")
+    assert run(*common).code == 0
+    refusal = Diagnostic("warning", "out-of-range", "too far")
+    monkeypatch.setattr(sweep, "refusals", lambda *_: (refusal,))
+    assert run(*common).code == 1
+
+
+def test_a_wrong_answer_is_asked_for_again_and_q_ends(monkeypatch: pytest.MonkeyPatch, capsys: Text) -> None:
+    """The answers of one reading of the keyboard are taken one after the other."""
+    from servogen.drive import commands
+
+    class Lines:
+        def __init__(self, number: int) -> None:
+            self.left = [["what", "90"], [], [commands.QUIT]]
+
+        def since(self, seconds: float) -> list[str]:
+            return self.left.pop(0) if self.left else []
+
+    monkeypatch.setattr(commands, "LineCommands", Lines)
+    keys: Any = io.StringIO()
+    keys.fileno = lambda: 0
+    monkeypatch.setattr(sys, "stdin", keys)
+    model = SimpleNamespace(unit="°")
+    channel: Any = SimpleNamespace(widths_us=[1000.0, 1500.04], servo=SimpleNamespace(model=model))
+
+    def wait_for(answer: Callable[[], str | None]) -> str:
+        return next(text for text in iter(answer, object()) if text is not None)
+
+    moved: Any = SimpleNamespace(at=1, wait_for=wait_for)
+    ask = drive_commands._asking(channel, 5)
+    assert ask(moved, 0) == pytest.approx(math.pi / 2)
+    shown = capsys.readouterr()
+    assert shown.out == "1 of 5, 1500.0 µs: what do you see, °? " * 2
+    assert shown.err == f"'what' is not a number of degrees; '{commands.QUIT}' ends the calibration\n"
+    with pytest.raises(InputError, match="ended after 3 of 5 readings: nothing is written"):
+        ask(moved, 3)
+
+
+def test_the_widths_of_a_stream_job_are_its_own() -> None:
+    text = LAB8.read_text().split("[motion]")[0] + "[stream]\nbaud = 1200\n"
+    speed, found = controller.controller_of(loads(text, "a.toml"), None, None, 0)
+    assert (speed, len(found.channels)) == (1200, 1)
