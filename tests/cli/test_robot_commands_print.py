@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from math import pi, radians
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -412,3 +413,22 @@ def test_a_table_has_its_title_columns_and_rows(capsys: pytest.CaptureFixture[st
         "  a      -1.5",
         "  bc       10",
     ]
+
+
+def test_a_robot_is_shown_as_text_or_json(run: Run, answer: Answer) -> None:
+    details = {"name": "a", "title": "", "kind": "k", "dimensions": "d", "source": ""}
+    asked = answer("robot_details", details)
+    assert run("robots", "a").out.splitlines() == ["a (k)", "dimensions: d"]
+    assert json.loads(run("robots", "a", "--json").out) == {"diagnostics": [], **details}
+    assert asked == [("a",), ("a",)]
+
+
+@pytest.mark.parametrize("option", ["--urdf", "--mjcf"])
+def test_a_robot_is_written_to_a_file_whose_name_is_printed(run: Run, tmp_path: Path, option: str) -> None:
+    path = tmp_path / "robot.xml"
+    nameless = run("robots", option, path)
+    assert (nameless.code, nameless.out, path.exists()) == (2, "", False)
+    assert "which robot should be written?" in nameless.err
+    written = run("robots", "scara", option, path)
+    assert (written.code, written.out.splitlines()[-1]) == (0, str(path))
+    assert path.read_text().startswith("<")

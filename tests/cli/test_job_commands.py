@@ -1,0 +1,494 @@
+"""What the commands of jobs print: tables, last lines, JSON and exit codes, of results made by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen.build import retarget
+from servogen.cli import job_commands
+from servogen.engines.firmware import ResourceError
+from servogen.errors import Diagnostic
+from servogen.plan_error import PlanError
+from servogen.pulse import Quantised
+from servogen.units import Clock, Cycles
+from tests.cli.conftest import Run
+
+ROOT = Path(__file__).parents[2]
+LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
+Tables = list[tuple[Any, ...]]
+
+
+@pytest.fixture
+def tables(monkeypatch: pytest.MonkeyPatch) -> Tables:
+    shown: Tables = []
+    monkeypatch.setattr(job_commands, "table", lambda *given: shown.append(given))
+    return shown
+
+
+def width(
+    channel: str, us: str, cycles: int, frames: int = 1, held: bool = True, which: str = ""
+) -> Quantised:
+    """A width whose cycle is a microsecond."""
+    asked = Fraction(us)
+    return Quantised(channel, 0.0, asked, Cycles(cycles), Fraction(cycles), frames, which, held)
+
+
+COLUMNS = ("servo", "requested µs", "cycles", "error µs", "frames")
+
+
+def test_a_ramp_of_three_widths_is_one_row_and_of_two_are_two(tables: Tables) -> None:
+    """Neighbours of one servo that no pose holds; errors from the least to the greatest."""
+    job_commands._width_table(
+        [
+            width("a", "1000.25", 1000, 7),
+            width("a", "1010.5", 1011, held=False),
+            width("a", "1020", 1020, held=False),
+            width("a", "1030.75", 1030, 2, held=False),
+            width("a", "1500", 1500, 9),
+            width("b", "1", 1, held=False),
+            width("b", "2", 2, held=False),
+            width("c", "3", 3, held=False),
+        ]
+    )
+    assert tables == [
+        (
+            "Pulse widths",
+            COLUMNS,
+            [
+                ("a", "1000.250", 1000, "-0.250", 7),
+                ("a, 3 widths of ramps", "1010.500 to 1030.750", "1011 to 1030", "-0.750 to +0.500", 4),
+                ("a", "1500.000", 1500, "+0.000", 9),
+                ("b", "1.000", 1, "+0.000", 1),
+                ("b", "2.000", 2, "+0.000", 1),
+                ("c", "3.000", 3, "+0.000", 1),
+            ],
+        )
+    ]
+
+
+def test_examples_of_widths_have_a_column_of_their_own(tables: Tables) -> None:
+    ramp = [width("a", str(us), us, held=False) for us in (1, 2, 3)]
+    job_commands._width_table([width("a", "900", 900, which="longest"), *ramp])
+    assert tables == [
+        (
+            "Pulse widths",
+            ("servo", "pulse", *COLUMNS[1:]),
+            [
+                ("a", "longest", "900.000", 900, "+0.000", 1),
+                ("a, 3 widths of ramps", "", "1.000 to 3.000", "1 to 3", "+0.000 to +0.000", 3),
+            ],
+        )
+    ]
+
+
+def built(name: str = "arm", proven: bool = True, warnings: int = 0) -> Any:
+    """A build of two programs."""
+    programs = [
+        SimpleNamespace(
+            firmware=SimpleNamespace(
+                dialect=dialect, compilation=SimpleNamespace(words=words, ram_bytes=ram, image=None)
+            ),
+            verdict=SimpleNamespace(worst_edge_error=error, plan_error=plan),
+            proven=fine,
+        )
+        for dialect, words, ram, error, plan, fine in (
+            ("c2c", 200, 8, 0, PlanError(0.25), True),
+            ("xc8", 1024, 68, 3, None, proven),
+        )
+    ]
+    schedule = SimpleNamespace(plan_error=PlanError(0.25))
+    return SimpleNamespace(
+        job=SimpleNamespace(name=name, clock=Clock(4_000_000)),
+        engine="sequence",
+        frames=30,
+        programs=programs,
+        proven=proven,
+        plan=SimpleNamespace(widths=(), schedule=schedule),
+        warnings=tuple(Diagnostic("warning", "w", f"warning {number}") for number in range(warnings)),
+        to_json=lambda: {"job": name},
+    )
+
+
+PROGRAM_COLUMNS = ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames")
+PROGRAM_COLUMNS += ("worst edge error", "from the plan", "verdict")
+ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
+    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "proven"),
+    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT PROVEN"),
+]
+
+
+def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
+    job_commands._program_table([built(proven=False)])
+    job_commands._program_table([built(proven=False)], ["valid", "refused"])
+    certified = [(*ROWS[0], "valid"), (*ROWS[1], "refused")]
+    assert tables == [
+        ("Programs", PROGRAM_COLUMNS, ROWS),
+        ("Programs", (*PROGRAM_COLUMNS, "for all inputs"), certified),
+    ]
+
+
+@pytest.fixture
+def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """`build` gives results["build"](job); what is written where."""
+    results: dict[str, Any] = {"build": lambda job: built(), "written": []}
+    monkeypatch.setattr("servogen.job.load", lambda path: path)
+    monkeypatch.setattr(
+        "servogen.job.plan_job", lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=())
+    )
+
+    def build(job: Any, tell: Callable[[str], None]) -> Any:
+        tell("compiling")
+        return results["build"](job)
+
+    monkeypatch.setattr("servogen.build.build", build)
+    monkeypatch.setattr("servogen.build.write", lambda result, folder: results["written"].append(folder))
+    return results
+
+
+@pytest.mark.parametrize(("proven", "code", "word"), [(True, 0, "proven"), (False, 1, "NOT PROVEN")])
+def test_demo_prints_one_table_and_the_warnings_of_each_job(
+    run: Run, building: dict[str, Any], tables: Tables, proven: bool, code: int, word: str
+) -> None:
+    building["build"] = lambda job: built(job.name, proven, {"a": 0, "b": 1, "c": 2}[job.name])
+    ran = run("demo", "a.toml", "b.toml", "c.toml")
+    assert ran.code == code
+    assert ran.out.splitlines() == ["b: 1 warning in its report.txt", "c: 2 warnings in its report.txt"]
+    assert building["written"] == [Path("build", name) for name in "abc"]
+    (programs,) = tables
+    assert [row[0] for row in programs[2]] == ["a", "a", "b", "b", "c", "c"]
+    assert [row[-1] for row in programs[2]] == ["proven", word] * 3
+    shown = json.loads(run("demo", "b.toml", "c.toml", "-o", "other", "--json").out)
+    assert shown["jobs"] == [{"folder": f"other/{name}", "job": name} for name in "bc"]
+    assert [each["message"] for each in shown["diagnostics"]] == ["warning 0", "warning 1"]
+    assert "for_all_inputs" not in shown
+    assert len(tables) == 1
+
+
+def test_demo_goes_on_after_a_job_that_does_not_fit(
+    run: Run, building: dict[str, Any], tables: Tables
+) -> None:
+    def build(job: Any) -> Any:
+        if job.name == "b":
+            raise ResourceError("does-not-fit", "b is too large")
+        return built(job.name)
+
+    building["build"] = build
+    ran = run("demo", "a.toml", "b.toml", "c.toml", "-o", "out")
+    assert (ran.code, ran.out) == (0, "b is too large\n")
+    assert building["written"] == [Path("out/a"), Path("out/c")]
+    shown = json.loads(run("demo", "a.toml", "b.toml", "--json").out)
+    assert [each["code"] for each in shown["diagnostics"]] == ["does-not-fit"]
+    assert len(shown["jobs"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("valid", "missing", "code"), [(True, False, 0), (False, True, 0), (False, False, 1)]
+)
+def test_demo_is_refused_with_a_certificate_that_is_refused(
+    run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch, valid: bool,
+    missing: bool, code: int,
+) -> None:  # fmt: skip
+    """One that is missing is named in the table only."""
+    verdict = SimpleNamespace(text="words", valid=valid, missing=missing)
+    monkeypatch.setattr(job_commands, "_check_certificates", lambda *_: [verdict, verdict])
+    assert run("demo", "a.toml", "--certificates", "c").code == code
+    assert [row[-1] for row in tables[0][2]] == ["words", "words"]
+    assert (
+        json.loads(run("demo", "a.toml", "--certificates", "c", "--json").out)["for_all_inputs"]
+        == ["words"] * 2
+    )
+
+
+def facts(**others: Any) -> Any:
+    """A plan of two servos: one steps, one moves on a ramp."""
+    model = SimpleNamespace(unit="°", speed=math.radians(600))
+    servos = [
+        SimpleNamespace(name="a", model=model, limits=(0.0, math.pi)),
+        SimpleNamespace(name="b", model=SimpleNamespace(unit="°/s", speed=None), limits=(-math.pi, math.pi)),
+    ]
+    ramp = {"speed": math.pi, "speed_frame": 7, "step": None, "step_needs_s": None, "step_s": None}
+    step = {"speed": None, "speed_frame": None, "step": math.pi / 2, "step_needs_s": 0.15, "step_s": 1.5}
+    rows = (
+        SimpleNamespace(servo=servos[0], minimum=0.0, maximum=math.radians(90.126), **ramp),
+        SimpleNamespace(servo=servos[1], minimum=-0.5, maximum=0.0, **step),
+    )
+    job = SimpleNamespace(
+        bindings=[SimpleNamespace(servo="a", joint="q1")],
+        notes=[SimpleNamespace(message="a note")],
+        servos=servos,
+        file="jobs/x.toml",
+        warnings=(),
+    )
+    schedule = SimpleNamespace(lead_in_frames=1, loop_frames=50)
+    plan = SimpleNamespace(schedule=schedule, warnings=())
+    given = {"job": job, "plan": plan, "servos": rows, "ends": (), "rigid_legs_end": None, "worst": None}
+    return SimpleNamespace(**{**given, "seconds": lambda frames: 0.02 * frames, **others})
+
+
+def test_a_plan_shows_its_servos_and_how_long_it_lasts(
+    capsys: pytest.CaptureFixture[str], tables: Tables
+) -> None:
+    job_commands._show_plan(facts())
+    columns = ("servo", "joint", "range", "limits", "peak °/s", "limit °/s", "at frame", "step °", "needs s")
+    rows = [
+        ("a", "q1", "0.00 to 90.13°", "0 to 180°", "180.0", "600.0", 7, "", "", ""),
+        ("b", "", "-28.65 to 0.00°/s", "-180 to 180°/s", "", "", "", "90.0", "0.150", "1.500"),
+    ]
+    assert tables == [("Servos", (*columns, "has s"), rows)]
+    last = "jobs/x.toml: 2 servos, lead-in of 1 frame, 0.02 s, loop of 50 frames, 1 s"
+    assert capsys.readouterr().out.splitlines() == ["a note", last]
+
+
+def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
+    capsys: pytest.CaptureFixture[str], tables: Tables, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from servogen.report import tracks
+
+    monkeypatch.setattr(tracks, "error_rows", lambda ends, frame_s: [("errors", len(ends), frame_s)])
+    end = SimpleNamespace(name="L1", worst_m=0.0012345, frame=3)
+    still = SimpleNamespace(lead_in_frames=0, loop_frames=2)
+    found = facts(
+        ends=(end,),
+        worst=end,
+        extent=lambda end: ([0.001, -0.25, 0], [0.1, 0.25, 0.0]),
+        rigid_legs_end=(0.1234, -0.02, math.pi / 2),
+        plan=SimpleNamespace(schedule=still, warnings=()),
+    )
+    job_commands._show_plan(found)
+    spans = ("L1", "1.00 to 100.00", "-250.00 to 250.00", "0.00 to 0.00")
+    assert tables[1] == ("Paths", ("end", "x mm", "y mm", "z mm"), [spans])
+    columns = ["end", "worst mm", "rms mm", "frame", "time s", "jacobian worst mm", "jacobian rms mm"]
+    assert tables[2] == ("Error of the pulses", columns, [("errors", 1, 0.02)])
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "rigid legs take the body 123.4 mm forward, -20.0 mm to the left and turn it by 90.0°",
+        "error of the pulses: at worst 1.234 mm, L1 in frame 3 (0.06 s)",
+        "jobs/x.toml: 2 servos, loop of 2 frames, 0.04 s",
+    ]
+
+
+def page(**others: Any) -> Any:
+    given = {
+        "html": "<html>",
+        "programs_proven": True,
+        "not_built": None,
+        "plan_error": PlanError(0.25),
+        "capture": None,
+        "twin": None,
+        "to_json": lambda: {"proven": True},
+    }
+    return SimpleNamespace(**{**given, **others})
+
+
+PLAN = "the schedule is within 0.25 µs of the plan"
+TWIN = [f"a.html: proven; {PLAN}", "twin: as planned", "a reason"]
+UNFIT = Diagnostic("warning", "does-not-fit", "no engine can hold it")
+
+
+def seen(whole: bool, partly: bool) -> Any:
+    return SimpleNamespace(accepted=lambda partial: partly if partial else whole)
+
+
+def physics(passed: bool) -> Any:
+    return SimpleNamespace(passed=passed, word="as planned", reasons=lambda: ["a reason"])
+
+
+@pytest.mark.parametrize(
+    ("found", "words", "code", "lines"),
+    [
+        (page(), (), 0, [f"a.html: proven; {PLAN}"]),
+        (page(programs_proven=False), (), 1, [f"a.html: NOT PROVEN; {PLAN}"]),
+        (
+            page(programs_proven=False, not_built=UNFIT),
+            (),
+            0,
+            ["no engine can hold it", f"a.html: the plan; {PLAN}"],
+        ),
+        (
+            page(capture=seen(True, True)),
+            ("--capture", "run.vcd"),
+            0,
+            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+        ),
+        (
+            page(capture=seen(False, True)),
+            ("--capture", "run.vcd"),
+            1,
+            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+        ),
+        (
+            page(capture=seen(False, True)),
+            ("--capture", "run.vcd", "--partial", "--rate", 5),
+            0,
+            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+        ),
+        (
+            page(capture=seen(True, True), programs_proven=False),
+            ("--capture", "run.vcd"),
+            1,
+            [f"a.html: programs NOT PROVEN; {PLAN}", "run.vcd: first"],
+        ),
+        (
+            page(twin=physics(True)),
+            ("--twin",),
+            0,
+            TWIN,
+        ),
+        (
+            page(twin=physics(False)),
+            ("--twin",),
+            1,
+            TWIN,
+        ),
+    ],
+)
+def test_report_says_what_its_page_shows(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, building: dict[str, Any], found: Any,
+    words: tuple[object, ...], code: int, lines: list[str],
+) -> None:  # fmt: skip
+    asked: list[Any] = []
+
+    def page_of(job: Any, capture: Any, tell: Callable[[str], None], rate: Any, twin: bool) -> Any:
+        tell("compiling")
+        asked.append((capture, rate, twin))
+        return found
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("servogen.build.reporting.page_of", page_of)
+    monkeypatch.setattr("servogen.verify.capture_lines", lambda verdict: ["first", "second"])
+    ran = run("report", "jobs/a.toml", *words)
+    assert (ran.code, ran.out.splitlines()) == (code, lines)
+    assert (tmp_path / "a.html").read_text() == "<html>"
+    shown = run("report", "jobs/a.toml", *words, "-o", "b.html", "--json")
+    found_json = json.loads(shown.out)
+    assert (shown.code, len(shown.out.splitlines())) == (code, 1)
+    assert (found_json["file"], found_json["proven"]) == ("b.html", True)
+    assert [each["code"] for each in found_json["diagnostics"]] == ["does-not-fit"] * bool(found.not_built)
+    capture = Path("run.vcd") if "--capture" in words else None
+    assert asked == [(capture, 5 if "--rate" in words else None, "--twin" in words)] * 2
+
+
+def test_only_a_capture_has_a_rate(run: Run) -> None:
+    ran = run("report", "a.toml", "--rate", 5)
+    assert (ran.code, "only a capture has a sampling rate" in ran.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "following"),
+    [
+        ("main.xc8.c", "main.xc8.1.c"),
+        ("main.xc8.1.c", "main.xc8.2.c"),
+        ("main.xc8.9.c", "main.xc8.10.c"),
+        ("main.c", "main.1.c"),
+        ("7.c", "7.1.c"),
+        (".7.c", ".7.1.c"),
+    ],
+)
+def test_the_next_c_file_has_the_next_number(name: str, following: str) -> None:
+    assert job_commands._next_c_file(Path("folder", name)) == Path("folder", following)
+
+
+@pytest.fixture
+def tuning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any]) -> dict[str, Any]:
+    """`tune` gives tuning["result"]; what it is asked."""
+    firmware = SimpleNamespace(dialect="xc8")
+    monkeypatch.setattr("servogen.job.plan_job", lambda path: SimpleNamespace(name="arm", firmware=firmware))
+    monkeypatch.setattr(job_commands, "read_image", lambda path: "image")
+    monkeypatch.setattr("servogen.verify.verdict_lines", lambda verdict: ["verdict"])
+    seen: dict[str, Any] = {}
+
+    def tune_to(job: Any, image: Any, name: str, dialect: str, source: Any) -> Any:
+        seen["asked"] = (image, name, dialect, source and source.text)
+        return seen["result"]
+
+    monkeypatch.setattr(retarget, "tune_to", tune_to)
+    return seen
+
+
+def tuned(source: str, proven: bool) -> Any:
+    added = [SimpleNamespace(path="A to B", theirs=7, ours=5)]
+    return SimpleNamespace(
+        source=source, added=added, verdict=SimpleNamespace(proven=proven), to_json=lambda: {"proven": proven}
+    )
+
+
+def test_tune_writes_the_next_c_until_the_hex_is_exact(
+    run: Run, tuning: dict[str, Any], tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tuning["result"] = tuned("int x;\n", False)
+    ran = run("tune", "a.toml", "--hex", "other.hex")
+    assert ran.code == 1
+    again = "not exact yet: compile main.xc8.1.c, then servogen tune a.toml --hex … --c main.xc8.1.c"
+    assert ran.out.splitlines() == ["verdict", again]
+    assert tables == [("Cycles beside the delays", ("path", "other.hex", "servogen"), [("A to B", 7, 5)])]
+    assert tuning["asked"] == ("image", "other.hex", "xc8", None)
+    assert Path("main.xc8.1.c").read_text() == "int x;\n"
+    tuning["result"] = tuned("", True)
+    ran = run("tune", "a.toml", "--hex", "other.hex", "--c", "main.xc8.1.c", "--dialect", "sdcc")
+    assert (ran.code, ran.out.splitlines()) == (0, ["verdict", "other.hex: 0 cycles off"])
+    assert tuning["asked"] == ("image", "other.hex", "sdcc", "int x;\n")
+    assert not Path("main.xc8.2.c").exists()
+
+
+def test_tune_as_json_names_the_next_c_if_there_is_one(
+    run: Run, tuning: dict[str, Any], tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for source, proven, following in (("int x;\n", False, "next.c"), ("", True, None)):
+        tuning["result"] = tuned(source, proven)
+        ran = run("tune", "a.toml", "--hex", "other.hex", "-o", "next.c", "--json")
+        assert ran.code == (0 if proven else 1)
+        assert json.loads(ran.out) == {
+            "diagnostics": [],
+            "job": "arm",
+            "dialect": "xc8",
+            "next_c": following,
+            "proven": proven,
+        }
+    assert tables == []
+
+
+def test_tune_does_not_overwrite_what_it_reads(
+    run: Run, tuning: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tuning["result"] = tuned("int x;\n", False)
+    Path("mine.c").write_text("int y;\n")
+    for target in ("a.toml", "other.hex", "mine.c"):
+        ran = run("tune", "a.toml", "--hex", "other.hex", "--c", "mine.c", "-o", target)
+        assert (ran.code, "[output-exists]" in ran.err) == (2, True), target
+    assert Path("mine.c").read_text() == "int y;\n"
+    assert not Path("a.toml").exists()
+
+
+def test_new_writes_a_file_once(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """job.toml unless told otherwise; an existing file is overwritten with --force only."""
+    monkeypatch.chdir(tmp_path)
+    ran = run("new")
+    assert (ran.code, ran.out) == (0, "job.toml: change it to your robot, then: servogen build job.toml\n")
+    text = Path("job.toml").read_text()
+    Path("job.toml").write_text("mine")
+    again = run("new")
+    assert (again.code, again.out, Path("job.toml").read_text()) == (2, "", "mine")
+    assert "exists already" in again.err
+    assert run("new", "--force").code == 0
+    assert Path("job.toml").read_text() == text
+    assert run("new", "b.toml", "--force").code == 0
+
+
+def test_check_ends_with_the_number_of_servos_the_loop_and_the_error(run: Run, tables: Tables) -> None:
+    """Three poses of 2, 5 and 3 s at 50 frames a second; the plan's own error is in its last words."""
+    ran = run("check", LAB8)
+    last = ran.out.splitlines()[-1]
+    assert last.startswith(f"{LAB8}: 1 servo, loop of 500 frames, 10 s; the schedule is within ")
+    assert [title for title, *_ in tables] == ["Pulse widths"]
+    assert run("check", LAB8, "--json").out.count("\n") == 1
+    assert len(tables) == 1
