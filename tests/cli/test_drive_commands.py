@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import typer
 
+from servogen import job as job_package
 from servogen.cli import drive_commands, show
 from servogen.drive import controller, on_command, request, serial_link, session, sweep
 from servogen.drive.session import Summary
@@ -434,9 +435,9 @@ def test_a_walk_on_command_is_steered_only(steer: bool, others: list[str], messa
 def test_options_of_other_drives_are_refused_by_name(
     run: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[object, ...], named: str
 ) -> None:
-    monkeypatch.setattr("servogen.job.load", lambda path: None)
+    monkeypatch.setattr(job_package, "load", lambda path: None)
     monkeypatch.setattr(
-        "servogen.job.plan_job", lambda job: SimpleNamespace(directions=(1,), file="six.toml")
+        job_package, "plan_job", lambda job: SimpleNamespace(directions=(1,), file="six.toml")
     )
     ran = run("drive", "six.toml", "--keys", *words)
     assert (ran.code, ran.out) == (2, "")

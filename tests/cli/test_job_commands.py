@@ -12,7 +12,10 @@ from typing import Any
 
 import pytest
 
-from servogen.build import retarget
+from servogen import build as build_package
+from servogen import job as job_package
+from servogen import verify as verify_package
+from servogen.build import reporting, retarget
 from servogen.cli import job_commands
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic
@@ -139,17 +142,17 @@ def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
 def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """`build` gives results["build"](job); what is written where."""
     results: dict[str, Any] = {"build": lambda job: built(), "written": []}
-    monkeypatch.setattr("servogen.job.load", lambda path: path)
+    monkeypatch.setattr(job_package, "load", lambda path: path)
     monkeypatch.setattr(
-        "servogen.job.plan_job", lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=())
+        job_package, "plan_job", lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=())
     )
 
     def build(job: Any, tell: Callable[[str], None]) -> Any:
         tell("compiling")
         return results["build"](job)
 
-    monkeypatch.setattr("servogen.build.build", build)
-    monkeypatch.setattr("servogen.build.write", lambda result, folder: results["written"].append(folder))
+    monkeypatch.setattr(build_package, "build", build)
+    monkeypatch.setattr(build_package, "write", lambda result, folder: results["written"].append(folder))
     return results
 
 
@@ -361,8 +364,8 @@ def test_report_says_what_its_page_shows(
         return found
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("servogen.build.reporting.page_of", page_of)
-    monkeypatch.setattr("servogen.verify.capture_lines", lambda verdict: ["first", "second"])
+    monkeypatch.setattr(reporting, "page_of", page_of)
+    monkeypatch.setattr(verify_package, "capture_lines", lambda verdict: ["first", "second"])
     ran = run("report", "jobs/a.toml", *words)
     assert (ran.code, ran.out.splitlines()) == (code, lines)
     assert (tmp_path / "a.html").read_text() == "<html>"
@@ -399,9 +402,9 @@ def test_the_next_c_file_has_the_next_number(name: str, following: str) -> None:
 def tuning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any]) -> dict[str, Any]:
     """`tune` gives tuning["result"]; what it is asked."""
     firmware = SimpleNamespace(dialect="xc8")
-    monkeypatch.setattr("servogen.job.plan_job", lambda path: SimpleNamespace(name="arm", firmware=firmware))
+    monkeypatch.setattr(job_package, "plan_job", lambda path: SimpleNamespace(name="arm", firmware=firmware))
     monkeypatch.setattr(job_commands, "read_image", lambda path: "image")
-    monkeypatch.setattr("servogen.verify.verdict_lines", lambda verdict: ["verdict"])
+    monkeypatch.setattr(verify_package, "verdict_lines", lambda verdict: ["verdict"])
     seen: dict[str, Any] = {}
 
     def tune_to(job: Any, image: Any, name: str, dialect: str, source: Any) -> Any:

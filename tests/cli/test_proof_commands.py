@@ -1,0 +1,358 @@
+"""What `prove` and `check-certificate` print and pass on, of answers made by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen import checker
+from servogen.cli import proof_commands
+from servogen.cli.proof_commands import ProofRequest
+from servogen.errors import InputError
+from servogen.prove.prover import AS_IN_THE_FILE, Proof, held_assumptions
+from servogen.prove.quantifiers import EVERYTHING, Quantifiers
+from servogen.prove.stream.proof import LineProof
+from servogen.pulse import Channel, Pulse, PulseSchedule, Run
+from servogen.units import Clock, Cycles
+from tests.cli.conftest import Run as Command
+
+SCHEDULE = PulseSchedule(
+    Clock(4_000_000),
+    Cycles(20_000),
+    (Channel("arm", "RB0", ""),),
+    (),
+    (Run(2, (Pulse(Cycles(0), Cycles(1500)),)),),
+)
+FILE = Path("a prog.hex")
+
+
+def request(**others: Any) -> ProofRequest:
+    given = {
+        "against": Path("schedule.json"),
+        "certificate": None,
+        "counterexample": Path("wrong.toml"),
+        "over": EVERYTHING,
+        "times": {},
+        "max_states": None,
+        "any_line": None,
+    }
+    return ProofRequest(**{**given, **others})
+
+
+def wrong(stimulus: str = "", **others: Any) -> Any:
+    """A run that goes wrong in cycle 12,345."""
+    given = {"message": "RB0 rises", "cycle": 12_345, "clock_hz": None, "eeprom": None, **others}
+    return SimpleNamespace(**given, stimulus=lambda schedule: stimulus, arguments=lambda: ["--start", "w=1"])
+
+
+def proof(proven: bool = True, shown: Any = None, **others: Any) -> Proof:
+    given = {
+        "proven": proven,
+        "counterexample": shown,
+        "reason": "" if proven else "too many states",
+        "assumptions": ("one", "two"),
+        "quantifiers": EVERYTHING,
+        "states": 3,
+        "runs": 4,
+        "cycles": Cycles(500),
+    }
+    return Proof(**{**given, **others})
+
+
+SIZE = "  3 states, 4 runs of 500 cycles together"
+
+
+def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> None:
+    assert proof_commands._lines(proof(), FILE, request(), SCHEDULE) == [
+        "proven for every power-up, input and chip: every edge of all pins is the schedule's",
+        SIZE,
+        "  assumed:",
+        "    one",
+        "    two",
+    ]
+    undecided = proof_commands._lines(proof(False), FILE, request(), SCHEDULE)
+    assert undecided == ["not decided: too many states", SIZE]
+
+
+@pytest.mark.parametrize(
+    ("over", "held", "words"),
+    [
+        (EVERYTHING, {}, "every power-up, input and chip"),
+        (EVERYTHING, {0: 1}, "every power-up and chip"),
+        (replace(EVERYTHING, resets=False), {}, "every input and chip"),
+        (replace(EVERYTHING, start=(("w", 1),)), {}, "every input and chip"),
+        (replace(EVERYTHING, watchdog=False), {}, "every power-up and input"),
+        (replace(EVERYTHING, tmr0_phase=False), {}, "every power-up and input"),
+        (replace(EVERYTHING, eeprom_write=False), {}, "every power-up and input"),
+        (replace(EVERYTHING, eeprom_write=False), {0: 1}, "every power-up"),
+        (replace(EVERYTHING, resets=False), {0: 1}, "every chip"),
+        (replace(EVERYTHING, resets=False, watchdog=False), {}, "every input"),
+        (
+            replace(EVERYTHING, resets=False, watchdog=False),
+            {0: 1},
+            "one power-up, the inputs and the chip that are assumed",
+        ),
+    ],
+)
+def test_only_what_is_quantified_over_is_claimed(over: Quantifiers, held: dict[int, int], words: str) -> None:
+    assert proof_commands._over(proof(quantifiers=over, held=held)) == words
+
+
+def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> None:
+    """12,345 + 2 × 20,000 cycles; the clock is the schedule's unless the chip has one of its own."""
+    end = "--cycles 52345 --edges counterexample.csv"
+    head = "counterexample: RB0 rises, cycle 12345 from reset"
+    for shown, command in (
+        (wrong(), f"'a prog.hex' --start w=1 --clock-hz 4000000 {end}"),
+        (wrong("levels"), f"'a prog.hex' --stimulus wrong.toml --start w=1 --clock-hz 4000000 {end}"),
+        (wrong(clock_hz=5_000_000), f"'a prog.hex' --start w=1 {end}"),
+        (wrong(eeprom={3: 4}), f"wrong.hex --start w=1 --clock-hz 4000000 {end}"),
+    ):
+        lines = [head, f"  servogen simulate {command}"]
+        assert proof_commands._lines(proof(False, shown), FILE, request(), SCHEDULE) == lines
+        found = proof_commands._counterexample_to_json(shown, FILE, request(), SCHEDULE)
+        stimulus = shown.stimulus(SCHEDULE) or None
+        assert found == {
+            "message": "RB0 rises",
+            "cycle": 12_345,
+            "command": f"servogen simulate {command}",
+            "stimulus": stimulus,
+            "eeprom": shown.eeprom,
+        }
+
+
+@pytest.mark.parametrize(
+    ("found", "answer"),
+    [(proof(), "proven"), (proof(False, wrong()), "counterexample"), (proof(False), "not decided")],
+)
+def test_the_json_of_a_proof_has_its_answer_and_its_size(found: Proof, answer: str) -> None:
+    shown = proof_commands._proof_to_json(found, FILE, request(), SCHEDULE)
+    assert (shown["file"], shown["answer"], shown["reason"]) == ("a prog.hex", answer, found.reason)
+    assert (shown["states"], shown["runs"], shown["cycles"], shown["assumptions"]) == (
+        3,
+        4,
+        500,
+        ["one", "two"],
+    )
+    assert (shown["counterexample"] is None) == (answer != "counterexample")
+
+
+def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None:
+    held = {0: 1}
+    idle_only = (AS_IN_THE_FILE, *held_assumptions(held, SCHEDULE))
+    idle = proof(held=held, assumptions=("one", *idle_only, "two"))
+    line = LineProof("", ("a finding",), ("of the line",))
+    assert proof_commands._line_lines(line, idle, FILE, request(), SCHEDULE) == [
+        "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
+        "at its slot's cycle and is as wide as complete commands say",
+        "  a finding",
+        "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
+        f"  {SIZE.strip()}",
+        "  assumed:",
+        "    one",
+        "    two",
+        "    of the line",
+    ]
+    found = proof_commands._line_to_json(line, idle, FILE, request(), SCHEDULE)
+    assert found == {
+        "answer": "proven",
+        "reason": "",
+        "any_line": ["a finding"],
+        "assumptions": ["one", "two", "of the line"],
+        "counterexample": None,
+    }
+
+
+@pytest.mark.parametrize(
+    ("shown", "reason", "answer", "lines"),
+    [
+        (None, "too deep", "not decided", ["not decided for any line: too deep"]),
+        (wrong(), "RB0 rises", "counterexample", []),
+        (wrong(), "too deep", "counterexample", ["  too deep"]),
+    ],
+)
+def test_any_line_that_is_not_proven_says_why_and_what_an_idle_one_does(
+    shown: Any, reason: str, answer: str, lines: list[str]
+) -> None:
+    line = LineProof(reason, counterexample=shown)
+    first = proof_commands._counterexample_lines(shown, FILE, request(), SCHEDULE) if shown else []
+    assert proof_commands._line_lines(line, proof(), FILE, request(), SCHEDULE) == [
+        *first,
+        *lines,
+        "  with an idle line every edge is the schedule's: 3 states, 4 runs of 500 cycles together",
+    ]
+    found = proof_commands._line_to_json(line, proof(), FILE, request(), SCHEDULE)
+    assert (found["answer"], found["reason"], found["counterexample"] is None) == (answer, reason, not shown)
+
+
+def test_the_content_of_a_counterexample_is_beside_its_inputs() -> None:
+    assert request().content == Path("wrong.hex")
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[ProofRequest]:
+    """The requests that `prove --against` makes."""
+    requests: list[ProofRequest] = []
+
+    def prove(file: Path, device: str | None, wanted: ProofRequest, json: bool) -> int:
+        requests.append(wanted)
+        return 1 if json else 0
+
+    monkeypatch.setattr(proof_commands, "prove_schedule", prove)
+    return requests
+
+
+@pytest.mark.parametrize(
+    ("words", "changes"),
+    [
+        ((), {}),
+        (("--hold-inputs",), {"inputs": False}),
+        (("--no-tmr0-phase",), {"tmr0_phase": False}),
+        (("--no-resets",), {"resets": False}),
+        (("--watchdog-us", 0), {"watchdog": False}),
+        (("--eeprom-write-us", 9000), {"eeprom_write": False}),
+        (("--any-eeprom",), {"any_eeprom": True}),
+    ],
+)
+def test_an_option_takes_one_thing_out_of_the_proof(
+    run: Command, asked: list[ProofRequest], words: tuple[object, ...], changes: dict[str, bool]
+) -> None:
+    assert run("prove", "a.hex", "--against", "s.json", *words).code == 0
+    (wanted,) = asked
+    assert wanted.over == replace(EVERYTHING, **changes)
+    times = {"--watchdog-us": "watchdog_us", "--eeprom-write-us": "eeprom_write_us"}
+    assert wanted.times == {times[str(words[0])]: words[1] for _ in [0] if words[:1] and words[0] in times}
+    assert (wanted.against, wanted.counterexample) == (Path("s.json"), Path("counterexample.toml"))
+    assert (wanted.certificate, wanted.max_states, wanted.any_line) == (None, None, None)
+
+
+def test_the_exit_code_of_prove_is_that_of_its_proof(run: Command, asked: list[ProofRequest]) -> None:
+    common = ("prove", "a.hex", "--against", "s.json")
+    assert run(*common, "--max-states", 7, "--start", "w=0x12", "--certificate", "c", "--json").code == 1
+    (wanted,) = asked
+    assert (wanted.max_states, wanted.certificate, len(wanted.over.start)) == (7, Path("c"), 1)
+    assert run(*common, "--any-line", "job.toml", "--counterexample", "x.toml").code == 0
+    assert (asked[1].any_line, asked[1].counterexample) == (Path("job.toml"), Path("x.toml"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--against", "s.json", "--from", "0"),
+        ("--against", "s.json", "--to", "0"),
+        ("--against", "s.json", "--clock-hz", 4_000_000),
+        ("--against", "s.json", "--any-line", "j.toml", "--certificate", "c"),
+        ("--against", "s.json", "--any-line", "j.toml", "--hold-inputs"),
+        ("--against", "s.json", "--any-line", "j.toml", "--any-eeprom"),
+        ("--hold-inputs",),
+        ("--no-tmr0-phase",),
+        ("--any-eeprom",),
+        ("--start", "w=1"),
+        ("--no-resets",),
+        ("--watchdog-us", 0),
+        ("--eeprom-write-us", 0),
+        ("--certificate", "c"),
+        ("--max-states", 1),
+        ("--any-line", "j.toml"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    run: Command, asked: list[ProofRequest], words: tuple[object, ...]
+) -> None:
+    ran = run("prove", "a.hex", *words)
+    assert (ran.code, ran.out, asked) == (2, "", [])
+    assert "[conflicting-options]" in ran.err
+
+
+def test_every_time_needs_its_beginning_and_its_end() -> None:
+    assert proof_commands._marks(["a", "b"], ["c", "d"]) == [("a", "c"), ("b", "d")]
+    assert proof_commands._marks([], []) == []
+    with pytest.raises(InputError, match="2 --from and 1 --to: every time needs both"):
+        proof_commands._marks(["a", "b"], ["c"])
+
+
+@pytest.mark.parametrize("fine", [True, False])
+@pytest.mark.parametrize("interrupts", ["included", "excluded"])
+def test_the_answers_about_a_program_are_text_or_json(
+    run: Command, monkeypatch: pytest.MonkeyPatch, fine: bool, interrupts: str
+) -> None:
+    from servogen.pic.analysis import facts
+
+    times: list[Any] = []
+    answer = SimpleNamespace(
+        question="q", status="s", text="t", over="o", findings=("f", "g"), to_json=lambda: {"question": "q"}
+    )
+
+    class Facts:
+        def __init__(self, image: Any, listing: Any, clock: Clock, tell: Any) -> None:
+            times.append((image, clock.hz))
+
+        def answers(self) -> list[Any]:
+            return [answer]
+
+        def time(self, start: str, end: str, interrupts: bool) -> Any:
+            times.append((start, end, interrupts))
+            return answer
+
+    monkeypatch.setattr(facts, "Facts", Facts)
+    monkeypatch.setattr(facts, "decided_and_fine", lambda answers: fine)
+    monkeypatch.setattr(
+        proof_commands, "read_program", lambda *_: SimpleNamespace(image="image", listing=None)
+    )
+    monkeypatch.setattr(proof_commands, "clock_of", lambda program, hz: Clock(hz or 4_000_000))
+    common = ("prove", "a.hex", "--from", "x", "--to", "y", "--interrupts", interrupts)
+    ran = run(*common)
+    lines = ["q: s", "  t", "  over o", "  f", "  g"]
+    assert (ran.code, ran.out.splitlines()) == (0 if fine else 1, lines * 2)
+    shown = run(*common, "--json", "--clock-hz", 8_000_000)
+    assert shown.code == (0 if fine else 1)
+    assert json.loads(shown.out) == {"diagnostics": [], "file": "a.hex", "answers": [{"question": "q"}] * 2}
+    asked = ("x", "y", interrupts == "included")
+    assert times == [("image", 4_000_000), asked, ("image", 8_000_000), asked]
+
+
+@pytest.mark.parametrize("held", [{}, {"RB1": 1, "RA0": 0}])
+def test_check_certificate_says_what_was_checked(
+    run: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, held: dict[str, int]
+) -> None:
+    from dataclasses import make_dataclass
+
+    names = ("states", "frames", "cycles", "forks")
+    counts = make_dataclass("Counts", names)(5, 6, 7, 8)
+    claim = SimpleNamespace(held=held, count=5)
+    monkeypatch.setattr(checker, "read_certificate", lambda data, name: claim)
+    monkeypatch.setattr(checker, "check_certificate", lambda *_: counts)
+    for name in ("c.xz", "s.json"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "a.hex").write_text(":00000001FF\n")
+    words = ("check-certificate", tmp_path / "c.xz", tmp_path / "a.hex", "--against", tmp_path / "s.json")
+    with_held = ", with RB1 held at 1, RA0 held at 0" if held else ""
+    ran = run(*words)
+    assert (ran.code, ran.out.splitlines()) == (
+        0,
+        [f"{tmp_path / 'c.xz'}: valid{with_held}", "  checked: 5 states, 6 frames, 7 cycles, 8 splits"],
+    )
+    shown = json.loads(run(*words, "--json").out)
+    assert shown == {
+        "diagnostics": [],
+        "valid": True,
+        "held": held,
+        **dict(zip(names, (5, 6, 7, 8), strict=True)),
+    }
+
+    def refuse(*_: Any) -> None:
+        raise checker.Refused("state 3")
+
+    monkeypatch.setattr(checker, "check_certificate", refuse)
+    ran = run(*words)
+    assert (ran.code, ran.out) == (1, f"{tmp_path / 'c.xz'}: refused: state 3\n")
+    ran = run(*words, "--json")
+    assert (ran.code, json.loads(ran.out)) == (
+        1,
+        {"diagnostics": [], "valid": False, "reason": "state 3", "held": held},
+    )
