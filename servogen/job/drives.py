@@ -151,13 +151,20 @@ def _check_speeds(
     ]
     if not asked:
         return
-    servo, speed, limit = min(asked, key=lambda row: row[2] / row[1])
+    servo, speed, _ = min(asked, key=lambda row: row[2] / row[1])
     low, high = (servo.model.shown(end) for end in servo.limits)
+    # At the full speed: rounding a stretch up to whole frames makes its wheels slower than that.
+    fastest = min(
+        stretch.length * wheel.limits[0 if angle < 0 else 1] / angle
+        for stretch in planned.stretches
+        for wheel, angle in zip(wheels, stretch.wheel_angles, strict=True)
+        if angle
+    )
     raise document.error(
         "servo-limit",
         ("drive", "speed_mm_s"),
         f"{servo.name} would have to turn at {math.degrees(speed):z.0f}°/s: its speeds are {low} to {high}",
-        f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this "
+        f"at most {math.floor(1000 * fastest)} mm/s on this "
         + ("contour" if table.corners_mm is not None else "drive"),
     )
 

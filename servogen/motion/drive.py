@@ -74,7 +74,7 @@ def drive(
 
 def _shape(frames: float, ramp: int) -> Floats:
     """Return the speed in each frame as a share of the maximum; the shares add up to at least `frames`."""
-    # Rounding must not add a frame to a whole number of them.
+    # Rounding must not add a frame to a whole number of them, here and below.
     count = max(1, math.ceil(frames - 1e-9))
     while True:
         middle = np.arange(count) + 0.5
@@ -85,7 +85,7 @@ def _shape(frames: float, ramp: int) -> Floats:
         missing = frames - float(shape.sum())
         if missing <= 1e-9:
             return shape
-        count += max(1, math.ceil(missing))
+        count += max(1, math.ceil(missing - 1e-9))
 
 
 def positions(base: DrivingRobot, speeds: Floats, period_s: float) -> Floats:
