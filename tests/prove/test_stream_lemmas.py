@@ -194,6 +194,95 @@ def test_main_may_not_touch_a_pulse_after_it_has_been_prepared(listing: Listing)
         one.apart(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
 
 
+def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
+    """Main hands a pulse over before it clears the request, takes a command after it, and answers then."""
+    from servogen.prove.stream.lemmas import Accesses, Fails
+
+    one = lemmas(listing)
+    none = frozenset[int]()
+
+    def fault(
+        *, main: str = "", preparing: str = "", executing: str = "", writing: bool = True, context: str = ""
+    ) -> str:
+        def accesses(name: str) -> Accesses:
+            places = frozenset(place_of(each) for each in name.split())
+            return Accesses(none, places) if writing else Accesses(places, none)
+
+        kept = frozenset(place_of(each) for each in context.split())
+        try:
+            one.apart(accesses(main), accesses(preparing), accesses(executing), kept)
+        except Fails as error:
+            return str(error)
+        return ""
+
+    def place_of(name: str) -> int:
+        return int(name, 16) if name.startswith("0x") else listing.variable(name)
+
+    for name in ("mask", "next_lo", "next_hi", "due"):
+        assert fault(preparing=name) == ""
+        assert fault(executing=name) == f"main uses {name} after the request is cleared"
+        assert fault(executing=name, writing=False) == (
+            "main uses due after the request is cleared" if name == "due" else ""
+        )
+    for name in ("todo", "value", "rx_byte", "rx_left", "rx_bits"):
+        assert fault(executing=name) == fault(preparing=name, writing=False) == ""
+        assert fault(preparing=name) == f"main writes {name} before the request is cleared"
+    for name in ("ticks", "rest", "fine", "t", "rx_last", "command"):
+        for writing in (True, False):
+            message = f"main uses {name}, which the interrupt writes"
+            assert fault(preparing=name, writing=writing) == message
+            assert fault(executing=name, writing=writing) == message
+        assert fault(main=name) == "", "before the loop interrupts are not enabled"
+        assert fault(main=name, context="left") == ""
+        assert fault(main=name, context=name) == (
+            f"main uses {name}, where the interrupt keeps its registers"
+        )
+        assert fault(main=name, context=name, writing=False) != ""
+    # Registers that main may write in its loop: STATUS, FSR, PCLATH, those of the EEPROM, INTCON, PCL, and
+    # PORTA and TRISA, on which the chip answers.
+    for place in ("0x03", "0x04", "0x0A", "0x08", "0x09", "0x88", "0x89", "0x0B", "0x02", "0x05", "0x85"):
+        assert fault(preparing=place) == fault(executing=place) == ""
+    for place, name in (("0x06", "PORTB"), ("0x86", "TRISB"), ("0x81", "OPTION_REG"), ("0x01", "TMR0")):
+        text = fault(preparing=place)
+        assert name in text and fault(executing=place) != ""
+    assert fault(executing="0x86") == "main writes TRISB in its loop"
+    assert fault(preparing="0x50") == "main writes place 0x50 in its loop"
+
+
+def test_an_interrupt_that_leaves_the_bank_is_noticed(listing: Listing) -> None:
+    from servogen.prove.stream.lemmas import Fails
+
+    # CLRF STATUS selects the bank.
+    select = found(listing, encode("CLRF", f=3), 4)
+    with pytest.raises(Fails, match="the interrupt does not select bank 0"):
+        lemmas(changed(listing, select, NOP)).context()
+    # The words before RETFIE restore STATUS and W.
+    restore = found(listing, encode("RETFIE"), listing.label("st_out"))
+    for at in range(restore - 3, restore):
+        with pytest.raises(Fails, match="an interrupt's end"):
+            lemmas(changed(listing, at, NOP)).context()
+    # One that restores them, but writes a variable on its way.
+    with pytest.raises(Fails, match="an interrupt's end"):
+        lemmas(changed(listing, restore - 2, encode("CLRF", f=listing.variable("left")))).context()
+
+
+def test_names_of_places_and_values_of_a_failure(listing: Listing) -> None:
+    one = lemmas(listing)
+    assert one._name(0x100) == "byte 0 of the EEPROM" and one._name(0x102) == "byte 2 of the EEPROM"
+    assert one._name(0x103) == "place 0x103" and one._name(0x86) == "TRISB"
+    assert one._name(listing.variable("left")) == "left"
+    assert one._name(listing.variable("speed") + 1) == "speed[1]"
+    execution = one._execution()
+    left, slot = one.names.at("left"), one.names.at("slot")
+    assert one.solver.possible(execution.at_first(left).equals(7) & execution.at_first(slot).equals(0))
+    # Those that are not 0, in the order of their places.
+    assert one._shown(execution) == ", if left = 7"
+    assert one.solver.possible(execution.at_first(left).equals(7) & execution.at_first(slot).equals(3))
+    both = sorted([(left, "left = 7"), (slot, "slot = 3")])
+    assert one._shown(execution) == ", if " + ", ".join(text for _, text in both)
+    assert one.runs == 1
+
+
 # counterexamples
 
 
