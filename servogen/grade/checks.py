@@ -112,6 +112,9 @@ def clock_words(lab: Lab, chip: ChipFacts) -> str | None:
     )
 
 
+ROUNDED = 6
+"""The decimals of a period, so that one exactly at a limit is allowed."""
+
 ARROW = " → "
 SHOWN_ROUNDS = 2
 
@@ -333,7 +336,7 @@ def period_faults(
                 continue
             shortest, longest = float(periods.min()), float(periods.max())
             where = solution.positions[stay.position].name
-            beyond = max(low - shortest, longest - high)
+            beyond = round(max(low - shortest, longest - high), ROUNDED)
             if beyond > outside[0]:
                 value = longest if longest - high >= low - shortest else shortest
                 outside = (beyond, f"the period on {name} at {where} is {value:.2f} ms")
@@ -349,7 +352,7 @@ def period_faults(
                 )
         if outside[0] > 0:
             yield Fault((Check.PERIOD,), f"{outside[1]}; it should be {low:g} to {high:g} ms")
-        if changing[0] * 1000 > lab.spread_us:
+        if round(changing[0] * 1000, ROUNDED) > lab.spread_us:
             yield Fault((Check.PERIOD,), f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most")
 
 
