@@ -332,6 +332,7 @@ def test_a_file_that_is_not_a_hexapod_is_refused(change: tuple[str, str], messag
 def test_one_of_two_lengths_may_be_zero() -> None:
     assert read(FILE.replace("ab = 15", "ab = 0")).leg.length["ab"] == 0
     assert read(FILE.replace("cd = 25", "cd = 0")).leg.length["cd"] == 0
+    assert read(FILE.replace("ab = 15", "ab = 25")).leg.length["ab"] == 0.025
 
 
 def test_the_facts_of_a_hexapod_are_those_of_its_file_and_its_mobility_that_of_its_legs() -> None:
