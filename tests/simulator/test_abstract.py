@@ -406,3 +406,44 @@ def test_chips_of_which_an_unknown_bit_decides_do_not_fit() -> None:
     values = np.array([[0], [1]], dtype=np.int64)
     lanes = chip.run_lanes(chip.power_on(), (0x20 - 0x0C,), values, frozenset([4]), 100)
     assert lanes.fit.tolist() == [True, False]
+
+
+def test_chips_that_go_different_ways_end_in_different_states() -> None:
+    """Alike in everything beside the RAM are those that took the same way; W and the flags may differ."""
+    chip = chip_of(" btfsc 0x20, 0\n goto odd\n movf 0x20, w\n nop\nodd movf 0x20, w\n nop\n")
+    values = np.array([[4], [5], [6], [7], [0]], dtype=np.int64)
+    lanes = chip.run_lanes(chip.power_on(), (0x20 - 0x0C,), values, frozenset([3, 5]), 100)
+    assert lanes.fit.tolist() == [True] * 5
+    assert lanes.cycles.tolist() == [3, 4, 3, 4, 3]
+    ends = {rest[FIELD["PC"]]: numbers.tolist() for rest, numbers in lanes.rests.items()}
+    assert ends == {3: [0, 2, 4], 5: [1, 3]}
+    for rest, numbers in lanes.rests.items():
+        differs = 0
+        for value in values[numbers, 0].tolist():
+            differs |= value ^ int(values[numbers[0], 0])
+        assert rest[FIELD["W_UNKNOWN"]] & 0xFF == differs
+        assert rest[FIELD["W"]] == int(values[numbers[0], 0]) & ~differs
+        assert rest[FIELD["STATUS_UNKNOWN"]] & 4 == (4 if 4 in numbers else 0)  # Z: one of them is 0
+
+
+@pytest.mark.parametrize(
+    ("body", "fit"),
+    [
+        (" movf EEDATA, w\n movwf 0x21\n", True),
+        (" movf EEDATA, w\n movwf EEDATA\n incf EEDATA, f\n", False),
+        (" clrf TMR0\n nop\n", False),
+        (" bsf INTCON, T0IE\n nop\n", False),
+        (" movlw 0x80\n option\n", False),
+        (" sleep\n nop\n", False),
+        (" return\n", False),
+        (" bsf STATUS, RP0\n bcf TRISB, 0\n", False),  # driven with an unknown latch
+    ],
+)
+def test_chips_that_change_what_is_not_compared_do_not_fit(body: str, fit: bool) -> None:
+    chip = chip_of(body + " nop\n")
+    count = len(body.strip().splitlines())
+    values = np.array([[0x12], [0x34]], dtype=np.int64)
+    lanes = chip.run_lanes(chip.power_on(), ("EEDATA",), values, frozenset([count]), 50)
+    assert lanes.fit.tolist() == [fit, fit]
+    if fit:
+        assert lanes.ram[:, 0x21 - 0x0C].tolist() == [0x12, 0x34]
