@@ -72,10 +72,10 @@ KEYS = [
 ]
 
 
-@pytest.mark.parametrize(("key", "command"), KEYS, ids=[repr(key) for key, _ in KEYS])
-def test_each_key_is_its_command_among_others_too(key: bytes, command: str) -> None:
-    assert c.commands_of_keys(key) == [command]
-    assert c.commands_of_keys(b"w" + key + b"s") == ["forward", command, "back"]
+def test_each_key_is_its_command_among_others_too() -> None:
+    for key, command in KEYS:
+        assert c.commands_of_keys(key) == [command]
+        assert c.commands_of_keys(b"w" + key + b"s") == ["forward", command, "back"]
 
 
 def test_no_other_key_is_a_command() -> None:

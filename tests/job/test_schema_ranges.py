@@ -141,64 +141,58 @@ def taken(table: type[Table], key: str, value: object) -> bool:
     return True
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "lowest", "highest"),
-    RANGES,
-    ids=[f"{row[0].__module__.rpartition('.')[2]}.{row[0].__name__}.{row[1]}" for row in RANGES],
-)
-def test_the_ends_of_a_range_are_taken_and_what_is_beyond_is_not(
-    table: type[Table], key: str, lowest: Ends, highest: Ends
-) -> None:
-    for inside, outside in (lowest, highest):
-        if inside is not None:
-            assert taken(table, key, inside)
-            assert not taken(table, key, outside)
+def test_the_ends_of_a_range_are_taken_and_what_is_beyond_is_not() -> None:
+    wrong = [
+        f"{table.__module__}.{table.__name__}.{key}: {inside} is taken, {outside} is not"
+        for table, key, *ends in RANGES
+        for inside, outside in ends
+        if inside is not None and (taken(table, key, inside), taken(table, key, outside)) != (True, False)
+    ]
+    assert not wrong
 
 
 # What needs a whole value: a point, a mapping, an array.
-@pytest.mark.parametrize(
-    ("table", "key", "inside", "outside"),
-    [
-        (schema.PoseTable, "tip_mm", (METRES, -METRES, 0.0), (0.0, 0.0, METRES + 1e-6)),
-        (schema.PoseTable, "foot_mm", (METRES, -METRES, 0.0), (-METRES - 1e-6, 0.0, 0.0)),
-        (schema.DriveTable, "corners_mm", ((METRES, -METRES), (0.0, 0.0)), ((0.0, 0.0),)),
-        (schema.DriveTable, "corners_mm", ((0.0, 0.0),) * 2, ((0.0, METRES + 1e-6), (0.0, 0.0))),
-        (schema.DriveTable, "routines", ({"name": "turn"},), ()),
-        (schema.DriveTable, "wheels", ("a",), ()),
-        (schema.MotionTable, "poses", ({},), ()),
-        (servo_models.FactTable, "points", ({"width_us": 1e3},) * 2, ({"width_us": 1e3},)),
-        (arm_file.JointTable, "centre_of_mass_mm", (METRES, -METRES, 0.0), (0.0, METRES + 1e-6, 0.0)),
-        (arm_file.JointTable, "centre_of_mass_mm", (-METRES, 0.0, 0.0), (-METRES - 1e-6, 0.0, 0.0)),
-        (arm_file.ArmTable, "lengths_mm", {"l1": 0.0, "l2": METRES}, {"l1": -TINY}),
-        (arm_file.ArmTable, "lengths_mm", {"l1": METRES}, {"l1": METRES + 1e-6}),
-        (HexapodTable, "leg_mass_g", {"coxa": TINY, "thigh": TONNES}, {"coxa": 0.0}),
-        (HexapodTable, "leg_mass_g", {"foot": TONNES}, {"foot": math.nextafter(TONNES, math.inf)}),
-    ],
-)
-def test_the_values_inside_a_value_have_the_same_ranges(
-    table: type[Table], key: str, inside: object, outside: object
-) -> None:
-    assert taken(table, key, inside)
-    assert not taken(table, key, outside)
+WHOLE: list[tuple[type[Table], str, object, object]] = [
+    (schema.PoseTable, "tip_mm", (METRES, -METRES, 0.0), (0.0, 0.0, METRES + 1e-6)),
+    (schema.PoseTable, "foot_mm", (METRES, -METRES, 0.0), (-METRES - 1e-6, 0.0, 0.0)),
+    (schema.DriveTable, "corners_mm", ((METRES, -METRES), (0.0, 0.0)), ((0.0, 0.0),)),
+    (schema.DriveTable, "corners_mm", ((0.0, 0.0),) * 2, ((0.0, METRES + 1e-6), (0.0, 0.0))),
+    (schema.DriveTable, "routines", ({"name": "turn"},), ()),
+    (schema.DriveTable, "wheels", ("a",), ()),
+    (schema.MotionTable, "poses", ({},), ()),
+    (servo_models.FactTable, "points", ({"width_us": 1e3},) * 2, ({"width_us": 1e3},)),
+    (arm_file.JointTable, "centre_of_mass_mm", (METRES, -METRES, 0.0), (0.0, METRES + 1e-6, 0.0)),
+    (arm_file.JointTable, "centre_of_mass_mm", (-METRES, 0.0, 0.0), (-METRES - 1e-6, 0.0, 0.0)),
+    (arm_file.ArmTable, "lengths_mm", {"l1": 0.0, "l2": METRES}, {"l1": -TINY}),
+    (arm_file.ArmTable, "lengths_mm", {"l1": METRES}, {"l1": METRES + 1e-6}),
+    (HexapodTable, "leg_mass_g", {"coxa": TINY, "thigh": TONNES}, {"coxa": 0.0}),
+    (HexapodTable, "leg_mass_g", {"foot": TONNES}, {"foot": math.nextafter(TONNES, math.inf)}),
+]
+
+
+def test_the_values_inside_a_value_have_the_same_ranges() -> None:
+    for table, key, inside, outside in WHOLE:
+        assert taken(table, key, inside), (table, key)
+        assert not taken(table, key, outside), (table, key)
 
 
 # The defaults as docs/robots.md and docs/twin.md state them, and what a table means that is left out.
-@pytest.mark.parametrize(
-    ("table", "expected"),
-    [
-        (schema.PoseTable, {"path": "joint", "via": False, "hold_s": 0, "pause_s": 0, "release": False}),
-        (schema.SegmentTable, {"forward_mm": 0, "left_mm": 0, "turn_deg": 0, "cycles": None}),
-        (MountTable, {"z_mm": 0, "heading_deg": 0, "mirrored": False}),
-        (HexapodTable, {"leg": "leg", "centre_of_mass_mm": (0, 0, 0), "mass_g": None, "spring_n_m": None}),
-        (OmniTable, {"gear": 1, "counts_per_turn": 1, "sensors": 0, "mass_g": None}),
-        (arm_file.RowTable, {"ratio": 1, "theta_deg": 0, "d_mm": "0", "a_mm": "0", "alpha_deg": 0}),
-        (arm_file.FrameTable, dict.fromkeys(("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"), 0)),
-    ],
-)
-def test_a_key_that_is_left_out_changes_nothing(table: type[Table], expected: Mapping[str, object]) -> None:
-    needed = NEEDED.get(table, {"name": "m", "x_mm": 0.0, "y_mm": 0.0} if table is MountTable else {})
-    found = table.model_validate(needed)
-    assert {key: getattr(found, key) for key in expected} == expected
+DEFAULTS: list[tuple[type[Table], Mapping[str, object]]] = [
+    (schema.PoseTable, {"path": "joint", "via": False, "hold_s": 0, "pause_s": 0, "release": False}),
+    (schema.SegmentTable, {"forward_mm": 0, "left_mm": 0, "turn_deg": 0, "cycles": None}),
+    (MountTable, {"z_mm": 0, "heading_deg": 0, "mirrored": False}),
+    (HexapodTable, {"leg": "leg", "centre_of_mass_mm": (0, 0, 0), "mass_g": None, "spring_n_m": None}),
+    (OmniTable, {"gear": 1, "counts_per_turn": 1, "sensors": 0, "mass_g": None}),
+    (arm_file.RowTable, {"ratio": 1, "theta_deg": 0, "d_mm": "0", "a_mm": "0", "alpha_deg": 0}),
+    (arm_file.FrameTable, dict.fromkeys(("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"), 0)),
+]
+
+
+def test_a_key_that_is_left_out_changes_nothing() -> None:
+    for table, expected in DEFAULTS:
+        needed = NEEDED.get(table, {"name": "m", "x_mm": 0.0, "y_mm": 0.0} if table is MountTable else {})
+        found = table.model_validate(needed)
+        assert {key: getattr(found, key) for key in expected} == expected
 
 
 def test_a_number_out_of_range_is_refused_with_its_key_and_what_is_allowed() -> None:

@@ -104,10 +104,12 @@ def test_the_ranges_here_are_those_of_the_page() -> None:
             assert numbers == set(re.findall(r"[\d.]+", here))
 
 
-@pytest.mark.parametrize(("mnemonic", "index", "allowed"), CASES)
-def test_the_ends_of_a_range_are_taken_and_what_is_beyond_is_refused(
-    mnemonic: str, index: int, allowed: str
-) -> None:
+def test_the_ends_of_a_range_are_taken_and_what_is_beyond_is_refused() -> None:
+    for case in CASES:
+        check_range(*case)
+
+
+def check_range(mnemonic: str, index: int, allowed: str) -> None:
     if allowed == BIT:
         for text, bit in (
             ("+0", Bit(0, True)),
@@ -132,8 +134,12 @@ def test_the_ends_of_a_range_are_taken_and_what_is_beyond_is_refused(
         assert error.location.column == line_of(mnemonic, index, text).index(text) + 1 or text in "10 1"
 
 
-@pytest.mark.parametrize(("mnemonic", "index", "allowed"), CASES)
-def test_only_some_arguments_are_hexadecimal(mnemonic: str, index: int, allowed: str) -> None:
+def test_only_some_arguments_are_hexadecimal() -> None:
+    for case in CASES:
+        check_hexadecimal(*case)
+
+
+def check_hexadecimal(mnemonic: str, index: int, allowed: str) -> None:
     line = line_of(mnemonic, index, "&1")
     if " or &" in allowed:
         assert value_of(mnemonic, index, "&1") == 1
@@ -144,10 +150,12 @@ def test_only_some_arguments_are_hexadecimal(mnemonic: str, index: int, allowed:
         assert "takes no hexadecimal number, not '&1'" in refusal(line).message
 
 
-@pytest.mark.parametrize(("mnemonic", "index", "allowed"), CASES)
-def test_only_coordinates_may_be_left_blank_and_have_fractions(
-    mnemonic: str, index: int, allowed: str
-) -> None:
+def test_only_coordinates_may_be_left_blank_and_have_fractions() -> None:
+    for case in CASES:
+        check_blank_and_fraction(*case)
+
+
+def check_blank_and_fraction(mnemonic: str, index: int, allowed: str) -> None:
     blank, fraction = line_of(mnemonic, index, " "), line_of(mnemonic, index, "1.5")
     if allowed == MM:
         assert value_of(mnemonic, index, " ") == 0.0
@@ -159,8 +167,12 @@ def test_only_coordinates_may_be_left_blank_and_have_fractions(
         assert refusal(fraction).code == "program-argument"
 
 
-@pytest.mark.parametrize("mnemonic", COMMANDS)
-def test_a_command_takes_as_many_arguments_as_its_form_shows(mnemonic: str) -> None:
+def test_a_command_takes_as_many_arguments_as_its_form_shows() -> None:
+    for mnemonic in COMMANDS:
+        check_count(mnemonic)
+
+
+def check_count(mnemonic: str) -> None:
     form = next(
         row
         for row in re.findall(r"`([A-Z]{2}[^`]*)` \| (?:both|direct|program)", TEXT)
