@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 
 from servogen import build as build_package
 from servogen import job as job_package
+from servogen import report
 from servogen import verify as verify_package
 from servogen.build import reporting, retarget
 from servogen.cli import job_commands
@@ -495,3 +497,92 @@ def test_check_ends_with_the_number_of_servos_the_loop_and_the_error(run: Run, t
     assert [title for title, *_ in tables] == ["Pulse widths"]
     assert run("check", LAB8, "--json").out.count("\n") == 1
     assert len(tables) == 1
+
+
+@pytest.mark.parametrize(("proven", "code", "word"), [(True, 0, "proven"), (False, 1, "NOT PROVEN")])
+def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
+    run: Run,
+    building: dict[str, Any],
+    tables: Tables,
+    monkeypatch: pytest.MonkeyPatch,
+    proven: bool,
+    code: int,
+    word: str,
+) -> None:
+    """In build/ and the job's name unless told otherwise."""
+    monkeypatch.setattr(import_module("servogen.build.build"), "program_facts", lambda result: ())
+    monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
+    building["build"] = lambda job: built(job.name, proven, 2)
+    ran = run("build", "jobs/a.toml")
+    assert (ran.code, ran.out.splitlines()) == (
+        code,
+        ["budgets", f"build/a: {word}; {PLAN}; all of it in report.txt"],
+    )
+    assert ran.err.splitlines()[0] == "2 warnings:"
+    assert [title for title, *_ in tables] == ["Pulse widths", "Programs"]
+    shown = run("build", "jobs/a.toml", "-o", "other", "--json")
+    found = json.loads(shown.out)
+    assert (shown.code, found["folder"], found["job"]) == (code, "other", "a")
+    assert (len(found["diagnostics"]), len(tables)) == (2, 2)
+    assert "2 warnings" in shown.err
+    assert building["written"] == [Path("build/a"), Path("other")]
+
+
+@pytest.fixture
+def planning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any], tmp_path: Path) -> list[Any]:
+    """`plan` has these facts; the pictures and films that are drawn."""
+    from servogen.report import film, motion_plot, motion_table, plan_facts
+
+    drawn: list[Any] = []
+    found = facts(tracks=(), to_json=lambda: {"plan": 1})
+    found.job.notes = ()
+    monkeypatch.setattr(build_package, "nearest_pulses", lambda job: (job, "pulses"))
+    monkeypatch.setattr(plan_facts, "plan_facts", lambda job, pulses: found)
+    monkeypatch.setattr(motion_table, "frame_lines", lambda *given: iter(["a", "b"]))
+    monkeypatch.setattr(motion_plot, "motion_plot", lambda *given: drawn.append(given[-1]))
+    monkeypatch.setattr(film, "job_scene", lambda job: "scene")
+    monkeypatch.setattr(film, "film", lambda scene, path: drawn.append((scene, path)))
+    monkeypatch.chdir(tmp_path)
+    return drawn
+
+
+def test_plan_writes_only_what_is_asked_for(run: Run, planning: list[Any], tables: Tables) -> None:
+    ran = run("plan", "a.toml")
+    assert (ran.code, planning, list(Path().iterdir())) == (0, [], [])
+    assert ran.out.splitlines()[-1].startswith("jobs/x.toml: 2 servos")
+    run("plan", "a.toml", "--csv", "a.csv")
+    assert (Path("a.csv").read_text(), planning) == ("a\nb\n", [])
+    run("plan", "a.toml", "--plot", "a.png")
+    run("plan", "a.toml", "--animate", "a.gif")
+    assert planning == [Path("a.png"), ("scene", Path("a.gif"))]
+    count = len(tables)
+    assert json.loads(run("plan", "a.toml", "--json").out)["plan"] == 1
+    assert len(tables) == count
+
+
+def test_warnings_of_a_plan_and_a_check_come_last(
+    run: Run, planning: list[Any], tables: Tables, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from servogen.report import plan_facts
+
+    warned = (Diagnostic("warning", "w", "one"),)
+    found = facts()
+    found.job.warnings, found.plan.warnings = warned, (Diagnostic("warning", "w", "two"),)
+    monkeypatch.setattr(plan_facts, "plan_facts", lambda *_: SimpleNamespace(**vars(found), tracks=()))
+    ran = run("plan", "a.toml")
+    assert ran.err.splitlines()[0] == "2 warnings:"
+    schedule = SimpleNamespace(
+        clock=Clock(4_000_000), loop_frames=50, period=Cycles(20_000), plan_error=PlanError(0.25)
+    )
+    pulses = SimpleNamespace(schedule=schedule, widths=(), warnings=warned)
+    played = SimpleNamespace(plan=pulses, to_json=lambda: {"played": 1})
+    note = Diagnostic("note", "n", "a note")
+    job = SimpleNamespace(name="a", servos=[1, 2], warnings=warned, notes=(note,))
+    monkeypatch.setattr(job_package, "plan_job", lambda path: job)
+    monkeypatch.setattr(build_package, "planned", lambda job: played)
+    ran = run("check", "a.toml")
+    assert ran.out.splitlines() == ["a note", f"a.toml: 2 servos, loop of 50 frames, 1 s; {PLAN}"]
+    assert (ran.code, ran.err.splitlines()[0]) == (0, "2 warnings:")
+    shown = run("check", "a.toml", "--json")
+    assert (json.loads(shown.out)["played"], shown.err) == (1, "")
+    assert [each["code"] for each in json.loads(shown.out)["diagnostics"]] == ["w", "n"]
