@@ -1,0 +1,157 @@
+"""What expressions and loops leave in a variable, worked out by hand from the values in `START`."""
+
+from __future__ import annotations
+
+from servogen.compiler import Options, Source, compile_sources
+from servogen.pic.device import RAM_FIRST
+from servogen.simulator import Machine
+from servogen.units import Clock
+
+HEAD = """
+#include <xc.h>
+#include <stdbool.h>
+struct pair { unsigned char first, second; };
+struct fields { unsigned lo : 3; signed mid : 3; unsigned hi : 2; } f, *pf, many[2];
+unsigned char a, b, n, array[4], *p;
+signed char s;
+unsigned int u, words[2];
+int i;
+long l;
+bool yes;
+__bit flag;
+struct pair r, *q;
+volatile unsigned char k;
+unsigned char get(unsigned char x) { return x + 1; }
+struct pair make(unsigned char x) { struct pair z; z.first = x; z.second = x + 1; return z; }
+void act(void) { n += 7; }
+void pass(void) { return act(); }
+"""
+START = """a = 0x5A; b = 15; n = 0; s = -3; u = 0x1234; i = -300; l = 70000; yes = 0; flag = 0; k = 200;
+array[0] = 10; array[1] = 20; array[2] = 30; array[3] = 40; p = &array[1]; r.first = 3; r.second = 4; q = &r;
+words[0] = 0x0102; words[1] = 0x0304; f.lo = 5; f.mid = -2; f.hi = 1; pf = &many[1];
+pf->lo = 2; pf->hi = 3;"""
+
+VALUES = {
+    # the low byte of 0x1234, its high byte, bytes exchanged in place
+    "n = u;": 0x34,
+    "n = u >> 8;": 0x12,
+    "u = u << 8 | u >> 8; n = u;": 0x12,
+    "u = u << 8 | u >> 8; n = u >> 8;": 0x34,
+    "u = (u >> 8) + u; n = u;": 0x46,
+    "u = u - (u << 8); n = u >> 8;": 0xDE,
+    "l = l >> 8; n = l;": 0x11,
+    "l = l << 8 | a; n = l >> 16;": 0x11,
+    # signed quotients, extended
+    "l = i / 2; n = l >> 8;": 0xFF,
+    "l = i / 2; n = l;": 0x6A,
+    "l = s / 2; n = l >> 16;": 0xFF,
+    "i = s / 2; n = i;": 0xFF,
+    "i = s % 2; n = i;": 0xFF,
+    "l = i / 7; n = l;": 0xD6,
+    "l = i % 7; n = l >> 24;": 0xFF,
+    "l = s * 5; n = l;": 0xF1,
+    "i = s >> 1; n = i >> 8;": 0xFF,
+    # comparisons of pointers and with constants on the left
+    "n = p > (unsigned char *)3;": 1,
+    "n = p >= array; n += p > array; n += p == array + 1; n += p != &array[1];": 3,
+    "n = (0x0A & a) == 0x0A; n += (0x05 & a) == 0x05;": 1,
+    "n = (a & 0x0A) == 0x0B;": 0,
+    # bit 8 of a negative char is its sign; of an unsigned one it is 0
+    "n = (s & 0x100) != 0; n += (a & 0x100) != 0;": 1,
+    "if (s & 0x8000) n = 2; if (a & 0x8000) n = 3;": 2,
+    "if (array) n++; if (&a) n++; if ((unsigned char)p) n++;": 3,
+    "if ((bool)u) n++; if ((unsigned char)u) n++; if ((unsigned char)(u << 8)) n = 9;": 2,
+    "if (++yes) n++; if (++yes) n++; if (yes == 1) n++;": 3,
+    "TRISB = 1; if (--TRISB) n = 1; else n = 2; TRISB = 255;": 2,
+    "flag = a; n = flag; flag = b; n += flag;": 1,
+    "flag = u == 0x1234; n = flag; flag = !flag; n += 2 * flag;": 1,
+    "flag = 1; if (flag == 0) n = 1; if (flag) n += 2; flag ^= 1; if (!flag) n += 4;": 6,
+    # assignments as values, with effects in their targets
+    "array[get(1)] = 9; n = array[2];": 9,
+    "words[get(0)] = u; n = words[1] >> 8;": 0x12,
+    "words[n] = i; n = words[0];": 0xD4,
+    "n = (array[0] = 7) + 1;": 8,
+    "n = (u = 0x1FF) >> 8;": 1,
+    "n = (f.lo = 9);": 1,
+    "n = (f.mid = 5);": 0xFD,
+    "f.mid = 3; n = f.mid;": 3,
+    "n = f.mid;": 0xFE,
+    "n = f.lo + f.hi;": 6,
+    "f.lo += 4; n = f.lo;": 1,
+    "f.hi = 3; n = f.lo; n += f.hi;": 8,
+    "pf->lo = 7; n = pf->lo + pf->hi;": 10,
+    "pf->hi = b; n = pf->hi; n += many[1].lo;": 5,
+    "many[n].hi = 2; n = many[0].hi;": 2,
+    "many[get(0)].mid = -1; n = many[1].mid;": 0xFF,
+    "r = make(20); n = r.first + r.second;": 41,
+    "*q = make(30); n = r.second;": 31,
+    "n = make(40).second;": 41,
+    "*p = get(*p); n = array[1];": 21,
+    "*p++ = 1; *p-- = 2; n = array[1] + 10 * array[2]; n += p == &array[1];": 22,
+    "*p += b; *p ^= 1; *p -= 2; n = *p;": 32,
+    "p[1] <<= 1; n = array[2];": 60,
+    "n = *p++ + *p;": 50,
+    "n = p[-1] + 2[p];": 50,
+    "a = ((void)b, 4); n = a; (void)a++; n += a;": 9,
+    "pass(); pass(); n++;": 15,
+    "n = k > 199 ? get(k) : 0;": 201,
+    "n = a > b ? s < 0 ? 1 : 2 : 3;": 1,
+    "n = !a + !!b + (a && 0) + (0 || b) + (a ? 4 : 0);": 6,
+    "n = -s; n += ~s; n += -(-b);": 20,
+    "n = a * b;": 0x46,
+    "u = a * b; n = u >> 8;": 0x05,
+    "n = a / 7 + a % 7;": 18,
+    "n = a << 1; n += a >> 3; n += 1 << 4;": 0xCF,
+    "n = a << (b - 12); n += a >> (b - 13);": 0xE6,
+    "i = i >> (b - 13); n = i;": 0xB5,
+    "a *= 3; b /= 4; s %= 2; n = a + b + s;": 0x10,
+    "a <<= 2; b >>= 1; u >>= 5; n = a ^ b ^ u;": 0xFE,
+    "s >>= 1; n = s; s <<= 3; n += s;": 0xEE,
+    # loops and the counters that they leave
+    "int z; for (z = -5; z < 5; z++) n += z;": 0xFB,
+    "unsigned char z; for (z = 0; z < 10; z += 3) n += z;": 18,
+    "for (u = 300; (unsigned char)u < 50; u++) n++;": 6,
+    "for (i = 0; (unsigned char)i < 5; i++) n += i;": 10,
+    "unsigned char z; for (z = 250; z; z++) n++;": 6,
+    "unsigned char z; for (z = 0; z < 255; z++) n++;": 255,
+    "int z; for (z = 0; z < 257; z++) n++;": 1,
+    "int z; for (z = 0; z <= 511; z++) n++; n += z >> 8;": 2,
+    "unsigned int z; for (z = 1; z != 300; z++) n++; n += z;": 0x57,
+    "unsigned int z; for (z = 0; z < 513; z++) a++; n = a;": 0x5B,
+    "unsigned char z, y; for (z = 0; z < 4; z++) for (y = z; y < 4; y++) n++;": 10,
+    "unsigned char z; for (z = 0; z < 8; z++) { if (z == 2) continue; if (z == 6) break; n += z; }": 13,
+    "unsigned char z = 5; while (z--) n += z;": 10,
+    "unsigned char z = 5; do n += z; while (--z); n += z;": 15,
+    "switch (u) { case 0x34: n = 1; break; case 0x1234: n = 2; case 7: n += 3; break; default: n = 9; }": 5,
+    "switch (s) { case 253: n = 1; break; case -3: n = 2; break; }": 2,
+    "switch (b) { case 1: n = 1; default: n += 2; case 3: n += 4; }": 6,
+    "switch (i) { case -300: n = 1; break; case 300: n = 2; }": 1,
+    "goto there; n = 9; there: n++;": 1,
+}
+PER_PROGRAM = 24
+
+
+def left(bodies: list[str], level: str) -> dict[str, int]:
+    """The value of n behind each body."""
+    found = {}
+    for first in range(0, len(bodies), PER_PROGRAM):
+        some = bodies[first : first + PER_PROGRAM]
+        results = "".join(f"unsigned char r{at};\n" for at in range(len(some)))
+        functions = "".join(f"void f{at}(void) {{ {body} }}\n" for at, body in enumerate(some))
+        calls = " ".join(f"start(); f{at}(); r{at} = n;" for at in range(len(some)))
+        text = f"{HEAD}{results}{functions}void start(void) {{ {START} }}\n"
+        text += f"void main(void) {{ {calls} while (1); }}"
+        options = Options(dialect="xc8", clock_hz=4_000_000, optimise=level)
+        made = compile_sources([Source(text, "main.c")], options)
+        machine = Machine(made.image, Clock(4_000_000))
+        machine.run(120_000)
+        where = {name: address for address, name, _ in made.listing.variables}
+        ram = machine.state().ram
+        found |= {body: ram[where[f"r{at}"] - RAM_FIRST] for at, body in enumerate(some)}
+    return found
+
+
+def test_what_a_statement_leaves() -> None:
+    found = left(list(VALUES), "speed")
+    assert found.keys() == VALUES.keys()
+    assert {body: value for body, value in found.items() if value != VALUES[body]} == {}
