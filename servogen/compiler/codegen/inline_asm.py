@@ -234,5 +234,6 @@ def _literal(expression: Expression, names: Names) -> int | AddressByte:
 
 
 def _computed(expression: Expression, value: int) -> str:
-    """Return an expression and its value in words, as `(1500 + 14) / 4 is 378,`; `300 is` for a number."""
-    return f"{value} is" if isinstance(expression, Number) else f"{spelling(expression)} is {value},"
+    """Return an expression and its value in words, as `(1500 + 14) / 4 is 378,`; `-300 is` for a number."""
+    text = spelling(expression)
+    return f"{value} is" if isinstance(expression, Number) or text == str(value) else f"{text} is {value},"
