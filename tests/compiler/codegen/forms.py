@@ -69,6 +69,11 @@ def compiled(bodies: Sequence[str], level: str = "speed") -> dict[str, str]:
     return shown
 
 
+def words(bodies: Sequence[str], level: str) -> int:
+    """The words of all bodies together, each without the RETURN at its end."""
+    return sum(text.count(";") + 1 for text in compiled(tuple(bodies), level).values() if text)
+
+
 @dataclass
 class _Naming:
     """The names of bytes and functions, as one function sees them."""

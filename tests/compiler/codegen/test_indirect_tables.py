@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table
+from tests.compiler.codegen.forms import compiled, table, words
 
 SHORTEST = table("""
 a = array[b];
@@ -92,6 +92,9 @@ MOST_WORDS = {
 }
 """Statements for which there may be shorter sequences."""
 
+AS_GENERATED = 186
+"""The words of all of them as the code generator writes them: they may get fewer, never more."""
+
 
 def forms() -> dict[str, str]:
     return compiled((*SHORTEST, *MOST_WORDS))
@@ -105,3 +108,7 @@ def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
 def test_no_statement_takes_more_words() -> None:
     longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
     assert longer == {}
+
+
+def test_the_code_generator_alone_takes_no_more_words() -> None:
+    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED
