@@ -87,6 +87,7 @@ def test_the_widths_are_those_of_the_schedules_frames() -> None:
     states = driven("wait 4\n")
     assert list(states[-1].widths_us.values()) == stance
     assert list(states[-1].widths_us) == [channel.name for channel in schedule.channels]
+    assert (states[0].frame, states[0].seconds) == (1, pytest.approx(0.02))
 
 
 def test_an_unknown_command_is_refused_and_an_unknown_key_ignored() -> None:

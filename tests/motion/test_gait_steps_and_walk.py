@@ -504,3 +504,56 @@ def test_a_hole_of_a_ten_millionth_of_the_path_is_passed() -> None:
     made = f.trace(LINE, inverse, [0.0], str)
     assert made.end == pytest.approx([1.0])
     assert made.at(np.array([0.5]))[0] == pytest.approx([0.5], abs=1e-6)
+
+
+def traced(*slopes: float, apart: float | None = None) -> f.Branch:
+    """The branch of joints that turn evenly by `slopes`; with `apart` a second solution runs beside it."""
+
+    def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+        one = shares[:, None] * np.array(slopes)
+        return np.stack([one, one + (5.0 if apart is None else apart)], axis=1)
+
+    return f.trace(LINE, inverse, np.zeros(len(slopes)), str)
+
+
+def test_a_slow_branch_is_sampled_at_sixty_four_shares() -> None:
+    """0.3 rad in 64 steps are 4.7 mrad each, which is not a jump."""
+    made = traced(0.3, -0.1)
+    assert made.shares == pytest.approx(np.linspace(0, 1, 65))
+    assert made.angles == pytest.approx(np.outer(made.shares, [0.3, -0.1]))
+
+
+def test_the_steps_of_a_branch_begin_small_grow_threefold_and_stay_below_a_tenth() -> None:
+    made = traced(20.0)
+    steps_ = np.diff(made.angles[:, 0])
+    assert steps_[0] <= 0.005
+    assert steps_.max() <= 0.1
+    assert steps_.max() > 0.03
+    # one more than three times the slope before is divided by eight
+    slopes = np.diff(made.angles[:, 0]) / np.diff(made.shares)
+    assert slopes == pytest.approx(np.full(len(slopes), 20.0))
+    shares = np.diff(made.shares)
+    assert set(np.round(np.log(shares * 64) / np.log(8), 6).tolist()) <= {0.0, -1.0, -2.0, -3.0}
+
+
+@pytest.mark.parametrize("apart", [0.1, 0.3])
+def test_a_step_is_at_most_a_quarter_of_the_way_to_another_solution(apart: float) -> None:
+    made = traced(4.0, apart=apart)
+    assert made.end == pytest.approx([4.0])
+    assert np.diff(made.angles[:, 0]).max() <= apart / 4 + 1e-12
+    equal = traced(4.0, apart=0.9e-6)  # less than a millionth apart is the same solution
+    assert equal.end == pytest.approx([4.0], abs=1e-5)
+
+
+def test_a_branch_too_steep_for_its_samples_is_refused() -> None:
+    with pytest.raises(InputError, match=r"the joints move too steeply there for 16384 samples"):
+        traced(5000.0)
+
+
+@pytest.mark.parametrize("at", [0.25, 0.5, 0.75])
+def test_chords_are_measured_at_three_places_between_samples(at: float) -> None:
+    def spiked(angles: np.ndarray) -> np.ndarray:
+        x = angles[:, 0]
+        return np.stack([x, np.maximum(0, 0.1 - np.abs(x - at)), 0 * x], axis=1)
+
+    assert f.chord_errors(LINE, np.array([[0.0], [1.0]]), spiked) == pytest.approx([0.1])
