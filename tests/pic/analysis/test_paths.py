@@ -1,0 +1,277 @@
+"""What the paths of small programs do, in every part, worked out by hand; and from what an index is made."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+
+from servogen.pic.analysis import values
+from servogen.pic.analysis.demand import (
+    APART,
+    ExecutionGroup,
+    Graph,
+    SplitPlan,
+    _bounds,
+    _holds_free,
+    _index,
+    _written,
+)
+from servogen.pic.analysis.paths import PathExplorer, Paths, PinWrite, explore
+from servogen.pic.analysis.state import INTCON, LATCHES, OPTION, TMR0, TRISB, bit, bits
+from servogen.pic.isa import encode
+from servogen.pic.known_values import CARRY, FSR, ZERO, W, word_of
+from tests.pic.analysis.programs import INTERRUPT, assembled
+from tests.pic.analysis.test_facts import nested_calls
+
+RB = [5 + number for number in range(8)]
+
+
+def paths(text: str) -> Paths:
+    return explore(assembled(text).image.program)
+
+
+def assert_are(found: Paths, **expected: object) -> None:
+    """Compare some parts; all others must be empty or as at the beginning."""
+    plain = Paths()
+    for part in fields(Paths):
+        assert getattr(found, part.name) == expected.get(part.name, getattr(plain, part.name)), part.name
+
+
+def test_a_straight_program_does_nothing_special() -> None:
+    assert_are(paths("main\n clrf 0x20\n incf 0x20, f\n goto main"), executed={0, 1, 2})
+
+
+def test_calls_returns_and_their_depth() -> None:
+    found = paths("main\n call f\n call g\n goto main\nf\n call g\n return\ng\n return")
+    assert_are(found, executed=set(range(6)), depth=2, called_from={3: {0}, 5: {1, 3}})
+
+
+def test_outputs_options_and_the_timer() -> None:
+    found = paths(
+        " clrf PORTB\n movlw 7\n movwf TMR0\n bsf STATUS, 5\n movlw 0xF8\n movwf TRISB\n movlw 0x82\n"
+        " movwf OPTION_REG\n bcf STATUS, 5\nhere\n goto here"
+    )
+    assert_are(
+        found, executed=set(range(10)), outputs=set(RB[:3]), options=values.of({0xFF, 0x82}),
+        timer_writes={2: values.constant(7)},
+    )  # fmt: skip
+
+
+def test_writes_of_pins_before_and_after_their_directions_are_set() -> None:
+    found = paths(
+        " bsf PORTB, 0\n bsf STATUS, 5\n movlw 0x0F\n movwf TRISB\n bcf STATUS, 5\n bsf PORTB, 1\n"
+        " bsf PORTB, 4\n bsf PORTA, 2\nhere\n goto here"
+    )
+    assert_are(
+        found, executed=set(range(9)), outputs=set(RB[4:]),
+        early_writes={PinWrite(0, RB[0]), PinWrite(7, 2)}, input_writes={PinWrite(5, RB[1])},
+    )  # fmt: skip
+
+
+def test_what_is_read_or_driven_unwritten() -> None:
+    found = paths(" incf 0x20, f\n bsf STATUS, 5\n bcf TRISB, 7\n bcf STATUS, 5\nhere\n goto here")
+    assert_are(
+        found, executed=set(range(5)), outputs={RB[7]}, unwritten_reads={(0, 0x20)},
+        driven_unwritten={PinWrite(2, RB[7])},
+    )  # fmt: skip
+
+
+def test_a_table_a_computed_jump_and_one_beyond_its_table() -> None:
+    text = "main\n movf PORTB, w\n andlw 1\n call t\n goto main\nt\n addwf PCL, f\n retlw 1\n retlw 2\n{}"
+    assert_are(
+        paths(text.format("")), executed=set(range(7)), depth=1, called_from={4: {2}}, computed={4: {5, 6}}
+    )
+    free = paths(text.format("").replace("andlw 1", "andlw 7"))
+    assert_are(
+        free, executed=set(range(7)), depth=1, called_from={4: {2}}, computed={4: {5, 6}}, tables={4: (5, 6)}
+    )
+    certain = paths(text.format(" return").replace("movf PORTB, w\n andlw 1", "movlw 2\n nop"))
+    assert_are(
+        certain, executed={0, 1, 2, 3, 4, 7}, depth=1, called_from={4: {2}}, computed={4: {7}}, beyond={4: 7}
+    )
+
+
+def test_where_paths_are_lost() -> None:
+    nothing = paths("main\n movf PORTB, w\n movwf PCL\n nop")
+    assert_are(nothing, executed={0, 1}, lost={1: "a computed jump"})
+    deep = paths(nested_calls(9))
+    assert deep.lost == {16: "a ninth return address"}
+    assert deep.overflows == {16: (1, 3, 5, 7, 9, 11, 13, 15)}
+    assert deep.depth == 8
+    assert_are(paths("main\n return"), executed={0}, underflows={0}, lost={0: "a return with an empty stack"})
+    pcl = paths("main\n movlw 2\n movwf FSR\n clrf INDF\n goto main")
+    assert pcl.lost == {2: "a pointer may address PCL"}
+    pointer = paths("main\n movf PORTB, w\n movwf FSR\n movf INDF, w\n goto main")
+    assert_are(pointer, executed=set(range(4)), pointers={2})
+
+
+def test_an_interrupt_that_restores_what_it_uses() -> None:
+    main = "main\n movlw 0xA0\n movwf INTCON\nwait\n call f\n goto wait\nf\n return"
+    found = paths(INTERRUPT.format(work=" incf 0x42, f") + main)
+    begin = 4 + 11
+    assert_are(
+        found, executed={0, *range(4, begin + 5)}, depth=1, depth_when_interrupted=1, depth_of_interrupt=1,
+        called_from={begin + 4: {begin + 2}}, interrupts=True, interrupt_sources=0x20,
+        timer_options=values.constant(0xFF), unwritten_reads={(9, 0x42)},
+        interrupt_changes=found.interrupt_changes,
+    )  # fmt: skip
+    assert found.interrupt_changes >= {0x40, 0x41, 0x42, INTCON, W}
+    assert not found.interrupt_changes & {0x43, FSR, OPTION, TRISB, TMR0}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "lost"),
+    [
+        ("swapf 0x41, w\n", "movf 0x41, w\n", True), (" swapf 0x40, f\n", "", True),
+        ("movwf 0x40\n", "nop\n", True),
+        ("bcf STATUS, 5\n", "nop\n", False), ("bcf INTCON, 2\n", "nop\n", False),
+        ("bcf INTCON, 2\n", "clrf FSR\n", True), ("bcf INTCON, 2\n", "clrf PCLATH\n", True),
+        ("bcf INTCON, 2\n", "bsf STATUS, 5\n", False),
+    ],
+)  # fmt: skip
+def test_registers_that_an_interrupt_does_not_restore(old: str, new: str, lost: bool) -> None:
+    main = "main\n movlw 0xA0\n movwf INTCON\nwait\n goto wait"
+    whole = INTERRUPT.format(work="") + main
+    assert whole.count(old) >= 1
+    assert bool(paths(whole.replace(old, new, 1)).not_restored) == lost
+    assert not paths(whole).not_restored
+
+
+def test_interrupts_inside_the_interrupt_and_of_other_sources() -> None:
+    main = "main\n movlw 0xF8\n movwf INTCON\nwait\n goto wait"
+    nested = paths(INTERRUPT.format(work=" bsf INTCON, 7\n nop") + main)
+    assert nested.nested_interrupts == set(range(10, 16))
+    assert nested.interrupt_sources == 0x78
+    only = paths(INTERRUPT.format(work="") + main.replace("0xF8", "0x90"))
+    assert (only.interrupt_sources, only.timer_options, only.nested_interrupts) == (0x10, None, set())
+    masked = paths(INTERRUPT.format(work="") + main.replace("0xF8", "0x78"))
+    assert (masked.interrupts, masked.depth_when_interrupted, masked.depth_of_interrupt) == (False, None, 0)
+
+
+def test_a_loop_with_a_known_counter_is_followed_to_its_end() -> None:
+    """The word behind the loop is executed, the one behind a skip that is never taken is not."""
+    text = "main\n movlw {0}\n movwf 0x20\nloop\n decfsz 0x20, f\n goto loop\n"
+    text += " movf 0x20, f\n btfss STATUS, 2\n nop\n"
+    for count in (1, 3, 200):
+        found = paths(text.format(count) + "here\n goto here")
+        assert found.executed == ({*range(8)} - {6} - ({3} if count == 1 else set()))
+
+
+# -- what an index is made from ----------------------------------------------------------------------------
+
+
+def graph(text: str) -> Graph:
+    explorer = PathExplorer(assembled(text).image.program)
+    explorer.explore()
+    return Graph(explorer.words, explorer.visits)
+
+
+MADE = (
+    "main\n movf 0x20, w\n addwf 0x21, w\n movwf 0x22\n movf 0x22, w\n call t\n goto main\nt\n addwf PCL, f\n"
+    " retlw 1\n retlw 2\n"
+)
+
+
+def test_the_bytes_that_an_index_is_made_from_are_demanded_where_they_are_needed() -> None:
+    made = graph(MADE)
+    jump = (6, (5,))
+    assert made.indices() == {jump: bit(W)}
+    both = bits((0x20, 0x21))
+    demanded = made.demanded(made.indices())
+    # Around the loop, both bytes are needed again; 0x22 and W only from where they are made.
+    assert {node: places for node, places in demanded.items() if node[0] <= 6} == {
+        (0, ()): both, (1, ()): both | bit(W), (2, ()): both | bit(W), (3, ()): both | bit(0x22),
+        (4, ()): both | bit(W), jump: both | bit(W), (5, ()): both,
+    }  # fmt: skip
+    plan = SplitPlan.of(made, made.indices(), pins=True)
+    assert plan.apart[2, ()] == (W, 0x20, 0x21)
+    assert plan.apart[3, ()] == (0x20, 0x21, 0x22)
+    assert (plan.pins, plan.uses, plan.kept[5, ()]) == (True, {jump: bit(W)}, both)
+    assert (W, *range(0x0C, 0x50)) == APART
+
+
+def test_instructions_that_write_the_same_operand_on_the_same_path_are_alike() -> None:
+    made = graph(
+        "main\n clrf 0x20\n incf 0x20, f\n decf 0x20, w\n clrf 0x21\n call f\n goto main\n"
+        "f\n clrf 0x20\n return"
+    )
+    assert set(made.alike((0, ()))) == {(0, ()), (1, ())}
+    assert made.alike((2, ())) == [(2, ())], "it writes W"
+    assert set(made.alike((6, (5,)))) == {(6, (5,))}
+    assert set(made.alike((3, ()))) == {(3, ())}
+
+
+def test_bytes_that_get_an_input_or_a_masked_value_are_free() -> None:
+    text = (
+        "main\n movf PORTB, w\n movwf 0x20\n movf 0x30, w\n movwf 0x21\n andlw 0x0F\n movwf 0x22\n"
+        " movf 0x30, w\n andlw 0x1F\n movwf 0x23\n movf PORTB, w\n addwf 0x30, w\n"
+        " movwf 0x24\n incf 0x24, w\n movwf 0x25\n"
+        " movf PORTB, w\n goto on\non\n movwf 0x26\n incf 0x27, f\n xorwf 0x28, f\n clrf 0x29\n goto main"
+    )
+    assert graph(text).free() == bits((0x20, 0x22, 0x24, 0x26, 0x28))
+
+
+@pytest.mark.parametrize(
+    ("word", "index", "written", "certain"),
+    [
+        (encode("ADDWF", f=2, d=1), bit(W), bit(0x20) | bit(CARRY), bit(0x20) | bit(CARRY)),
+        (encode("MOVF", f=0, d=0), bit(FSR), bit(W), bit(W)),
+        (encode("CLRF", f=0), bit(FSR), bit(0x20), bit(0x20)),
+        (encode("SUBWF", f=0x20, d=0), 0, bits((W, CARRY)), bits((W, CARRY))),
+        (encode("RLF", f=0x20, d=1), 0, bits((0x20, CARRY)), bits((0x20, CARRY))),
+        (encode("BTFSS", f=0x20, b=1), 0, 0, 0),
+        (encode("GOTO", k=0), 0, 0, 0),
+    ],
+)
+def test_what_an_instruction_uses_as_an_index_and_writes(
+    word: int, index: int, written: int, certain: int
+) -> None:
+    assert _index(word_of(word)) == index
+    assert _written(word_of(word), [0x20]) == (written, certain)
+
+
+def test_a_write_to_one_of_several_bytes_is_not_certain() -> None:
+    clear = word_of(encode("CLRF", f=0))
+    assert _written(clear, [0x20, 0x21]) == (bits((0x20, 0x21)), 0)
+    assert _written(clear, [0x20, None]) == (bit(0x20), bit(0x20))
+    assert _written(clear, [None]) == (0, 0)
+
+
+def test_a_mask_of_up_to_four_bits_bounds_a_value() -> None:
+    for mask, few in ((0, True), (0x0F, True), (0x55, True), (0x1F, False), (0xFF, False)):
+        assert _bounds(word_of(encode("ANDLW", k=mask))) == few
+    assert not _bounds(word_of(encode("IORLW", k=1)))
+    assert not _bounds(word_of(encode("MOVLW", k=1)))
+
+
+@pytest.mark.parametrize(
+    ("word", "places", "after_free", "after_known"),
+    [
+        (encode("MOVF", f=6, d=0), [None], True, True), (encode("MOVF", f=0x20, d=0), [0x20], False, False),
+        (encode("ADDWF", f=0x20, d=0), [0x20], True, False), (encode("ADDWF", f=6, d=0), [None], True, True),
+        (encode("MOVLW", k=3), [], False, False), (encode("ANDLW", k=3), [], True, True),
+        (encode("ANDLW", k=0x1F), [], True, False), (encode("MOVWF", f=0x20), [0x20], True, False),
+        (encode("INCF", f=6, d=1), [None], True, False), (encode("MOVWF", f=2), [None], False, False),
+        (encode("CLRW"), [], False, False),
+    ],
+)  # fmt: skip
+def test_whether_w_holds_what_is_not_followed(
+    word: int, places: list[int | None], after_free: bool, after_known: bool
+) -> None:
+    assert _holds_free(word_of(word), places, before=True) == after_free
+    assert _holds_free(word_of(word), places, before=False) == after_known
+
+
+def test_nodes_of_undefined_words_pass_on_what_is_demanded() -> None:
+    visits = {
+        (0, ()): ExecutionGroup({(1, ())}, set()),
+        (1, ()): ExecutionGroup({(2, ())}, {0x20}),
+        (2, ()): ExecutionGroup(set(), {None}),
+    }
+    made = Graph({0: 0x0001, 1: encode("MOVF", f=0x20, d=0), 2: encode("MOVWF", f=2)}, visits)
+    assert made.indices() == {(2, ()): bit(W)}
+    assert made.demanded(made.indices()) == {(2, ()): bit(W), (1, ()): bit(0x20), (0, ()): bit(0x20)}
+    assert made.alike((0, ())) == [(0, ())]
+    assert made.free() == 0
+    assert ZERO < 0 < LATCHES
