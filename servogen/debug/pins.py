@@ -40,8 +40,6 @@ def _sentences(chip: TimeMachine, pin: int) -> Iterator[str]:
     yield f"{name} is an output: bit {bit} of TRIS{port} is 0. Its latch holds {latch}."
     if name == OPEN_DRAIN_PIN and machine.levels[pin] == UNDRIVEN:
         yield f"{name} is an open drain: for a 1 it needs a pull-up resistor."
-    elif not latch and not machine.edges_made:
-        yield "The program has not changed a pin yet."
 
 
 def _writes_in_bank_1(chip: TimeMachine, address: int) -> bool:

@@ -101,7 +101,9 @@ def data_byte_exists(address: int) -> bool:
     """
     return 0 <= address <= 0xFF and (
         RAM_FIRST <= address & 0x7F <= RAM_LAST
-        or any(address in (row.address, row.address & 0x7F) for row in REGISTERS)
+        or any(
+            row.address in (address, address & 0x7F if row.name in BOTH_BANKS else -1) for row in REGISTERS
+        )
     )
 
 

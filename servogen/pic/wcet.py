@@ -406,10 +406,8 @@ class TimedProgram:
                     continue
                 body.add(address)
                 callers.setdefault(address, {}).update(dict.fromkeys(returns))
-                try:
+                with suppress(Undefined):
                     waiting += self._followers(address)
-                except Undefined:
-                    continue
         return {address: tuple(returns) for address, returns in callers.items()}
 
     def check_table(self, address: int) -> None:

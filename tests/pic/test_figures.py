@@ -8,7 +8,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.pic import device
-from servogen.pic.device import PIC16C84, config_word, oscillator_for
+from servogen.pic.device import PIC16C84, config_word, data_byte_exists, oscillator_for
 from servogen.pic.image import REGIONS, Image, from_hex, image_of, read_hex, region_of, to_hex
 from servogen.pic.isa import by_mnemonic, encode
 from servogen.pic.spelling import assembly_text, bit_name, is_exact, other_bank, register_name
@@ -41,6 +41,15 @@ def test_each_oscillator_reaches_its_last_hertz() -> None:
     assert [oscillator_for(hz) for hz, _ in pairs] == [name for _, name in pairs]
     defaults = config_word("RC")
     assert defaults == 0b11_1111_1111_0011, "no protection, the power-up timer on, the watchdog off"
+
+
+# DS35007 figure 2-2, the addresses without a byte: 7, the rest of each bank behind the RAM, and 87.
+MISSING = {0x07, 0x87, *range(0x50, 0x80), *range(0xD0, 0x100)}
+
+
+def test_the_data_memory_has_the_bytes_of_the_file_map() -> None:
+    assert {address for address in range(256) if not data_byte_exists(address)} == MISSING
+    assert not any(data_byte_exists(address) for address in (-1, 0x100, 0x10C, 1 << 20))
 
 
 NAMES = ["INDF", "TMR0", "PCL", "STATUS", "FSR", "PORTA", "PORTB", "-", "EEDATA", "EEADR", "PCLATH", "INTCON"]

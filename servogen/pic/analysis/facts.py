@@ -155,9 +155,7 @@ class Facts:
             text = f"{counted(len(beyond), 'computed jump')} may go beyond the table"
             return Answer(question, Status.FOUND, text, findings=(*beyond, *gaps))
         if not gaps:
-            return Answer(
-                question, Status.HOLDS, f"{len(paths.executed)} words on {question[6:-12]}s from reset"
-            )
+            return Answer(question, Status.HOLDS, f"{len(paths.executed)} words on paths from reset")
         text = "the other answers hold if what is stated here is true"
         return Answer(question, Status.NOT_DECIDED, text, findings=tuple(gaps))
 

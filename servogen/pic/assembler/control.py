@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from servogen.errors import Diagnostic, InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
@@ -13,34 +14,27 @@ from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import IDENTIFIER
 
 
-def _open(state: Pass, statement: Statement, holds: bool) -> None:
-    state.conditions.append(Condition(holds, holds, statement.place))
-
-
-def _open_closed(state: Pass, statement: Statement) -> bool:
-    """Open an IF inside lines that are not assembled: it is not assembled either, whatever its condition."""
-    if state.active:
-        return False
-    state.conditions.append(Condition(False, True, statement.place))
-    return True
+def _decide(state: Pass, statement: Statement, holds: Callable[[], bool]) -> None:
+    """Open an IF; inside lines that are not assembled, it is not assembled either, whatever its condition."""
+    if not state.active:
+        state.conditions.append(Condition(False, True, statement.place))
+        return
+    # Opened before its condition is evaluated: after an error in it, the ENDIF still has its IF.
+    condition = Condition(False, False, statement.place)
+    state.conditions.append(condition)
+    condition.active = condition.taken = holds()
 
 
 def _if(state: Pass, statement: Statement) -> None:
-    if not _open_closed(state, statement):
-        # Opened before the expression is evaluated: after an error in it, the ENDIF still has its IF.
-        _open(state, statement, False)
-        holds = state.one(statement) != 0
-        state.conditions[-1] = Condition(holds, holds, statement.place)
+    _decide(state, statement, lambda: state.one(statement) != 0)
 
 
 def _ifdef(state: Pass, statement: Statement) -> None:
-    if not _open_closed(state, statement):
-        _open(state, statement, _asks_defined(state, statement))
+    _decide(state, statement, lambda: _asks_defined(state, statement))
 
 
 def _ifndef(state: Pass, statement: Statement) -> None:
-    if not _open_closed(state, statement):
-        _open(state, statement, not _asks_defined(state, statement))
+    _decide(state, statement, lambda: not _asks_defined(state, statement))
 
 
 def _asks_defined(state: Pass, statement: Statement) -> bool:

@@ -18,7 +18,7 @@ _OPERATION = re.compile(r"[#]?" + IDENTIFIER.pattern)
 ASSIGNMENTS = ("<<=", ">>=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "=", "++", "--")
 """What may stand between a variable in column 1 and its new value."""
 
-_ASSIGNMENT = re.compile("|".join(re.escape(operator) for operator in ASSIGNMENTS) + "(?!=)")
+_ASSIGNMENT = re.compile(f"(?:{'|'.join(re.escape(operator) for operator in ASSIGNMENTS)})(?!=)")
 
 
 @dataclass(frozen=True, slots=True)

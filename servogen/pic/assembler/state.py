@@ -329,7 +329,7 @@ class Pass:
             raise SourceError(
                 "asm-missing-argument",
                 f"{name} lacks an operand",
-                statement.rest.column(len(statement.rest.chars)),
+                statement.rest.column(len(statement.rest.chars)) if statement.rest else statement.column,
             )
         if maximum is not None and len(fields) > maximum:
             raise SourceError(

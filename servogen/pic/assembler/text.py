@@ -17,6 +17,7 @@ IDENTIFIER = re.compile(r"[.]?[A-Za-z_?@\u0080-\U0010FFFF][\w.?@]*")
 
 _QUOTED = re.compile(r'"(?:\\.|[^"\\])*"?' + r"|'(?:\\[^\s]|[^'\\])[^' ,;]*'")
 """A string, or a quoted number or character: what no substitution and no comment may touch."""
+_CLOSED = re.compile(r'"(?:\\.|[^"\\])*"')
 
 
 MAX_LINE = 2000
@@ -71,7 +72,7 @@ class Text:
         """Return the column of a double quote without a closing one; None if there is none."""
         for start, end in self.quoted():
             body = self.chars[start:end]
-            if body.startswith('"') and (len(body) < 2 or not body.endswith('"')):
+            if body.startswith('"') and not _CLOSED.fullmatch(body):
                 return self.column(start)
         return None
 
