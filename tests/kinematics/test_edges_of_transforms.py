@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
 
-from servogen.errors import InputError, Location
+from servogen.errors import InputError, Location, ToolError
 from servogen.kinematics import mobility as mob
 from servogen.kinematics import orientation as o
 from servogen.kinematics import queries as q
@@ -28,6 +30,7 @@ from servogen.kinematics.jacobian import (
     spherical_jacobian,
 )
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.symbolic import text_of
 from servogen.kinematics.urdf import from_urdf, to_urdf
 from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length
 
@@ -694,3 +697,16 @@ def test_a_urdf_number_may_be_a_million_and_a_loop_is_refused() -> None:
         from_urdf(text.replace("</robot>", loop), "r.urdf", "c")
     assert len(from_urdf(text, "r.urdf", "b").joints) == 1
     assert len(from_urdf(text, "r.urdf").joints) == 2
+
+
+@pytest.mark.parametrize(
+    ("module", "call", "extra"),
+    [("urdf_parser_py", lambda: to_urdf(arm("leg")), "urdf"), ("sympy", lambda: text_of(1), "symbolic")],
+)
+def test_a_missing_library_is_named_with_its_extra(
+    module: str, call: Callable[[], object], extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ToolError) as caught:
+        call()
+    assert (caught.value.code, caught.value.hint) == ("tool-missing", f"pip install 'servogen[{extra}]'")

@@ -336,3 +336,20 @@ def test_the_answer_of_a_run_is_in_seconds_metres_and_radians(ran: Ran) -> None:
     assert answer["positions"]["1"]["position_m"] == [0.25, 0.2, 0.35]  # type: ignore[index]
     assert answer["counters"] == {"3": 7}
     assert answer["final_joints"] == run.trajectory.angles[-1].tolist()
+
+
+def test_a_rest_before_a_repeated_program_is_left_out_of_its_frames(ran: Ran) -> None:
+    """TI waits 50 frames before the program closes and opens the hand: the loop is the program alone."""
+    text = "TI 10\nOD 1\n10 GC\n20 OD 5\n30 GO\n40 OD 6\nRN 10"
+    run = ran(text, repeat=True)
+    close, back = run.steps
+    assert (run.trajectory.loop_start, close.frame, back.frame) == (0, 0, close.frames)
+    assert len(run.trajectory.angles) == close.frames + back.frames
+    assert [(output.frame, output.value) for output in run.outputs] == [
+        *((0, 1), (close.frames, 5), (close.frames + back.frames, 6)),
+    ]
+    # a motion before it is its lead-in
+    led = ran("MJ 0, 5, 0, 0, 0\nMJ 0, -5, 0, 0, 0\n" + text, repeat=True)
+    first = led.steps[3]
+    assert (led.trajectory.loop_start, first.frame) == (first.frame, led.trajectory.loop_start)
+    assert [step.statement.text[:2] for step in led.steps] == ["MJ", "MJ", "TI", "GC", "GO"]
