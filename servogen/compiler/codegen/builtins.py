@@ -63,6 +63,8 @@ _LOOP_CYCLES = 4
 """Of one round of a watched delay, beside the delay in it: CLRWDT, DECFSZ and GOTO."""
 MAX_CARRY_CYCLES = 8
 """What a watched delay takes at most between two CLRWDT, beside the delay itself."""
+_WITHOUT_LOOP = 11
+"""A loop takes a cycle more: 4 for its counters, 5 for the shortest round, and 3 for its end."""
 
 
 def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
@@ -72,7 +74,7 @@ def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
     The rounds are counted in two bytes. A round takes 4 cycles beside its delay, 2 more where the low byte
     reaches 0, and the last one 1 more.
     """
-    if cycles <= max(unwatched, MAX_CARRY_CYCLES):
+    if cycles <= max(unwatched, _WITHOUT_LOOP):
         if cycles:
             gen.emit("CLRWDT", fixed=True)
             gen.delay(cycles - 1)
