@@ -110,8 +110,6 @@ def test_the_options_of_a_twin_are_in_degrees_and_millimetres(run: Run, twinned:
         0.5,
         "--slope-deg",
         30,
-        "--step-mm",
-        12,
         "--rough-mm",
         3,
         "--seed",
