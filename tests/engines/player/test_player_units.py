@@ -151,23 +151,13 @@ def test_a_script_has_255_bytes_at_most() -> None:
         # No row follows another: two bytes name it, and one how to get there.
         return [ScriptStep(2 * n % 61, timing(1 + n % 5)) for n in range(count)]
 
-    lead, loop = steps(1), steps(90)
-    free = script(lead, loop, 2, legs=False, limited=False)
-    assert len(free.data) > 255 and len(free.owners) == len(free.data)
+    lead = steps(1)
+    full = script(lead, steps(84), 2, legs=False)
+    assert len(full.data) == 3 * 85 == len(full.owners)
     with pytest.raises(ResourceError) as error:
-        script(lead, loop, 2, legs=False)
-    assert error.value.message == (f"the motion's script has {len(free.data)} bytes: its table holds 255")
-    # Take steps away until it fits: the last size that is refused is 256 or more, the first that fits 255.
-    sizes = {
-        count: len(script(lead, steps(count), 2, legs=False, limited=False).data) for count in range(2, 200)
-    }
-    for count, size in sizes.items():
-        if size > 255:
-            with pytest.raises(ResourceError):
-                script(lead, steps(count), 2, legs=False)
-        else:
-            assert len(script(lead, steps(count), 2, legs=False).data) == size
-    assert {254, 255, 256, 257} & set(sizes.values())
+        script(lead, steps(85), 2, legs=False)
+    assert error.value.message == "the motion's script has 258 bytes: its table holds 255"
+    assert len(script(lead, steps(85), 2, legs=False, limited=False).data) == 258
 
 
 def test_a_motion_has_as_many_timings_as_bytes_that_name_one() -> None:

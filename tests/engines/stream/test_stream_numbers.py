@@ -189,13 +189,13 @@ def fits(bit: Fraction, first: int) -> bool:
 
 def test_the_time_of_the_first_sample_is_the_middle_of_what_is_possible() -> None:
     possible = 0
-    for cycles in range(330, 900, 7):
+    for cycles in range(330, 900, 29):
         bit = Fraction(cycles)
         right = [first for first in range(224) if fits(bit, first)]
         if right:
             possible += 1
             assert first_units(bit) == (right[0] + right[-1]) // 2, cycles
-    assert possible > 50
+    assert possible > 10
 
 
 def test_a_bit_has_223_units_at_most() -> None:
