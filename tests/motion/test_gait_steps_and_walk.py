@@ -557,3 +557,34 @@ def test_chords_are_measured_at_three_places_between_samples(at: float) -> None:
         return np.stack([x, np.maximum(0, 0.1 - np.abs(x - at)), 0 * x], axis=1)
 
     assert f.chord_errors(LINE, np.array([[0.0], [1.0]]), spiked) == pytest.approx([0.1])
+
+
+def test_where_the_inverse_fails_a_branch_takes_its_neighbour_or_its_own_end() -> None:
+    def holed(*holes: float) -> f.Branch:
+        """The inverse gives nothing within half a ten millionth of the holes."""
+
+        def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+            lost = np.min(np.abs(shares[:, None] - np.array(holes)), axis=1) < 0.5e-7
+            return np.where(lost, np.nan, shares)[:, None, None]
+
+        return replace(branch(), inverse=inverse)
+
+    made = holed(0.0, 0.5, 1.0)
+    assert made.at(np.array([0.0, 0.25, 0.5, 1.0]))[:, 0] == pytest.approx([0, 0.25, 0.5, 1], abs=2e-7)
+    nothing = replace(
+        made, inverse=lambda shares, near: np.full((len(shares), 1, 1), np.nan), place=Location("x")
+    )
+    assert nothing.at(np.array([0.0, 1.0]))[:, 0].tolist() == [0.0, 1.0]
+    with pytest.raises(f.LeavesReach, match=r"\(500\.000, 0\.000, 0\.000\) mm") as caught:
+        nothing.at(np.array([0.5]))
+    assert (caught.value.share, caught.value.location) == (0.5, Location("x"))
+
+
+@pytest.mark.parametrize(("away", "same"), [(0.09, True), (0.11, False)])
+def test_a_solution_a_tenth_beside_the_branch_is_not_on_it(away: float, same: bool) -> None:
+    made = replace(branch(), inverse=lambda shares, near: (shares + away)[:, None, None])
+    if same:
+        assert made.at(np.array([0.5]))[0, 0] == pytest.approx(0.5 + away)
+    else:
+        with pytest.raises(f.LeavesReach):
+            made.at(np.array([0.5]))
