@@ -52,28 +52,39 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     if isinstance(init, c_ast.InitList) and kind.element.scalar and len(init.exprs) == 1:
         init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
     if isinstance(init, c_ast.InitList):
-        length, index = 0, 0
-        for item in init.exprs:
-            if isinstance(item, c_ast.NamedInitializer):
-                designator = item.name[0]
-                inner = getattr(designator, "expr", designator)
-                index = constant(analyser, inner, "an index")
-            index += 1
-            length = max(length, index)
-        if (
-            isinstance(kind.element, ArrayType)
-            and init.exprs
-            and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
-        ):
-            # without inner braces the scalars fill one inner array after the other (ISO C 6.7.9)
-            length = -(-length // (kind.element.length or 1))
-        return sized(analyser, replace(kind, length=max(length, 1)), node)
+        return sized(analyser, replace(kind, length=max(_count(analyser, kind.element, init), 1)), node)
     if isinstance(init, c_ast.Constant) and init.type == "string":
         return replace(kind, length=len(characters(analyser, init.value, analyser.place(init))) + 1)
     if "extern" in (node.storage or []):
         known = analyser.externals.get(node.name)
         return known.type if isinstance(known, Symbol) else kind
     raise analyser.fail("c-initialiser", f"the size of the array '{node.name}' is missing", node)
+
+
+def _count(analyser: Analyser, element: CType, init: Any) -> int:
+    """Return how many elements an initialiser in braces gives to an array without a length. Where inner
+    braces are omitted, an element takes as many values as it has scalars (ISO C 6.7.9).
+    """
+    length, index, items = 0, 0, list(init.exprs)
+    while items:
+        item = items[0]
+        if isinstance(item, c_ast.NamedInitializer):
+            designator = item.name[0]
+            index = constant(analyser, getattr(designator, "expr", designator), "an index")
+            items[0] = item.expr
+        index += 1
+        length = max(length, index)
+        left = len(items)
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(items[0]):
+            _aggregate(analyser, element, items, 0, [], braced=False)
+        if len(items) == left:
+            items.pop(0)
+    return length
+
+
+def _is_whole(item: Any) -> bool:
+    """Return whether an item initialises an array or structure as a whole: one in braces, or a string."""
+    return isinstance(item, c_ast.InitList) or (isinstance(item, c_ast.Constant) and item.type == "string")
 
 
 def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
@@ -243,11 +254,7 @@ def _aggregate(
             analyser.reporter.warn("c-initialiser", "this element already has a value", analyser.place(item))
         where, element = slots[position]
         member = parts[position] if parts else None
-        if (
-            isinstance(element, (ArrayType, StructType))
-            and not isinstance(item, c_ast.InitList)
-            and not (isinstance(item, c_ast.Constant) and item.type == "string")
-        ):
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(item):
             _aggregate(analyser, element, items, offset + where, out, braced=False)
         else:
             items.pop(0)
