@@ -1,0 +1,274 @@
+"""What a target does for a test: begins a run, looks long enough, checks that inputs came in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
+from servogen.edges import EdgeTrace, edge_chunk
+from servogen.errors import InputError, ToolError
+from servogen.pic.image import Image
+from servogen.testing import targets
+from servogen.testing.targets import (
+    Bench,
+    BenchRun,
+    BenchStart,
+    CaptureRequest,
+    Replay,
+    SeenPins,
+    Simulator,
+    begin,
+    check_inputs,
+    uses_eeprom,
+)
+from servogen.units import Clock, Cycles
+
+MHZ4 = Clock(4_000_000)
+RB0 = 5
+CONTACT = frozenset({"RB0", "RB4"})
+
+
+class Adapter:
+    """An input adapter that lists what it is asked to do."""
+
+    def __init__(self, scheduler: bool = True) -> None:
+        self.board = SimpleNamespace(scheduler=scheduler)
+        self.calls: list[tuple[Any, ...]] = []
+
+    def apply(self, inputs: Any) -> None:
+        self.calls.append(("apply", *inputs))
+
+    def load(self, inputs: Any, length_ms: int) -> None:
+        self.calls.append(("load", list(inputs), length_ms))
+
+    def listen(self, pin: str, baud: int) -> None:
+        self.calls.append(("listen", pin, baud))
+
+    def stop(self) -> None:
+        self.calls.append(("stop",))
+
+    def release(self) -> None:
+        self.calls.append(("release",))
+
+    def start(self) -> None:
+        self.calls.append(("start",))
+
+
+def run(start: BenchStart = BenchStart.CONTINUE, **around: Any) -> BenchRun:
+    return BenchRun(MHZ4, 0.0101, {"RB0": 1, "RB1": 0}, {CONTACT: True}, start=start, **around)
+
+
+LEVELS = (DrivePin("RB0", 1), DrivePin("RB1", 0))
+
+
+def begun(segment: BenchRun) -> list[tuple[Any, ...]]:
+    adapter = Adapter()
+    begin(cast(Any, adapter), segment)
+    return adapter.calls
+
+
+def test_a_run_goes_on_with_its_levels_and_contacts() -> None:
+    assert begun(run()) == [("stop",), ("apply", *LEVELS, Close(CONTACT, True)), ("load", [], 11)]
+
+
+def test_a_run_that_begins_with_a_reset_holds_mclr_until_then() -> None:
+    assert begun(run(BenchStart.RESET)) == [
+        ("stop",),
+        ("apply", DrivePin("MCLR", 0)),
+        ("apply", *LEVELS, Close(CONTACT, True)),
+        ("load", [BoardInput(0, DrivePin("MCLR", 1))], 11),
+    ]
+
+
+def test_a_chip_that_is_off_is_fed_through_no_pin(monkeypatch: pytest.MonkeyPatch) -> None:
+    naps: list[float] = []
+    monkeypatch.setattr(targets, "time", SimpleNamespace(sleep=naps.append))
+    assert begun(run(BenchStart.POWER_UP)) == [
+        ("stop",),
+        ("release",),
+        ("apply", DrivePin("VDD", 0)),
+        ("load", [BoardInput(0, each) for each in (DrivePin("VDD", 1), *LEVELS)], 11),
+    ]
+    assert naps == [0.2]
+
+
+def test_a_line_that_will_send_idles_at_its_first_rate_and_is_not_driven() -> None:
+    sends = tuple(BoardInput(ms, Send("RB1", b"A", baud)) for ms, baud in ((1, 2400), (5, 9600)))
+    assert begun(run(inputs=sends)) == [
+        ("stop",),
+        ("apply", LEVELS[0], Close(CONTACT, True)),
+        ("listen", "RB1", 2400),
+        ("load", [*sends], 11),
+    ]
+
+
+def shown(*changes_ms: tuple[float, int]) -> EdgeTrace:
+    """What RB0 was seen to do, after beginning low."""
+    rows = [(0, RB0, 0), *((round(1000 * ms), RB0, level) for ms, level in changes_ms)]
+    return EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(200_000))
+
+
+def checked(trace: EdgeTrace, *changes: tuple[int, int | None], before: int | None = 0) -> str:
+    """Return the complaint about RB0, which was to change at these milliseconds of 100."""
+    inputs = tuple(BoardInput(ms, DrivePin("RB0", level)) for ms, level in changes)
+    levels = {} if before is None else {"RB0": before}
+    try:
+        check_inputs(trace, BenchRun(MHZ4, 0.1, levels, inputs=inputs), 3)
+    except ToolError as error:
+        assert error.code == "late-input"
+        return error.message
+    return ""
+
+
+LATE = "RB0 did not become 1 at 20 ms of the run, nor within 3 ms of it"
+
+
+@pytest.mark.parametrize(("seen_ms", "complaint"), [(17, ""), (16.99, LATE), (23, ""), (23.01, LATE)])
+def test_an_input_may_be_as_early_or_late_as_the_board_is(seen_ms: float, complaint: str) -> None:
+    assert checked(shown((seen_ms, 1)), (20, 1)) == complaint
+    assert checked(shown((seen_ms, 0)), (20, 1)) == LATE, "the other level"
+
+
+def test_only_changes_that_must_be_seen_are_looked_for() -> None:
+    nothing = shown()
+    assert checked(nothing, (20, 1)) == LATE
+    assert checked(nothing, (20, 0)) == "", "no change"
+    assert checked(nothing, (20, 1), before=None) == "", "nobody knows what it was"
+    assert checked(nothing, (20, None)) == "", "let go"
+    assert checked(nothing, (3, 1)) == "", "before the capture may have begun"
+    assert checked(nothing, (4, 1)).startswith("RB0 did not become 1 at 4 ms")
+    assert checked(nothing, (101, 1)) == ""
+    assert checked(nothing, (100, 1)).startswith("RB0 did not become 1 at 100 ms")
+    assert checked(nothing, (20, 1), (20, 0)) == "", "of one millisecond only the last"
+    assert checked(shown((20, 1)), (40, 0), (20, 1)).startswith("RB0 did not become 0 at 40 ms")
+    assert checked(shown((20, 1), (40, 0)), (40, 0), (20, 1)) == ""
+    other = BenchRun(MHZ4, 0.1, {"MCLR": 0}, inputs=(BoardInput(20, DrivePin("MCLR", 1)),))
+    check_inputs(nothing, other, 3)
+
+
+class Played(Bench):
+    """A bench whose analyser holds so many seconds in each capture, with an edge every `every` µs."""
+
+    def hold(self, *seconds: float, every: int = 1000) -> None:
+        self.held, self.every, self.asked = list(seconds), every, list[float | None]()
+
+    def _capture_with(self, settings: Any, request: CaptureRequest, seconds: float | None) -> SeenPins:
+        self.asked.append(seconds)
+        self.settings = settings
+        end = round(1e6 * self.held.pop(0))
+        times = range(0, end, self.every)
+        rows = [(cycle, RB0, number % 2) for number, cycle in enumerate(times)]
+        return SeenPins(EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(end)), "bench")
+
+
+def bench(tmp_path: Path, *held: float, every: int = 1000, **around: Any) -> Played:
+    made = Played("/dev/ttyACM0", None, None, None, tmp_path, **around)
+    made.hold(*held, every=every)
+    return made
+
+
+def test_a_capture_without_a_schedule_is_repeated_with_more_memory_until_it_is_long_enough(
+    tmp_path: Path,
+) -> None:
+    made = bench(tmp_path, 0.25, 0.499, 0.5)
+    made.capture(CaptureRequest(MHZ4, seconds=0.5))
+    assert made.asked == pytest.approx([0.5, 0.5 * 1.25 * 2, 0.5 * 1.25 * 2 * 1.25 * 0.5 / 0.499])
+    assert not made.settings.triggered
+    short = bench(tmp_path, 0.0005, 0.001)
+    short.capture(CaptureRequest(MHZ4, seconds=0.001))
+    assert short.asked == pytest.approx([0.001, 0.02 * 1.25 * 2]), "no less than a frame"
+    full = bench(tmp_path, *[0.1] * 5)
+    with pytest.raises(InputError, match="was full after 100 ms, not 500 ms") as error:
+        full.capture(CaptureRequest(MHZ4, seconds=0.5))
+    assert (error.value.code, len(full.asked)) == ("analyser-memory", 5)
+
+
+def test_a_run_is_looked_at_for_its_time_and_its_inputs_delay(tmp_path: Path) -> None:
+    """Half a second, and twice the memory for its edges: 325 a second at first, of the 1300 of a plan."""
+    for scheduler, late in ((True, 0.003), (False, 0.05)):
+        made = bench(tmp_path, 0.2)
+        made._adapter = cast(Any, Adapter(scheduler))
+        made.play(BenchRun(MHZ4, 0.1))
+        assert made.asked == pytest.approx([0.5 + (0.1 + late) * 2 / 4])
+        assert made.edges_per_s == pytest.approx(101 / 0.1), "as many as were seen in the run"
+        assert made.settings.armed == cast(Any, made._adapter).start
+
+
+def test_a_run_that_may_be_repeated_is_until_the_memory_suffices(tmp_path: Path) -> None:
+    made = bench(tmp_path, 0.05, 0.1, every=100)
+    made._adapter = cast(Any, Adapter())
+    made.play(BenchRun(MHZ4, 0.1, repeatable=True))
+    assert made.asked == pytest.approx([0.5 + 0.103 * 2 / 4, 0.5 + 0.103 * 2 * 10_000 / 1300])
+    once = bench(tmp_path, 0.05)
+    once._adapter = cast(Any, Adapter())
+    with pytest.raises(InputError, match="was full after 50 ms, not 100 ms"):
+        once.play(BenchRun(MHZ4, 0.1))
+    tired = bench(tmp_path, *[0.05] * 5)
+    tired._adapter = cast(Any, Adapter())
+    with pytest.raises(InputError, match="analyser"):
+        tired.play(BenchRun(MHZ4, 0.1, repeatable=True))
+    assert len(tired.asked) == 5
+
+
+IMAGE = Image({0: 0x2800}, 0x3FF1)
+WRITES = Image({0: 0x0089, 1: 0x2800}, 0x3FF1)  # MOVWF 0x09 in bank 1 is EECON2
+
+
+def test_a_program_may_write_its_eeprom_if_it_writes_eecon2() -> None:
+    """DS35007, table 2-1: EECON2 is 0x89. MOVF EECON2, W reads it; CLRF clears it."""
+    assert not uses_eeprom(IMAGE)
+    assert uses_eeprom(WRITES)
+    assert not uses_eeprom(Image({0: 0x0809}))
+    assert uses_eeprom(Image({0: 0x0189}))
+    assert not uses_eeprom(Image({0: 0x0088}))
+
+
+def test_a_chip_is_programmed_once_unless_it_writes_its_eeprom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flashed: list[Image] = []
+    monkeypatch.setattr(targets, "find", lambda name: name)
+    monkeypatch.setattr(targets, "flash", lambda tool, order, image: flashed.append(image))
+    made = Bench("/dev/ttyACM0", "picpro", "/dev/ttyUSB0", None, tmp_path)
+    with pytest.raises(InputError, match="nothing says which chip it is for"):
+        made.load(IMAGE)
+    made.built_for = "PIC16F84A"
+    adapter = Adapter()
+    made._adapter = cast(Any, adapter)
+    for image in (IMAGE, IMAGE, WRITES, WRITES, IMAGE):
+        made.load(image)
+    assert flashed == [IMAGE, WRITES, WRITES, IMAGE]
+    assert adapter.calls == 4 * [("release",)]
+    assert made.on_chip == IMAGE
+    with pytest.raises(InputError, match="no configuration word"):
+        made.load(Image({0: 0x2800}))
+    made.close()
+    assert made._adapter is None
+    with pytest.raises(InputError, match="no programmer is named"):
+        Bench("/dev/ttyACM0", None, None, None, tmp_path).load(IMAGE)
+    with pytest.raises(InputError, match="no programmer of this run knows the chip's EEPROM"):
+        Bench("/dev/ttyACM0", None, None, None, tmp_path).eeprom()
+
+
+def test_what_a_test_does_not_say_is_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="states neither a schedule nor a duration"):
+        _ = CaptureRequest(MHZ4).cycles
+    assert CaptureRequest(MHZ4, seconds=0.25).cycles == 250_000
+    with pytest.raises(InputError, match="there is no program on the simulated chip"):
+        Simulator().capture(CaptureRequest(MHZ4, seconds=0.25))
+    replay = Replay(tmp_path, "test_a")
+    with pytest.raises(InputError, match="there is no recording of this test") as error:
+        replay.capture(CaptureRequest(MHZ4))
+    assert str(error.value.location) == str(tmp_path / "test_a")
+
+
+def test_recordings_are_found_by_the_name_of_the_test(tmp_path: Path) -> None:
+    text = "cycle,pin,level\n5,RB0,1\n"
+    (tmp_path / "test_a.csv").write_text(text)
+    (found,) = Replay(tmp_path, "test_a").recordings(MHZ4)
+    assert found.source == f"the recording {tmp_path / 'test_a.csv'}"
+    assert found.file == tmp_path / "test_a.csv"
