@@ -14,7 +14,15 @@ import pytest
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.prove import counterexample
-from servogen.prove.certificate import _column, _heard, _place, certificate, image_digest
+from servogen.prove.certificate import (
+    _column,
+    _heard,
+    _is_settled,
+    _place,
+    _row,
+    certificate,
+    image_digest,
+)
 from servogen.prove.counterexample import (
     Case,
     Counterexample,
@@ -43,8 +51,8 @@ from servogen.pulse.schedule import (
     Run,
     StepButton,
 )
-from servogen.simulator import SimulatorOptions, parse_stimuli
-from servogen.simulator.abstract import AssumedBits
+from servogen.simulator import SimulatorOptions, layout, parse_stimuli
+from servogen.simulator.abstract import BASE, FIELD, FIELDS, AssumedBits
 from servogen.units import Clock, Cycles
 
 CLOCK = Clock(4_000_000)
@@ -549,3 +557,60 @@ def test_a_program_that_comes_back_to_a_state_without_a_pulse_waits_endlessly(wa
     search: Any = SimpleNamespace(waits=waits)
     found = _waits_endlessly(search)
     assert found == node if not isinstance(node, set) else found in node
+
+
+# what a certificate lists
+
+
+def row_of(**fields: int) -> dict[str, int]:
+    beside = [0] * len(FIELDS)
+    values = {"IRQ_AT": layout.NEVER, "T0_AT": BASE, "WDT_CLEARED": BASE} | fields
+    for name, value in values.items():
+        beside[FIELD[name]] = value
+    transitions: Any = SimpleNamespace(rest=lambda number: tuple(beside))
+    return _row(transitions, 0)
+
+
+def test_a_row_has_cells_of_values_unknown_bits_and_phi() -> None:
+    """Bits 0 to 7 are the value, 8 to 15 mark unknown bits, which are 0, and bit 16 the bytes that add φ."""
+    row = row_of(
+        PC=0x7FF, W=0xA5, W_UNKNOWN=0x0F, FSR=7, FSR_UNKNOWN=layout.PHASED, STATUS=0x1F, STATUS_UNKNOWN=0x07,
+        EEADR=9, PCLATH=3, OPTION=0x8F, DEPTH=2, STACK0=0x7FF, STACK7=0x123, WDT_CLEARED=BASE - 500,
+    )  # fmt: skip
+    assert (row["pc"], row["w"], row["fsr"]) == (0x3FF, 0xA0 | 0x0F00, 7 | 0x10000)
+    assert (row["status"], row["eeadr"], row["option"]) == (0x18 | 0x0700, 9, 0x8F)
+    assert (row["depth"], row["stack0"], row["stack7"], row["stack1"]) == (2, 0x3FF, 0x123, 0)
+    assert row["watchdog_age"] == 500
+
+
+def test_ports_are_five_and_eight_bits() -> None:
+    row = row_of(TRIS=0x1FFF & ~(1 << 4 | 1 << 12), LATCH=0b1000_0001_10001, LATCH_UNKNOWN=0b0100_0000_00010)
+    assert (row["trisa"], row["trisb"]) == (0x0F, 0x7F)
+    assert (row["porta"], row["portb"]) == (0b10001 | 0b00010 << 8, 0x81 | 0x40 << 8)
+
+
+def test_the_prescaler_is_its_count_below_its_ratio() -> None:
+    for ps in range(8):
+        used = 2 ** (ps + 1) - 1
+        row = row_of(OPTION=ps, PRESCALER=0xFF, TMR0=5)
+        assert (row["prescaler"], row["tmr0"]) == (used, 5)
+        # Bits that do not reach TMR0 may be unknown; of the others none.
+        row = row_of(OPTION=ps, PRESCALER=1, PRESCALER_UNKNOWN=0xFF & ~used, TMR0=5)
+        assert (row["prescaler"], row["tmr0"]) == (1, 5)
+        row = row_of(OPTION=ps, PRESCALER=0, PRESCALER_UNKNOWN=1 << ps, TMR0=5)
+        assert (row["prescaler"], row["tmr0"]) == (0, 0xFF00)
+        # The prescaler of the watchdog does not count for TMR0.
+        row = row_of(OPTION=8 | ps, PRESCALER=3, PRESCALER_UNKNOWN=0xFF, TMR0=5)
+        assert (row["prescaler"], row["tmr0"]) == (0, 5)
+
+
+def test_states_within_an_interrupt_or_while_the_timer_stands_are_not_listed() -> None:
+    def settled(**fields: int) -> bool:
+        beside = [0] * len(FIELDS)
+        for name, value in ({"IRQ_AT": layout.NEVER, "T0_AT": BASE} | fields).items():
+            beside[FIELD[name]] = value
+        transitions: Any = SimpleNamespace(rest=lambda number: tuple(beside))
+        return _is_settled(transitions, 0)
+
+    assert settled() and settled(T0_AT=BASE - 9)
+    assert not settled(T0_AT=BASE + 1) and not settled(IRQ_AT=BASE)
