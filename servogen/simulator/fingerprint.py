@@ -68,7 +68,7 @@ def _times(s: npt.NDArray[np.int64], rows: tuple[SlotFacts, ...]) -> list[int]:
     for row in rows:
         when = int(s[row.number])
         if row.future is Future.MOMENT:
-            times.append(-1 if when == at.NEVER else when - now)
+            times.append(when if when == at.NEVER else when - now)
         elif row.future is Future.UNTIL:
             times.append(max(when - now, 0))
         else:

@@ -348,3 +348,25 @@ def test_a_recording_applied_in_the_cycle_of_a_reset() -> None:
     assert made == [(2, "RB3", LOW), (3, "RB3", UNDRIVEN), (8, "RB3", LOW)]
     assert chip.state().resets["mclr"] == 1
     assert ram(chip, 0x0C) == 0
+
+
+def test_a_state_as_json_has_what_it_says_without_the_warnings() -> None:
+    program = image(" org 0x2100\n de 9\n org 0\n movlw 7\n movwf 0x20\n call s\n nop\ns sleep\n")
+    state = steps(Machine(program, CLOCK), 4).state()
+    found = state.to_json()
+    assert found["cycles"] == 5
+    assert (found["pc"], found["w"], found["status"], found["sleeping"]) == (5, 7, 0x10, True)
+    assert found["ram"] == [7 if address == 0x20 else 0 for address in range(0x0C, 0x50)]
+    assert found["eeprom"] == [9] + [0xFF] * 63
+    assert found["resets"] == {"power_on": 1, "mclr": 0, "mclr_in_sleep": 0, "watchdog": 0}
+    assert (found["stack_wraps"], found["deepest_stack"], found["edges"]) == (0, 1, 0)
+    registers = found["registers"]
+    assert isinstance(registers, dict)
+    assert (registers["PCL"], registers["OPTION_REG"], registers["TRISB"], registers["EECON2"]) == (
+        5,
+        255,
+        255,
+        0,
+    )
+    assert state.stack == (3, 0, 0, 0, 0, 0, 0, 0)
+    assert (state.ram_written, state.ram_high_water, state.prescaler) == ((0x20,), 1, 0)
