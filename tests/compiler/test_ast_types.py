@@ -558,6 +558,8 @@ INTERVALS: list[tuple[Expr, tuple[int, int]]] = [
     (two("/", BYTE, num(10)), (0, 25)),
     (two("/", two("+", SMALL, num(32)), two("+", SMALL, num(2))), (1, 23)),
     (two("/", SIGNED, num(2)), (-32768, 32767)),
+    (two("/", BYTE, num(1)), (0, 255)),
+    (two("%", BYTE, num(1)), (0, 0)),
     (two("/", BYTE, SMALL), (-32768, 32767)),
     (two("%", BYTE, num(10)), (0, 9)),
     (two("%", SMALL, num(100)), (0, 15)),
