@@ -1011,3 +1011,46 @@ def test_a_program_that_waits_endlessly_makes_no_pulse(monkeypatch: pytest.Monke
     assert not found.proven
     assert found.reason == "no pulse comes (address 0x123, 2 states seen, 0 open)"
     assert asked == [SearchFinding(1, (), 0, "no pulse comes", True, 0x123, silent=True)]
+
+
+# sleep
+
+
+def woken(intcon: int, unknown: int = 0, *, watchdog: bool = False, **more: int) -> list[Any]:
+    """The choices with which a chip that sleeps after the last pulse is woken."""
+    asked: list[Any] = []
+
+    def run(state: ChipState, choices: Any) -> RunOutcome:
+        if state["PC"] == 0 and not choices:
+            beside = rest(PC=5, SLEEPING=1, INTCON=intcon, INTCON_UNKNOWN=unknown, **more)
+            return outcome(2000, after=beside, edges=((1, RB0, 1), (1000, RB0, 0)))
+        asked.append(choices)
+        return outcome(3, after=rest(PC=9))
+
+    once = replace(SILENT, lead_in=(Run(1, (Pulse(Cycles(0), Cycles(999)),)),), loop=(Run(1, (None,)),))
+    transitions, chip = transitions_of(run)
+    chip.watchdog = watchdog
+    transitions.stop_at({9})
+    search = Explorer(
+        PreparedProgram(Image({0: encode("BSF", f=8, b=1)})), transitions, Specification(once, None),
+        Generaliser(transitions, {9: Guess(registers=set())}), 1, 100, lambda *_: None,
+        [ChipState(ram(), rest(PC=0))],
+    )  # fmt: skip
+    found = search.search()
+    assert found.asynchronous and found.answer is SearchAnswer.CLOSED, found.finding
+    return [choices for choices in asked if choices]
+
+
+def test_a_chip_that_sleeps_after_the_last_pulse_is_woken_in_every_way() -> None:
+    """By each flag that may be set and is enabled, three places above it; by the watchdog, if it is on."""
+    assert woken(0) == []
+    flags = {1: 0x08, 2: 0x10, 4: 0x20}
+    for flag, enable in flags.items():
+        assert woken(enable, flag) == [(AssumedBits("INTCON", flag, flag),)]
+        assert woken(enable) == [] == woken(0, flag), "neither a flag that is known nor one that is off"
+    every = [(AssumedBits("INTCON", flag, flag),) for flag in (1, 2, 4)]
+    assert woken(0x38, 7) == every
+    assert woken(0x38, 7, watchdog=True) == [*every, (AssumedBits("WATCHDOG", 0, 0),)]
+    # EEIE is bit 6; a write has to be in progress.
+    assert woken(0x40) == [] and woken(0, EE_DONE_AT=9) == []
+    assert woken(0x40, EE_DONE_AT=9) == [(AssumedBits("EE_DONE", 0, 0),)]
