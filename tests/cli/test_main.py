@@ -307,6 +307,7 @@ def test_a_wrong_command_line_is_exit_code_2_with_where_to_read_on(
     assert f"see: {named} --help" in ran.err
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_the_null_device_takes_the_place_of_closed_streams() -> None:
     """In a child, whose descriptors may be closed."""
     child = os.fork()
@@ -325,6 +326,12 @@ def test_the_null_device_takes_the_place_of_closed_streams() -> None:
             sys.stdout.write("x")
             sys.stdout.flush()
             fine = fine and main._open_closed_streams() is False
+            os.dup2(os.open(__file__, os.O_RDONLY), 2)  # another file has taken its place
+            free = os.dup(0)
+            os.close(free)
+            sys.stderr = None  # type: ignore[assignment]
+            fine = fine and main._open_closed_streams() is False
+            fine = fine and os.fstat(2).st_rdev == null.st_rdev and os.dup(0) == free
             os._exit(0 if fine else 1)
         except BaseException:
             os._exit(2)

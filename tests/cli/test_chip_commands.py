@@ -1,0 +1,188 @@
+"""What compile, assemble and disassemble print, pass on and write, with a compiler that is made by hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen import compiler
+from servogen.cli import chip_commands
+from servogen.errors import Diagnostic, InputError
+from servogen.pic import assembler
+from servogen.pic.image import Image
+from servogen.units import Clock
+from tests.cli.conftest import Run
+
+IMAGE = Image({0: 0x2800}, 0x3FF1)
+WARNING = Diagnostic("warning", "w", "odd")
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
+    """`compile` and `assemble` give seen["result"]; what they are asked."""
+    seen: dict[str, Any] = {}
+    seen["result"] = SimpleNamespace(
+        image=IMAGE,
+        listing="listing",
+        words=123,
+        ram_bytes=45,
+        clock=Clock(4_000_000),
+        saved={"peephole": 1, "outlining": 20},
+        ir="the form",
+        diagnostics=(WARNING,),
+        warnings=(WARNING,),
+        source_lines={},
+    )
+
+    def within(work: Callable[[], Any], file: Path, limits: Any, hint: str) -> Any:
+        seen["limits"] = (file, limits.seconds, limits.memory_mb, hint)
+        return work()
+
+    def compile_them(texts: Any, options: Any) -> Any:
+        seen["files"], seen["options"] = [source.file for source in texts], options
+        return seen["result"]
+
+    def assemble(text: str, name: str, chip: Any, beside: Any) -> Any:
+        seen["assembled"] = (text, name, chip and chip.name)
+        return seen["result"]
+
+    monkeypatch.setattr(chip_commands, "within_limits", within)
+    monkeypatch.setattr(compiler, "compile_sources", compile_them)
+    monkeypatch.setattr(assembler, "assemble", assemble)
+    monkeypatch.setattr("servogen.pic.listing.listing_text", lambda rows: f"{rows}\n")
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.c", "b.c", "a.asm"):
+        Path(name).write_text(f"; {name}\n")
+    return seen
+
+
+def test_compile_writes_a_hex_beside_its_first_file(run: Run, compiled: dict[str, Any]) -> None:
+    """1024 words and 68 bytes: DS35007 sections 2.1 and 2.2."""
+    ran = run("compile", "a.c", "b.c")
+    assert (ran.code, ran.out) == (0, "a.hex: 123 words of 1024, 45 bytes of 68, c2c\n")
+    assert ran.err.splitlines()[0] == "1 warning:"
+    assert sorted(path.name for path in Path().iterdir()) == ["a.asm", "a.c", "a.hex", "b.c"]
+    assert (compiled["files"], compiled["limits"]) == (
+        ["a.c", "b.c"],
+        (Path("a.c"), 10.0, 300, "--timeout and --memory-mb allow more"),
+    )
+    options = compiled["options"]
+    assert (options.dialect, options.optimise, options.dump_ir) == ("c2c", "speed", None)
+    assert (options.clock_hz, options.float_bits, options.unwanted) == (None, None, frozenset())
+    assert options.verify_ir is compiler.Options().verify_ir
+
+
+@pytest.mark.parametrize(("level", "name"), [("0", "none"), ("1", "speed"), ("s", "size"), ("none", "none")])
+def test_the_options_of_compile_reach_the_compiler(
+    run: Run, compiled: dict[str, Any], level: str, name: str
+) -> None:
+    words = (
+        "--dialect",
+        "xc8",
+        "--device",
+        "PIC16F84A",
+        "--clock-hz",
+        8_000_000,
+        "--float",
+        24,
+        "--verify-ir",
+    )
+    run("compile", "a.c", *words, f"-O{level}", "--timeout", 5, "--memory-mb", 77, "--listing", "a.lst")
+    options = compiled["options"]
+    assert (options.dialect, options.device.name, options.clock_hz) == ("xc8", "PIC16F84A", 8_000_000)
+    assert (options.float_bits, options.verify_ir, options.optimise) == (24, True, name)
+    assert compiled["limits"][1:3] == (5.0, 77)
+    assert Path("a.lst").read_text() == "listing\n"
+
+
+def test_compile_as_json_has_the_form_only_if_it_is_dumped(run: Run, compiled: dict[str, Any]) -> None:
+    shown = run("compile", "a.c", "-o", "x.hex", "--json")
+    found = json.loads(shown.out)
+    assert [each["code"] for each in found.pop("diagnostics")] == ["w"]
+    expected = {
+        "hex": "x.hex",
+        "dialect": "c2c",
+        "words": 123,
+        "ram_bytes": 45,
+        "clock_hz": 4_000_000,
+        "saved_by_pass": {"peephole": 1, "outlining": 20},
+    }
+    assert found == expected
+    compiled["result"].clock = None
+    found = json.loads(run("compile", "a.c", "--dump", "ir", "-o", "x.hex", "--json").out)
+    assert (found["clock_hz"], found["ir"]) == (None, "the form")
+
+
+def test_a_dump_shows_the_form_and_what_each_pass_saved(run: Run, compiled: dict[str, Any]) -> None:
+    lines = run("compile", "a.c", "--dump", "ir").out.splitlines()
+    assert lines[:-1] == ["the form", "; peephole saved 1 word", "; outlining saved 20 words"]
+    compiled["result"].saved = {}
+    assert run("compile", "a.c", "--dump", "ir").out.splitlines()[1] == "; no pass saved a word"
+
+
+def test_a_dump_is_of_the_last_pass_unless_one_is_named() -> None:
+    from servogen.compiler.passes.manager import PASSES
+
+    assert chip_commands._pass_to_dump(None) is None
+    assert chip_commands._pass_to_dump("ir") == PASSES[-1]
+    assert chip_commands._pass_to_dump("ir:first") == "first"
+    for wrong in ("irx", "asm", "", ":x"):
+        with pytest.raises(InputError, match="is not ir or ir:PASS"):
+            chip_commands._pass_to_dump(wrong)
+
+
+def test_a_warning_that_is_suppressed_must_exist() -> None:
+    from servogen.compiler.diagnostics import WARNINGS
+
+    one, two = sorted(WARNINGS)[:2]
+    assert chip_commands._unwanted([]) == frozenset()
+    assert chip_commands._unwanted([one, two]) == {one, two}
+    with pytest.raises(InputError, match="no warning has the code 'nothing'"):
+        chip_commands._unwanted([one, "nothing"])
+
+
+def test_assemble_writes_a_hex_and_perhaps_a_listing(run: Run, compiled: dict[str, Any]) -> None:
+    ran = run("assemble", "a.asm")
+    assert (ran.code, ran.out) == (0, f"a.hex: {IMAGE.words} words of 1024\n")
+    assert ran.err.splitlines()[0] == "1 warning:"
+    assert compiled["assembled"] == ("; a.asm\n", "a.asm", None)
+    assert compiled["limits"] == (Path("a.asm"), 10.0, 300, "--timeout and --memory-mb allow more")
+    assert not Path("a.lst").exists()
+    words = ("--device", "PIC16F84A", "--listing", "a.lst", "-o", "x.hex", "--timeout", 5, "--memory-mb", 77)
+    assert run("assemble", "a.asm", *words).out.startswith("x.hex: ")
+    assert compiled["assembled"][2] == "PIC16F84A"
+    assert compiled["limits"][1:3] == (5.0, 77)
+    assert Path("a.lst").read_text() == "listing\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("compile", "a.c", "-o", "a.c"),
+        ("compile", "a.c", "b.c", "-o", "b.c"),
+        ("compile", "a.c", "--listing", "a.c"),
+        ("compile", "a.c", "--listing", "a.hex"),
+        ("assemble", "a.asm", "-o", "a.asm"),
+        ("assemble", "a.asm", "--listing", "a.asm"),
+        ("assemble", "a.asm", "--listing", "a.hex"),
+    ],
+)
+def test_no_source_is_overwritten(run: Run, compiled: dict[str, Any], words: tuple[str, ...]) -> None:
+    before = {path: path.read_text() for path in Path().iterdir()}
+    ran = run(*words)
+    assert (ran.code, "[output-exists]" in ran.err) == (2, True)
+    assert {path: path.read_text() for path in Path().iterdir()} == before
+
+
+def test_disassemble_prints_or_writes(run: Run, compiled: dict[str, Any]) -> None:
+    Path("a.hex").write_text(":020000000028D6\n:00000001FF\n")
+    printed = run("disassemble", "a.hex")
+    assert (printed.code, "goto" in printed.out.lower(), printed.out.endswith("\n\n")) == (0, True, False)
+    written = run("disassemble", "a.hex", "-o", "x.asm")
+    assert (written.code, written.out, Path("x.asm").read_text()) == (0, "", printed.out)
+    assert "16f84a" in run("disassemble", "a.hex", "--device", "PIC16F84A").out.lower()
