@@ -158,26 +158,25 @@ def test_the_firmware_is_what_its_table_says() -> None:
     )
 
 
-@pytest.mark.parametrize(("level", "number"), [("", 0), ("low", 0), ("high", 1)])
-@pytest.mark.parametrize("name", ["start", "stop"])
-def test_a_button_is_pressed_at_its_level(name: str, level: str, number: int) -> None:
-    text = f'[firmware]\n{name}_pin = "RA2"\n' + (f'{name}_level = "{level}"\n' if level else "")
-    buttons = job(text).firmware.buttons
-    button, other = (buttons.start, buttons.stop) if name == "start" else (buttons.stop, buttons.start)
-    assert button is not None
-    assert (button.pin, button.level, other, buttons.any) == ("RA2", number, None, True)
+def test_a_button_is_pressed_at_its_level() -> None:
+    for name in ["start", "stop"]:
+        for level, number in [("", 0), ("low", 0), ("high", 1)]:
+            text = f'[firmware]\n{name}_pin = "RA2"\n' + (f'{name}_level = "{level}"\n' if level else "")
+            buttons = job(text).firmware.buttons
+            button, other = (
+                (buttons.start, buttons.stop) if name == "start" else (buttons.stop, buttons.start)
+            )
+            assert button is not None
+            assert (button.pin, button.level, other, buttons.any) == ("RA2", number, None, True)
 
 
-@pytest.mark.parametrize(
-    ("pulses", "off"), [("", True), ('stop_pulses = "off"', True), ('stop_pulses = "hold"', False)]
-)
-def test_a_stop_switches_the_pulses_off_unless_they_are_held(pulses: str, off: bool) -> None:
-    assert job(f'[firmware]\nstop_pin = "RA2"\n{pulses}\n').firmware.buttons.off is off
+def test_a_stop_switches_the_pulses_off_unless_they_are_held() -> None:
+    for pulses, off in [("", True), ('stop_pulses = "off"', True), ('stop_pulses = "hold"', False)]:
+        assert job(f'[firmware]\nstop_pin = "RA2"\n{pulses}\n').firmware.buttons.off is off
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+def test_buttons_that_cannot_be_are_refused() -> None:
+    for text, said in [
         ('start_level = "high"', "firmware.start_level: there is no start_pin"),
         ('stop_level = "high"', "firmware.stop_level: there is no stop_pin"),
         ('stop_pulses = "hold"', "firmware.stop_pulses: there is no stop_pin"),
@@ -189,10 +188,8 @@ def test_a_stop_switches_the_pulses_off_unless_they_are_held(pulses: str, off: b
             "firmware.stop_pin: the sequence engine does not read buttons",
         ),
         ('engine = "sequence"\n[stream]', "stream: the sequence engine does not read a serial line"),
-    ],
-)
-def test_buttons_that_cannot_be_are_refused(text: str, said: str) -> None:
-    assert said in refusal(more=f"[firmware]\n{text}\n")
+    ]:
+        assert said in refusal(more=f"[firmware]\n{text}\n")
 
 
 def test_a_soft_start_counts_twice_towards_the_longest_motion(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,9 +238,8 @@ def test_commands_are_read_from_a_line_or_from_buttons() -> None:
         }
 
 
-@pytest.mark.parametrize(
-    ("commands", "more", "said"),
-    [
+def test_commands_that_cannot_be_are_refused() -> None:
+    for commands, more, said in [
         ('forward_mm = 30, pin = "RA4", button = "RA4"', "", "pin: a walk has either pin or button"),
         (
             'forward_mm = 30, pin = "RA4", buttons = { forward = "RA4" }',
@@ -273,12 +269,10 @@ def test_commands_are_read_from_a_line_or_from_buttons() -> None:
         ("forward_mm = 30, buttons = {}", "", "walk.commands.buttons: no direction has a button"),
         ("forward_mm = 30", '[firmware]\nstart_pin = "RA4"', "commands: a walk on command has no start_pin"),
         ("forward_mm = 30", '[firmware]\nengine = "sequence"', "commands: the sequence engine does not read"),
-    ],
-)
-def test_commands_that_cannot_be_are_refused(commands: str, more: str, said: str) -> None:
-    with pytest.raises(InputError) as caught:
-        commanded(commands, more)
-    assert said in str(caught.value)
+    ]:
+        with pytest.raises(InputError) as caught:
+            commanded(commands, more)
+        assert said in str(caught.value)
 
 
 # ---- sensors, sections ----------------------------------------------------------------------------------
@@ -298,9 +292,8 @@ poses = [{ s0_deg = 90, s1_deg = 90, s2_deg = 120, s3_deg = 90, hold_s = 1 }]
 """
 
 
-@pytest.mark.parametrize(
-    ("sensor", "said"),
-    [
+def test_a_sensor_needs_what_it_senses() -> None:
+    for sensor, said in [
         ('kind = "end-stop"\nof = "q1"\nat_deg = 5', None),
         ('kind = "end-stop"\nof = "q3"\nat_mm = 5', None),
         ('kind = "stall"\nabove_a = 1', None),
@@ -311,15 +304,13 @@ poses = [{ s0_deg = 90, s1_deg = 90, s2_deg = 120, s3_deg = 90, hold_s = 1 }]
         ('kind = "foot"\nof = "L1"', "sensor[1].of: the robot has no leg 'L1'"),
         ('kind = "foot"', "sensor[1].of: it does not state which leg it watches"),
         ('kind = "stall"', "sensor[1]: a stall comparator needs its current"),
-    ],
-)
-def test_a_sensor_needs_what_it_senses(sensor: str, said: str | None) -> None:
-    text = f'[[sensor]]\npin = "RA0"\n{sensor}\n'
-    if said is None:
-        (found,) = job(text, servos=SCARA, motion=SCARA_POSES).sensors
-        assert (found.pin, found.level) == ("RA0", "low")
-    else:
-        assert said in refusal(more=text, servos=SCARA, motion=SCARA_POSES)
+    ]:
+        text = f'[[sensor]]\npin = "RA0"\n{sensor}\n'
+        if said is None:
+            (found,) = job(text, servos=SCARA, motion=SCARA_POSES).sensors
+            assert (found.pin, found.level) == ("RA0", "low")
+        else:
+            assert said in refusal(more=text, servos=SCARA, motion=SCARA_POSES)
 
 
 def test_a_sensor_needs_a_pin_of_its_own() -> None:
@@ -414,39 +405,33 @@ def test_a_leg_has_its_lengths_in_metres_and_its_zeros_in_radians() -> None:
     assert "leg.cd_mm: ab_mm and cd_mm are both 0" in refusal(more=text, servos=TWO, motion=BOTH)
 
 
-@pytest.mark.parametrize(
-    ("off_mm", "fits"), [(0.0, True), (0.49, True), (-0.49, True), (0.51, False), (-0.51, False)]
-)
-def test_a_foot_may_be_off_its_surface_by_the_tolerance(off_mm: float, fits: bool) -> None:
-    tip = leg()
-    before, place = np.full(2, math.pi / 2), Location("x")
-    # at β = 0 the surface's lowest circle: a point straight below it is off by its height
-    foot = tip.leg.fk(0.2, 0.0) - np.array([0.0, 0.0, abs(off_mm) / 1000])
-    nearest = tip.leg.nearest(foot)
-    assert np.linalg.norm(foot - nearest) == pytest.approx(abs(off_mm) / 1000, abs=1e-8)
-    if fits:
-        angles = tip.choices(foot, None, before, place)
-        assert tip.where(angles)[0] == pytest.approx(nearest, abs=1e-6)
-    else:
-        with pytest.raises(Unreachable, match="cannot be reached"):
-            tip.choices(foot, None, before, place)
-    both = tip.solutions(np.array([foot]), np.zeros(1), None, before[None])
-    assert np.isnan(both).all() != fits
+def test_a_foot_may_be_off_its_surface_by_the_tolerance() -> None:
+    for off_mm, fits in [(0.0, True), (0.49, True), (-0.49, True), (0.51, False), (-0.51, False)]:
+        tip = leg()
+        before, place = np.full(2, math.pi / 2), Location("x")
+        # at β = 0 the surface's lowest circle: a point straight below it is off by its height
+        foot = tip.leg.fk(0.2, 0.0) - np.array([0.0, 0.0, abs(off_mm) / 1000])
+        nearest = tip.leg.nearest(foot)
+        assert np.linalg.norm(foot - nearest) == pytest.approx(abs(off_mm) / 1000, abs=1e-8)
+        if fits:
+            angles = tip.choices(foot, None, before, place)
+            assert tip.where(angles)[0] == pytest.approx(nearest, abs=1e-6)
+        else:
+            with pytest.raises(Unreachable, match="cannot be reached"):
+                tip.choices(foot, None, before, place)
+        both = tip.solutions(np.array([foot]), np.zeros(1), None, before[None])
+        assert np.isnan(both).all() != fits
 
 
-@pytest.mark.parametrize(
-    ("sign", "betas"), [("nearest", [-0.6, 0.6]), ("positive", [0.6]), ("negative", [-0.6])]
-)
-def test_the_solutions_of_a_leg_have_the_asked_sign_and_the_nearest_is_first(
-    sign: str, betas: list[float]
-) -> None:
-    tip = leg(f'beta_sign = "{sign}"')
-    foot = tip.leg.fk(0.1, 0.6)
-    for before in (-0.6, 0.6):
-        found = tip.choices(foot, None, np.array([0.1, before]) + math.pi / 2, Location("x"))
-        assert sorted(round(float(row[1]) - math.pi / 2, 6) for row in found) == betas
-        first = float(found[0][1]) - math.pi / 2
-        assert first == pytest.approx(before if before in betas else betas[0])
+def test_the_solutions_of_a_leg_have_the_asked_sign_and_the_nearest_is_first() -> None:
+    for sign, betas in [("nearest", [-0.6, 0.6]), ("positive", [0.6]), ("negative", [-0.6])]:
+        tip = leg(f'beta_sign = "{sign}"')
+        foot = tip.leg.fk(0.1, 0.6)
+        for before in (-0.6, 0.6):
+            found = tip.choices(foot, None, np.array([0.1, before]) + math.pi / 2, Location("x"))
+            assert sorted(round(float(row[1]) - math.pi / 2, 6) for row in found) == betas
+            first = float(found[0][1]) - math.pi / 2
+            assert first == pytest.approx(before if before in betas else betas[0])
 
 
 def test_solutions_beyond_the_servos_travel_are_left_out() -> None:
@@ -481,26 +466,23 @@ def test_speeds_of_servos_and_joints_limit_each_other() -> None:
 # ---- the plan's error -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("error", "text"),
-    [
+def test_the_distance_from_a_plan_in_words() -> None:
+    for error, text in [
         (PlanError(0.25), "0.25 µs"),
         (PlanError(19.008, 6.843, end="foot L1", end_mm=7.223), "19.008 µs, 6.843°, 7.223 mm at the foot L1"),
         (PlanError(1.0, None, 1.5, "base", 2.0), "1 µs, 1.5°/s, 2 mm at the base"),
         (PlanError(0.0, 0.0, 0.0), "0 µs, 0°, 0°/s"),
-    ],
-)
-def test_the_distance_from_a_plan_in_words(error: PlanError, text: str) -> None:
-    assert error.text() == text
-    assert plan_text(error) == f"the schedule is within {text} of the plan"
-    assert plan_text(None) == "no plan to compare with"
-    assert list(error.to_json().values()) == [
-        error.width_us,
-        error.angle_deg,
-        error.speed_deg_s,
-        error.end,
-        error.end_mm,
-    ]
+    ]:
+        assert error.text() == text
+        assert plan_text(error) == f"the schedule is within {text} of the plan"
+        assert plan_text(None) == "no plan to compare with"
+        assert list(error.to_json().values()) == [
+            error.width_us,
+            error.angle_deg,
+            error.speed_deg_s,
+            error.end,
+            error.end_mm,
+        ]
 
 
 def test_jobs_on_wheels_name_their_base() -> None:

@@ -39,38 +39,32 @@ def refusal(text: str) -> str:
     return str(caught.value).split("error: ", 1)[1]
 
 
-@pytest.mark.parametrize(
-    ("joint", "expected"),
-    [
+def test_a_turning_joint_has_its_limits_or_a_full_turn_and_rests_at_zero_if_it_may() -> None:
+    for joint, expected in [
         ("", (-180, 180, 0, None)),
         ("lower_deg = 10", (10, 180, 10, None)),
         ("upper_deg = -20", (-180, -20, -20, None)),
         ("lower_deg = -30\nupper_deg = 40", (-30, 40, 0, None)),
         ("lower_deg = -30\nupper_deg = 40\nhome_deg = -30\nspeed_deg_s = 90", (-30, 40, -30, 90)),
         ("lower_deg = -30\nupper_deg = 40\nhome_deg = 40", (-30, 40, 40, None)),
-    ],
-)
-def test_a_turning_joint_has_its_limits_or_a_full_turn_and_rests_at_zero_if_it_may(
-    joint: str, expected: tuple[float, float, float, float | None]
-) -> None:
-    (found,) = one(joint).joints
-    lower, upper, home, speed = expected
-    assert (found.kind, found.turning) == ("turning", True)
-    assert [math.degrees(each) for each in (found.lower, found.upper, found.home)] == pytest.approx(
-        [lower, upper, home]
-    )
-    assert found.speed == (None if speed is None else pytest.approx(math.radians(speed)))
+    ]:
+        (found,) = one(joint).joints
+        lower, upper, home, speed = expected
+        assert (found.kind, found.turning) == ("turning", True)
+        assert [math.degrees(each) for each in (found.lower, found.upper, found.home)] == pytest.approx(
+            [lower, upper, home]
+        )
+        assert found.speed == (None if speed is None else pytest.approx(math.radians(speed)))
 
 
-@pytest.mark.parametrize(("home", "rests"), [("", 0.01), ("home_mm = 25", 0.025), ("home_mm = 30", 0.03)])
-def test_a_sliding_joint_is_in_metres_and_rests_at_its_lower_limit(home: str, rests: float) -> None:
-    (found,) = one(f'kind = "sliding"\nlower_mm = 10\nupper_mm = 30\nspeed_mm_s = 50\n{home}').joints
-    assert (found.lower, found.upper, found.home, found.speed) == pytest.approx((0.01, 0.03, rests, 0.05))
+def test_a_sliding_joint_is_in_metres_and_rests_at_its_lower_limit() -> None:
+    for home, rests in [("", 0.01), ("home_mm = 25", 0.025), ("home_mm = 30", 0.03)]:
+        (found,) = one(f'kind = "sliding"\nlower_mm = 10\nupper_mm = 30\nspeed_mm_s = 50\n{home}').joints
+        assert (found.lower, found.upper, found.home, found.speed) == pytest.approx((0.01, 0.03, rests, 0.05))
 
 
-@pytest.mark.parametrize(
-    ("joint", "said"),
-    [
+def test_a_joint_that_cannot_be_is_refused_at_its_key() -> None:
+    for joint, said in [
         ("lower_deg = 40\nupper_deg = 40", "joint[1]: the limits of 'q' are not in order: lower < upper"),
         ("home_deg = 180.001", "joint[1].home_deg: home is outside the limits"),
         ("home_deg = -180.001", "joint[1].home_deg: home is outside the limits"),
@@ -91,10 +85,8 @@ def test_a_sliding_joint_is_in_metres_and_rests_at_its_lower_limit(home: str, re
             "mass_g = 0\ncentre_of_mass_mm = [1, 2, 3]",
             "joint[1].centre_of_mass_mm: the joint 'q' has no mass",
         ),
-    ],
-)
-def test_a_joint_that_cannot_be_is_refused_at_its_key(joint: str, said: str) -> None:
-    assert refusal(ONE.format(joint=joint, row="", more="")).startswith(said)
+    ]:
+        assert refusal(ONE.format(joint=joint, row="", more="")).startswith(said)
 
 
 def test_masses_are_in_kilograms_at_their_centres() -> None:
@@ -105,9 +97,8 @@ def test_masses_are_in_kilograms_at_their_centres() -> None:
     assert (bare.joints[0].centre, bare.payload) == ((0.0, 0.0, 0.0), 0.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "length"),
-    [
+def test_a_length_of_a_row_is_a_sum_of_names_and_millimetres() -> None:
+    for text, length in [
         ("40", Length((), 0.04)),
         ('"40"', Length((), 0.04)),
         ('"-40.5"', Length((), -0.0405)),
@@ -115,22 +106,20 @@ def test_masses_are_in_kilograms_at_their_centres() -> None:
         ('"l1"', Length((("l1", 1.0),))),
         ('"-l1+ l2"', Length((("l1", -1.0), ("l2", 1.0)))),
         ('"l2 - 3 + 1 + l1"', Length((("l2", 1.0), ("l1", 1.0)), -0.002)),
-    ],
-)
-def test_a_length_of_a_row_is_a_sum_of_names_and_millimetres(text: str, length: Length) -> None:
-    found = one(row=f"a_mm = {text}\nd_mm = {text}", more="lengths_mm = { l1 = 12, l2 = 30.5 }")
-    for each in (found.rows[0].a, found.rows[0].d):
-        assert each.terms == length.terms
-        assert each.constant == pytest.approx(length.constant)
-    assert found.length == pytest.approx({"l1": 0.012, "l2": 0.0305})
+    ]:
+        found = one(row=f"a_mm = {text}\nd_mm = {text}", more="lengths_mm = { l1 = 12, l2 = 30.5 }")
+        for each in (found.rows[0].a, found.rows[0].d):
+            assert each.terms == length.terms
+            assert each.constant == pytest.approx(length.constant)
+        assert found.length == pytest.approx({"l1": 0.012, "l2": 0.0305})
 
 
-@pytest.mark.parametrize("text", ["l1 l2", "40 l1", "l1 +", "l1 ++ l2", "1,5", "*", "+"])
-def test_other_texts_are_not_lengths(text: str) -> None:
-    said = refusal(ONE.format(joint="", row=f'a_mm = "{text}"', more="lengths_mm = { l1 = 12, l2 = 30 }"))
-    assert said.startswith(f'row[1].a_mm: "{text}" is not a length')
-    said = refusal(ONE.format(joint="", row='d_mm = "l3"', more="lengths_mm = { l1 = 12 }"))
-    assert said.startswith("row[1].d_mm: no length 'l3' in [lengths_mm]")
+def test_other_texts_are_not_lengths() -> None:
+    for text in ["l1 l2", "40 l1", "l1 +", "l1 ++ l2", "1,5", "*", "+"]:
+        said = refusal(ONE.format(joint="", row=f'a_mm = "{text}"', more="lengths_mm = { l1 = 12, l2 = 30 }"))
+        assert said.startswith(f'row[1].a_mm: "{text}" is not a length')
+        said = refusal(ONE.format(joint="", row='d_mm = "l3"', more="lengths_mm = { l1 = 12 }"))
+        assert said.startswith("row[1].d_mm: no length 'l3' in [lengths_mm]")
 
 
 def test_rows_frames_and_facts_are_in_radians_and_metres() -> None:
@@ -213,9 +202,8 @@ def test_a_joint_like_another_s_keeps_what_is_not_stated_and_its_home_if_it_can(
     assert refusal('name = "m"\nlike = "omni"\n').startswith("like: 'omni' is not an arm")
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+def test_a_file_that_is_not_an_arm_is_refused() -> None:
+    for text, said in [
         ('name = "a"\n', "'convention' is missing"),
         ('name = "a"\nconvention = "standard"\n', "'joint' is missing"),
         (
@@ -229,10 +217,8 @@ def test_a_joint_like_another_s_keeps_what_is_not_stated_and_its_home_if_it_can(
         (ONE.format(joint="", row='[[row]]\njoint = "z"', more=""), "row[2].joint: no joint 'z'"),
         ('kind = "boat"\nname = "a"\n', 'kind: "boat" is not allowed here'),
         ('name = "a"\nmount = []\n', "mount: 'mount' belongs in a file of kind = \"hexapod\", not of arm"),
-    ],
-)
-def test_a_file_that_is_not_an_arm_is_refused(text: str, said: str) -> None:
-    assert refusal(text).startswith(said)
+    ]:
+        assert refusal(text).startswith(said)
 
 
 def test_robots_have_other_names_and_paths() -> None:

@@ -43,13 +43,13 @@ ON_BENT = [
 ]
 
 
-@pytest.mark.parametrize(("angle", "width"), ON_BENT)
-def test_a_width_is_on_the_line_of_its_segment_and_back(angle: float, width: float) -> None:
-    assert BENT.width_us(angle) == pytest.approx(width, abs=1e-9)
-    assert BENT.angle(width) == pytest.approx(angle, abs=1e-12)
-    # the same servo turned round: 3100 µs minus each width
-    assert FALLING.width_us(angle) == pytest.approx(3100 - width, abs=1e-9)
-    assert FALLING.angle(3100 - width) == pytest.approx(angle, abs=1e-12)
+def test_a_width_is_on_the_line_of_its_segment_and_back() -> None:
+    for angle, width in ON_BENT:
+        assert BENT.width_us(angle) == pytest.approx(width, abs=1e-9)
+        assert BENT.angle(width) == pytest.approx(angle, abs=1e-12)
+        # the same servo turned round: 3100 µs minus each width
+        assert FALLING.width_us(angle) == pytest.approx(3100 - width, abs=1e-9)
+        assert FALLING.angle(3100 - width) == pytest.approx(angle, abs=1e-12)
 
 
 def test_the_ends_of_a_calibration_and_its_mean_slope() -> None:
@@ -59,10 +59,10 @@ def test_the_ends_of_a_calibration_and_its_mean_slope() -> None:
         assert curve.per_us == pytest.approx(4.0 / 1100.0)
 
 
-@pytest.mark.parametrize("last", [1500.0, 1499.0, 1000.0])
-def test_falling_widths_that_stop_falling_are_no_calibration(last: float) -> None:
-    with pytest.raises(InputError, match="do not all rise, or all fall"):
-        calibration(((0.0, 2000.0), (1.0, 1000.0), (2.0, last)))
+def test_falling_widths_that_stop_falling_are_no_calibration() -> None:
+    for last in [1500.0, 1499.0, 1000.0]:
+        with pytest.raises(InputError, match="do not all rise, or all fall"):
+            calibration(((0.0, 2000.0), (1.0, 1000.0), (2.0, last)))
 
 
 # ---- limits ---------------------------------------------------------------------------------------------
@@ -78,16 +78,16 @@ def test_an_angle_counts_as_within_a_limit_up_to_a_nanoradian_beyond_it() -> Non
     assert not limited.allows_each(np.array([*outside, math.nan])).any()
 
 
-@pytest.mark.parametrize("beyond", [0.9 * NANO, 1.1 * NANO, 0.1])
-@pytest.mark.parametrize("end", [0, 1])
-def test_a_limit_may_be_beyond_the_travel_by_rounding_only(end: int, beyond: float) -> None:
-    limits: list[float | None] = [None, None]
-    limits[end] = -beyond if end == 0 else math.pi + beyond
-    if beyond < NANO:
-        assert arm(limits=tuple(limits)).limits[end] == limits[end]
-    else:
-        with pytest.raises(InputError, match="cannot have limits of"):
-            arm(limits=tuple(limits))
+def test_a_limit_may_be_beyond_the_travel_by_rounding_only() -> None:
+    for end in [0, 1]:
+        for beyond in [0.9 * NANO, 1.1 * NANO, 0.1]:
+            limits: list[float | None] = [None, None]
+            limits[end] = -beyond if end == 0 else math.pi + beyond
+            if beyond < NANO:
+                assert arm(limits=tuple(limits)).limits[end] == limits[end]
+            else:
+                with pytest.raises(InputError, match="cannot have limits of"):
+                    arm(limits=tuple(limits))
 
 
 def test_one_limit_at_the_other_end_of_the_travel_leaves_no_room() -> None:
@@ -135,13 +135,9 @@ def test_the_widths_of_the_limits_include_trim_and_mounting() -> None:
     assert arm(limits=quarter, trim_us=10.0, reverse=True).widths_us == pytest.approx((1510, 1760))
 
 
-@pytest.mark.parametrize(
-    ("limits", "neutral"), [((0.0, 3.0), math.pi / 2), ((2.0, 3.0), 2.0), ((0.5, 1.0), 1.0)]
-)
-def test_neutral_is_the_middle_of_the_travel_or_the_nearest_limit(
-    limits: tuple[float, float], neutral: float
-) -> None:
-    assert arm(limits=limits).neutral == pytest.approx(neutral)
+def test_neutral_is_the_middle_of_the_travel_or_the_nearest_limit() -> None:
+    for limits, neutral in [((0.0, 3.0), math.pi / 2), ((2.0, 3.0), 2.0), ((0.5, 1.0), 1.0)]:
+        assert arm(limits=limits).neutral == pytest.approx(neutral)
 
 
 def test_neutral_of_a_travel_that_does_not_begin_at_zero_is_its_middle() -> None:
@@ -159,18 +155,15 @@ def test_a_wheel_is_neutral_at_standstill() -> None:
     assert [math.degrees(end) for end in wheel.limits] == pytest.approx([-300, 300])
 
 
-@pytest.mark.parametrize(
-    ("motor", "lost"),
-    [
+def test_a_servo_loses_its_dead_band_twice_and_its_backlash_once() -> None:
+    for motor, lost in [
         (Motor(), 0.0),
         (Motor(dead_band_us=2.0), 2 * 2.0 * math.pi / 1000),
         (Motor(backlash=0.01), 0.01),
         (Motor(dead_band_us=3.0, backlash=0.01), 2 * 3.0 * math.pi / 1000 + 0.01),
-    ],
-)
-def test_a_servo_loses_its_dead_band_twice_and_its_backlash_once(motor: Motor, lost: float) -> None:
-    curve = calibration(((0.0, 1000.0), (math.pi, 2000.0)))
-    assert replace(S3001, motor=motor).lost_motion(curve) == pytest.approx(lost)
+    ]:
+        curve = calibration(((0.0, 1000.0), (math.pi, 2000.0)))
+        assert replace(S3001, motor=motor).lost_motion(curve) == pytest.approx(lost)
 
 
 # ---- models ---------------------------------------------------------------------------------------------
@@ -230,16 +223,17 @@ def test_every_fact_of_a_file_is_in_si_units(tmp_path: Path) -> None:
 
 
 # Halfway between two voltages is halfway between their facts; without a voltage the lowest holds.
-@pytest.mark.parametrize(
-    ("volts", "speed", "torque"),
-    [(None, 6.0, 0.2), (4.0, 6.0, 0.2), (4.5, 6.5, 0.25), (5.0, 7.0, 0.3), (6.0, 8.0, 0.4)],
-)
-def test_speed_and_torque_lie_between_those_of_the_neighbouring_voltages(
-    tmp_path: Path, volts: float | None, speed: float, torque: float
-) -> None:
-    model = servo_model(described(tmp_path), volts)
-    assert (model.speed, model.torque_nm) == pytest.approx((speed, torque))
-    assert model.supply_v == (4.0 if volts is None else volts)
+def test_speed_and_torque_lie_between_those_of_the_neighbouring_voltages(tmp_path: Path) -> None:
+    for volts, speed, torque in [
+        (None, 6.0, 0.2),
+        (4.0, 6.0, 0.2),
+        (4.5, 6.5, 0.25),
+        (5.0, 7.0, 0.3),
+        (6.0, 8.0, 0.4),
+    ]:
+        model = servo_model(described(tmp_path), volts)
+        assert (model.speed, model.torque_nm) == pytest.approx((speed, torque))
+        assert model.supply_v == (4.0 if volts is None else volts)
 
 
 @pytest.mark.parametrize("volts", [3.99, 6.01])
@@ -321,11 +315,11 @@ def test_home_reference_and_limbs_of_an_arm() -> None:
     assert [joint.turning for joint in TWO.joints] == [True, False]
 
 
-@pytest.mark.parametrize("key", ["x", "y", "z", "rx", "ry", "rz"])
-def test_a_frame_is_its_parent_s_if_nothing_moves_it(key: str) -> None:
-    assert FixedFrame().identity
-    assert not FixedFrame(**{key: 1e-12}).identity
-    assert TWO.with_tool(FixedFrame(**{key: 1.0})).tool == FixedFrame(**{key: 1.0})
+def test_a_frame_is_its_parent_s_if_nothing_moves_it() -> None:
+    for key in ["x", "y", "z", "rx", "ry", "rz"]:
+        assert FixedFrame().identity
+        assert not FixedFrame(**{key: 1e-12}).identity
+        assert TWO.with_tool(FixedFrame(**{key: 1.0})).tool == FixedFrame(**{key: 1.0})
 
 
 def test_what_a_model_does_not_state_is_not_known() -> None:
