@@ -40,40 +40,30 @@ def refusal(poses: str, **parts: str) -> str:
 FIRST = "{ arm_deg = 0, hand_deg = 90, hold_s = 0.1 },\n"
 
 
-@pytest.mark.parametrize(
-    ("own", "common", "expected"),
-    [
+def test_a_move_follows_its_own_law_else_the_motion_s_else_a_line() -> None:
+    for own, common, expected in [
         ("move_s = 0.2", "", "linear"),
         ('move_s = 0.2, law = "cubic"', "", "cubic"),
         ("move_s = 0.2", 'law = "quintic"', "quintic"),
         ('move_s = 0.2, law = "s-curve"', 'law = "quintic"', "s-curve"),
-    ],
-)
-def test_a_move_follows_its_own_law_else_the_motion_s_else_a_line(
-    own: str, common: str, expected: str
-) -> None:
-    made = planned(FIRST + f"{{ arm_deg = 90, {own}, hold_s = 0.1 }}", common + "\nrepeat = false")
-    found = np.degrees(made.trajectory.angles[4:15, 0])
-    assert found == pytest.approx(90 * law(expected).share(np.arange(11) / 10))
-    assert (made.trajectory.angles[:, 1] == math.radians(90)).all()  # a servo that is not named stays
+    ]:
+        made = planned(FIRST + f"{{ arm_deg = 90, {own}, hold_s = 0.1 }}", common + "\nrepeat = false")
+        found = np.degrees(made.trajectory.angles[4:15, 0])
+        assert found == pytest.approx(90 * law(expected).share(np.arange(11) / 10))
+        assert (made.trajectory.angles[:, 1] == math.radians(90)).all()  # a servo that is not named stays
 
 
-@pytest.mark.parametrize(
-    ("own", "common", "seconds"),
-    [
+def test_a_move_without_a_time_is_at_once_or_with_a_law_as_fast_as_the_servos_can() -> None:
+    for own, common, seconds in [
         ("hold_s = 0.1", "", 0.0),  # at once
         ("hold_s = 0.1", 'law = "linear"', math.radians(90) / 1.8),  # as fast as the servo can
         ('law = "linear"', "", math.radians(90) / 1.8),
         ("move_s = 0.2", 'law = "linear"', 0.2),
-    ],
-)
-def test_a_move_without_a_time_is_at_once_or_with_a_law_as_fast_as_the_servos_can(
-    own: str, common: str, seconds: float
-) -> None:
-    made = planned(FIRST + f"{{ arm_deg = 90, {own} }}", common + "\nrepeat = false")
-    angles = np.degrees(made.trajectory.angles[:, 0])
-    first = int(np.argmax(angles >= 90 - 1e-9))
-    assert first - 4 == max(1, math.ceil(seconds / 0.02 - 1e-9))
+    ]:
+        made = planned(FIRST + f"{{ arm_deg = 90, {own} }}", common + "\nrepeat = false")
+        angles = np.degrees(made.trajectory.angles[:, 0])
+        first = int(np.argmax(angles >= 90 - 1e-9))
+        assert first - 4 == max(1, math.ceil(seconds / 0.02 - 1e-9))
 
 
 def test_poses_have_the_names_and_angles_of_the_file_and_parts() -> None:
@@ -89,9 +79,8 @@ def test_poses_have_the_names_and_angles_of_the_file_and_parts() -> None:
     assert made.trajectory.joints == ("arm", "hand")
 
 
-@pytest.mark.parametrize(
-    ("pose", "said"),
-    [
+def test_a_pose_that_cannot_be_is_refused_at_its_key() -> None:
+    for pose, said in [
         ("{ release = true, hold_s = 1 }", "motion.poses[2].release: release = true without a pause"),
         (
             "{ via = true, hold_s = 1, move_s = 1 }",
@@ -111,10 +100,8 @@ def test_poses_have_the_names_and_angles_of_the_file_and_parts() -> None:
         ('{ arm_deg = "9", hold_s = 1 }', 'motion.poses[2].arm_deg: "9" is not an angle'),
         ("{ arm_deg = false, hold_s = 1 }", "motion.poses[2].arm_deg: false is not an angle"),
         ("{ arm_deg_s = 5, hold_s = 1 }", "motion.poses[2].arm_deg_s: 'arm_deg_s' is not"),
-    ],
-)
-def test_a_pose_that_cannot_be_is_refused_at_its_key(pose: str, said: str) -> None:
-    assert refusal(FIRST + pose).startswith(said)
+    ]:
+        assert refusal(FIRST + pose).startswith(said)
 
 
 def test_the_first_pose_states_every_servo_and_no_two_have_a_name() -> None:
@@ -192,27 +179,22 @@ def lamp(folder: Path, payload: float, ratio: float, poses: str, end: str = "hol
 
 # The lamp's arm of 200 mm is level at 0: the torque is m g 0.2 m; a servo with a ratio r holds 1/r of it. An
 # S3001 is rated 0.34 N·m, which is 173.35 g at a ratio of 1.
-@pytest.mark.parametrize(
-    ("payload", "ratio", "needed"),
-    [
+def test_an_arm_s_servo_holds_its_load_by_its_ratio(tmp_path: Path) -> None:
+    for payload, ratio, needed in [
         (173.3, 1.0, None),
         (173.4, 1.0, 0.34),
         (400, 1.0, 0.78),
         (400, 2.0, 0.39),
         (400, -2.0, 0.39),
         (400, 2.5, None),
-    ],
-)
-def test_an_arm_s_servo_holds_its_load_by_its_ratio(
-    tmp_path: Path, payload: float, ratio: float, needed: float | None
-) -> None:
-    made = lamp(tmp_path, payload, ratio, "{ s_deg = 180, hold_s = 0.1 },\n{ s_deg = 90, hold_s = 0.1 }")
-    heavy = [each for each in made.warnings if each.code == "too-heavy"]
-    if needed is None:
-        assert not heavy
-    else:
-        (warning,) = heavy
-        assert f"s: holding q in place needs {needed:.2f} N·m in frame 5, " in warning.message
+    ]:
+        made = lamp(tmp_path, payload, ratio, "{ s_deg = 180, hold_s = 0.1 },\n{ s_deg = 90, hold_s = 0.1 }")
+        heavy = [each for each in made.warnings if each.code == "too-heavy"]
+        if needed is None:
+            assert not heavy
+        else:
+            (warning,) = heavy
+            assert f"s: holding q in place needs {needed:.2f} N·m in frame 5, " in warning.message
 
 
 def test_a_joint_s_speed_limits_its_servo_by_their_ratio(tmp_path: Path) -> None:

@@ -34,28 +34,26 @@ def driven(length: float, speed: float = 0.1, **options: object) -> np.ndarray:
     return made.trajectory.angles[:, 0]
 
 
-@pytest.mark.parametrize(
-    ("length", "frames"), [(0.3, 150), (0.3001, 151), (0.29999, 150), (0.0001, 1), (0.002, 1)]
-)
-def test_a_stretch_takes_whole_frames_at_one_speed_without_ramps(length: float, frames: int) -> None:
-    speeds = driven(length)
-    assert len(speeds) == frames
-    assert speeds == pytest.approx(np.full(frames, length / frames / FRAME_S))
+def test_a_stretch_takes_whole_frames_at_one_speed_without_ramps() -> None:
+    for length, frames in [(0.3, 150), (0.3001, 151), (0.29999, 150), (0.0001, 1), (0.002, 1)]:
+        speeds = driven(length)
+        assert len(speeds) == frames
+        assert speeds == pytest.approx(np.full(frames, length / frames / FRAME_S))
 
 
-@pytest.mark.parametrize("ramp", [1, 2, 5, 10])
-@pytest.mark.parametrize("length", [0.004, 0.013, 0.02, 0.1, 0.3])
-def test_ramps_are_straight_alike_at_both_ends_and_cover_the_whole_length(ramp: int, length: float) -> None:
+def test_ramps_are_straight_alike_at_both_ends_and_cover_the_whole_length() -> None:
     """In the middle of frame i a ramp of r frames is at (i + 1/2)/r of full speed, at most at 1."""
-    speeds = driven(length, ramp_s=Fraction(ramp, 50))
-    count = len(speeds)
-    shape = [min(1.0, (i + 0.5) / ramp, (count - i - 0.5) / ramp) for i in range(count)]
-    assert speeds / speeds.max() == pytest.approx(np.array(shape) / max(shape))
-    assert speeds.sum() * FRAME_S == pytest.approx(length)
-    assert speeds.max() <= 0.1 * (1 + 1e-9)
-    # a frame fewer would have to go faster
-    fewer = [min(1.0, (i + 0.5) / ramp, (count - i - 1.5) / ramp) for i in range(count - 1)]
-    assert sum(fewer) * 0.1 * FRAME_S < length * (1 - 1e-9)
+    for length in [0.004, 0.013, 0.02, 0.1, 0.3]:
+        for ramp in [1, 2, 5, 10]:
+            speeds = driven(length, ramp_s=Fraction(ramp, 50))
+            count = len(speeds)
+            shape = [min(1.0, (i + 0.5) / ramp, (count - i - 0.5) / ramp) for i in range(count)]
+            assert speeds / speeds.max() == pytest.approx(np.array(shape) / max(shape))
+            assert speeds.sum() * FRAME_S == pytest.approx(length)
+            assert speeds.max() <= 0.1 * (1 + 1e-9)
+            # a frame fewer would have to go faster
+            fewer = [min(1.0, (i + 0.5) / ramp, (count - i - 1.5) / ramp) for i in range(count - 1)]
+            assert sum(fewer) * 0.1 * FRAME_S < length * (1 - 1e-9)
 
 
 @pytest.mark.parametrize(("pause", "ramp"), [(0, 0), (1, 0), (0, 2), (3, 2)])
@@ -94,10 +92,10 @@ def test_pauses_follow_every_stretch_and_the_end_stands_still() -> None:
     assert repr(made.trajectory) == "<JointTrajectory w; 9 + 1 frames>"
 
 
-@pytest.mark.parametrize("speed", [0.0, -0.1, math.nan])
-def test_a_drive_needs_a_speed(speed: float) -> None:
-    with pytest.raises(InputError, match="the speed must be more than 0"):
-        driven(0.1, speed)
+def test_a_drive_needs_a_speed() -> None:
+    for speed in [0.0, -0.1, math.nan]:
+        with pytest.raises(InputError, match="the speed must be more than 0"):
+            driven(0.1, speed)
 
 
 def test_positions_are_the_arcs_of_small_steps() -> None:
@@ -129,58 +127,54 @@ PEAKS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "peaks"), PEAKS)
-def test_the_peaks_of_a_law(name: str, peaks: tuple[float, float, float]) -> None:
-    found = law(name)
-    assert [found.peak(order) for order in (1, 2, 3)] == pytest.approx(peaks)
-    u = np.linspace(0, 1, 4001)
-    for order in (1, 2):
-        sampled = np.abs(found.derivative(u, order)).max()
-        assert sampled == pytest.approx(found.peak(order), rel=1e-3)
+def test_the_peaks_of_a_law() -> None:
+    for name, peaks in PEAKS:
+        found = law(name)
+        assert [found.peak(order) for order in (1, 2, 3)] == pytest.approx(peaks)
+        u = np.linspace(0, 1, 4001)
+        for order in (1, 2):
+            sampled = np.abs(found.derivative(u, order)).max()
+            assert sampled == pytest.approx(found.peak(order), rel=1e-3)
 
 
-@pytest.mark.parametrize("name", [name for name, _ in PEAKS])
-def test_a_law_is_symmetrical_rests_outside_and_its_derivatives_belong_together(name: str) -> None:
-    found = law(name, 0.3, 0.2)
-    u = np.linspace(0, 1, 2001)
-    s = found.share(u)
-    assert (s[0], s[-1]) == (0, pytest.approx(1))
-    assert s + s[::-1] == pytest.approx(np.ones(len(u)))
-    assert found.share([-0.5, 1.5]) == pytest.approx([0, 1])
-    for order in (1, 2, 3):
-        assert found.derivative([-1e-9, 1 + 1e-9], order).tolist() == [0, 0]
-    middle = (u[1:] + u[:-1]) / 2
-    assert np.diff(s) * 2000 == pytest.approx(found.derivative(middle, 1), abs=1e-5)
-    slopes = np.diff(found.derivative(u, 1)) * 2000
-    assert slopes == pytest.approx(found.derivative(middle, 2), abs=0.02)
+def test_a_law_is_symmetrical_rests_outside_and_its_derivatives_belong_together() -> None:
+    for name in [name for name, _ in PEAKS]:
+        found = law(name, 0.3, 0.2)
+        u = np.linspace(0, 1, 2001)
+        s = found.share(u)
+        assert (s[0], s[-1]) == (0, pytest.approx(1))
+        assert s + s[::-1] == pytest.approx(np.ones(len(u)))
+        assert found.share([-0.5, 1.5]) == pytest.approx([0, 1])
+        for order in (1, 2, 3):
+            assert found.derivative([-1e-9, 1 + 1e-9], order).tolist() == [0, 0]
+        middle = (u[1:] + u[:-1]) / 2
+        assert np.diff(s) * 2000 == pytest.approx(found.derivative(middle, 1), abs=1e-5)
+        slopes = np.diff(found.derivative(u, 1)) * 2000
+        assert slopes == pytest.approx(found.derivative(middle, 2), abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("ramp", "bend", "fits"),
-    [
+def test_ramps_and_bends_are_at_most_a_half() -> None:
+    for ramp, bend, fits in [
         (0.5, 0.5, True),
         (1e-6, 1e-6, True),
         (0.0, 0.5, False),
         (0.5, 0.0, False),
         (0.51, 0.5, False),
         (0.5, 0.51, False),
-    ],
-)
-def test_ramps_and_bends_are_at_most_a_half(ramp: float, bend: float, fits: bool) -> None:
-    for name in ("trapezoid", "s-curve"):
-        if fits:
-            assert law(name, ramp, bend).share(1.0) == pytest.approx(1)
-        else:
-            with pytest.raises(InputError, match=r"ramp and bend are more than 0 and at most 0.5"):
-                law(name, ramp, bend)
-    with pytest.raises(InputError, match="unknown law of motion 'sine'"):
-        law("sine")
+    ]:
+        for name in ("trapezoid", "s-curve"):
+            if fits:
+                assert law(name, ramp, bend).share(1.0) == pytest.approx(1)
+            else:
+                with pytest.raises(InputError, match=r"ramp and bend are more than 0 and at most 0.5"):
+                    law(name, ramp, bend)
+        with pytest.raises(InputError, match="unknown law of motion 'sine'"):
+            law("sine")
 
 
 # The shortest times over a way of 1, by the kinematics of constant acceleration or jerk.
-@pytest.mark.parametrize(
-    ("name", "limits", "seconds"),
-    [
+def test_the_shortest_time_of_a_law_within_its_limits() -> None:
+    for name, limits, seconds in [
         ("trapezoid", JointLimits(0.5, 1.0), 0.5 + 2.0),  # ramps of 0.5 s, v²/a = 0.25 of the way
         ("trapezoid", JointLimits(1.0, 1.0), 2.0),  # the speed is just reached
         ("trapezoid", JointLimits(9.0, 4.0), 1.0),  # 2 √(1/a)
@@ -195,18 +189,16 @@ def test_ramps_and_bends_are_at_most_a_half(ramp: float, bend: float, fits: bool
         ("cubic", JointLimits(9.0, 6.0), 1.0),
         ("cubic", JointLimits(9.0, 60.0, 12.0), 1.0),
         ("quintic", JointLimits(15 / 8), 1.0),
-    ],
-)
-def test_the_shortest_time_of_a_law_within_its_limits(name: str, limits: JointLimits, seconds: float) -> None:
-    for way in (1.0, -1.0):
-        assert fastest(name, [way], [limits]).duration == pytest.approx(seconds)
+    ]:
+        for way in (1.0, -1.0):
+            assert fastest(name, [way], [limits]).duration == pytest.approx(seconds)
 
 
-@pytest.mark.parametrize(("way", "moves"), [(0.9e-9, False), (1.1e-9, True), (-1.1e-9, True)])
-def test_a_way_of_a_nanometre_takes_no_time(way: float, moves: bool) -> None:
-    assert (fastest("cubic", [way], [JointLimits(1.0)]).duration > 0) == moves
-    if not moves:
-        assert fastest("cubic", [way], [JointLimits()]).duration == 0
+def test_a_way_of_a_nanometre_takes_no_time() -> None:
+    for way, moves in [(0.9e-9, False), (1.1e-9, True), (-1.1e-9, True)]:
+        assert (fastest("cubic", [way], [JointLimits(1.0)]).duration > 0) == moves
+        if not moves:
+            assert fastest("cubic", [way], [JointLimits()]).duration == 0
 
 
 def test_samples_are_slowed_down_by_speed_acceleration_and_jerk() -> None:
@@ -264,27 +256,30 @@ def test_a_spline_is_smooth_at_its_points_and_at_rest_or_round_at_its_ends(close
         assert curve.at([times[0], times[-1]], 1) == pytest.approx(np.zeros((2, 2)), abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("points", "times"),
-    [([[0.0]], [0.0]), ([[0.0], [1.0]], [0.0]), ([[0.0], [1.0]], [1.0, 1.0]), ([[0.0], [1.0]], [1.0, 0.5])],
-)
-def test_a_spline_needs_a_later_time_for_each_point(points: list[list[float]], times: list[float]) -> None:
-    with pytest.raises(InputError, match="a spline needs two points or more, and a later time for each"):
-        m.spline(points, times)
+def test_a_spline_needs_a_later_time_for_each_point() -> None:
+    for points, times in [
+        ([[0.0]], [0.0]),
+        ([[0.0], [1.0]], [0.0]),
+        ([[0.0], [1.0]], [1.0, 1.0]),
+        ([[0.0], [1.0]], [1.0, 0.5]),
+    ]:
+        with pytest.raises(InputError, match="a spline needs two points or more, and a later time for each"):
+            m.spline(points, times)
 
 
-@pytest.mark.parametrize(
-    ("limits", "bound"),
-    [(JointLimits(1.0), "speed"), (JointLimits(1.0, 0.5), "acceleration"), (JointLimits(1.0, 1e6), "speed")],
-)
-def test_the_fastest_spline_is_at_one_of_its_limits(limits: JointLimits, bound: str) -> None:
-    curve = m.fastest_spline([[0.0, 0.0], [1.0, 0.2], [0.5, 0.9]], [limits, JointLimits(4.0, 40.0)])
-    speed, acceleration = curve.peaks()
-    shares = {"speed": speed[0] / limits.speed, "acceleration": acceleration[0] / limits.acceleration}
-    assert max(shares.values()) == pytest.approx(1)
-    assert max(shares, key=lambda key: shares[key]) == bound
-    # the intervals are as long as the slowest joint needs for each at its top speed
-    assert np.diff(curve.times)[0] / np.diff(curve.times)[1] == pytest.approx(1.0 / 0.5)
+def test_the_fastest_spline_is_at_one_of_its_limits() -> None:
+    for limits, bound in [
+        (JointLimits(1.0), "speed"),
+        (JointLimits(1.0, 0.5), "acceleration"),
+        (JointLimits(1.0, 1e6), "speed"),
+    ]:
+        curve = m.fastest_spline([[0.0, 0.0], [1.0, 0.2], [0.5, 0.9]], [limits, JointLimits(4.0, 40.0)])
+        speed, acceleration = curve.peaks()
+        shares = {"speed": speed[0] / limits.speed, "acceleration": acceleration[0] / limits.acceleration}
+        assert max(shares.values()) == pytest.approx(1)
+        assert max(shares, key=lambda key: shares[key]) == bound
+        # the intervals are as long as the slowest joint needs for each at its top speed
+        assert np.diff(curve.times)[0] / np.diff(curve.times)[1] == pytest.approx(1.0 / 0.5)
 
 
 def test_a_spline_without_limits_or_with_equal_points_is_refused() -> None:
@@ -400,20 +395,17 @@ def planned(*chain: Pose, repeat: bool = True, limits: tuple[JointLimits, ...] =
     return trajectory(Motion(("a",), chain, repeat, limits=limits), PERIOD, CLOCK)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "frames", "text"),
-    [
+def test_times_are_rounded_half_up_to_frames() -> None:
+    for seconds, frames, text in [
         ("0.03", 2, "2 frames last 0.04 s"),
         ("0.0299", 1, "1 frame last 0.02 s"),
         ("0.005", 1, "1 frame last 0.02 s"),
         ("0.05", 3, "3 frames last 0.06 s"),
         ("0.04", 2, None),
-    ],
-)
-def test_times_are_rounded_half_up_to_frames(seconds: str, frames: int, text: str | None) -> None:
-    made = planned(Pose((0.5,), hold_s=Fraction(seconds)))
-    assert len(made.trajectory.angles) == frames
-    assert [warning.message.partition(": ")[2] for warning in made.warnings] == ([text] if text else [])
+    ]:
+        made = planned(Pose((0.5,), hold_s=Fraction(seconds)))
+        assert len(made.trajectory.angles) == frames
+        assert [warning.message.partition(": ")[2] for warning in made.warnings] == ([text] if text else [])
 
 
 def test_a_motion_may_be_as_long_as_the_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -461,9 +453,8 @@ def off_by(error: float, missed: float) -> m.FollowPath:
 
 # A move of ten frames: a note if it is within 1 mm of what its samples miss, otherwise a warning with the
 # first doubled time that is enough.
-@pytest.mark.parametrize(
-    ("error", "missed", "warns", "advice"),
-    [
+def test_a_path_that_is_left_between_frames_is_warned_of() -> None:
+    for error, missed, warns, advice in [
         (0.00099, 0.0, False, ""),
         (0.00101, 0.0, True, "; move_s = 0.4 keeps it within 0.505 mm"),
         (0.00099, 0.002, False, ""),
@@ -471,18 +462,16 @@ def off_by(error: float, missed: float) -> m.FollowPath:
         (0.0079, 0.0, True, "; move_s = 1.6 keeps it within 0.988 mm"),
         (0.0159, 0.0, True, "; move_s = 3.2 keeps it within 0.994 mm"),
         (0.0161, 0.0, True, ""),
-    ],
-)
-def test_a_path_that_is_left_between_frames_is_warned_of(
-    error: float, missed: float, warns: bool, advice: str
-) -> None:
-    fifth = Fraction(1, 5)
-    made = planned(
-        Pose((0.0,), hold_s=fifth), Pose((1.0,), move_s=fifth, path=off_by(error, missed)), repeat=False
-    )
-    (found,) = made.warnings if warns else made.notes
-    assert (len(made.warnings), len(made.notes)) == ((1, 0) if warns else (0, 1))
-    assert found.message == f"the path to pose 2 is followed within {1000 * (error + missed):.3f} mm{advice}"
+    ]:
+        fifth = Fraction(1, 5)
+        made = planned(
+            Pose((0.0,), hold_s=fifth), Pose((1.0,), move_s=fifth, path=off_by(error, missed)), repeat=False
+        )
+        (found,) = made.warnings if warns else made.notes
+        assert (len(made.warnings), len(made.notes)) == ((1, 0) if warns else (0, 1))
+        assert (
+            found.message == f"the path to pose 2 is followed within {1000 * (error + missed):.3f} mm{advice}"
+        )
 
 
 def test_a_path_too_fast_for_any_time_is_refused() -> None:
