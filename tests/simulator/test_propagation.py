@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
+from functools import cache
 
+import numpy as np
 import pytest
 
+from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.simulator import Machine
 from servogen.simulator import layout as at
-from tests.simulator.helpers import CLOCK, image
+from tests.simulator.helpers import CLOCK
 
 F, C, DC, Z = 0x20, 1, 2, 4
 OF_F, OF_W, OF_C = 0x31, 0x32, 0x33
@@ -51,6 +54,13 @@ LITERAL = ["ANDLW", "IORLW", "XORLW"]
 ARITHMETIC = ["ADDWF", "SUBWF", "ADDLW", "SUBLW", "INCF", "DECF", "INCFSZ", "DECFSZ"]
 
 
+@cache
+def powered(word: int) -> tuple[Machine, np.ndarray]:
+    """Return a tracked machine with this instruction, and its state at power-up."""
+    chip = Machine(Image({0: word}, 0x3FF1), CLOCK, tracked=True)
+    return chip, chip._s.copy()
+
+
 def executed(
     name: str, f: tuple[int, int], w: tuple[int, int], flags: tuple[int, int], bit: int = 0
 ) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -61,9 +71,8 @@ def executed(
         word = encode(name, f=F, b=bit)
     else:
         word = encode(name, f=F, d=1)
-    chip = MACHINES.setdefault(word, Machine(image(f" dw {word}\nstand goto stand\n"), CLOCK, tracked=True))
+    chip, fresh = powered(word)
     s = chip._s
-    fresh = FRESH.setdefault(word, s.copy())
     s[:] = fresh
     s[F] = f[0] | (f[1] | OF_F << 8 if f[1] else 0) << at.UNKNOWN_SHIFT
     s[at.W], s[at.W_UNKNOWN] = w[0], w[1] | OF_W << 8 if w[1] else 0
@@ -73,10 +82,6 @@ def executed(
     if name.endswith("LW"):
         return (int(s[at.W]), int(s[at.W_UNKNOWN])), status
     return (int(s[F]) & 0xFF, int(s[F]) >> at.UNKNOWN_SHIFT), status
-
-
-MACHINES: dict[int, Machine] = {}
-FRESH: dict[int, object] = {}
 
 
 def operands(rng: random.Random, literal: bool) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
