@@ -159,7 +159,7 @@ ERRORS = [
     ("bit ‸x @ &flags*8;", ["error c-undeclared: 'flags' is not declared"]),
     ("bit x @ 0x30.7; bit y @ 0x183; bit z @ PORTB.7;", []),
     ("bit ‸x @ 0x30.8;", ["error c-bit: 'unsigned char' has no bit 8"]),
-    ("bit ‸x @ 0x400;", ["error c-address: there is no memory at 0x80 for 1 byte // RAM is 0x0C to 0x4F"]),
+    ("bit ‸x @ 0x438;", ["error c-address: there is no memory at 0x87 for 1 byte // RAM is 0x0C to 0x4F"]),
     ("char ‸x @ PORTB.7;", ["error c-address: a fixed address must be a number"]),
     ("const char ‸x;", ["c-initialiser: the constant 'x' has no value; it is 0"]),
     ("extern const char x;", []),
