@@ -1,0 +1,89 @@
+"""Conditions on bits, conversions, and values of which only being 0 matters."""
+
+from __future__ import annotations
+
+from tests.compiler.cases import every
+from tests.compiler.codegen.forms import compiled, table, words
+
+SHORTEST = table("""
+if ((__bit)a) n++;
+    BTFSC a,0; INCF n,F
+if (!(__bit)a) n++;
+    BTFSS a,0; INCF n,F
+if ((__bit)TRISA) n++;
+    BSF RP0; MOVF TRISA,W; BCF RP0; ANDLW 1; ADDWF n,F
+flag = (__bit)a;
+    RRF flag,F; RRF a,W; RLF flag,F
+n = (_Bool)u;
+    CLRF n; MOVF u,W; IORWF u+1,W; BTFSS Z; INCF n,F
+n = (_Bool)a;
+    CLRF n; MOVF a,W; BTFSS Z; INCF n,F
+if ((_Bool)u) n++;
+    MOVF u,W; IORWF u+1,W; BTFSS Z; INCF n,F
+if (f.lo) n++;
+    MOVF f,W; ANDLW 7; BTFSS Z; INCF n,F
+if (q->first == 3) n++;
+    MOVF q,W; MOVWF FSR; MOVF INDF,W; XORLW 3; BTFSC Z; INCF n,F
+if (a == 5 || b == 6) n++; else c++;
+    MOVF a,W; XORLW 5; BTFSC Z; GOTO $+5; MOVF b,W; XORLW 6; BTFSS Z; GOTO $+3; INCF n,F; RETURN; INCF c,F
+if (!(a < b)) n++;
+    MOVF b,W; SUBWF a,W; BTFSC C; INCF n,F
+if (!(u == 3)) n++;
+    MOVF u,W; XORLW 3; IORWF u+1,W; BTFSS Z; INCF n,F
+if (a ^ 3) n++;
+    MOVLW 3; XORWF a,W; BTFSS Z; INCF n,F
+if (a % 4) n++;
+    MOVF a,W; ANDLW 3; BTFSS Z; INCF n,F
+if (!(a % 4)) n++;
+    MOVF a,W; ANDLW 3; BTFSC Z; INCF n,F
+if (u >> 8) n++;
+    MOVF u+1,W; BTFSS Z; INCF n,F
+if (u & 0xFF00) n++;
+    MOVF u+1,W; BTFSS Z; INCF n,F
+if ((a & b) == 0) n++;
+    MOVF a,W; ANDWF b,W; BTFSC Z; INCF n,F
+if (p != 0) n++;
+    MOVF p,W; BTFSS Z; INCF n,F
+if (k & 4) n++;
+    BTFSC k,2; INCF n,F
+if (TRISB0) n++;
+    BSF RP0; MOVF TRISB,W; BCF RP0; ANDLW 1; ADDWF n,F
+if (PORTB & 0x80) n++;
+    BTFSC PORTB,7; INCF n,F
+""")
+"""What an expert in this chip's assembly writes: no shorter sequence is known."""
+
+MOST_WORDS = {
+    "if (~a) n++;": 7,
+    "if (-a) n++;": 12,
+    "if (a - b) n++;": 9,
+    "if (s - 3) n++;": 12,
+    "if (u & 0x0101) n++;": 8,
+    "if (--u) n++;": 8,
+    "if (RB7 == 1) n++;": 6,
+    "if (RB7 != 1) n++;": 6,
+    "if (flag == other) n++;": 8,
+    "if (a == 1 ? b : c) n++;": 11,
+}
+"""Statements for which there may be shorter sequences."""
+
+AS_GENERATED = 248
+"""The words of all of them as the code generator writes them: they may get fewer, never more."""
+
+
+def forms() -> dict[str, str]:
+    return compiled((*SHORTEST, *MOST_WORDS))
+
+
+@every("body", SHORTEST)
+def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
+    assert forms()[body] == SHORTEST[body]
+
+
+def test_no_statement_takes_more_words() -> None:
+    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
+    assert longer == {}
+
+
+def test_the_code_generator_alone_takes_no_more_words() -> None:
+    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED
