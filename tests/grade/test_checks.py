@@ -44,6 +44,7 @@ from servogen.grade.watch import (
 )
 from servogen.pulse.lint import PERIOD_US
 from servogen.units import Clock, Cycles
+from tests.grade.test_judge import RIGHT, grade, pulses
 
 MHZ4 = Clock(4_000_000)
 LAB8 = load_lab("lab8-exercise")
@@ -542,3 +543,44 @@ def test_points_and_reasons_are_written_short() -> None:
     assert headline("one\ntwo\nthree") == "one"
     assert headline("one:\ntwo\nthree") == "one: two"
     assert headline("one:") == "one:"
+
+
+def test_a_right_program_is_measured_at_each_position_and_remarked() -> None:
+    """100 s of 2, 5 and 3 s: ten rounds, the last of which the watch cuts at its third position."""
+    found = grade(RIGHT, chip=ChipFacts(configured=False, repeats=True))
+    assert found.passed and found.repeats
+    assert [(row.name, row.visits, row.widths_us, row.pause_s) for row in found.rows] == [
+        ("30°", 10, ((1167.0, 1167.0),), 2.0),
+        ("90°", 10, ((1500.0, 1500.0),), 5.0),
+        ("120°", 10, ((1667.0, 1667.0),), 3.0),
+    ]
+    for row, seconds in zip(found.rows, (2.0, 5.0, 3.0), strict=True):
+        assert row.periods_ms == pytest.approx((20.0, 20.0))
+        assert row.stays_s == pytest.approx((seconds, seconds))
+        assert row.silent_s == (0.0, 0.0)
+        assert row.angles_deg[0] == pytest.approx((float(row.name[:-1]),) * 2, abs=0.1)
+    assert [remark.code for remark in found.remarks] == ["no-configuration"]
+    assert grade(RIGHT).remarks == ()
+    (other,) = grade(RIGHT, pin=RB1).remarks
+    assert other.message == "the servo 'arm' is on RB1, not on the lab's RB0: wire it there"
+    assert found.seen == "30° → 90° → 120° → 30° → 90° → 120° → …"
+    shown = found.to_json()
+    assert (shown["lab"], shown["passed"], shown["reasons"], shown["pins"]) == (
+        "lab8-exercise",
+        True,
+        [],
+        {"arm": "RB0"},
+    )
+    assert (shown["seen"], shown["watched_s"], shown["repeats"]) == (found.seen, 100.0, True)
+    assert [row["visits"] for row in shown["positions"]] == [10, 10, 10]  # type: ignore[attr-defined]
+
+
+def test_of_several_solutions_the_one_that_passes_counts() -> None:
+    (right,) = LAB8.solutions
+    wrong = Solution("backwards", (right.positions[1], right.positions[0], right.positions[2]))
+    lab = replace(LAB8, solutions=(wrong, replace(right, name="forwards")))
+    rises, widths = pulses(RIGHT)
+    own = PinPulses(np.array(rises), np.add(rises, widths))
+    found = judge(lab, watched({RB0: own}, end=100_000_000), ChipFacts())
+    assert found.passed
+    assert [remark.message for remark in found.remarks] == ["graded as: forwards"]

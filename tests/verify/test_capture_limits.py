@@ -283,6 +283,20 @@ def test_frames_without_edges_are_whole_if_the_capture_has_their_time() -> None:
     assert longer == WholeFrames(1, 4, (50 + 950) // 2, 4950)
 
 
+@pytest.mark.parametrize("later", [-70, 30, 999])
+def test_the_frames_are_the_same_wherever_the_schedule_counts_from(later: int) -> None:
+    """All edges are some cycles later, and the capture as many cycles, of two steps each, earlier."""
+    for frames in ([0, 2, 3], [0, 1, 2, 3, 4]):
+        shown = edges(frames)
+        moved = shown._replace(cycle=shown.cycle + later)
+        for a in (-2003.0, -101.0, 5.0):
+            for end in (5600, 9899, 11_990):
+                here = whole_frames(shown, FittedLine(a, 2.0, None), 1.0, end, 1000)
+                there = whole_frames(moved, FittedLine(a - 2.0 * later, 2.0, None), 1.0, end, 1000)
+                assert here == there
+                assert here is not None
+
+
 PIECE = CapturePiece(0.0, 2e6, 0, 5, 100.0, 1.0, 5)
 RIGHT = CaptureVerdict(
     proven=True,
