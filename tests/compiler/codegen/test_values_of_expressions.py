@@ -85,6 +85,10 @@ VALUES = {
     "l *= 3; n = l >> 16;": 3,
     "l /= 7; n = l; n += l >> 8;": 0x37,
     "l %= 1000; n = l;": 0,
+    # what is compared in vain is evaluated all the same
+    "if (n++ == 300) n = 9;": 1,
+    "if (n++ != 300) n += 2;": 3,
+    "if (n++ > 300) n = 9; if (n++ >= 0) n += 4;": 6,
     "n = (array[0] = 7) + 1;": 8,
     "n = (u = 0x1FF) >> 8;": 1,
     "n = (f.lo = 9);": 1,
