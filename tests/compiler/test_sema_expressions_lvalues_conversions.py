@@ -113,6 +113,7 @@ const unsigned char ten = 10; const int table[3] = {1, 2, -3}; const float half 
 enum { RED, GREEN = 5, LARGE = 40000 };
 int g(char m, long n) { return m + n; } void h(void) { } int (*fp)(char, long);
 volatile unsigned char v; unsigned char where @ 0x30;
+int flags; bit nine @ &flags*8+9; __eeprom unsigned char ee; __eeprom int ew;
 """
 
 ROWS: list[tuple[str, str]] = [
@@ -364,6 +365,10 @@ ROWS: list[tuple[str, str]] = [
     ("(int)-2.9", "-2:s16"),
     ("!0.0", "1:s16"),
     ("half", "4128768:f"),
+    # a bit at a fixed address, variables in the EEPROM
+    ("nine = 1", "(flags+1.1/1 = 1:b1)"),
+    ("a = ee", "(a = eeprom_read(0:u8):u8)"),
+    ("i = ew", "(i = (s16)((u16)eeprom_read(1:u8):u8 | ((u16)eeprom_read(2:u8):u8 << 8:u8):u16):u16)"),
     # built-in functions of XC8
     ("NOP()", "instruction():v"),
     ("__delay_us(5)", "delay():v"),
