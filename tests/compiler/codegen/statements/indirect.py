@@ -1,9 +1,6 @@
 """Memory behind an index or a pointer, and tables in flash."""
 
-from __future__ import annotations
-
-from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table, words
+from tests.compiler.codegen.forms import table
 
 SHORTEST = table("""
 a = array[b];
@@ -85,30 +82,7 @@ a = *(p + 1);
 a = p[b];
     MOVF p,W; ADDWF b,W; MOVWF FSR; MOVF INDF,W; MOVWF a
 """)
-"""What an expert in this chip's assembly writes: no shorter sequence is known."""
-
 MOST_WORDS = {
     "array[a] = array[b];": 10,
 }
-"""Statements for which there may be shorter sequences."""
-
 AS_GENERATED = 186
-"""The words of all of them as the code generator writes them: they may get fewer, never more."""
-
-
-def forms() -> dict[str, str]:
-    return compiled((*SHORTEST, *MOST_WORDS))
-
-
-@every("body", SHORTEST)
-def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
-    assert forms()[body] == SHORTEST[body]
-
-
-def test_no_statement_takes_more_words() -> None:
-    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
-    assert longer == {}
-
-
-def test_the_code_generator_alone_takes_no_more_words() -> None:
-    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED

@@ -1,9 +1,6 @@
 """Conditions on bits, conversions, and values of which only being 0 matters."""
 
-from __future__ import annotations
-
-from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table, words
+from tests.compiler.codegen.forms import table
 
 SHORTEST = table("""
 if ((__bit)a) n++;
@@ -51,8 +48,6 @@ if (TRISB0) n++;
 if (PORTB & 0x80) n++;
     BTFSC PORTB,7; INCF n,F
 """)
-"""What an expert in this chip's assembly writes: no shorter sequence is known."""
-
 MOST_WORDS = {
     "if (~a) n++;": 7,
     "if (-a) n++;": 12,
@@ -65,25 +60,4 @@ MOST_WORDS = {
     "if (flag == other) n++;": 8,
     "if (a == 1 ? b : c) n++;": 11,
 }
-"""Statements for which there may be shorter sequences."""
-
 AS_GENERATED = 248
-"""The words of all of them as the code generator writes them: they may get fewer, never more."""
-
-
-def forms() -> dict[str, str]:
-    return compiled((*SHORTEST, *MOST_WORDS))
-
-
-@every("body", SHORTEST)
-def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
-    assert forms()[body] == SHORTEST[body]
-
-
-def test_no_statement_takes_more_words() -> None:
-    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
-    assert longer == {}
-
-
-def test_the_code_generator_alone_takes_no_more_words() -> None:
-    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED

@@ -1,9 +1,6 @@
 """Calls, statements and loops that count."""
 
-from __future__ import annotations
-
-from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table, words
+from tests.compiler.codegen.forms import table
 
 SHORTEST = table("""
 act();
@@ -93,8 +90,6 @@ if (a < b) { n++; b++; } else c++;
 if (a) if (b) n++;
     MOVF a,W; BTFSC Z; RETURN; MOVF b,W; BTFSS Z; INCF n,F
 """)
-"""What an expert in this chip's assembly writes: no shorter sequence is known."""
-
 MOST_WORDS = {
     "u = both(a, get(b));": 13,
     "u = v / 10;": 11,
@@ -105,25 +100,4 @@ MOST_WORDS = {
     "{ unsigned char z = 10; while (z--) PORTB = 1; }": 9,
     "if (a) n = 1; else n = 2;": 8,
 }
-"""Statements for which there may be shorter sequences."""
-
 AS_GENERATED = 417
-"""The words of all of them as the code generator writes them: they may get fewer, never more."""
-
-
-def forms() -> dict[str, str]:
-    return compiled((*SHORTEST, *MOST_WORDS))
-
-
-@every("body", SHORTEST)
-def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
-    assert forms()[body] == SHORTEST[body]
-
-
-def test_no_statement_takes_more_words() -> None:
-    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
-    assert longer == {}
-
-
-def test_the_code_generator_alone_takes_no_more_words() -> None:
-    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED

@@ -1,9 +1,6 @@
 """Assignments and the operators that they compute."""
 
-from __future__ import annotations
-
-from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table, words
+from tests.compiler.codegen.forms import table
 
 SHORTEST = table("""
 a = b;
@@ -205,8 +202,6 @@ a = (b, c);
 a = (signed char)b >> 1;
     RLF b,W; RRF b,W; MOVWF a
 """)
-"""What an expert in this chip's assembly writes: no shorter sequence is known."""
-
 MOST_WORDS = {
     "i = s;": 7,
     "u = s;": 7,
@@ -228,25 +223,4 @@ MOST_WORDS = {
     "f.hi++;": 11,
     "k |= 0;": 2,
 }
-"""Statements for which there may be shorter sequences."""
-
 AS_GENERATED = 477
-"""The words of all of them as the code generator writes them: they may get fewer, never more."""
-
-
-def forms() -> dict[str, str]:
-    return compiled((*SHORTEST, *MOST_WORDS))
-
-
-@every("body", SHORTEST)
-def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
-    assert forms()[body] == SHORTEST[body]
-
-
-def test_no_statement_takes_more_words() -> None:
-    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
-    assert longer == {}
-
-
-def test_the_code_generator_alone_takes_no_more_words() -> None:
-    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED

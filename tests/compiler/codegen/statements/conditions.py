@@ -1,9 +1,6 @@
 """Conditions and the jumps that they become."""
 
-from __future__ import annotations
-
-from tests.compiler.cases import every
-from tests.compiler.codegen.forms import compiled, table, words
+from tests.compiler.codegen.forms import table
 
 SHORTEST = table("""
 if (a == b) n++;
@@ -211,8 +208,6 @@ for (a = 0; a < 8; a++) n++;
 for (a = 0; a < 10; a++) PORTB = a;
     CLRF a; MOVF a,W; MOVWF PORTB; INCF a,F; MOVLW 10; SUBWF a,W; BTFSS C; GOTO $-6
 """)
-"""What an expert in this chip's assembly writes: no shorter sequence is known."""
-
 MOST_WORDS = {
     "if (s < t) n++;": 8,
     "if (a + b < 5) n++;": 12,
@@ -228,25 +223,4 @@ MOST_WORDS = {
     "if ((flag = a)) n++;": 9,
     "while (--a);": 4,
 }
-"""Statements for which there may be shorter sequences."""
-
 AS_GENERATED = 666
-"""The words of all of them as the code generator writes them: they may get fewer, never more."""
-
-
-def forms() -> dict[str, str]:
-    return compiled((*SHORTEST, *MOST_WORDS))
-
-
-@every("body", SHORTEST)
-def test_a_statement_takes_the_shortest_sequence(body: str) -> None:
-    assert forms()[body] == SHORTEST[body]
-
-
-def test_no_statement_takes_more_words() -> None:
-    longer = {body: forms()[body] for body, most in MOST_WORDS.items() if forms()[body].count(";") >= most}
-    assert longer == {}
-
-
-def test_the_code_generator_alone_takes_no_more_words() -> None:
-    assert words((*SHORTEST, *MOST_WORDS), "none") <= AS_GENERATED
