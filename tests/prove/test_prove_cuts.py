@@ -18,8 +18,9 @@ from servogen.prove.specification import Specification
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
-from servogen.simulator.abstract import FIELD, FIELDS, AssumedBits, ChipState, Reason, RunOutcome, Use
+from servogen.simulator.abstract import AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.units import Clock, Cycles
+from tests.prove.chip_states import ram, rest
 
 RB0, RB1, RA4 = (PINS.index(pin) for pin in ("RB0", "RB1", "RA4"))
 
@@ -125,20 +126,6 @@ def test_candidates_are_executed_once_in_each_frame(monkeypatch: pytest.MonkeyPa
 # guesses
 
 NOTHING: frozenset[int] = frozenset()
-
-
-def rest(**fields: int) -> tuple[int, ...]:
-    values = [0] * len(FIELDS)
-    for name, value in fields.items():
-        values[FIELD[name]] = value
-    return tuple(values)
-
-
-def ram(**cells: int) -> tuple[int, ...]:
-    values = [0] * 68
-    for name, value in cells.items():
-        values[int(name[1:])] = value
-    return tuple(values)
 
 
 def transitions_of(run: Any = None) -> Transitions:

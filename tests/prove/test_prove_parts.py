@@ -32,7 +32,6 @@ from servogen.simulator.abstract import (
     BASE,
     CELL_PHASED,
     FIELD,
-    FIELDS,
     AssumedBits,
     ChipState,
     Reason,
@@ -40,23 +39,10 @@ from servogen.simulator.abstract import (
     Use,
 )
 from servogen.units import Clock, Cycles
+from tests.prove.chip_states import ram, rest
 
 RB0, RB1, RA4 = (PINS.index(pin) for pin in ("RB0", "RB1", "RA4"))
 PERIOD = 20_000
-
-
-def rest(**fields: int) -> tuple[int, ...]:
-    values = [0] * len(FIELDS)
-    for name, value in ({"EE_DONE_AT": layout.NEVER} | fields).items():
-        values[FIELD[name]] = value
-    return tuple(values)
-
-
-def ram(**cells: int) -> tuple[int, ...]:
-    values = [0] * 68
-    for name, value in cells.items():
-        values[int(name[1:])] = value
-    return tuple(values)
 
 
 def outcome(
