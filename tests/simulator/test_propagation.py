@@ -165,3 +165,28 @@ def test_a_choice_of_bits_is_every_choice() -> None:
         found = list(choices(0x24 & ~mask, mask))
         assert len(found) == len(set(found)) == 2 ** bits_set(mask)
         assert {each & ~mask for each in found} == {0x24 & ~mask}
+
+
+def combined(name: str, f: tuple[int, int], w: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return the result of an addition or subtraction, its unknown bits, STATUS and its unknown bits."""
+    chip, fresh = powered(encode(name, f=F, d=1))
+    s = chip._s
+    s[:] = fresh
+    s[F] = f[0] | f[1] << at.UNKNOWN_SHIFT
+    s[at.W], s[at.W_UNKNOWN] = w
+    s[at.STATUS], s[at.STATUS_UNKNOWN] = 0x18, 0
+    chip.step()
+    result, unknown = int(s[F]) & 0xFF, int(s[F]) >> at.UNKNOWN_SHIFT & 0xFF
+    return result, unknown, int(s[at.STATUS]), int(s[at.STATUS_UNKNOWN])
+
+
+@pytest.mark.parametrize(("f", "w"), [(0x30, 0x30), (0x31, 0x30), (0x30, 0x31), (0xFF, 0x00)])
+def test_of_two_counts_of_one_timer_the_difference_is_known_and_the_sum_is_not(f: int, w: int) -> None:
+    """Both have the same unknown φ added: (f + φ) - (w + φ) is f - w, but which borrows depends on φ."""
+    result, unknown, status, doubtful = combined("SUBWF", (f, at.PHASED), (w, at.PHASED))
+    assert (result, unknown, status & Z, doubtful & Z) == ((f - w) % 256, 0, Z if f == w else 0, 0)
+    borrows = {(f + phi) % 256 < (w + phi) % 256 for phi in range(256)}
+    assert doubtful & C or len(borrows) == 1
+    assert combined("ADDWF", (f, at.PHASED), (w, at.PHASED))[1] == 0xFF
+    for one, other in ((at.PHASED, 0), (0, at.PHASED), (at.PHASED, 0x80 | OF_W << 8)):
+        assert combined("SUBWF", (f, one), (w, other))[1] == 0xFF

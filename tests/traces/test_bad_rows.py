@@ -74,6 +74,14 @@ def test_jsonl(tmp_path: Path, line: str, message: str) -> None:
         join(read(tmp_path, "a.jsonl", GOOD_JSONL + line + "\n").chunks)
 
 
+@pytest.mark.parametrize(("letters", "shown"), [(38, "'" + 38 * "x" + "'"), (39, "'" + 36 * "x" + "…")])
+def test_a_long_value_is_shown_by_its_first_characters(tmp_path: Path, letters: int, shown: str) -> None:
+    """40 at most, the quotes and the ellipsis among them."""
+    line = f'{{"cycle":12,"pin":"RB0","level":"{"x" * letters}"}}'
+    with pytest.raises(InputError, match=f": error: level {shown} is not allowed"):
+        join(read(tmp_path, "a.jsonl", GOOD_JSONL + line + "\n").chunks)
+
+
 def test_json_of_other_spacing_order_and_further_keys_is_read(tmp_path: Path) -> None:
     text = '{ "level": 1, "pin": "RB0", "cycle": 5, "servo": "arm" }\n\n{"cycle":6,"pin":"RA0","level":"z"}'
     chunk = join(read(tmp_path, "a.jsonl", text).chunks)

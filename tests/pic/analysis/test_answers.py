@@ -335,6 +335,20 @@ def test_what_keeps_a_response_time_from_a_bound() -> None:
     assert interrupted(248, options=values.constant(0x08))._with_interrupts(1)[0] is not None
 
 
+def test_an_interrupt_that_may_stay_where_it_is_has_no_response_time() -> None:
+    words = {0: encode("NOP"), 1: encode("GOTO", k=0), 4: encode("BCF", f=0x0B, b=2)}
+    words |= {5: encode("BTFSC", f=6, b=0), 6: encode("GOTO", k=6), 7: encode("RETFIE")}
+    paths = Paths(
+        executed=set(words), interrupts=True, interrupt_sources=0x20, timer_options=values.constant(0x08),
+        timer_writes={},
+    )  # fmt: skip
+    bound, why = ProgramTimes(words, paths)._with_interrupts(10)
+    assert bound is None
+    assert why.startswith("the interrupt: ")
+    words[6] = encode("NOP")
+    assert ProgramTimes(words, paths)._with_interrupts(10)[0] is not None
+
+
 def clears(*words: int) -> bool:
     numbered = dict(enumerate(words, 4))
     return ProgramTimes(numbered, Paths(executed=set(numbered), interrupts=True))._clears_its_flag()
