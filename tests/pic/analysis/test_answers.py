@@ -343,8 +343,9 @@ def test_an_interrupt_that_may_stay_where_it_is_has_no_response_time() -> None:
         timer_writes={},
     )  # fmt: skip
     bound, why = ProgramTimes(words, paths)._with_interrupts(10)
-    assert bound is None
-    assert why.startswith("the interrupt: ")
+    assert (bound, why) == (None, "the interrupt: loop at 0x006")
+    always = words | {5: encode("NOP")}
+    assert ProgramTimes(always, paths)._with_interrupts(10) == (None, "the interrupt: loop at 0x006")
     words[6] = encode("NOP")
     assert ProgramTimes(words, paths)._with_interrupts(10)[0] is not None
 
