@@ -210,6 +210,7 @@ def test_the_whole_picture_has_three_rows_over_time_and_two_views(
     assert (len(left.axes), len(right.axes)) == (3, 2)
     above, side = right.axes[0].get_gridspec().get_height_ratios()
     assert above > side
+    assert right.axes[0].get_legend().get_window_extent().y1 < right.axes[0].bbox.y0, "it covers no foot"
     assert all(left.axes[0].get_shared_x_axes().joined(left.axes[0], each) for each in left.axes)
     assert left.axes[1].lines[0].get_xdata() == pytest.approx(TIMES)
     assert [each.get_xlabel() for each in left.axes] == ["", "", words]
