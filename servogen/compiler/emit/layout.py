@@ -41,18 +41,21 @@ def allocate(
     where the highest frame of its callees ends, and functions that never call one another share their bytes.
     """
     memory = MemoryMap()
-    taken = {
-        symbol.address + index
+    fixed = {
+        (symbol.address + index) & 0x7F  # RAM is the same in both banks
         for symbol in statics
         if symbol.kind == "fixed" and symbol.address is not None
         for index in range(symbol.size)
     }
+    taken = {address for address in fixed if RAM_FIRST <= address <= RAM_LAST}
     next_free = RAM_FIRST
+    occupied = set(taken)
 
     def place(size: int, start: int) -> int:
         address = start
         while any(address + index in taken for index in range(size)):
             address += 1
+        occupied.update(range(address, address + size))
         return address
 
     for symbol in statics:
@@ -84,17 +87,18 @@ def allocate(
 
         reserve(root)
         top = max([top, *ends.values()])
-    fixed_ram = [address for address in taken if RAM_FIRST <= address & 0x7F <= RAM_LAST]
-    outside = [address for address in fixed_ram if address & 0x7F >= top]
-    needed = top - RAM_FIRST + len(outside)
+    needed = top - RAM_FIRST + sum(address >= top for address in taken)
     memory.used = needed
     if needed > RAM_BYTES or top > RAM_LAST + 1:
         file = next(iter(reporter.texts), None)
-        raise reporter.fatal(
-            "program-too-large",
-            f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
-            Location(file),
+        # Without the gaps that variables at fixed addresses leave.
+        size = len(occupied)
+        text = (
+            f"the program needs {size} bytes of RAM, the chip has {RAM_BYTES}"
+            if size > RAM_BYTES
+            else f"the program's {size} bytes of RAM do not fit around the variables at fixed addresses"
         )
+        raise reporter.fatal("program-too-large", text, Location(file))
     return memory
 
 

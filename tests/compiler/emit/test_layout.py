@@ -76,22 +76,37 @@ def test_all_68_bytes_can_be_used(size: int) -> None:
     assert memory.used == size
 
 
+TOO_MANY = "the program needs 69 bytes of RAM, the chip has 68"
+NO_ROOM = "the program's {} bytes of RAM do not fit around the variables at fixed addresses"
+
+
 @every(
-    ("statics", "needed"),
+    ("statics", "message"),
     [
-        ([variable("a", 69)], 69),
-        # no room in front of the fixed one
-        ([variable("a", 68), variable("x", 1, LAST)], 136),
-        ([variable("a", 67), variable("x", 2, LAST - 1)], 135),
+        ([variable("a", 69)], TOO_MANY),
+        ([variable("a", 68), variable("x", 1, LAST)], TOO_MANY),
+        ([variable("a", 67), variable("x", 2, LAST - 1)], TOO_MANY),
+        ([variable("a", 67), variable("x", 2, (LAST - 1) | 0x80)], TOO_MANY),
+        # 30 bytes before the fixed one and 37 behind it
+        ([variable("a", 38), variable("x", 1, FIRST + 30)], NO_ROOM.format(39)),
+        ([variable("a", 29), variable("b", 38), variable("x", 1, FIRST + 30)], NO_ROOM.format(68)),
     ],
 )
-def test_more_than_68_bytes_are_refused(statics: list[Symbol], needed: int) -> None:
+def test_variables_without_room_are_refused(statics: list[Symbol], message: str) -> None:
     reporter = Reporter()
     reporter.add_source("main.c", "")
-    with pytest.raises(Exception, match=f"the program needs {needed} bytes of RAM, the chip has 68"):
+    with pytest.raises(Exception, match=f"{message}$"):
         allocate(["main"], {"main": function("NOP", name="main")}, statics, reporter)
     (found,) = reporter.failure().diagnostics
     assert (found.code, found.location and found.location.file) == ("program-too-large", "main.c")
+
+
+def test_a_variable_in_bank_1_is_the_byte_of_bank_0() -> None:
+    """RAM of bank 1 is that of bank 0 (DS35007 2.2.1)."""
+    main = {"main": function("NOP", name="main")}
+    here, there = variable("a", 2), variable("x", 1, (FIRST + 1) | 0x80)
+    memory = allocate(["main"], main, [here, there], Reporter())
+    assert (memory.addresses[here], memory.addresses[there]) == (FIRST + 2, (FIRST + 1) | 0x80)
 
 
 def test_fixed_variables_beyond_the_others_count_once() -> None:
