@@ -124,6 +124,6 @@ class PlannedJob(Job):
     warnings: tuple[Diagnostic, ...]
     notes: tuple[Diagnostic, ...]
     directions: tuple[CommandedDirection, ...] = ()
+    """The directions of a walk on command, whose `trajectory` is its stance."""
     parts: tuple[Part, ...] = ()
     """The segments, poses or program lines of the motion, by the frames of `trajectory`."""
-    """The directions of a walk on command, whose `trajectory` is its stance."""

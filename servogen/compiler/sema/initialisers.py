@@ -75,16 +75,24 @@ def _count(analyser: Analyser, element: CType, init: Any) -> int:
         index += 1
         length = max(length, index)
         left = len(items)
-        if isinstance(element, (ArrayType, StructType)) and not _is_whole(items[0]):
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(items[0], element):
             _aggregate(analyser, element, items, 0, [], braced=False)
         if len(items) == left:
             items.pop(0)
     return length
 
 
-def _is_whole(item: Any) -> bool:
-    """Return whether an item initialises an array or structure as a whole: one in braces, or a string."""
-    return isinstance(item, c_ast.InitList) or (isinstance(item, c_ast.Constant) and item.type == "string")
+def _is_whole(item: Any, element: ArrayType | StructType) -> bool:
+    """Return whether an item initialises an array or structure as a whole: one in braces, or a string for
+    characters.
+    """
+    if isinstance(item, c_ast.Constant) and item.type == "string":
+        return (
+            isinstance(element, ArrayType)
+            and isinstance(element.element, IntType)
+            and element.element.size == 1
+        )
+    return isinstance(item, c_ast.InitList)
 
 
 def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
@@ -254,7 +262,7 @@ def _aggregate(
             analyser.reporter.warn("c-initialiser", "this element already has a value", analyser.place(item))
         where, element = slots[position]
         member = parts[position] if parts else None
-        if isinstance(element, (ArrayType, StructType)) and not _is_whole(item):
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(item, element):
             _aggregate(analyser, element, items, offset + where, out, braced=False)
         else:
             items.pop(0)

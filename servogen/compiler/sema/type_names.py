@@ -124,8 +124,6 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
         register = names[0].removesuffix("bits_t")
         if register in chip_registers():
             return StructType(register_layout(register))
-    if len(names) == 2 and names[0] == "unsigned" and names[1] in ("bit", "__bit"):
-        return BIT
     raise analyser.fail("c-type", f"'{' '.join(names)}' is not a type", node)
 
 
