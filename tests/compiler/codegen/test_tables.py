@@ -40,6 +40,16 @@ def test_every_end_of_a_table(length: int) -> None:
     assert found[8:] == [body(length - 1), body(3)]
 
 
+def test_up_to_256_bytes_are_read_with_an_index_of_one_byte() -> None:
+    def words(length: int) -> int:
+        text = f"const unsigned char big[{length}] = {{1, 2}}; volatile unsigned int i; volatile char n;\n"
+        text += "void main(void) { i = 1; n = big[i]; while (1); }"
+        options = Options(dialect="xc8", clock_hz=4_000_000)
+        return compile_sources([Source("#include <xc.h>\n" + text, "main.c")], options).words - length
+
+    assert words(254) == words(255) == words(256) < words(257)
+
+
 def test_objects_of_several_bytes_and_pointers_to_flash_and_ram() -> None:
     text = """
     struct row { unsigned char key; unsigned int value; signed char less; };

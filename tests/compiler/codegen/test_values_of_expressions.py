@@ -12,6 +12,7 @@ HEAD = """
 #include <stdbool.h>
 struct pair { unsigned char first, second; };
 struct fields { unsigned lo : 3; signed mid : 3; unsigned hi : 2; } f, *pf, many[2];
+struct ends { unsigned low : 1; unsigned middle : 6; unsigned high : 1; } *pe;
 unsigned char a, b, n, array[4], *p;
 signed char s;
 unsigned int u, words[2];
@@ -29,7 +30,7 @@ void pass(void) { return act(); }
 START = """a = 0x5A; b = 15; n = 0; s = -3; u = 0x1234; i = -300; l = 70000; yes = 0; flag = 0; k = 200;
 array[0] = 10; array[1] = 20; array[2] = 30; array[3] = 40; p = &array[1]; r.first = 3; r.second = 4; q = &r;
 words[0] = 0x0102; words[1] = 0x0304; f.lo = 5; f.mid = -2; f.hi = 1; pf = &many[1];
-pf->lo = 2; pf->hi = 3;"""
+pf->lo = 2; pf->hi = 3; pe = (struct ends *)&array[0];"""
 
 VALUES = {
     # the low byte of 0x1234, its high byte, bytes exchanged in place
@@ -100,6 +101,11 @@ VALUES = {
     "f.hi = 3; n = f.lo; n += f.hi;": 8,
     "pf->lo = 7; n = pf->lo + pf->hi;": 10,
     "pf->hi = b; n = pf->hi; n += many[1].lo;": 5,
+    # one bit through a pointer is the lowest bit of what is assigned; array[0] is 0b1010
+    "a = 2; pe->low = a; n = array[0];": 0b1010,
+    "a = 1; pe->low = a; n = array[0];": 0b1011,
+    "a = 1; pe->high = a; n = array[0];": 0b1000_1010,
+    "pe->high = b >> 1; pe->low = a >> 2; n = array[0];": 0b1000_1010,
     "many[n].hi = 2; n = many[0].hi;": 2,
     "many[get(0)].mid = -1; n = many[1].mid;": 0xFF,
     "r = make(20); n = r.first + r.second;": 41,
