@@ -421,7 +421,7 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
         value = promoted(analyser, value)
         if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
             analyser.reporter.warn(
-                "c-shift", f"shift by {value.value}, but '{kind}' has only {8 * work.size} bits", place
+                "c-shift", f"shift by {value.value}, but '{work}' has only {8 * work.size} bits", place
             )
     else:
         assert isinstance(value.type, IntType)
