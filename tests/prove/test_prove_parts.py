@@ -486,6 +486,21 @@ def at(frame: int, time: int = 0, done: frozenset[int] = frozenset(), **more: An
     return _State(frame=frame, time=time, done=done, **values)
 
 
+def test_a_proof_of_trims_gives_up_after_so_many_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that always goes on, of which each step is a run's."""
+    one = trim_proof()
+    one._steps = one._runs = 0
+    monkeypatch.setattr(trims, "MAX_STEPS", 3)
+    monkeypatch.setattr(one, "_step", lambda state: [state])
+    monkeypatch.setattr(one, "_settled", lambda state: [state] if one._steps < 9 else [])
+    with pytest.raises(UndecidedTrims, match="more than 3 steps") as undecided:
+        one.prove([ChipState(ram(), rest(PC=9))])
+    assert (str(undecided.value), one._steps) == ("more than 3 steps", 4)
+    monkeypatch.setattr(trims, "MAX_STEPS", 9)
+    one._steps = 0
+    assert one.prove([ChipState(ram(), rest(PC=9))]).runs == 0
+
+
 def test_the_pulses_that_are_due_are_those_of_this_frame_and_the_next() -> None:
     one = trim_proof()
     assert [one._following(frame) for frame in range(4)] == [1, 2, 3, 2]

@@ -101,6 +101,9 @@ VALUES = {
     "f.hi = 3; n = f.lo; n += f.hi;": 8,
     "pf->lo = 7; n = pf->lo + pf->hi;": 10,
     "pf->hi = b; n = pf->hi; n += many[1].lo;": 5,
+    # an address in more bytes than it has
+    "u = 0xFFFF; u = (unsigned int)&array[b & 3]; n = u >> 8;": 0,
+    "l = -1; l = (unsigned int)(array + (b & 3)); n = l >> 8;": 0,
     # one bit through a pointer is the lowest bit of what is assigned; array[0] is 0b1010
     "a = 2; pe->low = a; n = array[0];": 0b1010,
     "a = 1; pe->low = a; n = array[0];": 0b1011,
