@@ -654,6 +654,26 @@ def test_the_shares_of_a_job_are_its_tables() -> None:
     assert needs.minimum <= JOB.frame.period.cycles
 
 
+def test_what_follows_the_motion_belongs_to_where_its_loop_goes_on() -> None:
+    """The last ten of twenty frames repeat: frame 20 is frame 10 again, that of the second part."""
+    timings = [StepTiming(frames, speed) for speed, frames in enumerate((7, 10, 5, 5))]
+    encoded: Any = SimpleNamespace(
+        steps=[SimpleNamespace(row=row, timing=timing) for row, timing in enumerate(timings)],
+        legs=None, widths=np.zeros((1, 2)), rows=[0] * 8, laws=(),
+        script=SimpleNamespace(owners=[0, 1, 2, 3, 3], timings=[timings[0], timings[2]]),
+    )  # fmt: skip
+    parts = [Part("a", 0), Part("b", 10), Part("c", 15)]
+    begins = [0, 0, 10, 15]
+    assert [shares._part(parts, begin) for begin in begins] == ["a", "a", "b", "c"]
+    ledger = shares._shares(encoded, parts, 20, 10)
+    assert {name: share.script for name, share in ledger.found.items()} == {"a": 2, "b": 1, "c": 2}
+    later = SimpleNamespace(**vars(encoded))
+    later.steps = [*encoded.steps, SimpleNamespace(row=4, timing=timings[3])]
+    later.script = SimpleNamespace(owners=[0, 1, 2, 3, 4, 4, 4], timings=[timings[0]])
+    found = shares._shares(later, parts, 20, 10).found  # type: ignore[arg-type]
+    assert {name: share.script for name, share in found.items()} == {"a": 2, "b": 4, "c": 1}
+
+
 def test_the_largest_distance_of_each_part_is_kept() -> None:
     ledger = shares._Ledger()
     shares._add_errors(ledger, ["a", "b", "a", "b"], np.array([0.12345, 2.0, 0.5, 1.0]))
