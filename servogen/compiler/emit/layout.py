@@ -277,6 +277,10 @@ def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
             if other.symbol is not byte.symbol and other.symbol in conflicts and mask & live.bit(other):
                 conflicts[byte.symbol].add(other.symbol)
                 conflicts[other.symbol].add(byte.symbol)
+    if function.result in conflicts and function.result.outlasts_arguments:
+        for parameter in conflicts.keys() & {*function.parameters}:
+            conflicts[function.result].add(parameter)
+            conflicts[parameter].add(function.result)
     for variable in own:
         everywhere = variable.pinned or variable.volatile
         for rival in own:

@@ -24,6 +24,8 @@ struct pair r, *q;
 volatile unsigned char k;
 unsigned char get(unsigned char x) { return x + 1; }
 struct pair make(unsigned char x) { struct pair z; z.first = x; z.second = x + 1; return z; }
+unsigned long gather(signed char x, unsigned int y) { l += x; return 0; }
+int third(char x, int y, int z) { i = z; return 0; }
 void act(void) { n += 7; }
 void pass(void) { return act(); }
 """
@@ -101,6 +103,10 @@ VALUES = {
     "f.hi = 3; n = f.lo; n += f.hi;": 8,
     "pf->lo = 7; n = pf->lo + pf->hi;": 10,
     "pf->hi = b; n = pf->hi; n += many[1].lo;": 5,
+    # a call's result is an argument of the same function: those beside it leave it alone
+    "gather(gather(0, 0), 1); n = l;": 0x70,
+    "gather(gather(0, 0), 0x0505); n = l;": 0x70,
+    "third(0, 1, third(0, 0, 0)); n = i;": 0,
     # an address in more bytes than it has
     "u = 0xFFFF; u = (unsigned int)&array[b & 3]; n = u >> 8;": 0,
     "l = -1; l = (unsigned int)(array + (b & 3)); n = l >> 8;": 0,
