@@ -6,16 +6,16 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from servogen.bench.virtual.terminals import TerminalDevice, Terminals, terminals
-from servogen.cli import main
 from servogen.pic.image import Image, from_hex
 from servogen.pulse import from_json
 from servogen.units import Cycles
+from tests.cli.conftest import Ran, Run, run  # noqa: F401 - a fixture
 from tests.time_limit import time_limit
 
 ROOT = Path(__file__).parent.parent.parent
@@ -32,31 +32,7 @@ def _ends() -> Iterator[None]:
         yield
 
 
-@dataclass(frozen=True)
-class Ran:
-    """What a command left behind."""
-
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Ran]
 Serve = Callable[[Mapping[str, TerminalDevice]], Terminals]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """`run("capture", ...)`: exit code, standard output and standard error."""
-
-    def command(*args: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["servogen", *(str(arg) for arg in args)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        captured = capsys.readouterr()
-        return Ran(int(ended.value.code or 0), captured.out, captured.err)
-
-    return command
 
 
 @pytest.fixture
@@ -78,7 +54,7 @@ def image_of(path: Path) -> Image:
 def shorter_in(folder: Path, frame: int) -> str:
     """The job's schedule (JSON), but for the first servo's pulse in `frame`, which is 2 cycles shorter."""
     schedule = from_json((folder / "schedule.json").read_text(), "schedule.json")
-    runs = [replace(run, frames=1) for run in schedule.loop for _ in range(run.frames)]
+    runs = [replace(each, frames=1) for each in schedule.loop for _ in range(each.frames)]
     inside = frame - schedule.lead_in_frames
     pulse = runs[inside].pulses[0]
     assert pulse is not None

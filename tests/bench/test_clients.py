@@ -25,6 +25,7 @@ from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.errors import InputError, ToolError
 from servogen.pic.image import Image
+from tests.bench.seven_bits import packed
 
 # The programmer
 
@@ -243,11 +244,6 @@ def test_everything_is_let_go_but_the_mark() -> None:
     host, line = client(board=BoardFacts("StandardFirmata 2.5", 70, (), False))
     host.stop()
     assert line.sent() == "f4 17 01 f5 17 00"
-
-
-def packed(data: bytes) -> str:
-    bits = "".join(f"{byte:08b}"[::-1] for byte in data)
-    return " ".join(f"{int(bits[first : first + 7][::-1], 2):02x}" for first in range(0, len(bits), 7))
 
 
 def state(size: int, stored: int) -> bytes:

@@ -25,8 +25,8 @@ from servogen.bench.analysers.sump_client import (
     metadata,
 )
 from servogen.bench.ports import Port, Unplugged
-from servogen.edges import EdgeChunk, edge_chunk
 from servogen.errors import InputError, ToolError
+from tests.edges.rows import chunk, rows_of
 
 RESETS = bytes(5)
 
@@ -336,27 +336,25 @@ def test_a_rate_divides_100_mhz_by_at_most_24_bits(rate: int, text: str, hint: s
     assert plan(1 << 20, 8, True, NEEDS, True).frames == 3
 
 
-def chunk(rows: list[tuple[int, int, int]]) -> EdgeChunk:
-    return edge_chunk(*zip(*rows, strict=True))
-
-
-def rows(given: EdgeChunk) -> list[tuple[int, int, int]]:
-    return list(zip(*(column.tolist() for column in given), strict=True))
-
-
 def test_channels_become_edges_of_their_pins_with_the_level_at_the_beginning() -> None:
     runs = sump.Runs(
         np.array([0b101, 0b100, 0b000], dtype=np.uint32), np.array([0, 7, 9], dtype=np.int64), 12
     )
-    assert rows(edges(runs, {0: 6, 2: 5})) == [(0, 5, 1), (0, 6, 1), (7, 6, 0), (9, 5, 0)]
-    assert rows(edges(runs, {1: 4})) == [(0, 4, 0)]
+    assert rows_of(edges(runs, {0: 6, 2: 5})) == [(0, 5, 1), (0, 6, 1), (7, 6, 0), (9, 5, 0)]
+    assert rows_of(edges(runs, {1: 4})) == [(0, 4, 0)]
 
 
 def test_a_cut_keeps_the_levels_at_its_beginning() -> None:
     record = SampleRecord(chunk([(0, 5, 0), (0, 6, 1), (4, 5, 1), (8, 6, 0), (9, 5, 0)]), 12)
     shown = cut(record, 4, 9)
-    assert (rows(shown.chunk), shown.end) == ([(0, 5, 1), (0, 6, 1), (4, 6, 0)], 5)
-    assert sorted(rows(cut(record, 3, 10).chunk)) == [(0, 5, 0), (0, 6, 1), (1, 5, 1), (5, 6, 0), (6, 5, 0)]
+    assert (rows_of(shown.chunk), shown.end) == ([(0, 5, 1), (0, 6, 1), (4, 6, 0)], 5)
+    assert sorted(rows_of(cut(record, 3, 10).chunk)) == [
+        (0, 5, 0),
+        (0, 6, 1),
+        (1, 5, 1),
+        (5, 6, 0),
+        (6, 5, 0),
+    ]
 
 
 @pytest.mark.parametrize(("rate", "gap"), [(1000, 1), (1001, 2), (4000, 4)])
@@ -365,7 +363,7 @@ def test_stitched_records_are_a_millisecond_without_levels_apart(rate: int, gap:
     joined = stitched([one, two], rate)
     assert joined.pieces == ((0, 10), (10 + gap, 14 + gap))
     assert joined.end == 14 + gap
-    assert rows(joined.chunk) == [(0, 5, 1), (3, 5, 0), (10, 5, 2), (10 + gap, 6, 1)]
+    assert rows_of(joined.chunk) == [(0, 5, 1), (3, 5, 0), (10, 5, 2), (10 + gap, 6, 1)]
     assert stitched([one], rate) is one
 
 

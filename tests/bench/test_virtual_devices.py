@@ -16,6 +16,7 @@ from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser, _n
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.edges import PINS
+from tests.bench.seven_bits import packed
 
 RA0, RB0, RB1, RB4 = (PINS.index(name) for name in ("RA0", "RB0", "RB1", "RB4"))
 
@@ -182,12 +183,6 @@ def test_a_serial_line_sends_start_bit_data_and_stop_bit_at_its_rate() -> None:
     rig.chip.now = 20_000
     rig.answer("F0 60 21 55 00 F7")
     assert [call[1] for call in rig.done()] == [20_000 + round(n * 1e6 / 57_600) for n in range(10)]
-
-
-def packed(data: bytes) -> str:
-    """Return bytes as the scheduler takes them: their bits, the lowest first, seven at a time."""
-    bits = "".join(f"{byte:08b}"[::-1] for byte in data)
-    return " ".join(f"{int(bits[first : first + 7][::-1], 2):02x}" for first in range(0, len(bits), 7))
 
 
 def stored(messages: str, number: int = 1, ms: int = 0) -> str:

@@ -1,12 +1,18 @@
 """Runs a command as `servogen` does, in this process."""
 
+import csv
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from servogen.build import build, write
 from servogen.cli import main
+from servogen.job import load, plan_job
+
+ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
@@ -33,3 +39,17 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         return Ran(int(ended.value.code or 0), captured.out, captured.err)
 
     return command
+
+
+@pytest.fixture(scope="session")
+def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of lab 8's exercise, built: it is only read."""
+    folder = tmp_path_factory.mktemp("lab8")
+    write(build(plan_job(load(ROOT / "jobs" / "lab8-exercise.toml"))), folder)
+    return folder
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file."""
+    with path.open() as file:
+        return list(csv.DictReader(file))

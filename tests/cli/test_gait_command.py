@@ -1,6 +1,5 @@
 """`gait` as a user runs it: what it says, what it refuses, what it writes."""
 
-import csv
 import json
 import math
 from collections.abc import Callable
@@ -10,12 +9,9 @@ from typing import Any
 
 import pytest
 
+from tests.cli.conftest import rows_of
+
 Run = Callable[..., Any]
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 def moved(rows: list[dict[str, str]], key: str, ground: str) -> list[float]:

@@ -1,7 +1,6 @@
 """`plan` and `gait` as a user runs them."""
 
 import builtins
-import csv
 import json
 import math
 from collections.abc import Callable
@@ -9,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.cli.conftest import rows_of
 
 Run = Callable[..., Any]
 
@@ -26,11 +27,6 @@ def without_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 def test_plan_says_what_a_job_does_without_building_it(run: Run) -> None:

@@ -5,8 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from servogen.traces import read_edges
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
@@ -17,16 +15,6 @@ ROOT = Path(__file__).parents[2]
 TURN = ROOT / "firmware" / "hexapod-turn"
 LAB8 = ROOT / "firmware" / "lab8-exercise"
 LAB8_DISTANCE = "0.333 µs, 0.06°"
-
-
-@pytest.fixture(scope="module")
-def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from servogen.build import build, write
-    from servogen.job import load, plan_job
-
-    folder = tmp_path_factory.mktemp("lab8")
-    write(build(plan_job(load(ROOT / "jobs" / "lab8-exercise.toml"))), folder)
-    return folder
 
 
 def test_a_walk_that_is_proven_says_how_many_degrees_it_is_off(run: Run) -> None:

@@ -40,16 +40,6 @@ def square(run: Run, tmp_path: Path) -> Path:
     return tmp_path / "square.hex"
 
 
-@pytest.fixture(scope="module")
-def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from servogen.build import build, write
-    from servogen.job import load, plan_job
-
-    folder = tmp_path_factory.mktemp("lab8")
-    write(build(plan_job(load(ROOT / "jobs" / "lab8-exercise.toml"))), folder)
-    return folder
-
-
 def test_what_a_program_is_warned_of_is_in_the_json_too(run: Run, tmp_path: Path) -> None:
     """An erased word is 0x3FFF; 0xFFFF has two bits more than the chip."""
     program = tmp_path / "wide.hex"

@@ -23,10 +23,7 @@ from servogen.report.drawing import (
     steps_path,
     time_chart,
 )
-
-
-def numbers(path: str) -> list[float]:
-    return [float(each) for each in re.findall(r"-?[\d.]+", path)]
+from tests.report.svg_paths import numbers
 
 
 def places(path: str) -> np.ndarray:

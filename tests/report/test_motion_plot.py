@@ -12,12 +12,12 @@ import pytest
 from matplotlib.colors import same_color
 
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, plan_job
+from servogen.job import PlannedJob
 from servogen.pulse import PulseSchedule
-from servogen.pulse.plan import plan
 from servogen.report import motion_plot
-from servogen.report.tracks import Track, tracks_of
+from servogen.report.tracks import Track
 from tests.report.legible import check_legible
+from tests.report.planned import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 Draw = Callable[..., Any]
@@ -34,12 +34,6 @@ def draw(monkeypatch: pytest.MonkeyPatch) -> Draw:
         return figures[-1]
 
     return drawn
-
-
-def planned(name: str) -> tuple[PlannedJob, PulseSchedule, tuple[Track, ...]]:
-    job = plan_job(load(JOBS / f"{name}.toml"))
-    schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    return job, schedule, tracks_of(job, schedule)
 
 
 @pytest.fixture(scope="module")

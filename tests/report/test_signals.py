@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +12,7 @@ from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import signals
 from servogen.units import Clock, Cycles
+from tests.report.svg_paths import numbers
 
 CHANNELS = (Channel("arm", "RB0", ""), Channel("leg", "RB1", ""), Channel("foot", "RB2", ""))
 
@@ -26,10 +26,6 @@ def schedule(hz: int = 4_000_000, lead_in: tuple[Run, ...] = ()) -> PulseSchedul
     first = Run(2, (pulse(0, 1000), pulse(0, 1500), pulse(2000, 1000)))
     second = Run(1, (pulse(0, 2000), None, pulse(2000, 1000)))
     return PulseSchedule(Clock(hz), Cycles(20_000), CHANNELS, lead_in, (first, second))
-
-
-def numbers(path: str) -> list[float]:
-    return [float(each) for each in re.findall(r"-?[\d.]+", path)]
 
 
 @pytest.mark.parametrize(("hz", "us"), [(4_000_000, 1.0), (8_000_000, 0.5)])

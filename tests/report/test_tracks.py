@@ -7,20 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.job import PlannedJob, load, loads, plan_job
-from servogen.pulse import PulseSchedule
+from servogen.job import PlannedJob, loads, plan_job
 from servogen.pulse.plan import plan
 from servogen.report.film import job_scene
 from servogen.report.tracks import Track, ends_of, errors_of, made_angles, tracks_of, worst_of
+from tests.report.planned import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 ARMED = ("lab9-exercise", "scara-pick", "rvm1-program", "hexapod-tripod")
-
-
-def planned(name: str) -> tuple[PlannedJob, PulseSchedule, tuple[Track, ...]]:
-    job = plan_job(load(JOBS / f"{name}.toml"))
-    schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    return job, schedule, tracks_of(job, schedule)
 
 
 def scaled(job: PlannedJob, share: float) -> tuple[Track, ...]:

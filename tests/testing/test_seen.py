@@ -14,7 +14,7 @@ import pytest
 
 from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
 from servogen.bench.inputs.wiring import InputWiring, input_wiring
-from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
+from servogen.edges import EdgeTrace
 from servogen.errors import InputError
 from servogen.simulator import LevelChange, Levels, Periodic, Serial, Stimuli
 from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip, stimulus_inputs
@@ -22,14 +22,10 @@ from servogen.testing.signals import Signals
 from servogen.testing.targets import BenchRun, BenchStart, SeenPins
 from servogen.testing.waves import at_the_pins, wave_lines
 from servogen.units import Clock, Cycles
+from tests.edges.rows import Row, chunk
 
 MHZ4 = Clock(4_000_000)
 RB0 = 5
-Row = tuple[int, int, int]
-
-
-def chunk(rows: Sequence[Row]) -> EdgeChunk:
-    return edge_chunk(*zip(*rows, strict=True)) if rows else edge_chunk((), (), ())
 
 
 def trace(rows: Sequence[Row], end: int, clock: Clock = MHZ4) -> EdgeTrace:

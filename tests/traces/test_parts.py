@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.traces import csv, lines, read_edges, rows, sigrok, vcd, write_edges
 from servogen.traces.captures import capture_writer, is_capture, read_capture, sampled_at
@@ -18,13 +18,10 @@ from servogen.traces.channels import _pin_in, rate_in, step_clock
 from servogen.traces.lines import first_lines, last_line, line_blocks
 from servogen.traces.vcd import VcdTimes, vcd_times
 from servogen.units import Clock, Cycles
+from tests.edges.rows import rows_of
 
 MHZ4 = Clock(4_000_000)
 Row = tuple[int, int, int]
-
-
-def rows_of(trace: EdgeTrace) -> list[Row]:
-    return list(zip(*(column.tolist() for column in join(trace.chunks)), strict=True))
 
 
 def ints(*values: int) -> rows.Integers:

@@ -14,13 +14,10 @@ from servogen.errors import InputError
 from servogen.traces import SUFFIXES, edge_writer, read_edges, recorded, write_edges
 from servogen.traces.vcd import vcd_times
 from servogen.units import Clock, Cycles
+from tests.edges.rows import rows_of
 
 Row = tuple[int, int, int]
 MHZ4 = Clock(4_000_000)
-
-
-def rows_of(trace: EdgeTrace) -> list[Row]:
-    return list(zip(*(column.tolist() for column in join(trace.chunks)), strict=True))
 
 
 @st.composite

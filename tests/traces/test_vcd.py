@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from vcd import VCDWriter
 from vcd.reader import TokenKind, tokenize
 
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.traces import read_edges, write_edges
 from servogen.traces.vcd import VcdWriter, wire_name
 from servogen.units import Clock, Cycles
+from tests.edges.rows import rows_of
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
@@ -29,10 +30,6 @@ $enddefinitions $end
 def read(tmp_path: Path, text: str, clock: Clock = MHZ4, **options: object) -> EdgeTrace:
     (tmp_path / "a.vcd").write_text(text)
     return read_edges(tmp_path / "a.vcd", clock, **options)  # type: ignore[arg-type]
-
-
-def rows_of(trace: EdgeTrace) -> list[tuple[int, int, int]]:
-    return list(zip(*(column.tolist() for column in join(trace.chunks)), strict=True))
 
 
 @settings(derandomize=True, deadline=None, max_examples=80)

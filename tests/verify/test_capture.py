@@ -15,6 +15,7 @@ from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel
 from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, capture_lines, verify_capture
+from tests.verify.pulses import edges_of
 
 MHZ4 = Clock(4_000_000)
 PERIOD = 20_000
@@ -31,12 +32,6 @@ def frame_pulses(frame: int) -> list[Pulse]:
         return []
     width = (1167, 1500, 1667)[inside // 20] + (inside % 20) * 3
     return [(frame * PERIOD, width, RB0), (frame * PERIOD + width, 1250 + inside // 3, RB1)]
-
-
-def edges_of(pulses: list[Pulse]) -> list[Edge]:
-    edges = [(rise, pin, HIGH) for rise, _, pin in pulses]
-    edges += [(rise + width, pin, LOW) for rise, width, pin in pulses]
-    return sorted(edges)
 
 
 def schedule() -> Expected:

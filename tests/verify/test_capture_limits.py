@@ -29,17 +29,13 @@ from servogen.verify.capture.verdict import (
     with_reasons,
 )
 from servogen.verify.coverage import Coverage
-from servogen.verify.pulses import CutPulses, Pulses
+from servogen.verify.pulses import CutPulses
 from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges
+from tests.verify.pulses import pulses
 
 RA0, RB0, RB1 = PINS.index("RA0"), PINS.index("RB0"), PINS.index("RB1")
 PERIOD = 1000
-
-
-def pulses(*bounds: tuple[int, int]) -> Pulses:
-    rise, fall = (np.array([each[side] for each in bounds], dtype=np.int64) for side in (0, 1))
-    return Pulses(rise, fall, np.arange(len(bounds), dtype=np.int64))
 
 
 ARM = pulses((0, 100), (1000, 1200), (3000, 3100))

@@ -28,6 +28,7 @@ from servogen.verify.pulses import (
 from servogen.verify.sampling import Sampling, rate_words, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.windows import Edges, Windows
+from tests.verify.pulses import pulses
 
 MHZ4 = Clock(4_000_000)
 LOWS = np.zeros(len(PINS), dtype=np.uint8)
@@ -37,11 +38,6 @@ Row = tuple[int, int, int]
 def edges(rows: list[Row], frames: list[int] | None = None) -> Edges:
     columns = edge_chunk(*zip(*rows, strict=True)) if rows else edge_chunk((), (), ())
     return Edges(*columns, np.array(frames or [-1] * len(rows), dtype=np.int64))
-
-
-def pulses(*bounds: tuple[int, int]) -> Pulses:
-    rise, fall = (np.array([each[side] for each in bounds], dtype=np.int64) for side in (0, 1))
-    return Pulses(rise, fall, np.arange(len(bounds), dtype=np.int64))
 
 
 def bounds(given: Pulses) -> list[tuple[int, int]]:

@@ -21,6 +21,7 @@ from servogen.edges import (
 from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines, verify, whole_motion
+from tests.verify.pulses import Edge, edges_of
 
 MHZ4 = Clock(4_000_000)
 PERIOD = 20_000
@@ -28,19 +29,12 @@ RB0, RB1, RB7 = PINS.index("RB0"), PINS.index("RB1"), PINS.index("RB7")
 START = 4321
 FRAMES = 30  # lead-in 6, loop 12, two repeats
 Pulse = tuple[int, int, int]  # rise, width, pin
-Edge = tuple[int, int, int]  # cycle, pin, level
 
 
 def frame_pulses(frame: int) -> list[Pulse]:
     """RB0 sweeps up and back in the loop; RB1's pulse begins on the edge that ends it, as in lab 9."""
     width = 1000 if frame < 6 else 1000 + 10 * min((frame - 6) % 12, 12 - (frame - 6) % 12)
     return [(frame * PERIOD, width, RB0), (frame * PERIOD + width, 1250, RB1)]
-
-
-def edges_of(pulses: list[Pulse]) -> list[Edge]:
-    edges = [(rise, pin, HIGH) for rise, _, pin in pulses]
-    edges += [(rise + width, pin, LOW) for rise, width, pin in pulses]
-    return sorted(edges)
 
 
 def schedule(loop: int = 12, lead_in: int = 6) -> Expected:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.edges import PINS, UNDRIVEN, EdgeTrace
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.units import Clock, Cycles
@@ -16,19 +16,11 @@ from servogen.watch.differences import ScheduledEdges, differing, first_differen
 from servogen.watch.recording import Recording
 from servogen.watch.session import MAX_EDGES, LatestPulses, WatchSession
 from servogen.watch.subject import Subject
+from tests.edges.rows import Row, chunk, rows_of
 from tests.simulator.helpers import image
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
-Row = tuple[int, int, int]
-
-
-def chunk(rows: list[Row]) -> EdgeChunk:
-    return edge_chunk(*zip(*rows, strict=True)) if rows else edge_chunk((), (), ())
-
-
-def rows_of(given: EdgeChunk) -> list[Row]:
-    return list(zip(*(column.tolist() for column in given), strict=True))
 
 
 ROWS = [(0, RB0, 0), (10, RB0, 1), (10, RB1, 1), (25, RB0, 0), (40, RB0, 1), (60, RB0, 0), (60, RB1, 0)]

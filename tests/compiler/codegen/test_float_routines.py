@@ -6,9 +6,9 @@ from itertools import product
 
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS
 from servogen.compiler.codegen.float_routines import build_float, integer_places, second_operand, shared
-from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte
 from tests.compiler.cases import every
+from tests.compiler.codegen.routines import Library
 from tests.compiler.float_reference import (
     binary,
     canonical,
@@ -21,18 +21,11 @@ from tests.compiler.float_reference import (
 from tests.compiler.ir.assembly import Chip
 
 
-class Library:
-    """The routines of one program."""
+class FloatLibrary(Library):
+    """The floating-point routines of one program."""
 
     def __init__(self) -> None:
-        self.functions: dict[str, Function] = {}
-
-    def __call__(self, kind: str, key: tuple[int, ...]) -> Function:
-        name = "_".join([kind, *map(str, key)])
-        if name not in self.functions:
-            self.functions[name] = Function(name)
-            build_float(kind, key, self.functions[name], self)
-        return self.functions[name]
+        super().__init__(build_float)
 
     def chip(self) -> Chip:
         chip = Chip(self.functions)
@@ -56,7 +49,7 @@ def some(width: int) -> list[int]:
 @every("size", [3, 4])
 @every(("kind", "op"), [("float_add", "+"), ("float_multiply", "*"), ("float_divide", "/")])
 def test_two_operands(kind: str, op: str, size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     routine = library(kind, (size,))
     value, other = shared(library, size).value, second_operand(library, size)
     assert isinstance(value[0], Byte) and isinstance(other[0], Byte)
@@ -71,7 +64,7 @@ def test_two_operands(kind: str, op: str, size: int) -> None:
 
 @every("size", [3, 4])
 def test_a_product_takes_a_turn_for_each_bit(size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     routine = library("float_multiply", (size,))
     one = 127 << 8 * size - 9
     chip = library.chip()
@@ -85,7 +78,7 @@ def test_a_product_takes_a_turn_for_each_bit(size: int) -> None:
 
 @every("size", [3, 4])
 def test_an_order(size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     routine = library("float_compare", (size,))
     value, other = shared(library, size).value[0], second_operand(library, size)[0]
     assert isinstance(value, Byte) and isinstance(other, Byte) and routine.returns_w
@@ -101,7 +94,7 @@ def test_an_order(size: int) -> None:
 
 @every("size", [3, 4])
 def test_roots_and_integers(size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     root, whole = library("float_square_root", (size,)), library("float_to_integer", (size,))
     value = shared(library, size).value[0]
     assert isinstance(value, Byte) and whole.result is not None
@@ -120,7 +113,7 @@ def test_roots_and_integers(size: int) -> None:
 @every("size", [3, 4])
 @every(("length", "signed"), [(2, 0), (2, 1), (3, 1), (4, 0), (4, 1)])
 def test_from_an_integer(length: int, signed: int, size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     routine = library("float_from_integer", (size, length, signed))
     registers = shared(library, size)
     extra = [Byte(symbol, 0) for symbol in routine.own if symbol.name == "extra"]

@@ -7,31 +7,17 @@ from collections.abc import Callable
 from itertools import pairwise, product
 
 from servogen.compiler.codegen.runtime import build, min_units
-from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import DELAY, Byte, Instruction, Loc
 from tests.compiler.cases import every
+from tests.compiler.codegen.routines import Library
 from tests.compiler.ir.assembly import Chip, Names
-
-
-class Library:
-    """Routines with those that they call."""
-
-    def __init__(self) -> None:
-        self.functions: dict[str, Function] = {}
-
-    def __call__(self, kind: str, key: tuple[int, ...]) -> Function:
-        name = "_".join([kind, *map(str, key)])
-        if name not in self.functions:
-            self.functions[name] = Function(name)
-            build(kind, key, self.functions[name], self)
-        return self.functions[name]
 
 
 class Routine:
     """One routine; its variables by name, or as its parameters and result."""
 
     def __init__(self, kind: str, *key: int, chip: Callable[..., Chip] = Chip) -> None:
-        self.library = Library()
+        self.library = Library(build)
         self.function = self.library(kind, key)
         self.make = chip
 
