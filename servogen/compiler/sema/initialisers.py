@@ -52,7 +52,7 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     if isinstance(init, c_ast.InitList) and kind.element.scalar and len(init.exprs) == 1:
         init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
     if isinstance(init, c_ast.InitList):
-        return sized(analyser, replace(kind, length=max(_count(analyser, kind.element, init), 1)), node)
+        return sized(analyser, replace(kind, length=max(_count(analyser, kind, init), 1)), node)
     if isinstance(init, c_ast.Constant) and init.type == "string":
         return replace(kind, length=len(characters(analyser, init.value, analyser.place(init))) + 1)
     if "extern" in (node.storage or []):
@@ -61,16 +61,15 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     raise analyser.fail("c-initialiser", f"the size of the array '{node.name}' is missing", node)
 
 
-def _count(analyser: Analyser, element: CType, init: Any) -> int:
+def _count(analyser: Analyser, array: ArrayType, init: Any) -> int:
     """Return how many elements an initialiser in braces gives to an array without a length. Where inner
     braces are omitted, an element takes as many values as it has scalars (ISO C 6.7.9).
     """
-    length, index, items = 0, 0, list(init.exprs)
+    length, index, items, element = 0, 0, list(init.exprs), array.element
     while items:
         item = items[0]
         if isinstance(item, c_ast.NamedInitializer):
-            designator = item.name[0]
-            index = constant(analyser, getattr(designator, "expr", designator), "an index")
+            index = _designated(analyser, array, item)
             items[0] = item.expr
         index += 1
         length = max(length, index)
