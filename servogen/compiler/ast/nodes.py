@@ -27,10 +27,6 @@ class Symbol:
     """Reached through a pointer, an index or assembly: its bytes stay together and are never kept
     elsewhere.
     """
-    outlasts_arguments: bool = False
-    """A result that a caller reads when it has already stored an argument of the function's next call: it
-    shares no byte with a parameter.
-    """
     volatile: bool = False
     initial: dict[int, Data] | None = None
     """What it starts with: a byte each, by offset."""

@@ -7,12 +7,13 @@ within a function, variables that are never live at the same time share one.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.codegen.tables import table_code
 from servogen.compiler.diagnostics import WORDS_NEEDED, Reporter
-from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.function import Block, Function
 from servogen.compiler.ir.instruction import TARGETED, Byte, Instruction, Label, Reg, assembly
 from servogen.compiler.passes.copy_coalescing import interference
 from servogen.compiler.passes.liveness import Liveness
@@ -66,6 +67,7 @@ def allocate(
         elif symbol.kind == "fixed" and symbol.address is not None:
             memory.addresses[symbol] = symbol.address
     top = next_free
+    late_results = results_behind_arguments(functions.values())
     # the interrupt may come at any depth of main's calls: its frames lie above all of main's
     for root in roots:
         base = top
@@ -77,7 +79,7 @@ def allocate(
                 start = max(
                     [base, *(reserve(callee) for callee in functions[name].calls() if callee in functions)]
                 )
-                offsets, size = frame(functions[name])
+                offsets, size = frame(functions[name], late_results)
                 start = place(size, start)
                 for symbol, offset in offsets.items():
                     memory.addresses[symbol] = start + offset
@@ -230,11 +232,42 @@ def address_byte(k: AddressByte, labels: dict[str, int], memory: MemoryMap, tabl
     return where >> 8 * k.part & 0xFF
 
 
-def frame(function: Function) -> tuple[dict[Symbol, int], int]:
-    """Return the offsets of a function's variables in its frame, and the frame's size, which is the first
-    free offset.
+def results_behind_arguments(functions: Iterable[Function]) -> set[Symbol]:
+    """Return the results that a caller reads when it has stored an argument of the same function's next call.
+
+    Inside that function the result and its parameters may never be needed together; in the caller they are.
     """
-    conflicts = symbol_conflicts(function)
+    return {result for function in functions for result in _results_behind_arguments(function)}
+
+
+def _results_behind_arguments(caller: Function) -> Iterator[Symbol]:
+    following = dict(zip(caller.blocks, caller.successors(), strict=True))
+    # for each block, the functions of which an argument has been stored on some path to it
+    prepared: dict[Block, set[str | None]] = {block: set() for block in caller.blocks}
+    waiting = [*reversed(caller.blocks)]
+    while waiting:
+        block = waiting.pop()
+        names = {*prepared[block]}
+        for ins in block.instructions:
+            if ins.op == "CALL":
+                names.discard(ins.target)
+            elif isinstance(ins.f, Byte):
+                symbol = ins.f.symbol
+                if ins.reads_f and symbol.kind == "result" and symbol.function in names:
+                    yield symbol
+                if ins.writes_f and symbol.kind == "param" and symbol.function != caller.name:
+                    names.add(symbol.function)
+        for after in following[block]:
+            if after is not None and not names <= prepared[after]:
+                prepared[after] |= names
+                waiting.append(after)
+
+
+def frame(function: Function, late_results: Collection[Symbol] = ()) -> tuple[dict[Symbol, int], int]:
+    """Return the offsets of a function's variables in its frame, and the frame's size, which is the first
+    free offset. A result among `late_results` shares no byte with a parameter.
+    """
+    conflicts = symbol_conflicts(function, late_results)
     offsets: dict[Symbol, int] = {}
     # the largest first: small ones fit into the gaps that large ones leave
     for symbol in sorted(conflicts, key=lambda symbol: -symbol.size):
@@ -251,7 +284,7 @@ def frame(function: Function) -> tuple[dict[Symbol, int], int]:
     return offsets, max((offset + symbol.size for symbol, offset in offsets.items()), default=0)
 
 
-def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
+def symbol_conflicts(function: Function, late_results: Collection[Symbol]) -> dict[Symbol, set[Symbol]]:
     """Return, for each used variable of a function, the others that must not share its place."""
     live = Liveness(function)
     used: dict[Symbol, None] = {}
@@ -277,7 +310,7 @@ def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
             if other.symbol is not byte.symbol and other.symbol in conflicts and mask & live.bit(other):
                 conflicts[byte.symbol].add(other.symbol)
                 conflicts[other.symbol].add(byte.symbol)
-    if function.result in conflicts and function.result.outlasts_arguments:
+    if function.result in conflicts and function.result in late_results:
         for parameter in conflicts.keys() & {*function.parameters}:
             conflicts[function.result].add(parameter)
             conflicts[parameter].add(function.result)

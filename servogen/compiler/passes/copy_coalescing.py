@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import IN_PLACE, Byte, Instruction
 from servogen.compiler.passes.liveness import Liveness, is_private
@@ -91,13 +90,9 @@ def coalesce_copies(function: Function) -> bool:
             continue
         if id(representative.symbol) not in own and not _safe_outside(function, live, merged, representative):
             continue
-        if representative.symbol.kind == "result":
-            _keep_apart(function, live, merged, representative)
         for other in function.instructions():
             if other.f == merged:
                 other.f = representative
-        if representative.symbol.kind == "param":
-            _keep_results_apart(function, representative.symbol)
         return True
     return False
 
@@ -130,39 +125,3 @@ def _safe_outside(function: Function, live: Liveness, merged: Byte, representati
         if live.bit(ins.f) & others and live.after[ins] & mask:
             return False
     return True
-
-
-def _keep_apart(function: Function, live: Liveness, merged: Byte, result: Byte) -> None:
-    """Note that a result is read after an argument of its function's next call has been stored.
-
-    Inside that function the two are never needed together, so that they could share a byte.
-    """
-    if any(
-        _is_stored_argument(ins, result.symbol) and live.after[ins] & live.bit(merged)
-        for ins in function.instructions()
-    ):
-        result.symbol.outlasts_arguments = True
-
-
-def _keep_results_apart(function: Function, parameter: Symbol) -> None:
-    """Note the same of results of a parameter's function that are read later in the block of the store."""
-    for block in function.blocks:
-        stored = False
-        for ins in block.instructions:
-            if ins.op == "CALL":
-                stored = False
-            elif stored and isinstance(ins.f, Byte) and ins.f.symbol.kind == "result":
-                if ins.f.symbol.function == parameter.function:
-                    ins.f.symbol.outlasts_arguments = True
-            elif _is_stored_argument(ins, parameter):
-                stored = True
-
-
-def _is_stored_argument(ins: Instruction, of: Symbol) -> bool:
-    """Return whether an instruction writes a parameter of the function to which a symbol belongs."""
-    return (
-        ins.writes_f
-        and isinstance(ins.f, Byte)
-        and ins.f.symbol.kind == "param"
-        and ins.f.symbol.function == of.function
-    )

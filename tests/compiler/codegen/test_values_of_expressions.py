@@ -107,6 +107,7 @@ VALUES = {
     "gather(gather(0, 0), 1); n = l;": 0x70,
     "gather(gather(0, 0), 0x0505); n = l;": 0x70,
     "third(0, 1, third(0, 0, 0)); n = i;": 0,
+    "a = 3; gather(a > 2 ? gather(0, 0) : a, a > 2 ? 0x0505 : 1); n = l;": 0x70,
     # an address in more bytes than it has
     "u = 0xFFFF; u = (unsigned int)&array[b & 3]; n = u >> 8;": 0,
     "l = -1; l = (unsigned int)(array + (b & 3)); n = l >> 8;": 0,
