@@ -60,7 +60,7 @@ class Law:
         return worst
 
     def _value(self, u: Floats, order: int) -> Floats:
-        piece = np.clip(np.searchsorted(self.times, u, side="right") - 1, 0, len(self.times) - 1)
+        piece = np.searchsorted(self.times, u, side="right") - 1
         out = np.zeros_like(u)
         for index, (start, row) in enumerate(zip(self.times, self.coefficients, strict=True)):
             mine = piece == index

@@ -81,28 +81,22 @@ def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
     if name not in ("trapezoid", "s-curve") or math.isinf(acceleration):
         return law(name)
     if name == "trapezoid":
-        ramp, total = _trapezoid(speed, acceleration)
-        return law(name, ramp / total)
+        return law(name, _trapezoid(speed, acceleration))
     if math.isinf(jerk):
-        ramp, total = _trapezoid(speed, acceleration * (1 - BEND))
-        return law(name, ramp / total, BEND)
-    rise, ramp, total = _s_curve(speed, acceleration, jerk)
-    return law(name, ramp / total, rise / ramp)
+        return law(name, _trapezoid(speed, acceleration * (1 - BEND)), BEND)
+    return law(name, *_s_curve(speed, acceleration, jerk))
 
 
-def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
-    """Return the duration in seconds of a ramp and of the whole path of 1; two ramps cover speed² /
-    acceleration.
-    """
+def _trapezoid(speed: float, acceleration: float) -> float:
+    """Return the share of a ramp in the time of a path of 1; two ramps cover speed² / acceleration."""
     if speed * speed >= acceleration:
-        ramp = math.sqrt(1 / acceleration)
-        return ramp, 2 * ramp
+        return 0.5
     ramp = speed / acceleration
-    return ramp, 1 / speed + ramp
+    return ramp / (1 / speed + ramp)
 
 
-def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """Return the durations in seconds of the rise of the acceleration, of a ramp and of the whole path of 1.
+def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, float]:
+    """Return the share of a ramp in the time of a path of 1, and that of the acceleration's rise in a ramp.
 
     A ramp up to `speed` takes v/a + a/j if the acceleration is reached (v j ≥ a²), else 2 √(v/j); two ramps
     cover v times that. If this exceeds 1, the speed is not reached, and the ramps fill the path.
@@ -111,16 +105,13 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
     rise = acceleration / jerk if reached else math.sqrt(speed / jerk)
     ramp = rise + speed / acceleration if reached else 2 * rise
     if speed * ramp <= 1:
-        return rise, ramp, 1 / speed + ramp
-    # The two ramps fill the path. With jerk alone each takes 2 · ∛(1 / 2j), with a peak acceleration of ∛(j²
-    # / 2), if that is within the limit.
+        return ramp / (1 / speed + ramp), rise / ramp
+    # The two ramps fill the path. With jerk alone each has a peak acceleration of ∛(j² / 2), if that is
+    # within the limit.
     if 2 * acceleration**3 <= jerk**2:
         rise = acceleration / jerk
-        ramp = rise / 2 + math.sqrt((rise / 2) ** 2 + 1 / acceleration)
-    else:
-        rise = (1 / (2 * jerk)) ** (1 / 3)
-        ramp = 2 * rise
-    return rise, ramp, 2 * ramp
+        return 0.5, rise / (rise / 2 + math.sqrt((rise / 2) ** 2 + 1 / acceleration))
+    return 0.5, 0.5
 
 
 def stretch(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> float:

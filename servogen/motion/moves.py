@@ -43,7 +43,7 @@ class Spline:
     def at(self, time: ArrayLike, order: int = 0) -> Floats:
         """Return positions, or their derivatives of `order`, at times, shape (..., joints)."""
         when: Floats = np.clip(np.asarray(time, float), self.times[0], self.times[-1])
-        piece = np.clip(np.searchsorted(self.times, when, side="right") - 1, 0, len(self.times) - 2)
+        piece = np.minimum(np.searchsorted(self.times, when, side="right") - 1, len(self.times) - 2)
         a, b, c, d = (part[piece] for part in self._coefficients())
         t = (when - self.times[piece])[..., None]
         if order == 0:

@@ -93,7 +93,9 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> PlannedPoses:
     if not motion.repeat:
         before_loop = len(angles)
         end = np.array(motion.poses[-1].angles)
-        angles = np.concatenate((angles, _still(end * np.nan if motion.release_at_end else end, 1)))
+        angles = np.concatenate(
+            (angles, _still(np.full_like(end, np.nan) if motion.release_at_end else end, 1))
+        )
     joints = JointTrajectory(
         joints=motion.joints, clock=clock, period=period, angles=angles, loop_start=before_loop
     )
@@ -169,7 +171,7 @@ class _Sampler:
         if hold:
             self._add(_still(target, hold), pose)
         if pause:
-            self._add(_still(target * np.nan if pose.release else target, pause), pose)
+            self._add(_still(np.full_like(target, np.nan) if pose.release else target, pause), pose)
         if not hold and not pause and pose.move_s == 0:
             raise InputError("pose-keys", "a pose takes no time", pose.place, "add hold_s, move_s or pause_s")
 
@@ -233,7 +235,7 @@ class _Sampler:
             limits, frame_s = self.motion.limits, float(self.period_s)
             self._add(moves.fastest_through(points, limits, frame_s, closed), chain[-1])
             return
-        counts = [self._count(pose.move_s or Fraction(0), "move_s", pose) for pose in chain[1:]]
+        counts = [self._count(pose.move_s, "move_s", pose) for pose in chain[1:] if pose.move_s]
         self._add(moves.through(points, counts, closed), chain[-1])
 
     def _add(self, block: Floats, pose: Pose) -> None:

@@ -18,7 +18,7 @@ def support_polygon(feet: Floats) -> Floats:
     """
     points = sorted(set(map(tuple, feet.tolist())))
     if len(points) < 3:
-        return np.array(points).reshape(-1, 2)
+        return np.array(points).reshape(len(points), 2)
     halves = []
     for order in (points, points[::-1]):
         chain: list[tuple[float, ...]] = []
