@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from servogen.errors import InputError
+from servogen.errors import InputError, Location
 from servogen.kinematics.omni import OmniBase
 from servogen.kinematics.protocol import Stretch
 from servogen.motion import Motion, PlannedPoses, Pose, trajectory
@@ -309,6 +309,15 @@ def test_moves_have_their_last_frame_at_their_end() -> None:
     assert quick[49, 0] == pytest.approx(1.0)
 
 
+def test_a_fastest_move_is_the_move_of_its_law_in_its_whole_time() -> None:
+    """1 rad at 1 rad/s takes 1.5 s by the cubic law: 75 frames, of which the first covers 3u² - 2u³."""
+    start, end = np.array([0.2, -1.0]), np.array([1.2, -1.5])
+    fast = m.fastest_straight(start, end, "cubic", [JointLimits(1.0)] * 2, FRAME_S)
+    u = np.arange(1, 76)[:, None] / 75
+    assert fast == pytest.approx(start + (3 * u**2 - 2 * u**3) * [1.0, -0.5])
+    assert m.straight(start, end, "cubic", 75) == pytest.approx(fast)
+
+
 def test_a_path_takes_as_few_frames_as_its_limits_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     def follow(shares: np.ndarray) -> Followed:
         return Followed(shares, shares[:, None] * 1.0, 0.0)
@@ -317,6 +326,10 @@ def test_a_path_takes_as_few_frames_as_its_limits_allow(monkeypatch: pytest.Monk
     assert found is not None
     assert len(found.shares) == 51
     assert found.shares.tolist() == pytest.approx([frame / 50 for frame in range(51)])
+    # 50.5 frames at the top speed: 50 are hardly too fast, and one more is enough
+    hardly = m.fastest_along(follow, "linear", [JointLimits(50 / 50.5)], FRAME_S)
+    assert hardly is not None
+    assert len(hardly.shares) == 52
     for most, fits in ((50, True), (49, False)):
         monkeypatch.setattr(m, "MAX_PATH_FRAMES", most)
         assert (m.fastest_along(follow, "linear", [JointLimits(1.0)], FRAME_S) is not None) == fits
@@ -485,6 +498,20 @@ def test_a_path_too_fast_for_any_time_is_refused() -> None:
             limits=(JointLimits(1.0),),
             repeat=False,
         )
+
+
+def test_an_error_of_a_move_has_its_own_place_or_that_of_its_pose() -> None:
+    def refuses(place: Location | None) -> m.FollowPath:
+        def follow(shares: np.ndarray) -> Followed:
+            raise InputError("leaves-reach", "it ends", place)
+
+        return follow
+
+    fifth, pose = Fraction(1, 5), Location("job.toml", 7)
+    for place in (None, Location("job.toml", 9)):
+        with pytest.raises(InputError, match="it ends") as caught:
+            planned(Pose((0.0,), hold_s=fifth), Pose((1.0,), move_s=fifth, path=refuses(place), place=pose))
+        assert caught.value.location == (place or pose)
 
 
 def test_a_chain_of_via_poses_has_times_and_no_paths() -> None:

@@ -382,6 +382,21 @@ def test_the_lift_and_the_margin_of_a_walk_are_over_all_frames() -> None:
     assert shown(margins=np.zeros(0)).minimum_margin_m == math.inf
 
 
+def test_three_legs_may_fall_and_two_are_held_by_something_else() -> None:
+    """The left side alone stands straight out, 50 mm beside its mounts, which are 50 mm beside the middle."""
+    for count, outside in ((2, math.inf), (3, -0.1)):
+        robot = replace(hexapod(), mounts=hexapod().mounts[:count], mass=2.0)
+        own = custom("own", 0.5, [0.0] * count, robot)
+        made = walk(
+            robot, own, [Segment(cycles=1)], Posture(), PERIOD, CLOCK, frames_per_cycle=24, allow_falling=True
+        )
+        assert made.minimum_margin_m == pytest.approx(outside)
+        found = loads_of(robot, made)
+        assert (found is None) == (count == 2)
+        if found is not None:
+            assert found.worst is None, "it never stands"
+
+
 def test_a_foot_s_rise_is_measured_up_to_a_height() -> None:
     """β from its stance to the top of the swing: how far the foot moves sideways until it is 1 mm up."""
     plan = footwork(hexapod(), gait("tripod", hexapod()), Posture(body_height=0.1), [Segment()])
@@ -422,6 +437,21 @@ def test_loads_of_a_robot_are_its_weight_on_its_feet() -> None:
     assert loads_of(two, WALKED) is None
 
 
+def test_a_foot_carries_where_its_spring_has_put_it() -> None:
+    """The levers are those of the feet after their corrections: here R1 has gone 30 mm to the middle."""
+    robot = replace(hexapod(), mass=2.0)
+    corrections = np.zeros_like(WALKED.corrections)
+    corrections[:, WALKED.legs.index("R1"), 1] = 0.03
+    found = loads_of(robot, shown(corrections=corrections))
+    stand = (WALKED.feet + corrections)[:, :, :2]
+    assert found is not None
+    centre = np.array(robot.centre_of_mass[:2])
+    for frame in (0, 6, 18):
+        down = WALKED.ground[frame]
+        levers = stand[frame, down] - centre
+        assert found.forces[frame, down] @ levers == pytest.approx([0, 0], abs=1e-9)
+
+
 # ---- directions and branches ----------------------------------------------------------------------------
 
 
@@ -430,9 +460,18 @@ def test_a_direction_is_cut_out_of_the_walk_that_begins_as_the_endless_one() -> 
     endless = np.array([0, 1, 2, 3, 4, 5.0])[:, None]
     short = np.array([0, 1, 2, 6, 7, 0.0])[:, None]
     whole = np.array([0, 1, 2, 3, 4, 5, 6, 6, 7, 0, 0, 0.0])[:, None]
-    made = commanded_direction("forward", endless, 3, [short, whole])
-    assert made.angles[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 0]
-    assert (made.first, made.end) == (3, 6)
+    for rest in (1, 2, 3):  # frames in which the robot stands at the end
+        made = commanded_direction("forward", endless, 3, [short, whole[: 9 + rest]])
+        assert made.angles[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 0]
+        assert (made.first, made.end) == (3, 6)
+    for away, same in ((0.5e-6, True), (1e-3, False)):  # a millionth is the same angle
+        if same:
+            assert commanded_direction("forward", endless + away, 3, [whole]).end == 6
+        else:
+            with pytest.raises(InputError, match="the walk cannot be stopped"):
+                commanded_direction("forward", endless + away, 3, [whole])
+    with pytest.raises(InputError, match="the walk cannot be stopped"):  # it never leaves the stance
+        commanded_direction("forward", endless, 3, [0 * whole])
     back = made.reversed("back")
     assert back.angles[:, 0].tolist() == [0, 7, 6, 5, 4, 3, 2, 1, 0]
     assert (back.name, back.first, back.end) == ("back", 2, 5)
