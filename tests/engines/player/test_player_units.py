@@ -62,7 +62,8 @@ from servogen.units import Clock, Cycles
 from tests.engines.player.player_jobs import job_text, sweep
 
 playing = import_module("servogen.engines.player.playing")
-"""The module, not the function of that name."""
+layout_module = import_module("servogen.engines.player.layout")
+"""The modules, not the functions of these names."""
 
 CLOCK = Clock(4_000_000)
 JOB = plan_job(loads(job_text(3, sweep(3, 0.04)), "job.toml"))
@@ -318,6 +319,27 @@ def test_the_watchdog_is_cleared_in_time_or_the_c_may_exceed_it() -> None:
     assert late.ticks(None, exceed=False) is None, "9000 cycles are more than 255 ticks of 32"
     slower = frame((1500, 1600), 64 * 700, frame_c=9000, tick=64)
     assert slower.ticks(fed, exceed=False) is None and slower.ticks(fed, exceed=True) is not None
+
+
+def test_only_without_a_reserve_the_c_may_exceed_the_watchdog_s_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reserves of 3, 2 and 2 times the C are given up for the watchdog; 1 is the C itself."""
+    tried: list[tuple[int, int, int, int | None, bool]] = []
+
+    def refused(longest: Any, slot_c: int, frame_c: int, tick: int, period: int) -> SimpleNamespace:
+        def ticks(maximum: int | None, *, exceed: bool) -> None:
+            tried.append((tick, slot_c, frame_c, maximum, exceed))
+
+        return SimpleNamespace(ticks=ticks)
+
+    monkeypatch.setattr(layout_module, "_Frame", refused)
+    assert layout_module._slots([("B", (0,))], (Cycles(1500),), 1000, JOB.frame, CLOCK) is None
+    slot_c = layout_module.SLOT_C
+    assert tried == [
+        (tick, slot * slot_c, motion * 1000, maximum, slot == 1)
+        for tick in layout_module.TICKS
+        for maximum in (6900, None)
+        for slot, motion in ((3, 3), (2, 2), (2, 1), (1, 1))
+    ]
 
 
 def test_spare_time_goes_to_the_later_parts_first() -> None:
@@ -652,6 +674,15 @@ def test_the_shares_of_a_job_are_its_tables() -> None:
     assert errors and max(errors) <= JOB.firmware.max_error_us
     needs = found.frame(JOB.servos, JOB.frame, JOB.clock)
     assert needs.minimum <= JOB.frame.period.cycles
+
+
+def test_the_parts_begin_behind_the_soft_start_and_a_motion_without_parts_is_one() -> None:
+    hard = replace(JOB, firmware=replace(JOB.firmware, soft_start_s=Fraction(0)))
+    for job, soft in ((JOB, ["soft start"]), (hard, [])):
+        found, whole = shares.shares(job), shares.shares(replace(job, parts=()))
+        assert [part.name for part in found.parts] == [*soft, "pose 2", "pose 1"]
+        assert [part.name for part in whole.parts] == [*soft, "motion"]
+        assert whole.bytes == found.bytes
 
 
 def test_what_follows_the_motion_belongs_to_where_its_loop_goes_on() -> None:

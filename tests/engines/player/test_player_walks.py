@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.engines.firmware import ResourceError
-from servogen.engines.player import poses
+from servogen.engines.player import poses, theorem
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import ButtonPin
 from servogen.engines.player.commanded import _Cuts, _read
@@ -20,8 +20,11 @@ from servogen.engines.player.layout import Slot, SlotLayout
 from servogen.engines.player.legs import (
     Swing,
     WalkEvents,
+    _Spot,
     _spots,
+    _swing_law,
     _timing,
+    keyed_walk,
     legs_encoded,
     played_steps,
     walk_events,
@@ -29,6 +32,9 @@ from servogen.engines.player.legs import (
 from servogen.engines.player.rendering import _button, _chain, _rows, _Slots, kernel
 from servogen.engines.player.script import SILENT, STAY, STRAIGHT, ScriptStep, StepTiming, timing
 from servogen.engines.player.theorem import Allowance, KernelChanged, _Kernel, _Pulses, _smallest
+from servogen.motion.gait.footwork import swing_share
+from servogen.pic.device import addresses
+from servogen.pic.isa import encode
 from servogen.units import Cycles
 
 
@@ -144,6 +150,45 @@ def test_what_is_not_a_walk_is_not_encoded_as_one() -> None:
     assert made is not None
     assert made.silent.tolist() == [frame >= made.lead for frame in range(len(made.frames))]
     assert made.lead == 16 and not legs_encoded(table, 0, (), PAIRS, 0.3).silent.any()  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("rate", "beyond"), [(0.0, 0.0), (0.5, 0.0), (1.0, 0.1), (0.0, 0.05), (-0.2, 0.1), (0.3, -0.1)]
+)
+def test_the_law_of_the_swings_is_the_one_that_they_follow(rate: float, beyond: float) -> None:
+    """The body starts in the middle of the first; the second has an odd number of frames; the third is on
+    the spot, which has a law of its own.
+
+    A law slower than at rest, or short of the foothold, is taken for one that is not.
+    """
+    table = np.full((60, 4), 1500.0)
+    swings = (Swing(0, 2, 12), Swing(1, 15, 24), Swing(0, 30, 41))
+    for swing, halves in zip(swings[:2], ((0.0, 100.0), (-80.0, -80.0)), strict=True):
+        u = np.arange(swing.land - swing.lift + 1) / (swing.land - swing.lift)
+        path = np.where(u < 0.5, *halves)
+        table[swing.lift : swing.land + 1, 2 * swing.leg] += path * (2 * swing_share(u, rate, beyond) - 1)
+    table[30:41, 0] += np.linspace(0, 77, 11) ** 2
+    walk = WalkEvents(table, 0, (0, 2), (1, 3), swings, (), (_Spot(60, 82),))
+    assert _swing_law(walk) == pytest.approx((max(rate, 0), max(beyond, 0)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("neutral", "rises"), [(1499.7, True), (1500.3, True), (1499.8, False)])
+def test_lifts_whose_neutral_pose_is_their_stance_need_no_row_of_their_own(
+    neutral: float, rises: bool
+) -> None:
+    """A quarter of a step apart they are the same; the steps are single cycles here."""
+    table = walk_rows((0, 4, 6), (1, 8, 10), frames=16, legs=2)
+    table[0, 3] = neutral
+    table[5, 0] += 200.0  # the turns need the range of a byte
+    walk = walk_events(table, (1,), PAIRS, (15,))
+    assert walk is not None
+    keyed = keyed_walk(walk, 30, 0.3)
+    assert keyed.fixed == (3 if rises else 2)
+    assert keyed.legs.neutral == (4 if rises else None)
+    stand, lifted = keyed.rows[:2]
+    assert all(low < high for low, high in zip(stand, lifted, strict=True))
+    if rises:
+        assert keyed.rows[2] == (stand[0], stand[1] + round(neutral - 1500))
 
 
 LEGS = Legs(turns=(0, 2), lifts=(1, 3), stand=0, lifted=2)
@@ -334,6 +379,103 @@ def test_a_pulse_lasts_from_its_rise_to_its_fall() -> None:
     assert compared((), 200, 300) == "a pulse of 200 cycles lasts None"
 
 
+VARIABLES = (
+    "pulse_a_lo", "pulse_a_hi", "pulse_b_lo", "pulse_b_hi", "mask_a", "mask_b", "both", "port", "target",
+    "ahead",
+)  # fmt: skip
+AT = {name: 0x20 + number for number, name in enumerate(VARIABLES)}
+INDF, TMR0, STATUS, FSR, PORTA, PORTB = addresses("INDF", "TMR0", "STATUS", "FSR", "PORTA", "PORTB")
+TO_THE_PORT = [encode("MOVLW", k=PORTB), encode("MOVWF", f=FSR)]
+
+
+def kernel_of(*words: int, check: int = 0, tick: int = 4) -> _Kernel:
+    """A kernel of these words behind the two that point to the port; its end is behind the last."""
+    program = [*TO_THE_PORT, *words]
+    labels = {"pl_check": check, "pl_poll": check, "pl_done": len(program)}
+    listing: Any = SimpleNamespace(
+        rows=[SimpleNamespace(address=at, word=word) for at, word in enumerate(program)],
+        variables=[(at, name, 1) for name, at in AT.items()],
+        functions=[SimpleNamespace(name="pulses", start=0)],
+        label=labels.__getitem__,
+    )
+    return _Kernel(listing, SlotLayout((), Cycles(tick)))
+
+
+def written(*words: int, arrival: int = 0, **options: int) -> _Pulses:
+    return kernel_of(*words, **options)._run(0x1234, 0x5678, arrival)
+
+
+def test_the_kernel_is_run_with_both_widths_and_their_pins() -> None:
+    copies = [word for at in AT.values() for word in (encode("MOVF", f=at), encode("MOVWF", f=INDF))]
+    found = written(*copies)
+    assert [value for _, value in found.writes] == [0x34, 0x12, 0x78, 0x56, 1, 2, 3, PORTB, 200, 100]
+    # The kernel's check is its first word here: its tick is a cycle after it.
+    assert [cycle for cycle, _ in found.writes] == list(range(2, 22, 2))
+    assert found.end == len(copies) + 2 - 1
+
+
+@pytest.mark.parametrize("arrival", [0, 3])
+def test_the_kernel_s_cycles_are_those_of_its_instructions(arrival: int) -> None:
+    """Jumps and skips take two; only a write that changes the port is one, and a clear sets Z."""
+    found = written(
+        encode("MOVF", f=TMR0),  # 2, which the timer is checked by
+        encode("MOVLW", k=3),
+        encode("MOVWF", f=INDF),  # in cycle 4
+        encode("MOVWF", f=INDF),
+        encode("BTFSS", f=AT["mask_a"], b=0),  # in cycle 6, skips
+        encode("CLRF", f=INDF),
+        encode("GOTO", k=10),  # in cycle 8
+        encode("CLRF", f=INDF),
+        encode("CLRF", f=INDF),  # in cycle 10
+        encode("BTFSS", f=STATUS, b=2),  # Z: skips
+        encode("MOVWF", f=INDF),
+        encode("BTFSC", f=AT["mask_a"], b=0),  # in cycle 13, does not skip
+        encode("MOVWF", f=INDF),  # in cycle 14
+        check=2,
+        arrival=arrival,
+    )
+    begin = 3 + arrival
+    assert found == _Pulses(((4 - begin, 3), (10 - begin, 0), (14 - begin, 3)), 15 - begin)
+
+
+@pytest.mark.parametrize(("arrival", "tick"), [(0, 4), (4, 4), (1, 32)])
+def test_the_kernel_reads_the_timer_as_it_counts(arrival: int, tick: int) -> None:
+    """From the target on since the tick that it waits for, one more every tick; one less before."""
+    reads = [encode("MOVF", f=TMR0), encode("MOVWF", f=INDF)] * 10
+    found = written(*reads, check=2, arrival=arrival, tick=tick)
+    begin = 3 + arrival
+    values = [(read + 1 - begin, 200 + (read - begin) // tick) for read in range(2, 22, 2)]
+    changes = [one for one, before in zip(values, [(0, 0), *values], strict=False) if one[1] != before[1]]
+    assert list(found.writes) == changes
+
+
+def test_a_reading_of_the_timer_is_the_instruction_s_arithmetic() -> None:
+    """Subtraction leaves W - f wrapped, with C where nothing was borrowed; XOR leaves C as it was."""
+    kernel, known = kernel_of(), dict[Any, Any]()
+    for timer, target in ((10, 10), (10, 11), (11, 10), (0, 255), (255, 0)):
+        word = theorem.decoded(encode("SUBWF", f=TMR0, d=0))
+        known = {theorem.W: target, theorem.CARRY: 0, theorem.ZERO: 0}
+        kernel._look(word, known, timer, 0)
+        assert known[theorem.W] == timer - target & 0xFF
+        assert (known[theorem.CARRY], known[theorem.ZERO]) == (timer >= target, timer == target)
+        for carry in (0, 1):
+            known = {theorem.W: target, theorem.CARRY: carry, theorem.ZERO: 0}
+            kernel._look(theorem.decoded(encode("XORWF", f=TMR0, d=0)), known, timer, 0)
+            assert (known[theorem.W], known[theorem.CARRY]) == (timer ^ target, carry)
+            assert known[theorem.ZERO] == (timer == target)
+
+
+def test_what_is_no_kernel_is_refused_where_it_is_seen() -> None:
+    for words, message in (
+        ([encode("CLRF", f=TMR0)], "0x002 writes the timer"),
+        ([encode("INCF", f=TMR0, d=1)], "0x002 writes the timer"),
+        ([encode("NOP"), encode("BTFSC", f=PORTA, b=0)], "0x003 tests what is not the kernel's"),
+        ([encode("GOTO", k=2)], "it does not end"),
+    ):
+        with pytest.raises(KernelChanged, match=message):
+            written(*words)
+
+
 # poses
 
 
@@ -362,6 +504,82 @@ def test_long_silence_is_divided_into_steps_of_256_frames() -> None:
     assert silent == [(1, 257, "silent", 601), (257, 513, "silent", 601), (513, 601, "silent", 601)]
     stays = pieces(*[5] * 260)
     assert max(end - first for first, end, *_ in stays) <= 256 and stays[-1][1] == 260
+
+
+def cheapest(table: Any, far: float) -> int:
+    """Return the bytes of the cheapest stays and straight steps, by trying every sequence of them."""
+    last, columns = len(table) - 1, table.shape[1]
+
+    def near(one: Any, other: Any) -> bool:
+        return bool(np.abs(one - other).max() <= far)
+
+    def rest(first: int, reached: bool) -> float:
+        if first == last:
+            return 0 if reached else np.inf
+        found = [np.inf]
+        for end in range(first + 1, last + 1):
+            if all(near(table[frame], table[first]) for frame in range(first, end)):
+                price = 2 + (0 if reached else columns)
+                found.append(price + rest(end, near(table[end], table[first])))
+            line = np.linspace(table[first], table[end], end - first + 1)
+            if reached and near(table[first : end + 1], line):
+                found.append(2 + columns + rest(end, True))
+        return min(found)
+
+    return int(rest(0, True))
+
+
+def test_the_pieces_are_the_cheapest_that_keep_the_limit() -> None:
+    """A piece takes two bytes, and a row of all channels unless it stays in the pose that is reached."""
+    random = np.random.default_rng(11)
+    for number in range(120):
+        columns = 1 + number % 2
+        table = random.choice([0.0, 0.5, 1.0, 2.0, 3.0], (random.integers(2, 7), columns))
+        price, reached = 0, True
+        for piece in poses._pieces(table, (), 0, (), 0.5):
+            frames = table[piece.first : piece.end + 1]
+            if piece.law == "stay":
+                assert piece.pose == piece.first
+                assert np.abs(frames[:-1] - frames[0]).max() <= 0.5
+                price += 2 if reached else 2 + columns
+                reached = bool(np.abs(frames[-1] - frames[0]).max() <= 0.5)
+            else:
+                assert reached and piece.pose == piece.end
+                line = np.linspace(frames[0], frames[-1], len(frames))
+                assert np.abs(frames - line).max() <= 0.5
+                price += 2 + columns
+        assert reached and price == cheapest(table, 0.5), table.tolist()
+
+
+@pytest.mark.parametrize(
+    ("values", "bounds"),
+    [
+        ((5, 5, 5, 5), (0, 0)),
+        ((0, 100, 0, 100, 0), (2, 2)),  # 100 and 0 in turn, up and down
+        ((0, 100, 0, 120, 0, 140, 0), (4, 4)),
+        ((0, 100, 0, 103, 0, 104, 0), (2, 2)),  # 100 to 104 share a row
+        ((0, 100, 0, 104.5, 0), (3, 2)),
+        ((0, 2, 0, 2, 0), (0, 0)),  # a law within 1 of both: no turn
+        ((0, 2.1, 0, 2.1, 0), (1, 1)),
+        ((0, 10, 20, 30, 40), (0, 0)),  # one straight step
+        ((0, 10, 10, 20, 20, 30, 30, 40), (3, 2)),  # a rest between two jumps
+        ((0, 4, 4, 8, 8, 12, 12, 16), (0, 0)),  # not farther than laws may be apart
+        ((0, 10, 10, 11, 11, 21, 21), (0, 0)),
+    ],
+)
+def test_the_fewest_poses_and_moves_are_those_of_turns_and_of_rests_between_jumps(
+    values: tuple[float, ...], bounds: tuple[int, int]
+) -> None:
+    assert poses.fewest(rows(*[[value] for value in values]), 1.0, 1.0) == bounds
+    two = rows(*[[3.0, -value] for value in values])
+    assert poses.fewest(two, 1.0, 1.0) == bounds, "in any channel"
+
+
+def test_poses_are_counted_up_to_a_full_table() -> None:
+    assert poses._far_apart(np.arange(5.0)[:, None], 0.9) == 5
+    assert poses._far_apart(np.arange(5.0)[:, None], 1.0) == 3
+    assert poses._far_apart(rows([0, 0], [0, 2], [2, 0], [0, 1]), 1.5) == 3
+    assert poses._far_apart(np.arange(300.0)[:, None], 0.5) == 257
 
 
 def test_a_law_is_taken_where_it_fits_better_than_straight_steps() -> None:
