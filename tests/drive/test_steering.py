@@ -6,10 +6,12 @@ import pty
 import re
 import termios
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from servogen.drive import steering as module
 from servogen.drive.commands import (
     QUIT,
     LineCommands,
@@ -118,6 +120,41 @@ def test_all_ways_start_and_stop_standing_alike_below_the_full_height_too() -> N
         lifts = rows[:, 1::2] - 90
         assert (np.sign(lifts) == np.sign(lifts[0])).all()
         assert np.abs(lifts).min() > 33  # cos β = 50 / 60
+
+
+def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int = 2) -> list[float | None]:
+    """The cycles that are planned for a way of a start 0 1 2 3, a cycle 4 5 6 and a stop 7 0.
+
+    Walks of fewer than `steady` cycles are `wrong` radians off in their last frame before the stop.
+    """
+    asked: list[float | None] = []
+
+    def planned(job: object, row: dict[str, float], others: object) -> SimpleNamespace:
+        cycles = row.get("cycles")
+        asked.append(cycles)
+        angles = np.arange(7.0)
+        if cycles is not None:
+            angles = np.append(angles, [7.0, 0.0][:stop])
+            angles[6] += wrong if cycles < steady else 1e-7
+        return SimpleNamespace(trajectory=SimpleNamespace(angles=angles[:, None], loop_start=4))
+
+    monkeypatch.setattr(module, "plan_job", planned)
+    found = module._gait(SimpleNamespace(file="a.toml"), {"forward_mm": 1.0}, ())  # type: ignore[arg-type]
+    parts = (found.start, found.cycle, found.stop)
+    assert [part[:, 0].tolist() for part in parts] == [[0, 1, 2, 3], [4, 5, 6], [7, 0]]
+    return asked
+
+
+def test_a_way_is_cut_out_of_the_first_walk_that_begins_as_the_endless_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The start is longer than a cycle, so no walk of fewer than three has a start, a cycle and a stop."""
+    assert cut(monkeypatch, 1e-3, 0.0) == [None, 3.0]
+    assert cut(monkeypatch, 1e-3, 5.0) == [None, 3.0, 4.0, 5.0]
+    assert cut(monkeypatch, -0.5, 11.0)[-1] == 11.0
+    for steady, stop in ((12.0, 2), (0.0, 0)):
+        with pytest.raises(InputError, match="the walk cannot be stopped: its gait leaves a leg behind"):
+            cut(monkeypatch, 1e-3, steady, stop)
 
 
 def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
