@@ -18,7 +18,7 @@ from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, ProcessDied, WorkLimits, run
 from servogen.notebooks import table_html
 from servogen.pic.device import Device, device
-from servogen.units import Clock
+from servogen.units import Clock, counted
 
 if TYPE_CHECKING:
     from servogen.grade import Submission
@@ -67,7 +67,7 @@ class Program:
 
     def __repr__(self) -> str:
         clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""
-        return f"<Program of {self.image.words} words{clock}>"
+        return f"<Program of {counted(self.image.words, 'word')}{clock}>"
 
     def _repr_html_(self) -> str:
         functions = self.listing.functions if self.listing else ()

@@ -16,6 +16,7 @@ from servogen import INTERRUPTED
 from servogen.cli.options import JobFile, Json, duration
 from servogen.cli.show import as_json, json_line, table, warn
 from servogen.errors import Diagnostic
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.drive.commands import CommandSource, Keys
@@ -344,11 +345,14 @@ def _show_drive(summary: Summary, wanted: bool, json: bool) -> None:
     if json:
         as_json(summary.to_json())
     else:
-        away = f", {summary.outages} times away for {summary.away_s:.1f} s" if summary.outages else ""
-        print(
-            f"{summary.seconds:.2f} s, {summary.commands} positions, {summary.rounds} poses "
-            f"({summary.poses_per_second:.1f} a second, the slowest {1000 * summary.slowest_s:.1f} ms){away}"
+        text = (
+            f"{summary.seconds:.2f} s, {counted(summary.commands, 'position')}, "
+            f"{counted(summary.rounds, 'pose')} ({summary.poses_per_second:.1f} a second, "
+            f"the slowest {1000 * summary.slowest_s:.1f} ms)"
         )
+        if summary.outages:
+            text += f", away {counted(summary.outages, 'time')} for {summary.away_s:.1f} s"
+        print(text)
     if wanted and not summary.stopped:
         raise ToolError(
             "not-stopped", "the robot was NOT stopped: the line is gone", hint="switch its servos off"

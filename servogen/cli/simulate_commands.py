@@ -22,6 +22,7 @@ from servogen.cli.options import (
 from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
 from servogen.programs import DEFAULT_DEVICE, clock_of
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -89,14 +90,14 @@ def simulate(
         _write_trace(trace, program, clock, board, stimuli, span)
     if eeprom:
         _write_eeprom(eeprom, program, state)
-    counted = _profiled(program, clock, board, stimuli, span) if profile else None
+    spent = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
         shown = {**state.to_json(), "edges": changes}
-        as_json({**shown, **({"profile": counted.to_json()} if counted else {})}, state.warnings)
+        as_json({**shown, **({"profile": spent.to_json()} if spent else {})}, state.warnings)
     else:
         _print_state(state, clock, changes)
-        if counted:
-            _print_profile(counted)
+        if spent:
+            _print_profile(spent)
     warn_of_all(state.warnings)
 
 
@@ -176,7 +177,8 @@ def _print_profile(profile: Profile) -> None:
             ],
         )
     print(f"{100 * profile.coverage:.1f} % of the program's words were executed")
-    print(f"deepest stack {profile.deepest_stack} of 8, {profile.ram_high_water} bytes of RAM written")
+    written = counted(profile.ram_high_water, "byte")
+    print(f"deepest stack {profile.deepest_stack} of 8, {written} of RAM written")
     if profile.read_unwritten:
         where = ", ".join(f"0x{address:02X}" for address in profile.read_unwritten)
         print(f"read before they were written: {where}")

@@ -36,7 +36,7 @@ from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_y
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
-from servogen.units import Clock
+from servogen.units import Clock, counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,8 @@ class Compilation:
     """The intermediate form after the pass that was asked for."""
 
     def __repr__(self) -> str:
-        size = f"{self.words} words, {self.ram_bytes} bytes of RAM"
-        return f"<Compilation: {size}, {len(self.diagnostics)} warnings>"
+        size = f"{counted(self.words, 'word')}, {counted(self.ram_bytes, 'byte')} of RAM"
+        return f"<Compilation: {size}, {counted(len(self.diagnostics), 'warning')}>"
 
 
 def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:

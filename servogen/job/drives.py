@@ -20,7 +20,7 @@ from servogen.motion.drive import PlannedDrive, drive, positions
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
-from servogen.units import Clock
+from servogen.units import Clock, counted
 
 
 def drive_of(
@@ -174,7 +174,7 @@ def _stretch_notes(document: Document, table: DriveTable, planned: PlannedDrive)
     period_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     notes = []
     for index, (stretch, frames) in enumerate(zip(planned.stretches, planned.frames, strict=True)):
-        text = f"stretch {index + 1}: {stretch.text}, {frames} frames, {frames * period_s:g} s"
+        text = f"stretch {index + 1}: {stretch.text}, {counted(frames, 'frame')}, {frames * period_s:g} s"
         text += f"; {stretch.remark}" if stretch.remark else ""
         notes.append(Diagnostic("note", "stretch", text, document.place("drive", _source(table))))
     return notes

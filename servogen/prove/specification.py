@@ -19,6 +19,7 @@ from servogen.edges import PINS
 from servogen.prove.commands import WalkCommands
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import ButtonRule, CommandRule, Run
+from servogen.units import counted
 
 BEFORE, IN_FRAME, OVER = range(3)
 """The phases of a specification's state."""
@@ -267,9 +268,8 @@ class Specification:
                 continue
             if seen[number][1:] == edge[1:]:
                 late = seen[number][0] - edge[0]
-                return Violation(
-                    f"{_edge_text(edge)} comes {abs(late)} cycles {'late' if late > 0 else 'early'}", edge[0]
-                )
+                distance = f"{counted(abs(late), 'cycle')} {'late' if late > 0 else 'early'}"
+                return Violation(f"{_edge_text(edge)} comes {distance}", edge[0])
             if seen[number] < edge:
                 return Violation(f"{_edge_text(seen[number])} is not the schedule's", seen[number][0])
             return Violation(f"{_edge_text(edge)} is missing", edge[0])

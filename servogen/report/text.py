@@ -20,7 +20,7 @@ from servogen.pulse import Quantised
 from servogen.pulse.plan import PulsePlan
 from servogen.report.tracks import ERROR_COLUMNS, error_rows, errors_of, tracks_of, worst_of
 from servogen.report.wiring import open_drain, remarks, wires
-from servogen.units import Clock, Cycles
+from servogen.units import Clock, Cycles, counted
 from servogen.verify import Verdict, verdict_lines
 
 COMMANDS = (
@@ -157,7 +157,7 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
     for name, frames in (("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)):
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))
-            yield f"{name}: {frames} frames, {seconds} s"
+            yield f"{name}: {counted(frames, 'frame')}, {seconds} s"
     yield from (note.message for note in facts.job.notes)
 
 

@@ -64,7 +64,7 @@ def test_a_drive_ends_with_its_numbers_and_says_when_the_port_was_away(capsys: T
     assert capsys.readouterr().out.replace("12.34", "12.35") == f"{text}\n"
     away = Summary(moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, outages=2, away_s=1.25)
     drive_commands._show_drive(away, False, False)
-    assert capsys.readouterr().out.endswith("37.5 ms), 2 times away for 1.2 s\n")
+    assert capsys.readouterr().out.endswith("37.5 ms), away 2 times for 1.2 s\n")
     drive_commands._show_drive(SUMMARY, True, True)
     assert json.loads(capsys.readouterr().out) == {"diagnostics": [], **SUMMARY.to_json()}
 

@@ -252,7 +252,7 @@ def test_a_profile_lists_the_lines_that_take_most_time_first(run: Run, tmp_path:
     shares = [float(share) for _, _, share, _ in lines]
     assert shares == [round(cycles / 3.5, 2) for cycles, _ in spent.values()]
     assert "100.0 % of the program's words were executed" in out
-    assert "deepest stack 1 of 8, 1 bytes of RAM written" in out
+    assert "deepest stack 1 of 8, 1 byte of RAM written" in out
     assert "read before" not in out
     (tmp_path / "slow.asm").write_text(PROFILED.replace("movlw   8", "movf    0x0D, w"))
     out = run("simulate", tmp_path / "slow.asm", "--cycles", 350, "--profile").out

@@ -459,7 +459,7 @@ def test_the_serial_line(port: str, pin: str, baud: str, said: str) -> None:
 
 def test_the_clock_limits_what_a_delay_can_be() -> None:
     marked = "void main(void) { ‸delay_us(100); }"
-    said = "delay-rounded: 100 µs is not a whole number of cycles at 32768 Hz: 1 cycles are 122.0703125 µs"
+    said = "delay-rounded: 100 µs is not a whole number of cycles at 32768 Hz: 1 cycle is 122.0703125 µs"
     assert found_in(marked, "c2c", clock_hz=32_768) == stated(marked, [said])
     variable = "char a; void main(void) { ‸‸delay_10us(a); }"
     said_too = [

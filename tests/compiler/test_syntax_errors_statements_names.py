@@ -455,7 +455,7 @@ def test_a_compilation_says_how_large_the_program_is() -> None:
     found = compiled()
     assert found.words == found.image.words
     assert found.ram_bytes == 1
-    assert repr(found) == f"<Compilation: {found.words} words, 1 bytes of RAM, 0 warnings>"
+    assert repr(found) == f"<Compilation: {found.words} words, 1 byte of RAM, 0 warnings>"
     assert (found.clock, found.device.name, found.ir) == (None, "PIC16F84A", "")
     assert compiled(clock_hz=8_000_000).clock is not None
     assert all(count > 0 for count in found.saved.values())

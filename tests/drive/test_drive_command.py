@@ -41,7 +41,7 @@ def test_a_pose_is_sent_and_left(start: Start, serial: Serial) -> None:
     assert process.returncode == 0, err
     serial.wait_for(lambda decoder: bool(decoder.moves))
     assert serial.decoder.moves == [(0, position(1500))]
-    assert "1 positions, 1 poses" in out
+    assert "1 position, 1 pose" in out
 
 
 def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:

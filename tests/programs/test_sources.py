@@ -115,8 +115,8 @@ def test_the_clock_is_the_requested_one_else_that_of_the_program_else_4_mhz() ->
 
 def test_a_program_says_its_size_and_clock() -> None:
     assert repr(Program(Image({0: 1, 1: 2}))) == "<Program of 2 words>"
-    assert repr(Program(Image({0: 1}), clock=Clock(4_000_000))) == "<Program of 1 words at 4 MHz>"
-    assert "Program of 1 words" in Program(Image({0: 1}))._repr_html_()
+    assert repr(Program(Image({0: 1}), clock=Clock(4_000_000))) == "<Program of 1 word at 4 MHz>"
+    assert "Program of 1 word" in Program(Image({0: 1}))._repr_html_()
 
 
 def test_texts_are_utf_8_or_else_latin_1(tmp_path: Path) -> None:

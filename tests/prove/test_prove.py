@@ -116,7 +116,7 @@ def test_the_specification_names_the_first_wrong_edge() -> None:
     for edges, message in (
         ([], "the rise of RB0 is missing"),
         ([(15_000, 5, 1)], "the rise of RB0 is not the schedule's"),
-        ([(15_101, 5, 1)], "the rise of RB0 comes 1 cycles late"),
+        ([(15_101, 5, 1)], "the rise of RB0 comes 1 cycle late"),
         ([(15_050, 6, 1), (15_100, 5, 1)], "the rise of RB1 is not the schedule's"),
         ([(15_100, 5, 1), (15_101, 6, 1)], "the rise of RB1 is not the schedule's"),
         ([(7, 5, 0), (15_100, 5, 1)], "the fall of RB0 is not the schedule's"),

@@ -747,7 +747,7 @@ def test_a_wrong_edge_is_found_with_its_cycle_since_the_cut() -> None:
     late = replace(FRAME, edges=((950, RB0, 0), (PERIOD - 49, RB0, 1)))
     found = explored({(0, ()): FIRST, (9, ()): late}, {9})
     assert found.answer is SearchAnswer.VIOLATED and found.finding is not None
-    assert found.finding == SearchFinding(1, (), PERIOD - 50, "the rise of RB0 comes 1 cycles late", True, 9)
+    assert found.finding == SearchFinding(1, (), PERIOD - 50, "the rise of RB0 comes 1 cycle late", True, 9)
 
 
 def test_chips_that_differ_by_themselves_are_found() -> None:
@@ -777,8 +777,8 @@ def test_an_unknown_bit_is_followed_both_ways() -> None:
     found = search.search()
     # The chip that comes a cycle later has its fall in another cycle since the cut.
     assert found.answer is SearchAnswer.VIOLATED and found.finding is not None
-    assert found.finding.message == "the fall of RB0 comes 1 cycles late" or (
-        found.finding.message == "the fall of RB0 comes 1 cycles early"
+    assert found.finding.message == "the fall of RB0 comes 1 cycle late" or (
+        found.finding.message == "the fall of RB0 comes 1 cycle early"
     )
     decided = found.nodes[found.finding.node].decisions
     assert decided in [(Decision(0, (AssumedBits("W", 1, value),)),) for value in (0, 1)]

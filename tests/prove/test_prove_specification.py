@@ -334,7 +334,7 @@ def test_the_first_rise_may_come_whenever_but_begins_the_first_frame_with_pulses
     ("edges", "message", "cycle"),
     [
         ([], "the rise of RB0 is missing", 100),
-        ([(101, RB0, 1), (1100, RB0, 0)], "the rise of RB0 comes 1 cycles late", 100),
+        ([(101, RB0, 1), (1100, RB0, 0)], "the rise of RB0 comes 1 cycle late", 100),
         ([(98, RB0, 1), (1100, RB0, 0)], "the rise of RB0 comes 2 cycles early", 100),
         ([(100, RB0, 1)], "the fall of RB0 is missing", 1100),
         ([(100, RB0, 1), (1103, RB0, 0)], "the fall of RB0 comes 3 cycles late", 1100),

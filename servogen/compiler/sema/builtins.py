@@ -39,7 +39,7 @@ from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
 from servogen.pic.device import RAM_LAST, WATCHDOG_US, register_bits, registers
-from servogen.units import Clock, Cycles
+from servogen.units import Clock, Cycles, counted
 
 
 def register_ref(analyser: Analyser, name: str, place: Location) -> Ref:
@@ -104,7 +104,7 @@ def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = Fal
         analyser.reporter.warn(
             "delay-rounded",
             f"{_decimal(us)} µs is not a whole number of cycles at {analyser.clock.hz} Hz: "
-            f"{cycles} cycles are {_decimal(achieved)} µs",
+            f"{counted(cycles, 'cycle')} {'is' if cycles == 1 else 'are'} {_decimal(achieved)} µs",
             analyser.place(node),
         )
     return cycles

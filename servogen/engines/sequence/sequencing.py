@@ -26,7 +26,7 @@ from servogen.engines.sequence.programs import (
 )
 from servogen.errors import InputError
 from servogen.pulse import PulseSchedule, Run
-from servogen.units import Cycles
+from servogen.units import Cycles, counted
 
 MARGIN = Cycles(64)
 """A number of cycles larger than any compiler's loop, return and call take between two frames."""
@@ -205,7 +205,8 @@ def _checked(cycles: int, where: str) -> Cycles:
     if cycles < 0:
         raise InputError(
             "edges-too-close",
-            f"two edges are too close {where}: the statements between them take {-cycles} cycles too many",
+            f"two edges are too close {where}: "
+            f"the statements between them take {counted(-cycles, 'cycle')} too many",
             hint="lengthen the period, or give the servos slots that are further apart",
         )
     return Cycles(cycles)

@@ -23,7 +23,7 @@ from servogen.errors import ServogenError
 from servogen.pic.device import PROGRAM_WORDS, Device
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine
-from servogen.units import Cycles
+from servogen.units import Cycles, counted
 
 ROUNDS = 3
 """Renderings: one to measure, one to confirm, a third if the first delays were too short to wait."""
@@ -90,7 +90,8 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
         if cycles.setdefault(path, extra) != extra:
             raise TuningError(
                 "tuning-failed",
-                f"at cycle {time} the statements took {extra} cycles, before that {cycles[path]} ({path})",
+                f"at cycle {time} the statements took {counted(extra, 'cycle')}, "
+                f"before that {cycles[path]} ({path})",
             )
     return Overheads(cycles)
 

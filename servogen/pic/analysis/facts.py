@@ -263,7 +263,12 @@ class Facts:
         words = sorted(set(self._image.program) - self.paths.executed)
         ranges = list(_ranges(words))
         findings = tuple(
-            self._finding(first, f"{last - first + 1} words to 0x{last:03X} are never executed")
+            self._finding(
+                first,
+                f"{last - first + 1} words to 0x{last:03X} are never executed"
+                if first < last
+                else "is never executed",
+            )
             for first, last in ranges
         )
         text = f"{len(words)} of {len(self._image.program)} words are never executed" if words else (

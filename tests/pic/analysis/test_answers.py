@@ -159,7 +159,7 @@ def test_unwritten_and_unreachable_words_in_words() -> None:
     far = facts("main\n goto here\n nop\n nop\nhere\n goto here\n nop").unreachable()
     assert said(far) == (
         "found", "3 of 5 words are never executed",
-        ["0x001: 2 words to 0x002 are never executed", "0x004: 1 words to 0x004 are never executed"],
+        ["0x001: 2 words to 0x002 are never executed", "0x004: is never executed"],
     )  # fmt: skip
 
 
