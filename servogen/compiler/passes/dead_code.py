@@ -9,7 +9,16 @@ from collections.abc import Collection
 from itertools import pairwise
 
 from servogen.compiler.ir.function import Block, Function, Line
-from servogen.compiler.ir.instruction import BIT_TESTS, PURE, STATUS, TARGETED, Byte, Instruction, Label
+from servogen.compiler.ir.instruction import (
+    BIT_TESTS,
+    PURE,
+    STATUS,
+    TARGETED,
+    Byte,
+    Instruction,
+    Label,
+    exposed,
+)
 from servogen.compiler.passes.liveness import FLAG_LETTERS, W_BIT, Liveness, is_private
 
 
@@ -62,7 +71,7 @@ def drop_dead(function: Function) -> bool:
     for ins in function.instructions():
         if ins.fixed or ins.op not in PURE or _flags_needed(ins, live.after[ins]):
             continue
-        if _writes_dead(ins, live) and not _observable_read(ins):
+        if _writes_dead(ins, live) and not is_observable_read(ins):
             dead.add(ins)
     # a store that nobody reads but whose flags are needed goes to W instead
     for ins in function.instructions():
@@ -72,10 +81,7 @@ def drop_dead(function: Function) -> bool:
         if ins.op != "MOVF" and is_private(ins.f) and not needed & (live.bit(ins.f) | W_BIT):
             ins.d = 0  # only its flags are wanted
             changed = True
-    if dead:
-        remove(function, dead, live)
-        changed = True
-    return changed
+    return remove(function, dead, live) or changed
 
 
 def _flags_needed(ins: Instruction, needed: int) -> bool:
@@ -93,15 +99,17 @@ def _writes_dead(ins: Instruction, live: Liveness) -> bool:
     return ins.writes_w and not needed & W_BIT
 
 
-def _observable_read(ins: Instruction) -> bool:
-    """Return whether an instruction reads a register or a volatile variable, so that it must be kept."""
-    if not ins.reads_f or ins.f is None:
-        return False
-    return not isinstance(ins.f, Byte) or ins.f.symbol.volatile
+def is_observable_read(ins: Instruction) -> bool:
+    """Return whether an instruction reads a register other than the flags, or a volatile variable, so that it
+    must be kept.
+    """
+    return ins.reads_f and ins.f != STATUS and exposed(ins.f)
 
 
-def remove(function: Function, dead: Collection[Instruction], live: Liveness) -> None:
-    """Remove instructions. A skip and the instruction it guards are removed together or not at all."""
+def remove(function: Function, dead: Collection[Instruction], live: Liveness) -> bool:
+    """Remove instructions; return whether there were any. A skip and the instruction it guards are removed
+    together or not at all.
+    """
     gone = set(dead)
     outer: Instruction | None = None
     before: Instruction | None = None
@@ -109,7 +117,9 @@ def remove(function: Function, dead: Collection[Instruction], live: Liveness) ->
         if ins in dead and before is not None and before.skips and before not in gone:
             gone = _with_skip(ins, before, outer if outer is not None and outer.skips else None, gone, live)
         outer, before = before, ins
-    function.replace([line for line in function.lines() if isinstance(line, Label) or line not in gone])
+    if gone:
+        function.replace([line for line in function.lines() if isinstance(line, Label) or line not in gone])
+    return bool(gone)
 
 
 def _with_skip(
@@ -121,7 +131,9 @@ def _with_skip(
 ) -> set[Instruction]:
     """Return what is removed when the instruction after `skip` is dead; `outer` is a skip over that skip."""
     simple = skip.op in BIT_TESTS
-    if skip.fixed or (outer is not None and outer.op not in BIT_TESTS):
+    if skip.fixed or is_observable_read(skip):
+        return gone - {ins}
+    if outer is not None and (outer.op not in BIT_TESTS or is_observable_read(outer)):
         return gone - {ins}
     if outer is None:
         return gone | {skip} if simple else gone - {ins}

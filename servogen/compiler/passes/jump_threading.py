@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.ir.function import Block, Function
 from servogen.compiler.ir.instruction import DELAY, RETURNS, Instruction
+from servogen.compiler.passes.dead_code import is_observable_read
 
 INVERSE = {"BTFSC": "BTFSS", "BTFSS": "BTFSC"}
 """The opposite of each skip that only tests."""
@@ -97,6 +98,7 @@ def _drop_jump(function: Function, number: int) -> bool:
             test is None
             or test.op not in INVERSE
             or test.fixed
+            or is_observable_read(test)
             or block.labels
             or _is_skipped(function, number - 1)
         ):

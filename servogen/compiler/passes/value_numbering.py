@@ -84,9 +84,7 @@ class _Tracker:
                 over[number + 2] = dict(state)
             elif last is not None and last.op in ENDS:
                 state = None
-        if self.dead:
-            remove(self.function, self.dead, self.live)
-        return self.changed or bool(self.dead)
+        return remove(self.function, self.dead, self.live) or self.changed
 
     def _block(self, block: Block, state: State, *, in_skip: bool) -> None:
         """Visit the instructions of a block; the state holds before each of them."""

@@ -162,6 +162,9 @@ class Chip:
     def store(self, symbol: Symbol, value: int, size: int) -> None:
         self.memory.update({Byte(symbol, at): value >> 8 * at & 0xFF for at in range(size)})
 
+    def waited(self, cycles: int) -> None:
+        """Called after each delay, which leaves anything in W and the flags."""
+
     def call(self, name: str) -> None:
         """Execute a function, or what stands at a label of one, up to its return or its end."""
         entry = name
@@ -181,6 +184,7 @@ class Chip:
             if ins.op == DELAY:
                 assert isinstance(ins.k, int) and ins.k >= 0
                 self.cycles += ins.k - 1
+                self.waited(ins.k)
             elif ins.op == "GOTO":
                 self.cycles += 1
                 if ins.target not in labels:
@@ -280,7 +284,15 @@ class Chip:
 
 
 def check(transform: Callable[[Function], bool], before: str, after: str | None) -> None:
-    """Assert what a pass makes of a function: `after`, or nothing else where that is None."""
+    """Assert what a pass makes of a function: `after`, or nothing else where that is None.
+
+    What it leaves is divided into blocks as the same lines are anew.
+    """
     made = function(before)
-    assert transform(made) == (after is not None)
+    assert transform(made) is (after is not None)
     assert texts(made) == lines(before if after is None else after)
+    assert _blocks(made) == _blocks(function(before if after is None else after))
+
+
+def _blocks(made: Function) -> list[tuple[list[str], list[str]]]:
+    return [(texts(block.labels), texts(block.instructions)) for block in made.blocks]

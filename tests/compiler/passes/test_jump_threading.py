@@ -57,6 +57,8 @@ def test_jumps_in_a_circle_are_not_followed_for_long() -> None:
         ("BTFSC Z; GOTO a; a: NOP", "a: NOP"),
         ("CLRF gx; BTFSS ga,3; GOTO a; a: NOP", "CLRF gx; a: NOP"),
         ("DECFSZ ga,F; GOTO a; a: NOP", None),
+        ("BTFSC PORTB,7; GOTO a; a: NOP", None),
+        ("BTFSC va,7; GOTO a; a: NOP", None),
         ("*BTFSC Z; GOTO a; a: NOP", None),
         ("BTFSC C; BTFSC Z; GOTO a; a: NOP", None),
         ("BTFSC Z; b: GOTO a; a: NOP", None),
