@@ -200,7 +200,7 @@ class TimeMachine:
 
         Forwards it ends earlier where the chip sleeps on, and backwards at power-up.
         """
-        return self._forward(instructions) if instructions > 0 else self._back(-instructions)
+        return self._forward(instructions) if instructions >= 0 else self._back(-instructions)
 
     def step_line(self, forwards: bool) -> bool:
         """Go to the next source line, or back to the beginning of this one or, from there, of the one before.

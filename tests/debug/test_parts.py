@@ -13,7 +13,7 @@ from servogen.debug.breakpoints import (
     parse_breakpoint,
 )
 from servogen.debug.pins import explain_pin
-from servogen.debug.symbols import ListedLine, Variable, line_at, routine, variable
+from servogen.debug.symbols import ListedLine, Variable, current_line, line_at, routine, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, LOW, PINS, edge_chunk
 from servogen.errors import InputError
@@ -171,6 +171,18 @@ def test_a_line_is_named_by_its_file_and_shown_without_its_margins() -> None:
     assert str(lines[3]) == "b.c:1"
     beyond = rows(("dir/a.c", 3))
     assert line_at(TimeMachine(Image({}), CLOCK, listing=beyond), 0) == ListedLine("dir/a.c", 3, "")
+
+
+def test_in_routines_without_lines_the_line_of_the_call_runs() -> None:
+    """The call in `deep` returns to word 6, that of line 3 to word 3."""
+    program = " nop\n nop\n call sub\nend_ goto end_\nsub nop\n call deep\n return\ndeep nop\n return\n"
+    nowhere: tuple[None, None] = (None, None)
+    listing = rows(("a.c", 1), ("a.c", 2), ("a.c", 3), ("a.c", 4), *[nowhere] * 5)
+    chip = TimeMachine(image(program), CLOCK, listing=listing)
+    for cycle, line in ((1, 2), (2, 3), (4, 3), (7, 3), (8, 3), (10, 3), (12, 4)):
+        chip.seek(cycle)
+        assert current_line(chip) == ListedLine("a.c", line, "")
+    assert current_line(TimeMachine(Image({}), CLOCK)) is None
 
 
 # -- sentences about pins ---------------------------------------------------------------------------------

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
 from servogen.debug import time_machine
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import PINS
+from servogen.edges import PINS, UNDRIVEN
 from servogen.pic.device import device
+from servogen.pic.listing import Listing, ListingRow
 from servogen.simulator import LevelChange, Machine, Periodic, Recorded, Stimuli, trace
 from servogen.units import Clock
 from tests.debug.stepping_back import check
@@ -239,3 +242,136 @@ def test_the_executed_instructions_are_those_of_a_trace() -> None:
     before = seen(machine.machine)
     assert [tuple(row) for row in machine.executed(30_000)[:, :2].tolist()] == every[-30_000:]
     assert seen(machine.machine) == before
+
+
+SHORT = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        movlw   3
+        movwf   0x20
+loop    bsf     PORTB, 0
+        call    sub
+        bcf     PORTB, 0
+        decfsz  0x20, f
+        goto    loop
+end_    goto    end_
+sub     comf    PORTB, f
+        nop
+        return
+"""
+LINES = (1, 1, 2, None, 3, 4, 5, 4, None, 6, 7, 8, None, 8)
+"""The source lines of its words; two belong to none."""
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> TimeMachine:
+    """A program of 62 cycles up to its last loop, with a snapshot every 7 cycles."""
+    monkeypatch.setattr(time_machine, "SPACING_S", Fraction(7, 1_000_000))
+    monkeypatch.setattr(time_machine, "LINE_S", Fraction(100, 1_000_000))
+    listing = Listing(
+        tuple(ListingRow(at, 0, "NOP", "1", "a.c" if line else None, line) for at, line in enumerate(LINES)),
+        (),
+    )
+    return TimeMachine(image(SHORT), CLOCK, listing=listing)
+
+
+SHORT_TRACE = [(row.cycle, row.pc) for row in trace(Machine(image(SHORT), CLOCK), 70)]
+SHORT_EDGES = rows(Machine(image(SHORT), CLOCK).run(70))
+
+
+def test_any_number_of_steps_from_any_moment_is_that_many_instructions_of_the_trace(
+    short: TimeMachine,
+) -> None:
+    starts = [cycle for cycle, _ in SHORT_TRACE]
+    for place in range(len(starts) - 12):
+        for count in (0, 1, 2, 11, -1, -2, -7, -1000):
+            short.seek(starts[place])
+            done, reach = max(count, -place), short.reach
+            assert (short.step(count), short.now) == (abs(done), starts[place + done])
+            assert short.reach == max(reach, short.now)
+        short.seek(starts[place])
+        for limit in (1, 5, 1000):
+            expected = SHORT_TRACE[max(0, place - limit) : place]
+            assert [tuple(row) for row in short.executed(limit)[:, :2].tolist()] == expected[-limit:]
+
+
+def test_a_moment_is_the_first_beginning_of_an_instruction_that_is_not_before_the_cycle(
+    short: TimeMachine,
+) -> None:
+    starts = [cycle for cycle, _ in SHORT_TRACE]
+    for cycle in [*range(60), *range(59, -1, -1), *range(0, 60, 17), -5]:
+        short.seek(cycle)
+        assert short.now == next(start for start in starts if start >= cycle)
+        before = [UNDRIVEN] * len(PINS)
+        for made, pin, level in SHORT_EDGES:
+            before[pin] = level if made < short.now else before[pin]
+        assert short.levels_before(cycle) == short.machine.levels == tuple(before)
+        for end in (cycle, cycle + 1, cycle + 20):
+            assert rows(short.edges(cycle, end)) == [row for row in SHORT_EDGES if cycle <= row[0] < end]
+
+
+def test_an_edge_is_stepped_to_from_any_moment(short: TimeMachine) -> None:
+    """To the first moment after the next edge, or back to the latest such moment that is before this one."""
+    starts = [cycle for cycle, _ in SHORT_TRACE]
+    rb0, rb3 = PINS.index("RB0"), PINS.index("RB3")
+    for pins in (frozenset[int](), frozenset((rb3,)), frozenset((rb0, rb3)), frozenset((0,))):
+        edges = [cycle for cycle, pin, _ in SHORT_EDGES if not pins or pin in pins]
+        after = [next(start for start in starts if start > edge) for edge in edges]
+        for start in starts[:-5]:
+            short.seek(start)
+            later = [moment for moment, edge in zip(after, edges, strict=True) if edge >= start]
+            assert short.step_edge(forwards=True, pins=pins, limit=70 - start) == bool(later)
+            if later:
+                assert short.now == later[0]
+            short.seek(start)
+            earlier = [moment for moment in after if moment < start]
+            assert short.step_edge(forwards=False, pins=pins) == bool(earlier)
+            assert short.now == (earlier[-1] if earlier else start)
+
+
+def test_a_line_is_stepped_to_from_any_moment(short: TimeMachine) -> None:
+    """Words without a line belong to none; back goes to the beginning of the line that ran last."""
+    lines = [(cycle, LINES[address]) for cycle, address in SHORT_TRACE]
+    for place, (start, here) in enumerate(lines[:-8]):
+        short.seek(start)
+        later = [cycle for cycle, line in lines[place + 1 :] if line not in (None, here)]
+        assert short.step_line(forwards=True) == bool(later)
+        if later:
+            assert short.now == later[0]
+        short.seek(start)
+        target, last = start, None
+        for cycle, line in reversed(lines[:place]):
+            if line is not None and last not in (None, line):
+                break
+            if line is not None:
+                target, last = cycle, line
+        assert short.step_line(forwards=False) == (last is not None)
+        assert short.now == target
+
+
+def test_which_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One each 100 cycles, 40 at most; those older than 1000 cycles are thinned to double their distance
+    until 30 are left. GOTO to itself takes two cycles, so that every hundred is reached exactly.
+    """
+    for name, value in (("SPACING_S", Fraction(1, 10_000)), ("RECENT_S", Fraction(1, 1000))):
+        monkeypatch.setattr(time_machine, name, value)
+    monkeypatch.setattr(time_machine, "MAX_SNAPSHOTS", 40)
+    chip = TimeMachine(image("end_ goto end_\n"), CLOCK)
+
+    def kept_at(*moments: int) -> list[int]:
+        for moment in moments:
+            chip.seek(moment)
+        return chip._at
+
+    assert kept_at(*range(0, 4000, 100)) == [*range(0, 4000, 100)]
+    assert kept_at(4000) == [*range(0, 3000, 200), *range(3000, 4001, 100)]
+    assert kept_at(*range(4100, 5401, 100)) == [*range(0, 3000, 200), *range(3000, 5401, 100)]
+    assert kept_at(5500) == [*range(0, 4500, 400), *range(4500, 5501, 100)]
+    # A long way is gone at the distance of the old ones, up to the last 1000 cycles.
+    assert kept_at(9998) == [
+        *range(0, 4500, 400), *range(4500, 5501, 100), *range(5900, 9100, 400), *range(9100, 9998, 100)
+    ]  # fmt: skip
+    assert kept_at(10_000) == [*range(0, 4801, 800), *range(5900, 8301, 800), *range(9100, 10_001, 100)]
+    # In the thinned past, all of the 1000 cycles before the moment are kept again.
+    assert kept_at(2300)[:12] == [0, 800, *range(1600, 2301, 100), 2400, 3200]
