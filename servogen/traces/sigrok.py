@@ -207,6 +207,7 @@ where it begins, bytes of the comment. Source: PKWARE's APPNOTE, section 4.3.16.
 
 _END_SIGNATURE = b"PK\5\6"
 _ZIP64_SIGNATURE = b"PK\6\7"
+_ZIP64_LOCATOR_BYTES = 20
 _MAX_COMMENT_BYTES = (1 << 16) - 1
 _MAX_DIRECTORY_BYTES = 1 << 22
 
@@ -218,13 +219,13 @@ def _check_directory(path: Path) -> None:
     """
     with open_input(path) as file:
         size = file.seek(0, 2)
-        file.seek(max(0, size - _END.size - _MAX_COMMENT_BYTES))
+        file.seek(max(0, size - _ZIP64_LOCATOR_BYTES - _END.size - _MAX_COMMENT_BYTES))
         tail = file.read()
     signature = tail.rfind(_END_SIGNATURE)
     if signature < 0 or len(tail) - signature < _END.size:
         raise ValueError("no end of the central directory")
     _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, signature)
-    is_64 = tail[max(0, signature - 20) : signature].startswith(_ZIP64_SIGNATURE)
+    is_64 = tail[max(0, signature - _ZIP64_LOCATOR_BYTES) : signature].startswith(_ZIP64_SIGNATURE)
     if is_64 or count > MAX_MEMBERS or directory_bytes > _MAX_DIRECTORY_BYTES:
         raise InputError(
             "file-too-large", "is an archive of too many or too large files", Location(str(path)), _SMALL

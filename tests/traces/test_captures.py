@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
-from servogen.errors import InputError
-from servogen.traces import write_edges
+from servogen.errors import InputError, Location
+from servogen.traces import lines, sigrok, write_edges
 from servogen.traces.captures import Capture, capture_writer, is_capture, read_capture
 from servogen.units import Clock, Cycles
 
@@ -155,6 +155,109 @@ def test_each_defect_of_a_saleae_file_has_its_place_and_message(
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(InputError, match=message):
         rows_of(read_capture(tmp_path / "a.csv"))
+
+
+@pytest.mark.parametrize("size", [9, 1 << 22])
+def test_a_row_of_saleae_is_named_by_its_line_in_blocks_of_any_size(
+    tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is wrong with it; the first of two such rows is named, unless it is only out of order."""
+    monkeypatch.setattr(lines, "BLOCK_BYTES", size)
+    good = ["Time [s],RB0,RB1", *(f"{n}.5e-3 , {n % 2},X" for n in range(1, 7))]
+    for number in range(1, 7):
+        for bad, message in (
+            ("0.1,0", "'0.1,0' does not have 3 fields like the header"),
+            ("0.1,0,1,1", "'0.1,0,1,1' does not have 3 fields like the header"),
+            ("0.1,0,2", "level '2' is not allowed"),
+            (",0,1", "time '' is not a number of seconds"),
+            ("9e9,0,1", "time '9e9' is not a number of seconds"),
+            ("-9e9,0,1", "time '-9e9' is not a number of seconds"),
+            ("0.0014,0,1", "a time is before that of the row above"),
+        ):
+            if number == 1 and message.startswith("a time"):
+                continue
+            later = [] if message.startswith("a time") else ["1,0,?"]
+            text = [*good[:number], bad, *good[number + 1 :], *later, "2,0,0"]
+            if number == 1:  # the time of the first row is where the capture begins
+                text.insert(1, good[1])
+            (tmp_path / "a.csv").write_text("\n".join(text) + "\n")
+            with pytest.raises(InputError) as caught:
+                rows_of(read_capture(tmp_path / "a.csv"))
+            assert (caught.value.message, caught.value.location) == (
+                message, Location(str(tmp_path / "a.csv"), number + 1 + (number == 1)),
+            )  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(good) + "\n")
+    trace = read_capture(tmp_path / "a.csv").trace
+    rises = [(10**6 * (n - 1), RB0, n % 2) for n in range(1, 7)]
+    assert [row for row in rows_of(read_capture(tmp_path / "a.csv")) if row[1] == RB0] == rises
+    assert trace.end == 5 * 10**6 + 1
+
+
+def test_saleae_times_below_9e9_seconds_are_read(tmp_path: Path) -> None:
+    """More nanoseconds do not fit 64 bits: 2^63 of them are 9.22e9 seconds."""
+    (tmp_path / "a.csv").write_text("Time [s],RB0\n0,0\n8999999999,1\n")
+    trace = read_capture(tmp_path / "a.csv").trace
+    assert trace.end == 8_999_999_999 * 10**9 + 1
+    for first, last, line in (("0", "9000000000", None), ("-9e9", "0", 2)):
+        (tmp_path / "a.csv").write_text(f"Time [s],RB0\n{first},0\n{last},1\n")
+        with pytest.raises(InputError, match="is not a number of seconds") as caught:
+            read_capture(tmp_path / "a.csv")
+        assert caught.value.location == Location(str(tmp_path / "a.csv"), line)
+
+
+def test_pieces_of_a_session_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """logic-1-10 comes after logic-1-9, whatever their order in the archive; logic-10 is another."""
+    members = {f"logic-1-{n}": samples((n % 2, n)) for n in (10, 1, 9, 2, 11)} | {
+        "logic-10": b"\1\0", "logic-1-x": b"\1\0", "xlogic-1-3": b"\1\0", "logic-1": b"\1\0",
+    }  # fmt: skip
+    capture = read_capture(session(tmp_path / "a.sr", members))
+    rb0 = [(cycle, level) for cycle, pin, level in rows_of(capture) if pin == RB0]
+    assert rb0 == [(0, 1), (1, 0), (3, 1), (12, 0), (22, 1)]
+    assert capture.trace.end == 1 + 2 + 9 + 10 + 11
+
+
+def test_probes_beyond_a_sample_are_none(tmp_path: Path) -> None:
+    """A sample of two bytes has probes 1 to 16."""
+    probes = "probe16=RA0\nprobe17=RA1\nprobe0=RA2\nprobe01=RA3\nprobe100=RA4\n"
+    capture = read_capture(session(tmp_path / "a.sr", {"logic-1": samples((1 << 15, 1))}, METADATA + probes))
+    assert rows_of(capture) == [(0, 0, HIGH), (0, RB0, LOW), (0, RB1, LOW)]
+
+
+def test_the_directory_of_a_session_has_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of its files and bytes; a comment behind it has up to 65535 bytes (APPNOTE, section 4.3.16)."""
+    path = session(tmp_path / "a.sr", {"logic-1": b"\0\0"})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.comment = b"x" * 65535
+        count = len(archive.infolist())
+    content = path.read_bytes()
+    end = content.rindex(b"PK\5\6")
+    directory = end - content.index(b"PK\1\2")
+    for name, limit in (("MAX_MEMBERS", count), ("_MAX_DIRECTORY_BYTES", directory)):
+        monkeypatch.setattr(sigrok, name, limit)
+        assert read_capture(path).trace.end == 1
+        monkeypatch.setattr(sigrok, name, limit - 1)
+        with pytest.raises(InputError, match="is an archive of too many or too large files"):
+            read_capture(path)
+        monkeypatch.undo()
+    # In front of the last record, the one that leads to that of an archive of more than 4 GiB: 20 bytes.
+    path.write_bytes(content[:end] + b"PK\6\7" + bytes(16) + content[end:])
+    with pytest.raises(InputError, match="is an archive of too many or too large files"):
+        read_capture(path)
+    for cut in (content[: end + 21], content[:end]):
+        path.write_bytes(cut)
+        with pytest.raises(InputError, match="is not a sigrok session"):
+            read_capture(path)
+
+
+def test_metadata_and_samples_up_to_their_limits_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = METADATA + "#" * ((1 << 16) - len(METADATA))
+    assert read_capture(session(tmp_path / "a.sr", {"logic-1": b"\0\0"}, whole)).trace.end == 1
+    with pytest.raises(InputError, match="has more than 64 KiB of metadata"):
+        read_capture(session(tmp_path / "b.sr", {"logic-1": b"\0\0"}, whole + "#"))
+    monkeypatch.setattr(sigrok, "MAX_SAMPLE_BYTES", 2)
+    assert read_capture(tmp_path / "a.sr").trace.end == 1
 
 
 def test_a_vcd_of_sigrok_tells_its_sampling_rate(tmp_path: Path) -> None:
