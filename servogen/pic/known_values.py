@@ -198,7 +198,7 @@ def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
         if place is not None:
             _put(known, place, None if place in changing else result)
         elif word.f == INDF:
-            for other in [address for address in known if address >= RAM_FIRST]:
+            for other in [address for address in known if RAM_FIRST <= address <= RAM_LAST]:
                 del known[other]  # it may be any of them
 
 

@@ -197,6 +197,12 @@ def test_a_loop_with_a_given_bound_is_passed_that_often(turns: int) -> None:
     assert inside.times(0) == Times(2 + 2, 3 * turns + 2 + 2)
 
 
+def test_a_given_bound_holds_for_a_loop_that_writes_through_an_unknown_pointer() -> None:
+    """The write may change any byte of RAM, but not how often the loop was passed."""
+    program, _ = with_functions("main\nwait\n clrf INDF\n btfss PORTB, 0\n goto wait\n return", bounds={0: 3})
+    assert program.times(0) == Times(1 + 2 + 2, 2 * (1 + 1 + 2) + 1 + 2 + 2)
+
+
 def test_the_bound_of_an_inner_loop_counts_for_the_whole_call() -> None:
     text = (
         "main\n movlw 2\n movwf 0x20\nouter\nwait\n btfss PORTB, 0\n goto wait\n"
