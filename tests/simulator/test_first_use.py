@@ -17,7 +17,8 @@ from tests.simulator.test_unknown import OUTPUTS, USES
 
 SET_UP = len(OUTPUTS.strip("\n").splitlines())
 USED_BY = {
-    "ram": 0, "ram, copied": 2, "ram, counted down": 0, "ram, compared": 2, "ram, tested for zero": 1,
+    "ram": 0, "ram, copied": 2, "ram, counted down": 0,
+    "ram, counted down to 0 in its known bits": 4, "ram, compared": 2, "ram, tested for zero": 1,
     "ram, through FSR": 2, "ram, out of a port": 1, "one bit, out of a port": 2, "ram, to a direction": 1,
     "ram, to OPTION": 1, "ram, to an enable bit": 1, "ram, to PCLATH": 1, "ram, to PCL": 2, "ram, to RP0": 1,
     "w": 0, "fsr": 0, "carry": 0, "carry, rotated in": 2, "tmr0": 0, "t0if, polled": 5, "t0 interrupt": 1,

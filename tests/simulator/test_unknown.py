@@ -62,6 +62,16 @@ HARMLESS = {
     "another bit of the byte is tested": " clrf 0x30\n btfss 0x30, 0\n bsf PORTB, 0\n",
     "a bit is written, then tested": " bsf 0x30, 3\n btfss 0x30, 3\n bsf PORTB, 0\n",
     "a product is known not to be zero": " movlw 1\n iorwf 0x30, w\n btfsc STATUS, Z\n bsf PORTB, 0\n",
+    "a count up has a bit that is 1": " movlw 0xF0\n andwf 0x30, w\n movwf 0x31\n incfsz 0x31, f\n bsf PORTB, 0\n",
+    "a count down has a bit that is 1": """
+        movlw 0xF0
+        andwf 0x30, w
+        iorlw 2
+        movwf 0x31
+        decfsz 0x31, w
+        bsf PORTB, 0
+""",
+    "flags alone are written to STATUS": " movlw 7\n andwf 0x30, w\n movwf STATUS\n bsf PORTB, 0\n",
     "an output is read back": " bsf PORTB, 1\n btfss PORTB, 1\n bsf PORTB, 0\n",
     "an output is written beside a floating input": " bsf PORTA, 0\n bcf PORTA, 0\n",
     "flags of interrupts are not enabled": " bsf INTCON, GIE\n nop\n nop\n",
@@ -93,6 +103,8 @@ USES = {
     "ram": (" btfsc 0x30, 0\n nop\n", "RAM 0x30", "a skip"),
     "ram, copied": (" movf 0x30, w\n movwf 0x31\n btfsc 0x31, 7\n nop\n", "RAM 0x30", "a skip"),
     "ram, counted down": (" decfsz 0x30, f\n nop\n", "RAM 0x30", "a skip"),
+    "ram, counted down to 0 in its known bits": (
+        " movlw 0xF0\n andwf 0x30, w\n iorlw 1\n movwf 0x31\n decfsz 0x31, f\n nop\n", "RAM 0x30", "a skip"),
     "ram, compared": (" movlw 5\n subwf 0x30, w\n btfsc STATUS, C\n nop\n", "RAM 0x30", "a skip"),
     "ram, tested for zero": (" movf 0x30, f\n btfsc STATUS, Z\n nop\n", "RAM 0x30", "a skip"),
     "ram, through FSR": (" movlw 0x30\n movwf FSR\n btfsc INDF, 0\n nop\n", "RAM 0x30", "a skip"),
