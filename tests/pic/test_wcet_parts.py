@@ -281,6 +281,31 @@ def test_a_computed_jump_goes_to_its_known_targets() -> None:
     assert with_functions(JUMP, targets={2: (4,)})[0].times(0) == Times(10, 10)
 
 
+@pytest.mark.parametrize("flag", [0, 2])
+def test_after_a_computed_jump_its_flags_are_not_known(flag: int) -> None:
+    """ADDWF with PCL sets them: Z was 1 and C 0 before. BTFSS 1, GOTO 2, two NOPs; or 2 if it skips."""
+    program, labels = with_functions(
+        "main\n bcf STATUS, 0\n movlw 0\n iorlw 0\n addwf PCL, f\n nop\n"
+        f"here\n btfss STATUS, {flag}\n goto far\n return\nfar\n nop\n nop\n return",
+        targets={3: (5,)},
+    )
+    assert labels["here"] == 5
+    assert program.times(0) == Times(3 + 2 + 2 + 2, 3 + 2 + 1 + 2 + 2 + 2)
+
+
+@pytest.mark.parametrize(("back", "turns"), [("return", 9), ("retlw 3", 3)])
+def test_a_function_with_an_end_inside_is_followed_and_returns_with_its_w(back: str, turns: int) -> None:
+    """MOVLW 1, CALL 2, BTFSS 1 and GOTO 2 to the end in it; or BTFSS 2, the return 2, MOVWF 1, the loop."""
+    program, labels = with_functions(
+        "main\n movlw 9\n call f_one\n movwf 0x20\nturn\n decfsz 0x20, f\n goto turn\ndone\n goto done\n"
+        f"f_one\n btfss PORTB, 0\n goto out\n {back}\nout\n nop\n return\n"
+    )
+    whole = 1 + 2 + 2 + 2 + 1 + 3 * (turns - 1) + 2
+    done, out = labels["done"], labels["out"]
+    assert program.between(0, {done, out}) == Times(1 + 2 + 1 + 2, whole)
+    assert program.longest(0, {done}, without={out}) == whole
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 255])
 @pytest.mark.parametrize(
     ("loop", "turn", "last"),
@@ -360,6 +385,8 @@ def test_what_has_no_bound_is_named_calls_first_then_loops_the_outer_one_first()
         ("main\n btfss PORTB, 0\n return\nend_\n goto end_", [("loop", (2,))], 1 + 2),
         ("main\n call f_two\n return\nf_two\nend_\n goto end_", [("call", (0,))], None),
         ("main\n goto f_two\nf_two\n nop\n return", [], 2 + 1 + 2),
+        ("main\n btfss PORTB, 0\n goto f_two\n return\nf_two\nend_\n goto end_", [("call", (1,))], 2 + 2),
+        ("main\n btfss PORTB, 0\n call f_two\n return\nf_two\nend_\n goto end_", [("call", (1,))], 2 + 2),
         ("main\n goto f_two\nf_two\n btfss PORTB, 0\n goto f_two\n return", [("call", (0,))], 2 + 2 + 2),
     ],
 )
