@@ -9,7 +9,7 @@ import json
 import random
 import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.pic.isa import encode
-from servogen.pic.listing import Listing
+from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import CounterexampleSearch
@@ -38,13 +38,14 @@ def listing() -> Listing:
     return compiled(ARM, STREAMED, "c2c").compilation.listing
 
 
-def lemmas(listing: Listing):  # type: ignore[no-untyped-def]
+def lemmas(listing: Listing, told: list[tuple[str, int, int]] | None = None):  # type: ignore[no-untyped-def]
     pytest.importorskip("bitwuzla", reason="the solver is not installed")
     from servogen.prove.stream.bits import Solver
     from servogen.prove.stream.lemmas import Lemmas
     from servogen.prove.stream.names import Names
 
-    return Lemmas(Names(listing, STREAMED), Solver(), lambda what, done, of: None)
+    told = [] if told is None else told
+    return Lemmas(Names(listing, STREAMED), Solver(), lambda *progress: told.append(progress))
 
 
 def changed(listing: Listing, at: int, word: int) -> Listing:
@@ -59,15 +60,191 @@ def found(listing: Listing, word: int, after: int) -> int:
 
 
 def test_the_words_are_the_protocol_s(listing: Listing) -> None:
-    one = lemmas(listing)
-    one.context()
+    told: list[tuple[str, int, int]] = []
+    one = lemmas(listing, told)
+    saved = one.context()
+    assert len(saved) == 2 and saved.isdisjoint(one.names.variables.values()), "W and STATUS"
     one.dispatch()
     one.rise()
     one.receive()
-    one.start()
     one.idle()
-    one.execute((0x01, 0x08, 0x42, 0x80, 0xC0, 0xF0))
-    assert one.runs > 25
+    # 0 to 10, 10 while it sends, and one after a broken byte.
+    assert told == [("states of the receiver", n, 22) for n in range(22)]
+    # Twice the context, two ways into the interrupt, a rise, the receiver's states, an idle turn.
+    assert one.runs == 2 + 2 + 1 + 22 + 1
+
+
+def variables_of(listing: Listing, places: Iterable[int]) -> set[str]:
+    """The names of the C's variables at places, without those whose values no step leaves to the next."""
+    from servogen.prove.stream.names import SCRATCH
+
+    return {
+        name if size == 1 else f"{name}[{place - address}]"
+        for address, name, size in listing.variables
+        for place in places
+        if address <= place < address + size and name not in SCRATCH and not name.endswith("(temporary)")
+    }
+
+
+def test_a_command_changes_its_variables_only(listing: Listing) -> None:
+    told: list[tuple[str, int, int]] = []
+    one = lemmas(listing, told)
+    accesses = one.execute((0x08, 0x42))
+    assert variables_of(listing, accesses.reads) == {"todo", "value"}
+    assert variables_of(listing, accesses.writes) == {"todo", "speed[2]", "silence"}
+    accesses = one.execute((0x42, 0x80))
+    assert variables_of(listing, accesses.reads) == {"todo", "value", "slot", "waiting"}
+    assert variables_of(listing, accesses.writes) == {
+        "todo", "speed[2]", "silence", "slot", "waiting", "group", "left"
+    }  # fmt: skip
+    one.execute((0x01, 0xC0, 0xF0))
+    # One of sixteen commands is told.
+    assert told == [("commands", second, 256) for second in (0x80, 0xC0, 0xF0)]
+
+
+def test_a_slot_without_a_servo_has_no_pulse(listing: Listing) -> None:
+    """The servos are in slots 0 to 2 of six; a frame begins with slot 0, whose pulse slot 5 requests."""
+    told: list[tuple[str, int, int]] = []
+    one = lemmas(listing, told)
+    accesses = one.prepare([2])
+    assert variables_of(listing, accesses.reads) == {"due", "slot"}
+    assert variables_of(listing, accesses.writes) == {"due", "slot", "mask", "next_hi"}
+    assert told == [("pulses prepared", 2, 6)]
+    clear = found(listing, encode("CLRF", f=listing.variable("mask")), one.names.head)
+    start = found(listing, encode("BCF", f=listing.variable("slot"), b=6), 0)
+    for at, word, slots, text in (
+        (clear, NOP, [2], "the pulse of slot 3: mask becomes"),
+        (clear + 1, encode("MOVLW", k=2), [2], "the pulse of slot 3: next_hi becomes 2, not 1"),
+        (start, NOP, [5], "the pulse of slot 0: "),
+    ):
+        other = lemmas(changed(listing, at, word))
+        assert fault(lambda: other.prepare(slots)).startswith(text)  # noqa: B023
+
+
+def test_a_start_writes_all_variables(listing: Listing) -> None:
+    accesses = lemmas(listing).start()
+    every = variables_of(listing, range(0x50))
+    # What the start-up clears, the C need not write again.
+    assert variables_of(listing, accesses.writes) == every
+    assert {0x06, 0x86, 0x81, 0x0B} <= accesses.writes, "PORTB, TRISB, OPTION_REG, INTCON"
+    assert 0x08 in accesses.reads, "EEDATA: the trims"
+
+
+def fault(check: Callable[[], object]) -> str:
+    """The reason for which a lemma does not hold or is not followed."""
+    from servogen.prove.stream.execution import NotFollowed
+    from servogen.prove.stream.lemmas import Fails
+
+    try:
+        check()
+    except (Fails, NotFollowed) as error:
+        return str(error)
+    return ""
+
+
+def test_main_leaves_bank_0_selected_and_the_eeprom_locked(listing: Listing) -> None:
+    ready = found(listing, encode("ANDLW", k=2), 0)
+    other = changed(listing, ready - 1, NOP)  # BCF STATUS, RP0, after EECON1 has been read
+    assert fault(lemmas(other).idle) == "without a request: bank 1 is still selected"
+    # BCF EECON1, WREN: another fault could write the EEPROM.
+    lock = found(listing, encode("BCF", f=8, b=2), 0)
+    open_ = lemmas(changed(listing, lock, NOP))
+    text = fault(lambda: open_.execute((0xC0,)))
+    assert text.startswith("the command FF C0: what holds between two steps is lost, if ")
+    assert open_.suspect.second == 0xC0 and open_.suspect.third is not None
+
+
+def test_a_command_looks_once_whether_the_eeprom_is_being_written(listing: Listing) -> None:
+    one = lemmas(changed(listing, lemmas(listing).names.cleared, NOP))
+    assert fault(lambda: one.execute((0x42,))) == "the command FF 42: EECON1 is read 0 times"
+
+
+def test_a_look_reads_the_line_and_the_timer_once(listing: Listing) -> None:
+    count = found(listing, encode("MOVLW", k=10), listing.label("st_hunt"))
+    for f in (1, 5):  # TMR0, PORTA
+        other = lemmas(changed(listing, count, encode("MOVF", f=f, d=0)))
+        assert fault(other.receive) == "a look at the line, 0 in rx_bits: the line or the timer is read twice"
+
+
+def test_a_lemma_whose_run_does_not_end_fails(listing: Listing, monkeypatch: pytest.MonkeyPatch) -> None:
+    from servogen.prove.stream.execution import Execution
+
+    one = lemmas(listing)
+    monkeypatch.setattr(Execution, "run", lambda *arguments, **options: [])
+    assert fault(one.start) == "after a reset the main loop is not reached"
+    assert fault(lambda: one.prepare([2])).startswith("the pulse of slot 3: the end is not reached")
+    assert fault(one.rise) == "a rise does not end"
+    assert fault(one.receive) == "a look at the line, 0 in rx_bits: it does not return"
+
+
+def test_a_rise_takes_over_all_that_was_prepared(listing: Listing) -> None:
+    edge = lemmas(listing).names.edge
+
+    def rise(word: int, new: int) -> str:
+        return fault(lemmas(changed(listing, found(listing, word, edge), new)).rise)
+
+    place = listing.variable
+    assert rise(encode("MOVWF", f=place("ticks")), NOP).startswith("a rise: ticks becomes")
+    assert rise(encode("MOVWF", f=place("rest")), NOP).startswith("a rise: rest becomes")
+    # 13 rounds have 26 interrupts, of which the first is that of the rise.
+    assert rise(encode("SUBLW", k=24), encode("SUBLW", k=25)).startswith("a rise: rest becomes")
+    assert rise(encode("BSF", f=place("due"), b=1), NOP).startswith("a rise: due becomes")
+    assert rise(encode("BSF", f=place("due"), b=2), NOP).startswith("a rise: due becomes")
+    assert rise(encode("BSF", f=place("due"), b=2), encode("CLRF", f=place("mask"))) != ""
+
+
+def test_a_fault_of_the_receiver_is_suspected_of_the_command_that_comes(listing: Listing) -> None:
+    one = lemmas(of_label("st_take", "MOVWF", NOP, f="value")(listing))
+    assert fault(one.receive).startswith("a look at the line, 1 in rx_bits: value becomes")
+    # The third byte of a command, whose second one came before.
+    assert one.suspect.second not in (None, 0xFF, 0xFE) and one.suspect.third not in (None, 0xFF)
+    assert one.suspect.chip is not None
+    assert all(width.value is not None for width in one.suspect.chip.widths)
+
+
+def test_an_interrupt_keeps_to_its_own_places(listing: Listing) -> None:
+    one = lemmas(listing)
+    body, place = one.names.body, listing.variable
+    saved = one.context()
+    ticks = found(listing, encode("MOVWF", f=place("ticks")), body)
+    for at in saved:
+        other = lemmas(changed(listing, ticks, encode("MOVWF", f=at)))
+        assert fault(other.context) == "the interrupt writes where the compiler keeps the C's registers"
+    # A longer end, which changes neither W nor STATUS, nor may change anything else.
+    back = found(listing, encode("RETFIE"), 0)
+    for f, text in (
+        (place("left"), "the interrupt's end writes a variable"),
+        (4, "an interrupt's end: FSR becomes"),
+        (10, "an interrupt's end: PCLATH becomes"),
+    ):
+        longer = changed(listing, back, encode("GOTO", k=0x3F0))
+        more = (encode("MOVWF", f=f), encode("RETFIE"))
+        rows = [ListingRow(0x3F0 + n, word, "", "1") for n, word in enumerate(more)]
+        assert fault(lemmas(replace(longer, rows=(*longer.rows, *rows))).context).startswith(text)
+
+
+def test_what_the_interrupt_only_reads_main_may_not_write(listing: Listing) -> None:
+    from servogen.prove.stream.lemmas import Accesses
+
+    none, left = frozenset[int](), frozenset([listing.variable("left")])
+    nothing = Accesses(none, none)
+    wait = found(listing, NOP, listing.label("st_exactly"))
+    other = lemmas(changed(listing, wait, encode("MOVF", f=listing.variable("left"), d=0)))
+    for one, text in ((lemmas(listing), ""), (other, "main writes left, which the interrupt uses")):
+        assert fault(lambda: one.apart(nothing, Accesses(none, left), nothing, none)) == text  # noqa: B023
+        assert fault(lambda: one.apart(nothing, nothing, Accesses(none, left), none)) == text  # noqa: B023
+        assert fault(lambda: one.apart(nothing, Accesses(left, none), Accesses(left, none), none)) == ""  # noqa: B023
+
+
+def test_a_failure_shows_eight_values_at_most(listing: Listing) -> None:
+    one = lemmas(listing)
+    execution = one._execution()
+    first = one.names.at("width_low")
+    places = range(first, first + 9)
+    from servogen.prove.stream.bits import all_of
+
+    assert one.solver.possible(all_of(execution.at_first(place).equals(1) for place in places))
+    assert one._shown(execution).count(" = 1") == 8
 
 
 Change = Callable[[Listing], Listing]

@@ -5,6 +5,7 @@ The lemmas are those of test_stream_lemmas.py; here the times that they are comb
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from servogen.engines.stream.response import Response
 from servogen.engines.stream.theorem import InterruptChanged
 from servogen.job import load, plan_job
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.pic.known_values import Undefined
 from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.stream import proof
@@ -442,6 +444,43 @@ def test_variables_are_found_by_name_and_temporaries_are_not() -> None:
     assert [names.group_bit(n) for n in range(3)] == [0, 1, 2]
 
 
+def test_the_parts_of_an_interrupt_are_found_by_its_words() -> None:
+    """The body begins with clearing T0IF; the first store after the call of st_exactly makes the edge."""
+    wait, other = 0x20, 0x24
+    store, end = encode("MOVWF", f=6), encode("RETURN")
+    interrupt = {
+        0x04: encode("NOP"),
+        0x05: encode("BCF", f=11, b=2),
+        0x06: store,
+        0x07: encode("CALL", k=other),
+        0x08: store,
+        0x09: encode("CALL", k=wait),
+        0x0A: encode("MOVF", f=6, d=0),
+        0x0B: store,
+        0x0C: encode("CALL", k=wait),
+        0x0D: store,
+        0x0E: encode("RETFIE"),
+    }
+    words = {
+        0: encode("GOTO", k=0x30), **interrupt,
+        0x10: encode("BCF", f=11, b=2), wait: end, other: end, 0x30: encode("GOTO", k=0x30),
+    }  # fmt: skip
+
+    def names(words: dict[int, int]) -> Names:
+        rows = tuple(ListingRow(at, word, "", "1") for at, word in words.items())
+        return Names(Listing(rows, labels=(("st_exactly", wait),)), ARM)
+
+    one = names(words)
+    assert (one.body, one.edge) == (0x05, 0x0B)
+    assert one.of_interrupt == (*interrupt, wait, other)
+    # Where nothing waits, or nothing is stored after it, there is no edge.
+    for at in ((0x09, 0x0C), (0x0B, 0x0D)):
+        with pytest.raises(LookupError, match=r"^the interrupt makes no edge$"):
+            _ = names(words | dict.fromkeys(at, encode("NOP"))).edge
+    with pytest.raises(LookupError, match=r"^the interrupt does not begin with clearing its flag$"):
+        _ = names(words | dict.fromkeys((0x05, 0x10), encode("BCF", f=11, b=1))).body
+
+
 def with_pins(*pins: str) -> Any:
     schedule = ARM.plan.schedule
     channels = tuple(replace(channel, pin=pin) for channel, pin in zip(schedule.channels, pins, strict=True))
@@ -452,6 +491,56 @@ def test_the_bits_of_groups_are_pins_or_numbers_if_there_are_two_ports() -> None
     one, two = names_of(with_pins("RB7", "RB3", "RB5")), names_of(with_pins("RB7", "RA3", "RB5"))
     assert [one.group_bit(n) for n in range(3)] == [7, 3, 5] and not one.two_ports
     assert [two.group_bit(n) for n in range(3)] == [0, 1, 2] and two.two_ports
+
+
+MORE = ("mask", "next_lo", "next_hi", "next_port", "due", "n", "x_lo", "x_hi", "sum_lo", "sum_hi")
+
+
+def lemmas_of(streamed: Any) -> Lemmas:
+    """Lemmas without a program, whose variables have addresses from 0x10 on; the others from 0x30 on."""
+    listing = names_of(streamed).listing
+    more = tuple((0x30 + n, name, 1) for n, name in enumerate(MORE))
+    names = Names(replace(listing, variables=(*listing.variables, *more)), streamed)
+    return Lemmas(names, None, None)  # type: ignore[arg-type]
+
+
+def test_a_pulse_has_its_pin_and_port_and_one_of_no_width_none() -> None:
+    for pins, port in ((("RB7", "RB3", "RB5"), None), (("RB7", "RA3", "RB5"), 5)):
+        one = lemmas_of(with_pins(*pins))
+        chip = StreamChip.after_reset(one.names.streamed, [byte(0xFF)] * 3)
+        for width, mask, high, low in ((0x0512, 8, 5, 0x12), (0, 0, 1, 0), (0x0600, 8, 6, 0)):
+            chip.widths[1] = Bits(16, width)
+            at = {name: one.names.at(name) for name in ("mask", "next_hi", "next_lo", "next_port")}
+            wanted = {at["mask"]: mask, at["next_hi"]: high, at["next_lo"]: low}
+            wanted |= {} if port is None else {at["next_port"]: port}
+            assert {place: bits.value for place, bits in one._pulse(chip, 1).items()} == wanted
+
+
+def test_main_leaves_variables_ports_and_option_reg_as_they_are() -> None:
+    for pins, ports in ((("RB7", "RB3", "RB5"), {6, 0x86}), (("RB7", "RA3", "RB5"), {5, 0x85, 6, 0x86})):
+        one = lemmas_of(with_pins(*pins))
+        same: Any = SimpleNamespace(at_first=lambda place: -place)
+        # Those of three bytes, those of one, and what is handed over; not what the C leaves to no step.
+        kept = {*range(0x10, 0x10 + 5 * 3 + 8), *range(0x30, 0x35), *ports, 0x81}
+        assert one._unchanged(same) == {place: -place for place in kept}
+
+
+def test_a_look_sends_a_bit_on_its_pin_when_it_is_due() -> None:
+    """RA3 is bit 3; all others of its port keep their levels."""
+    mute = changed(stream=replace(ARM.stream, transmit_pin=None))
+    values = (0x00, 0x08, 0xF7, 0xFF)
+    for before, after in itertools.product(values, values):
+        run: Any = SimpleNamespace(
+            byte=lambda state, place, after=after: byte(after if place == 5 else 0x55),
+            at_first=lambda place, before=before: byte(before if place == 5 else 0x55),
+        )
+        for level, due in itertools.product((None, TRUE, FALSE), (TRUE, FALSE)):
+            state: Any = SimpleNamespace(level=level, due=due)
+            wanted = (
+                before if level is None or due is FALSE else before | 8 if level is TRUE else before & 0xF7
+            )
+            assert lemmas_of(ARM)._sent(run, None, state).known is (after == wanted)  # type: ignore[arg-type]
+            assert lemmas_of(mute)._sent(run, None, state) is TRUE  # type: ignore[arg-type]
 
 
 def test_the_bytes_of_a_chip_are_its_variables() -> None:

@@ -255,6 +255,13 @@ def test_what_is_suspected_is_sent_with_the_third_byte_of_the_solver_in_half_of_
     one = sender()
     _suspected(one, NOBODY)
     assert not one.sent and one.now == 0
+    # At any time of a frame.
+    begins = []
+    for seed in range(20):
+        one = Sender(ARM, random.Random(seed))
+        _suspected(one, Suspect(second=0x41))
+        begins.append(one.sent[0].begins - 29 * BIT)
+    assert min(begins) < FRAME / 4 and FRAME * 3 / 4 < max(begins) < FRAME + 10 * BIT
     one = sender(low=0.1)
     _suspected(one, Suspect(second=0x02))
     assert bytes_of(one)[0][0] == 2
@@ -296,7 +303,12 @@ def test_the_end_of_a_line_moves_all_servos() -> None:
     commands = bytes_of(one)
     assert [second for second, _ in commands[:3]] == [0, 1, 2]
     assert commands[3] == (0x80, 0) and commands[-1][0] == 0x80
-    assert one.now > 5 * FRAME
+    # Up to four frames before it, two frames for the positions, three at least after the group's start.
+    one = sender(low=0.5)
+    _show(one)
+    assert one.sent[0].ends == int(2 * FRAME + 30 * BIT) + 1
+    assert 2 * FRAME < one.sent[3].begins - one.sent[2].ends < 2 * FRAME + 30 * BIT
+    assert one.now - one.sent[-1].ends == pytest.approx(4 * FRAME + 3 * FRAME, abs=2)
 
 
 def test_random_talk_contains_every_kind_of_command_and_silence() -> None:
@@ -599,7 +611,15 @@ def test_a_trial_has_a_board_an_eeprom_and_a_line_of_two_seconds() -> None:
     chip = chip_with(trims=[byte(5), byte(6), byte(7)])
     suspected = search._trial(random.Random(1), Suspect(chip, 0x41, 9))
     assert suspected.eeprom == {0: 5, 1: 6, 2: 7}
-    assert (0x41, 9) in bytes_of(suspected.sender)
+    commands = bytes_of(suspected.sender)
+    # Near the chip's widths of 1500 cycles without their trims; then the suspect, and all servos are moved.
+    assert commands[:3] == [(n, ARM.travels[n].nearest(1500 - 5 - n)) for n in range(3)]
+    speeds = [(0x40 + n, 0) for n in range(3)]
+    assert commands[3:9:2] == speeds and [second for second, _ in commands[4:9:2]] == [0, 1, 2]
+    assert commands[9][0] == 0x41 and [second for second, _ in commands[10:14]] == [0, 1, 2, 0x80]
+    assert (0x41, 9) in commands
+    # Every line ends with all servos in motion.
+    assert [bytes_of(one.sender)[-1][0] for one in trials] == [0x80] * 30
 
 
 # words

@@ -186,6 +186,9 @@ class Lemmas:
                 is_, should = (self.solver.example(bits) for bits in (one.byte(state, place), wanted[place]))
                 self._note_values(one)
                 raise Fails(f"{where}: {self._name(place)} becomes {is_}, not {should}{self._shown(one)}")
+        # The solver has no example after a question about a place that does not differ.
+        self.solver.possible(context & ~more)
+        self._note_values(one)
         raise Fails(f"{where}: what holds between two steps is lost{self._shown(one)}")
 
     def _note_values(self, one: Execution) -> None:
