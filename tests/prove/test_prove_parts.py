@@ -219,6 +219,8 @@ def test_dead_bytes_registers_and_flags_become_unknown() -> None:
     assert fields(general, "INTCON", "INTCON_UNKNOWN") == [0x07 & ~2 | 0x08, 0x02]
     _, general = generalised(Guess(), ram(), rest(PC=9, INTCON=0x07))
     assert fields(general, "INTCON", "INTCON_UNKNOWN") == [0x04, 0x03]
+    _, general = generalised(Guess(), ram(), rest(PC=9, INTCON=0x07 | 0x18))
+    assert fields(general, "INTCON", "INTCON_UNKNOWN") == [0x07 | 0x18, 0], "both may interrupt"
     kept = Guess(registers={"W"})
     _, general = generalised(kept, ram(), beside)
     assert general == rest(PC=9, W=0, W_UNKNOWN=0xFF, FSR=6, EEDATA=7, EEADR=8, STATUS=0x1F, INTCON=0x17)

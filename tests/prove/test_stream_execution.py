@@ -108,6 +108,10 @@ def test_an_instruction_of_a_literal_does_what_the_data_sheet_says(name: str, op
         assert flags(after) == (wanted["C"], wanted["DC"], wanted["Z"]), (k, w)
 
 
+def test_a_subroutine_alone_returns_to_no_address_of_the_program() -> None:
+    assert RETURNED not in range(1024)
+
+
 def test_moves_and_clears() -> None:
     one, state = begun(encode("MOVWF", f=RAM), {RAM: byte(9)})
     state.w = byte(0x5A)

@@ -11,6 +11,7 @@ import pytest
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
+from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.units import Clock, Cycles
 from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
 from servogen.watch.recording import Recording
@@ -249,6 +250,50 @@ def test_a_window_shows_the_chip_every_fifth_of_a_second_while_it_runs() -> None
     assert shown["chip"]["next"]["address"] == shown["chip"]["pc"]
     assert len(shown["chip"]["executed"]) == 8
     assert shown["planned"]
+
+
+def test_at_most_ten_thousand_instructions_are_stepped_at_once() -> None:
+    """The loop of MOVF, MOVWF and GOTO takes four cycles."""
+    of = copying()
+    begin = answer(of, do="seek", cycle=50_001)["cycle"]
+    there = answer(of, do="step", what="instruction", count=20_000)["cycle"]
+    assert there - begin == pytest.approx(10_000 * 4 / 3, abs=2)
+    assert answer(of, do="step", what="instruction", count=-20_000)["cycle"] == begin
+    assert answer(of, do="step", what="instruction")["cycle"] - begin in (1, 2), "one, unless it is said"
+
+
+def test_frames_are_stepped_from_power_up_where_nothing_is_scheduled() -> None:
+    of = copying()
+    for now, count, there in ((0, 1, 20_000), (20_000, 2, 60_000), (70_000, -1, 60_000), (60_000, -1, 40_000),
+                              (70_000, -3, 20_000), (70_000, -9, 0)):  # fmt: skip
+        answer(of, do="seek", cycle=now)
+        # The instruction in which the moment is is executed to its end.
+        assert answer(of, do="step", what="frame", count=count)["cycle"] - there in (0, 1), (now, count)
+
+
+def test_inputs_that_are_recorded_and_given_here_are_shown_in_their_order() -> None:
+    recorded = Recorded([LevelChange(cycle, 0, cycle // 100 % 2) for cycle in (100, 400, 700)])
+    of = WatchSession(Subject(Path("copy.hex"), MHZ4, image=image(COPY), stimuli=Stimuli([recorded])))
+    here = answer(of, do="seek", cycle=200)["cycle"]
+    answer(of, do="pin", pin="RA1", level=1)
+    found = inputs(of, 1000)
+    assert found == [(100, 0, 1), (here + 1, 1, 1), (400, 0, 0), (700, 0, 1)]
+
+
+def test_instructions_without_a_listing_are_disassembled() -> None:
+    of = copying()
+    chip = answer(of, do="seek", cycle=50_001)["chip"]
+    texts = {each["text"].split()[0].lower() for each in (chip["next"], *chip["executed"])}
+    assert texts == {"movf", "movwf", "goto"} and chip["here"] is None
+    assert {(each["file"], each["line"]) for each in chip["executed"]} == {(None, None)}
+    assert [(each["cycle"], each["address"]) for each in chip["executed"]][-1][0] < of.now
+
+
+def test_a_breakpoint_is_one_of_two_hundred_characters() -> None:
+    of = copying()
+    found = answer(of, do="breakpoint", text="  RB0 rise" + " " * 300, on=True)
+    assert found["breakpoints"] == ["RB0 rise"]
+    assert answer(of, do="breakpoint", text="RB0 rise")["breakpoints"] == [], "without a word it is removed"
 
 
 def test_a_model_says_what_does_not_change() -> None:

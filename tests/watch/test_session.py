@@ -415,10 +415,30 @@ class Line:
         self.sent.append(data)
 
 
-def test_a_slider_moves_a_real_robot_too_and_leaves_no_queue_behind() -> None:
+@pytest.fixture(scope="module")
+def stream_arm() -> Subject:
+    return load_subject(ROOT / "jobs" / "stream-arm.toml", Setting())
+
+
+def test_a_job_with_a_stream_says_where_its_line_is(stream_arm: Subject) -> None:
+    session = WatchSession(stream_arm)
+    model = session.model()
+    assert model["serial"] == {"pin": "RA4", "baud": 2400, "answers": "RA3"}
+    assert (model["poses"], model["has_bodies"], model["walk"], model["inputs"]) == (True, False, None, [])
+    assert [servo["name"] for servo in model["robot"]["servos"]] == ["base", "shoulder", "grip"]
+    assert answer(session, do="servo", servo=3, position=1)["text"].startswith("there is no servo 3")
+    assert answer(session, do="servo", servo=-1, position=1)["text"].startswith("there is no servo -1")
+    answer(session, do="servo", servo=0, position=-7)
+    assert session.chip is not None
+    # FF 00 00, three bytes of which only the first has a bit that is high; 2400 baud.
+    falls = [change.cycle for change in session.chip.inputs if change.level == LOW]
+    assert [round((fall - falls[0]) * 2400 / 1e6) for fall in falls] == [0, 10, 20]
+
+
+def test_a_slider_moves_a_real_robot_too_and_leaves_no_queue_behind(stream_arm: Subject) -> None:
     line = Line()
     live = LiveLine(line)
-    session = WatchSession(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    session = WatchSession(stream_arm, live)
     for position in range(100, 120):
         answer(session, do="servo", servo=1, position=position)
     answer(session, do="servo", servo=2, position=300)
@@ -428,14 +448,14 @@ def test_a_slider_moves_a_real_robot_too_and_leaves_no_queue_behind() -> None:
     assert len(line.sent) <= 3, "what waited was replaced"
 
 
-def test_a_robot_that_is_unplugged_is_said_in_the_page() -> None:
+def test_a_robot_that_is_unplugged_is_said_in_the_page(stream_arm: Subject) -> None:
     line = Line()
     line.broken = True
     line.go.set()
     live = LiveLine(line)
     live.command(0, b"x")
     live.close()
-    session = WatchSession(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    session = WatchSession(stream_arm, live)
     texts = [each.get("text", "") for each in session.handle({"do": "servo", "servo": 0, "position": 1})]
     assert any("the port has disappeared" in text for text in texts)
 
