@@ -1,5 +1,6 @@
 """Traces: what is driven, what is a change, where a trace is cut; whatever the chunks."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -83,3 +84,16 @@ def test_stored_is_the_same_trace(rows: list[Row], cuts: list[int]) -> None:
 def test_chunks_have_the_promised_types() -> None:
     for chunk in (edge_chunk([1], [2], [0]), join([]), join([edge_chunk((), (), ())])):
         assert [column.dtype for column in chunk] == [np.int64, np.uint8, np.uint8]
+
+
+def test_a_trace_that_is_cut_reads_no_chunk_after_its_end() -> None:
+    """A running machine's chunks never end."""
+
+    def chunks() -> Iterator[EdgeChunk]:
+        yield edge_chunk([1, 2], [5, 5], [1, 0])
+        yield edge_chunk([3, 4], [5, 5], [1, 0])
+        raise AssertionError
+
+    trace = EdgeTrace(MHZ4, chunks(), Cycles(250))
+    assert trace.until(250) is trace
+    assert rows_of(trace.until(4).chunks) == [(1, 5, 1), (2, 5, 0), (3, 5, 1)]

@@ -17,6 +17,9 @@ from servogen.errors import Diagnostic, InputError, Location, ServogenError, Too
         (Location(key="frame.period_us"), "frame.period_us"),
         (Location(line=3, column=7), "line 3, column 7"),
         (Location(line=3), "line 3"),
+        (Location(line=3, key="frame"), "line 3, frame"),
+        (Location("a.hex", cycle=7, address=0x1F), "a.hex: cycle 7, address 0x01F"),
+        (Location(cycle=0, address=0), "cycle 0, address 0x000"),
         (Location(), ""),
     ],
 )
@@ -54,6 +57,8 @@ def test_a_source_line_stands_below_with_a_caret_under_the_column() -> None:
         "    \t ^",
         "  try",
     ]
+    no_line = Diagnostic("error", "x-y", "no", Location("a.c"))
+    assert no_line.render({("a.c", 1): "x = y;"}) == "a.c: error: no [x-y]"
 
 
 def test_an_error_carries_all_diagnostics_and_the_first_error_is_its_own() -> None:
@@ -90,3 +95,17 @@ def test_the_nearest_known_word_is_offered_whatever_its_case() -> None:
 
 def test_where_none_is_near_all_are_named() -> None:
     assert did_you_mean("zzz", ["b", "a"]) == "known: a, b"
+    hundred = [f"{number:03}" for number in range(100)]
+    assert did_you_mean("zzz", hundred) == f"known: {', '.join(hundred)}"
+    assert did_you_mean("zzz", [*hundred, "100"]) == f"known: {', '.join(hundred)}, …"
+
+
+def test_a_sentence_has_place_and_message_and_json_everything() -> None:
+    placed = Diagnostic("warning", "w-w", "odd", Location("a.c", 2, 3, "key", 4, 5), "mend")
+    bare = Diagnostic("note", "n-n", "so")
+    assert (placed.sentence, bare.sentence) == ("a.c:2:3: key, cycle 4, address 0x005: odd", "so")
+    place = {"file": "a.c", "line": 2, "column": 3, "key": "key", "cycle": 4, "address": 5}
+    facts: dict[str, object] = {"severity": "warning", "code": "w-w", "message": "odd", "hint": "mend"}
+    assert placed.to_json() == facts | place
+    facts = {"severity": "note", "code": "n-n", "message": "so", "hint": None}
+    assert bare.to_json() == facts | dict.fromkeys(place)

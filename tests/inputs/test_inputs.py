@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.inputs import MAX_TEXT_BYTES, open_input, read_input
+from servogen.inputs import MAX_TEXT_BYTES, open_input, read_input, size_text
+from tests.time_limit import time_limit
 
 
 def fifo(path: Path) -> Path:
@@ -71,3 +72,42 @@ def test_a_file_of_many_gigabytes_is_not_read_into_memory(tmp_path: Path) -> Non
 def test_a_name_that_opens_nothing_is_an_input_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_input(f"{tmp_path}/{name}")
+
+
+def test_a_pipe_that_replaces_a_file_as_it_is_opened_is_refused_and_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The path is that of a file when it is looked at first; no writer of the pipe is waited for."""
+    file, pipe = tmp_path / "file", fifo(tmp_path / "pipe")
+    file.touch()
+    of_file = file.stat()
+    opened = []
+    open_as = os.fdopen
+
+    def noted(handle: int, mode: str) -> object:
+        opened.append(open_as(handle, mode))
+        return opened[-1]
+
+    monkeypatch.setattr(os, "fdopen", noted)
+    monkeypatch.setattr(Path, "stat", lambda path: of_file)
+    with time_limit(5), pytest.raises(InputError, match="is a named pipe: only regular files are read"):
+        open_input(pipe)
+    assert [each.closed for each in opened] == [True]
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="only Linux has this file")
+def test_a_file_that_fails_as_it_is_read_is_an_input_error() -> None:
+    """The memory of this process from address 0 on, where nothing is mapped: EIO."""
+    with pytest.raises(InputError, match=r"/proc/self/mem: error: cannot be read: Input/output error"):
+        read_input("/proc/self/mem")
+
+
+@pytest.mark.parametrize(
+    ("size", "text"),
+    [
+        *((0, "0 bytes"), (1023, "1023 bytes"), (1024, "1 KiB"), (1536, "1.5 KiB")),
+        *((1 << 20, "1 MiB"), (16 << 20, "16 MiB"), (1 << 30, "1 GiB")),
+    ],
+)
+def test_a_size_is_in_the_largest_unit_that_it_fills(size: int, text: str) -> None:
+    assert size_text(size) == text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
+from servogen.pic.listing import ListedFunction, Listing
 from servogen.programs import (
     MAX_HEADERS,
     Program,
@@ -24,6 +26,7 @@ from servogen.programs import (
     program_file,
     read_assembly,
     read_program,
+    read_schedule,
     read_source,
 )
 from servogen.units import Clock
@@ -117,6 +120,8 @@ def test_a_program_says_its_size_and_clock() -> None:
     assert repr(Program(Image({0: 1, 1: 2}))) == "<Program of 2 words>"
     assert repr(Program(Image({0: 1}), clock=Clock(4_000_000))) == "<Program of 1 word at 4 MHz>"
     assert "Program of 1 word" in Program(Image({0: 1}))._repr_html_()
+    listing = Listing((), (ListedFunction("show", 0x01F, 0x022),))
+    assert "<td>show</td><td>0x01F</td><td>3</td>" in Program(Image({0: 1}), listing)._repr_html_()
 
 
 def test_texts_are_utf_8_or_else_latin_1(tmp_path: Path) -> None:
@@ -170,3 +175,11 @@ def test_each_kind_of_file_is_compiled_by_its_suffix(tmp_path: Path) -> None:
     c.write_text("#pragma CLOCK_FREQ 20000000\nvoid main(void)\n{\n    while (1) ;\n}\n")
     faster = compile_program(c)
     assert (faster.clock, faster.device) == (Clock(20_000_000), "PIC16F84A"), "too fast for the PIC16F84"
+
+
+def test_a_schedule_of_more_than_16_mib_is_not_read(tmp_path: Path) -> None:
+    file = tmp_path / "schedule.json"
+    file.touch()
+    os.truncate(file, (16 << 20) + 1)
+    with pytest.raises(InputError, match=r"schedule\.json: error: is larger than 16 MiB"):
+        read_schedule(file)
