@@ -5,7 +5,7 @@ Programs are assembly, so that times follow from the data sheet's cycles, which 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
@@ -19,9 +19,10 @@ from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.pic.assembler import assemble
+from servogen.pic.image import Image
 from servogen.simulator import BouncingButton, Serial, SimulatorOptions, Stimuli
 from servogen.testing import chip as chip_module
-from servogen.testing.chip import Board, Chip
+from servogen.testing.chip import Board, Chip, after_option_writes, check_time, contact_changes
 from servogen.testing.seen_chip import Player, SeenChip
 from servogen.testing.signals import Signals
 from servogen.testing.targets import BenchRun, SeenPins
@@ -75,6 +76,8 @@ def test_microseconds_are_those_of_the_clock() -> None:
     assert set(chip.periods_us("RB0")) == {2.0}
     assert chip.rising_us("RB0")[:2] == [1.2, 3.2]
     assert chip.falling_us("RB0")[0] == 2.0
+    assert (set(chip.widths("RB0")), set(chip.periods("RB0"))) == ({2}, {5})
+    assert (chip.rising("RB0")[:2], chip.falling("RB0")[0]) == ([3, 8], 5)
 
 
 def test_a_pulse_that_is_cut_off_or_began_earlier_is_left_out() -> None:
@@ -125,6 +128,13 @@ def test_a_byte_with_another_bit_is_another_byte() -> None:
         assert line.uart("RB5", 2400) == bytes([0x41 ^ 1 << bit]) != b"A"
 
 
+def test_a_line_may_be_as_slow_as_a_bit_in_a_second_and_begin_at_once() -> None:
+    """0xFE at 1 baud: a start bit and one low bit from the first cycle on."""
+    assert Line([(0, 1), (1, 0), (2_000_001, 1)], 10_000_000).uart("RB5", 1) == b"\xfe"
+    with pytest.raises(InputError, match="baud = 0 is not between 0 and one bit in a cycle"):
+        Line([(0, 1)], 100).uart("RB5", 0)
+
+
 @pytest.mark.parametrize("late", [-100, 100])
 def test_an_edge_may_be_a_quarter_of_a_bit_off_and_no_more(late: int) -> None:
     """A bit at 2500 baud is 400 cycles; 0xFE has one edge, 800 cycles after that of the start bit."""
@@ -132,6 +142,10 @@ def test_an_edge_may_be_a_quarter_of_a_bit_off_and_no_more(late: int) -> None:
     assert Line([(0, 1), (1000, 0), (1800 + late, 1)], 10_000).uart("RB5", 2500) == b"\xfe"
     with pytest.raises(AssertionError, match="25 % of a bit from where it belongs"):
         Line([(0, 1), (1000, 0), (1800 + further, 1)], 10_000).uart("RB5", 2500)
+    with pytest.raises(AssertionError, match=" 49 % of a bit from where it belongs"):  # 197 of 400 cycles
+        Line([(0, 1), (1000, 0), (1800 + 197 * late // 100, 1)], 10_000).uart("RB5", 2500)
+    with pytest.raises(AssertionError, match=" 30 % of a bit from where it belongs, 3480 µs"):
+        Line([(0, 1), (1000, 0), (1400, 1), (4480, 0), (4560, 1)], 10_000).uart("RB5", 2500)
 
 
 def test_a_start_bit_that_ends_early_is_a_disturbance_and_a_byte_that_is_cut_off_is_left_out() -> None:
@@ -221,14 +235,95 @@ def test_a_function_of_the_chip_that_stays_false_fails_in_time_even_asleep() -> 
     def awake(chip: Chip) -> bool:
         return not chip.asleep and chip.cycle > 10
 
-    with pytest.raises(AssertionError, match=r"awake: not within 1 ms(.|\n)*the chip sleeps"):
-        chip.run_until(awake, within_ms=1)
+    with pytest.raises(AssertionError, match=r"awake: not within 0.1 ms, at 100 µs(.|\n)*the chip sleeps"):
+        chip.run_until(awake, within_ms=0.1)
 
 
-@pytest.mark.parametrize("value", [-1, float("nan"), float("inf"), 4e6])
+@pytest.mark.parametrize("value", [-1, float("nan"), float("inf"), 3_600_000.1])
 def test_a_time_is_bounded(value: float) -> None:
     with pytest.raises(InputError, match=r"ms = .* is not between 0 and 3.6e\+06"):
         chip_of(blinker()).run_ms(value)
+
+
+def test_every_time_is_at_most_an_hour() -> None:
+    """Of a chip at 10 MHz, whose hour has 9e9 cycles."""
+    chip = chip_of(blinker(), Clock(10_000_000))
+    calls: dict[str, Callable[[], object]] = {
+        "cycles = -1 is not between 0 and 9e+09": lambda: chip.run_cycles(-1),
+        "us = -1 is not between 0 and 3.6e+09": lambda: chip.run_us(-1),
+        "ms = -1 is not between 0 and 3.6e+06": lambda: chip.run_ms(-1),
+        "s = -1 is not between 0 and 3600": lambda: chip.run_s(-1),
+        "within_ms = -1 is not between 0 and 3.6e+06": lambda: chip.run_until("RB0", within_ms=-1),
+        "hold_ms = -1 is not between 0 and 3.6e+06": lambda: chip.reset(hold_ms=-1),
+        "hold_ms = -2 is not between 0 and 3.6e+06": lambda: chip.press("RB1", hold_ms=-2),
+        "bounce_ms = -1 is not between 0 and 3.6e+06": lambda: chip.press("RB1", bounce_ms=-1),
+        "bounces = -1 is not between 0 and 1000": lambda: chip.press("RB1", bounces=-1),
+        "bounces = 1001 is not between 0 and 1000": lambda: chip.press("RB1", bounces=1001),
+    }
+    for message, call in calls.items():
+        with pytest.raises(InputError) as error:
+            call()
+        assert error.value.message == message
+    check_time("s", 3600, Fraction(1))
+    check_time("s", 0, Fraction(1))
+
+
+def test_it_runs_for_whole_cycles_of_every_unit() -> None:
+    """NOPs of one cycle each, behind them 2 cycles of GOTO and so on: no instruction is cut in two."""
+    chip = chip_of(500 * " nop\n" + "wait goto wait\n")
+    for run, cycle in (
+        (lambda: chip.run_cycles(0), 0),
+        (lambda: chip.run_cycles(10), 10),
+        (lambda: chip.run_us(20), 30),
+        (lambda: chip.run_ms(0.03), 60),
+        (lambda: chip.run_ms(100), 100_060),
+        (lambda: chip.run_s(2), 2_100_060),
+    ):
+        run()
+        assert (chip.cycle, chip.us, chip.ms) == (cycle, cycle, cycle / 1000)
+    with pytest.raises(AssertionError, match="0x20 > 5: not within 1000 ms"):
+        chip.run_until("0x20 > 5")
+    assert chip.cycle == 3_100_060
+
+
+def test_a_contact_flips_within_its_time_and_ends_at_its_level() -> None:
+    for bounces in (0, 1, 1000):
+        for seed, level in ((1, 0), (2, 1), (3, 0)):
+            cycles, levels = zip(*contact_changes(CLOCK, 50, level, 1000, bounces, seed), strict=True)
+            assert cycles[0] == 50 and max(cycles) <= 1_000_050
+            assert list(levels) == [level, *((1 - level, level) * bounces)]
+            assert sorted(set(cycles)) == list(cycles)
+
+
+def test_an_edge_of_another_pin_is_not_the_one_that_is_waited_for() -> None:
+    """RB7 rises in cycle 4, the connected RB0 rises in 6 and falls in 7, and RB7 falls in 9."""
+    source = f"{OUTPUTS} movlw 0x80\n movwf PORTB\n nop\n bsf PORTB, 0\n bcf PORTB, 0\n nop\n clrf PORTB\n"
+    chip = chip_of(f"{source}wait goto wait\n")
+    chip.tie("RB0", "RA0")
+    assert [chip.run_until(f"RB7 {way}") for way in ("rise", "fall")] == [5, 10]
+
+
+def test_an_address_where_the_chip_sleeps_is_not_reached() -> None:
+    """The chip sleeps before the instruction at `after`, while a button bounces on a connected pin."""
+    chip = chip_of(" sleep\nafter goto after\n")
+    chip.tie("RB0", "RA0")
+    chip.press("RB0", bounce_ms=0.5)
+    with pytest.raises(AssertionError, match="the chip sleeps, or is held in reset"):
+        chip.run_until("after()", within_ms=1)
+
+
+def test_a_function_of_the_chip_sees_what_is_connected() -> None:
+    """RB0 rises in cycle 3, and the next instruction sees RA4 high; a button releases RA4 after 100 µs."""
+    chip = chip_of(blinker(30))
+    chip.tie("RB0", "RA4")
+    assert chip.run_until(lambda chip: bool(chip.pin("RA4"))) == 5
+    button = chip_of(COUNTER)
+    button.run_cycles(10)
+    button.tie("RB0", "RA4")
+    button.press("RB0", hold_ms=0.1)
+    button.run_cycles(4)
+    assert button.pin("RA4") == 0
+    assert 110 <= button.run_until(lambda chip: bool(chip.pin("RA4")), within_ms=1) <= 113
 
 
 def test_a_condition_that_cannot_be_read_says_which_are_allowed() -> None:
@@ -242,6 +337,8 @@ def test_more_edges_than_a_test_can_look_at_are_refused(monkeypatch: pytest.Monk
     chip.run_cycles(1000)
     with pytest.raises(InputError, match=r"edges since power-up, more than 100"):
         chip.widths("RB0")
+    monkeypatch.setattr(chip_module, "MAX_EDGES", chip._machine.machine.edges_made)
+    assert set(chip.widths("RB0")) == {1}
 
 
 # Acting
@@ -320,15 +417,91 @@ def test_bounces_are_over_when_they_should_be() -> None:
     assert chip.register("TMR0") == before == 50
 
 
+def test_a_contact_bounces_five_times_by_default_and_not_at_all_without_a_time() -> None:
+    """Each opening of RA4's contact to RB1, which is low, is a rising edge at RA4, as is each bounce."""
+    source = COUNTER.replace(" bcf STATUS", " bcf TRISB, 1\n bcf STATUS")
+    chip = chip_of(source, inputs={"RA4": 1})
+    chip.run_cycles(20)
+    chip.bounce("RA4", ms=1)
+    chip.run_ms(1.01)
+    assert chip.register("TMR0") == 5
+    chip.switch("RA4", "RB1", True, bounce_ms=1)
+    chip.run_ms(1.01)
+    assert (chip.pin("RA4"), chip.register("TMR0")) == (0, 10)
+    chip.switch("RA4", "RB1", False)
+    chip.switch("RA4", "RB1", True)  # nothing is under way
+    chip.switch("RA4", "RB1", False)
+    chip.run_cycles(4)
+    assert (chip.pin("RA4"), chip.register("TMR0")) == (1, 11)
+    keypad = chip.keypad(["RB1"], ["RA4"], "a")
+    keypad.press("a", bounce_ms=1)
+    chip.run_ms(1.01)
+    keypad.release("a", bounce_ms=1)
+    chip.run_ms(1.01)
+    assert (chip.pin("RA4"), chip.register("TMR0")) == (1, 11 + 5 + 1 + 5)
+    keypad.press("a")
+    keypad.release("a")
+    chip.press("RA4")
+    chip.release("RA4")
+    chip.press("RA4", hold_ms=100)
+    chip.run_ms(99.97)
+    assert chip.pin("RA4") == 0
+    chip.run_ms(0.06)
+    assert chip.pin("RA4") == 1
+
+
+def test_a_contact_bounces_at_the_same_moments_on_the_bench() -> None:
+    """In simulation to the cycle, on the bench to the millisecond of the board."""
+    wiring = input_wiring(["RB0-RB4=22", "RA4=17"])
+    for act, level, seed in (
+        (lambda chip: chip.press("RB0", bounce_ms=60), 0, 1),
+        (lambda chip: chip.release("RB0", bounce_ms=60), 1, 1),
+        (lambda chip: chip.bounce("RB0", ms=60), 1, 1),
+        (lambda chip: chip.press("RB0", bounce_ms=60, hold_ms=70), 0, 1),
+        (lambda chip: chip.switch("RB0", "RB4", True, bounce_ms=60), 1, 1),
+        (lambda chip: chip.keypad(["RB0"], ["RB4"], "a").press("a", bounce_ms=60), 1, 1),
+        (lambda chip: chip.keypad(["RB0"], ["RB4"], "a").press("a", bounce_ms=60, seed=9), 1, 9),
+    ):
+        changes = contact_changes(CLOCK, 0, level, 60, 5, seed)
+        played: list[BenchRun] = []
+        player = SimpleNamespace(wiring=wiring, play=lambda run, played=played: played.append(run) or [])
+        bench = SeenChip("bench", CLOCK, cast(Player, player), inputs={"RB0": 1})
+        act(bench)
+        bench.run_ms(200)
+        bench.pieces()
+        found = [
+            (each.at_ms, int(getattr(each.what, "level", getattr(each.what, "closed", 2))))
+            for each in played[0].inputs
+        ]
+        assert found[: len(changes)] == [(round(cycle / 1000), now) for cycle, now in changes]
+        chip = chip_of("wait goto wait\n", inputs={"RB0": 1, "RB4": 0})
+        act(chip)
+        busy = chip._busy[frozenset((5, 9))] if frozenset((5, 9)) in chip._busy else chip._busy[5]
+        if len(found) > len(changes):
+            changes = contact_changes(CLOCK, 70_000, 1 - level, 60, 5, seed + 1)
+            assert found[-len(changes) :] == [(round(cycle / 1000), now) for cycle, now in changes]
+        assert busy == changes[-1][0]
+
+
 def test_what_is_under_way_is_not_interrupted() -> None:
     chip = chip_of(COUNTER)
     chip.press("RA4", bounce_ms=5)
-    with pytest.raises(InputError, match=r"RA4 still changes from outside until .* µs, and it is 0 µs now"):
+    until = contact_changes(CLOCK, 0, 0, 5, 5, 1)[-1][0]
+    message = rf"RA4 still changes from outside until {until} µs, and it is 0 µs now"
+    with pytest.raises(InputError, match=message):
         chip.release("RA4")
     with pytest.raises(InputError, match=r"run until then first"):
         chip.tie("RA4", "RB0")
     chip.run_ms(6)
     chip.release("RA4")
+    chip.switch("RB1", "RB0", True, bounce_ms=1)
+    with pytest.raises(InputError, match="RB0 to RB1 still changes from outside until"):
+        chip.switch("RB0", "RB1", False)
+    chip.run_ms(1)
+    chip.drive("RB2", 1)
+    chip.drive("RB2", 0)  # in the same cycle: that is over at once
+    chip.run_cycles(3)
+    assert chip.pin("RB2") == 0
 
 
 def test_a_pin_is_driven_until_it_is_let_go() -> None:
@@ -354,8 +527,16 @@ def test_bytes_are_sent_in_their_time() -> None:
     chip.send("RA4", "UU", 2400, baud_error_percent=10)
     assert chip.register("TMR0") == 15
     assert chip.us - begin == pytest.approx(30 * 1e6 / 2640, abs=3)
-    with pytest.raises(InputError, match=r"is shorter than a cycle"):
-        chip.send("RA4", b"x", 2_000_000)
+    for baud, error in ((0, 0), (1_000_001, 0), (2400, -50), (2400, 50)):
+        with pytest.raises(
+            InputError, match=r"is shorter than a cycle.*\n.*at most 1e\+06, an error within 50 %"
+        ):
+            chip.send("RA4", b"x", baud, baud_error_percent=error)
+    for baud, error in ((1_000_000, 0), (2400, -49), (2400, 49)):
+        chip.send("RA4", b"x", baud, baud_error_percent=error)
+    slow = chip_of(COUNTER, Clock(4))  # a cycle in a second
+    slow.send("RA4", b"", 1)
+    assert slow.cycle in (10, 11), "the idle line alone"
 
 
 def test_a_stimulus_acts_and_its_pin_cannot_be_connected_as_well() -> None:
@@ -364,6 +545,8 @@ def test_a_stimulus_acts_and_its_pin_cannot_be_connected_as_well() -> None:
     assert chip.register("TMR0") == 3
     with pytest.raises(InputError, match=r"RA4 is driven by the stimulus"):
         chip.tie("RA4", "RB0")
+    with pytest.raises(InputError, match=r"RA4 is driven by the stimulus"):
+        chip.keypad(["RB0"], ["RB1", "RA4"], "ab")
 
 
 # Wires
@@ -423,6 +606,44 @@ def test_a_button_on_a_connected_pin_is_seen_at_the_other_one_also_after_power_u
         chip.run_cycles(2)
         assert chip.pin("RA4") == 1
         chip.power_cycle()
+
+
+def test_pull_ups_reach_what_is_connected_at_once() -> None:
+    """RA4 is copied into RAM two instructions after the pull-up of RB0, its neighbour, was switched on."""
+    switch = " bsf STATUS, RP0\n bcf OPTION_REG, 7\n bcf STATUS, RP0\n"
+    chip = chip_of(f"{switch} movf PORTA, w\n movwf 0x20\nwait goto wait\n")
+    chip.tie("RB0", "RA4")
+    chip.run_cycles(10)
+    assert chip.variable("0x20") & 0x10
+
+
+def test_what_is_connected_has_its_level_before_the_first_instruction() -> None:
+    """The second instruction after power-up copies port A into RAM; RA4 has the level of RB0."""
+    chip = chip_of(" nop\n movf PORTA, w\n movwf 0x20\nwait goto wait\n", inputs={"RB0": 1})
+    chip.tie("RB0", "RA4")
+    for level in (1, 0):
+        chip.drive("RB0", level)
+        chip.power_cycle()
+        chip.run_cycles(5)
+        assert chip.variable("0x20") >> 4 & 1 == level
+
+
+def test_the_pull_ups_may_change_after_every_write_of_option_reg() -> None:
+    """Words of DS35007, table 7-2; OPTION_REG is 0x81, and INDF (0x80) may stand for it."""
+    words = {
+        0: 0x0081,  # MOVWF 0x01
+        1: 0x0062,  # OPTION
+        2: 0x0080,  # MOVWF INDF
+        3: 0x0801,  # MOVF 0x01, W
+        4: 0x0881,  # MOVF 0x01, F
+        5: 0x1381,  # BCF 0x01, 7
+        6: 0x1B81,  # BTFSC 0x01, 7
+        7: 0x0082,  # MOVWF PCL
+        8: 0x0001,  # no instruction
+        9: 0x0181,  # CLRF 0x01
+        10: 0x0064,  # CLRWDT
+    }
+    assert after_option_writes(Image(words)) == {1, 2, 3, 5, 6, 10}
 
 
 def test_two_outputs_that_differ_are_a_short_circuit() -> None:
@@ -516,6 +737,10 @@ def test_memory_is_read_by_address_and_register() -> None:
     assert chip.variable("0x20") == 254 and chip.variable("0x20", signed=True) == -2
     assert chip.register("eeadr") == 3
     assert chip.eeprom == b"\xff" * 64
+    assert chip.interrupts == 0 and chip.warnings == ()
+    interrupted = chip_of(" bsf INTCON, GIE\n bsf INTCON, INTE\n bsf INTCON, INTF\nwait goto wait\n")
+    interrupted.run_cycles(8)
+    assert interrupted.interrupts == 1
     with pytest.raises(InputError, match=r"there is no register 'EEADRESS'.*\n.*did you mean 'EEADR'"):
         chip.register("EEADRESS")
 
@@ -523,7 +748,7 @@ def test_memory_is_read_by_address_and_register() -> None:
 def test_arrays_have_items() -> None:
     chip = chip_of(" movlw 0xFE\n movwf 0x20\n movwf 0x22\n movlw 1\n movwf 0x21\nwait goto wait\n")
     assert chip.board.listing is not None
-    variables = ((0x20, "words", 6), (0x20, "big", 5))
+    variables = ((0x20, "words", 6), (0x20, "big", 5), (0x20, "long", 4))
     chip.board = replace(chip.board, listing=replace(chip.board.listing, variables=variables))
     chip.run_cycles(10)
     assert chip.array("words") == [254, 1, 254, 0, 0, 0]
@@ -533,6 +758,9 @@ def test_arrays_have_items() -> None:
         chip.variable("big")
     with pytest.raises(InputError, match=r"the 6 bytes of 'words' are not a number of items of 4"):
         chip.array("words", item_bytes=4)
+    with pytest.raises(InputError, match=r"the 6 bytes of 'words' are not a number of items of 0"):
+        chip.array("words", item_bytes=0)
+    assert chip.variable("long") == 0x00FE01FE
 
 
 def test_a_reset_keeps_ram_and_switching_off_keeps_the_eeprom_only() -> None:
@@ -542,6 +770,11 @@ def test_a_reset_keeps_ram_and_switching_off_keeps_the_eeprom_only() -> None:
         chip.reset(hold_ms=0.1)
         chip.run_ms(1)
     assert chip.variable("0x20") == 3 and chip.resets["mclr"] == 2
+    before = chip.cycle
+    chip.reset()
+    assert chip.cycle == before + 1001, "a millisecond, and the next instruction"
+    chip.reset(hold_ms=0)
+    assert (chip.cycle, chip.resets["mclr"]) == (before + 1003, 4), "at least a cycle"
     chip.power_cycle()
     assert chip.cycle == 0 and chip.resets["mclr"] == 0
     chip.run_ms(1)
@@ -589,3 +822,27 @@ def test_a_report_names_the_lines_that_made_the_last_edges() -> None:
     assert [line for line in report if line.startswith("test.asm at 12 µs: test.asm:")]
     assert "high throughout: RA0" in report
     assert chip.cycle == here
+    assert sum(line.startswith("  ") for line in report) == 6, "of the 13 since power-up"
+
+
+def test_a_report_ends_with_where_the_chip_is_and_what_is_warned_about() -> None:
+    chip = chip_of(
+        " movf 0x20, w\n movwf 0x21\n incf 0x21, f\n btfsc STATUS, Z\n nop\n sleep\ndone goto done\n"
+    )
+    chip.drive("RA1", 1)
+    assert chip.report()[0] == "no pin changed until 0 µs"
+    chip.run_cycles(100)
+    chip.drive("RA2", 1)  # from now on, which is not over yet
+    report = chip.report()
+    assert "last edges:" not in report
+    assert report[1] == "high throughout: RA1"
+    assert report[2].startswith("test.asm at 100 µs (asleep): test.asm:")
+    assert report[3:] == []
+    bare = Chip(replace(chip.board, listing=None))
+    bare.run_cycles(3)
+    assert bare.report()[1] == "test.asm at 3 µs: address 0x003"
+    blinking = Chip(replace(chip_of(blinker()).board, listing=None))
+    blinking.run_cycles(4)
+    assert "            3 µs  RB0 = 1     address 0x003" in blinking.report()
+    (warning,) = blinking.warnings
+    assert blinking.report()[-1] == f"warning: {warning}"
