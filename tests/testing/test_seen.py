@@ -16,6 +16,7 @@ from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
 from servogen.bench.inputs.wiring import InputWiring, input_wiring
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError
+from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Levels, Periodic, Serial, Stimuli
 from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip, stimulus_inputs
 from servogen.testing.signals import Signals
@@ -84,6 +85,24 @@ def test_times_of_a_capture_are_its_own_and_cycles_those_of_the_chip() -> None:
     assert shown.periods_us("RB0") == 2 * [10.0]
     assert shown.periods("RB0") == 2 * [10]
     assert shown.falling_us("RB0") == 2 * [4.5, 15.0]
+
+
+def test_everything_since_the_beginning_is_measured_by_default() -> None:
+    """Edges in the first microsecond: a byte at 2.5 Mbaud begins after 0.2 µs of a chip at 20 MHz."""
+    clock = Clock(20_000_000)
+    rows = [(0, RB0, 1), (1, RB0, 0), (2, RB0, 1), (3, RB0, 0), (4, RB0, 1), (30, RB0, 0)]
+
+    class Fast(Shown):
+        def chip_clock(self) -> Clock:
+            return clock
+
+    shown = Fast(trace(rows, 60, clock))
+    assert (shown.rising("RB0"), shown.falling("RB0")) == ([2, 4], [1, 3, 30])
+    assert (shown.rising_us("RB0"), shown.falling_us("RB0")) == ([0.4, 0.8], [0.2, 0.6, 6.0])
+    assert (shown.widths("RB0"), shown.widths_us("RB0")) == ([1, 26], [0.2, 5.2])
+    assert (shown.periods("RB0"), shown.periods_us("RB0")) == ([2], [0.4])
+    byte = Fast(trace([(0, RB0, 1), (1, RB0, 0), (3, RB0, 1)], 60, clock))
+    assert byte.uart("RB0", 2_500_000) == b"\xff"
 
 
 def line(rows: Sequence[tuple[int, int]], end: int = 100_000) -> Shown:
@@ -274,6 +293,8 @@ def test_the_next_edge_is_looked_for_in_the_same_capture_first() -> None:
     assert len(bench.runs) == 1
     with pytest.raises(AssertionError, match="RB0: not within 90 ms"):
         chip.run_until("RB0", within_ms=90)  # up to 4 + 90 + 3 ms, which were captured
+    with pytest.raises(AssertionError, match="RB0: not within 96 ms"):
+        chip.run_until("RB0", within_ms=96)  # and up to the end of the capture
     assert len(bench.runs) == 1
     with pytest.raises(AssertionError, match="RB0: not within 100 ms"):
         chip.run_until("RB0", within_ms=100)
@@ -416,8 +437,17 @@ def test_what_does_not_exist_is_an_error_and_not_skipped() -> None:
     for name in ("presss", "_inside"):
         with pytest.raises(AttributeError, match=f"a chip has no '{name}'"):
             getattr(chip, name)
-    with pytest.raises(InputError, match="there is no pin 'RC0'"):
-        chip.pin("RC0")
+    for use in (
+        lambda: chip.pin("RC0"),
+        lambda: chip.send("RC0", b"A", 9600),
+        lambda: chip_on(Bench(wiring=None), inputs={"RC0": 1}),
+    ):
+        with pytest.raises(InputError, match="there is no pin 'RC0'"):
+            use()
+    with pytest.raises(pytest.skip.Exception, match="MCLR is not wired"):
+        chip_on(Bench(wiring=input_wiring(["MCLR=-"]))).reset()
+    with pytest.raises(pytest.skip.Exception, match="the supply is not wired"):
+        chip.power_cycle()
     with pytest.raises(pytest.skip.Exception, match="RA0 is not wired"):
         chip_on(Bench(wiring=input_wiring(["RA0=-"]))).drive("RA0", 1)
     with pytest.raises(pytest.skip.Exception, match="serial lines idle high"):
@@ -430,6 +460,10 @@ def test_a_report_shows_the_last_capture() -> None:
     chip.run_ms(1)
     chip.pieces()
     assert chip.report() == ["from 400 µs to 1000 µs, 100 µs per column", "RB0  ·▔▔▔▔▔"]
+    for ms in (2, 3):
+        chip.run_ms(ms)
+        chip.pieces()
+    assert chip.report() == ["no pin changed until 3000 µs"]
 
 
 def test_a_stimulus_is_played_in_whole_milliseconds() -> None:
@@ -446,6 +480,11 @@ def test_a_stimulus_is_played_in_whole_milliseconds() -> None:
         BoardInput(1, Send("RB1", b"A", 1000)),
         BoardInput(16, Send("RB1", b"B", 1000)),
     ]
+    begun = chip_on(bench := Bench(), stimuli=Stimuli((Serial(6, b"A", Fraction(1000)),)))
+    begun.pin("RB0")
+    assert (played(bench), bench.runs[0].levels) == ([(0, Send("RB1", b"A", 1000))], {})
+    two = Serial(6, b"AB", Fraction(1000), stop_bits=2)
+    assert [each.at_ms for each in stimulus_inputs(Stimuli((two,)), MHZ4)] == [0, 11]
     fast = Serial(6, b"A", Fraction(1000), 1000, Fraction(2, 100))
     assert stimulus_inputs(Stimuli((fast,)), MHZ4)[0].what == Send("RB1", b"A", 1020)
     for source in (Serial(6, b"A", Fraction(1000), inverted=True), Periodic(6, 0, 10, 20)):
@@ -470,19 +509,107 @@ def test_the_stimulus_of_a_chip_is_there_from_the_beginning() -> None:
 @pytest.mark.parametrize(
     ("run", "text"),
     [
-        (lambda chip: chip.run_s(-1), "s = -1 is not between 0 and"),
-        (lambda chip: chip.run_ms(-1), "ms = -1 is not between 0 and"),
-        (lambda chip: chip.run_us(-1), "us = -1 is not between 0 and"),
-        (lambda chip: chip.run_until("RB0", within_ms=-1), "within_ms = -1 is not between 0 and"),
-        (lambda chip: chip.reset(hold_ms=-1), "hold_ms = -1 is not between 0 and"),
-        (lambda chip: chip.press("RB0", hold_ms=-1), "hold_ms = -1 is not between 0 and"),
-        (lambda chip: chip.press("RB0", hold_ms=5, bounce_ms=-1), "bounce_ms = -1 is not between 0 and"),
+        (lambda chip: chip.run_s(-1), "s = -1 is not between 0 and 3600"),
+        (lambda chip: chip.run_ms(-1), "ms = -1 is not between 0 and 3.6e+06"),
+        (lambda chip: chip.run_us(-1), "us = -1 is not between 0 and 3.6e+09"),
+        (lambda chip: chip.run_until("RB0", within_ms=-1), "within_ms = -1 is not between 0 and 3.6e+06"),
+        (lambda chip: chip.reset(hold_ms=-1), "hold_ms = -1 is not between 0 and 3.6e+06"),
+        (lambda chip: chip.press("RB0", hold_ms=-1), "hold_ms = -1 is not between 0 and 3.6e+06"),
+        (
+            lambda chip: chip.press("RB0", hold_ms=5, bounce_ms=-1),
+            "bounce_ms = -1 is not between 0 and 3.6e+06",
+        ),
         (lambda chip: chip.press("RB0", bounces=1001), "bounces = 1001 is not between 0 and 1000"),
     ],
 )
 def test_a_time_that_no_chip_can_run_is_refused(run: Callable[[SeenChip], None], text: str) -> None:
-    with pytest.raises(InputError, match=text):
+    with pytest.raises(InputError) as error:
         run(chip_on(Bench()))
+    assert error.value.message == text
+
+
+def test_without_a_time_an_edge_comes_within_a_second_and_a_reset_takes_a_millisecond() -> None:
+    bench = Bench()
+    chip = chip_on(bench)
+    chip.reset()
+    assert chip.ms == 1
+    chip.pieces()
+    with pytest.raises(AssertionError, match="RB0: not within 1000 ms"):
+        chip.run_until("RB0")
+    assert [run.seconds for run in bench.runs] == [0.001, 1.003]
+
+
+def test_a_disturbance_ends_at_the_level_that_the_pin_has() -> None:
+    """The one that the board drives, or else the one that is seen: RB1 is high when it is looked at."""
+    bench = Bench(shown=[[], [(1, 6, 1)]])
+    chip = chip_on(bench, inputs={"RB0": 1, "RB2": 0})
+    for pin, level in (("RB0", 1), ("rb2", 0), ("RB1", 1)):
+        chip.bounce(pin, ms=10, bounces=1)
+        chip.run_ms(20)
+        chip.pieces()
+        assert [what.level for _, what in played(bench)] == [level, 1 - level, level]  # type: ignore[attr-defined]
+    assert [run.seconds for run in bench.runs] == 3 * [0.02]
+
+
+def test_a_key_closes_its_contact_and_what_sends_is_no_longer_driven() -> None:
+    bench = Bench()
+    chip = chip_on(bench, inputs={"RB1": 1})
+    keypad = chip.keypad(["RB0"], ["RB4"], "a")
+    keypad.press("a")
+    chip.run_ms(5)
+    keypad.release("a")
+    chip.send("RB1", b"A", 10_000)
+    chip.run_ms(1)
+    chip.pieces()
+    contact = frozenset({"RB0", "RB4"})
+    sent = Send("RB1", b"A", 10_000)
+    assert played(bench) == [(0, Close(contact, True)), (5, Close(contact, False)), (6, sent)]
+    assert bench.runs[0].levels == {"RB1": 1}
+    chip.run_ms(1)
+    chip.pieces()
+    assert (bench.runs[1].levels, bench.runs[1].contacts) == ({}, {contact: False})
+
+
+def test_the_eeprom_is_read_after_what_was_to_be_done_and_the_next_look_is_a_new_run() -> None:
+    bench = Bench(shown=[[], [(1, RB0, 1)]])
+    chip = chip_on(bench)
+    chip.run_ms(5)
+    assert chip.eeprom == b"\x01"
+    assert [run.seconds for run in bench.runs] == [0.005]
+    assert chip.pin("RB0") == 1
+    assert len(bench.runs) == 2
+
+
+def test_an_input_at_the_end_of_a_run_is_played_in_it_once() -> None:
+    bench = Bench()
+    chip = chip_on(bench)
+    chip.press("RB0", hold_ms=60)
+    for ms in (60, 10):
+        chip.run_ms(ms)
+        chip.pieces()
+    assert [[each.at_ms for each in run.inputs] for run in bench.runs] == [[0, 60], []]
+
+
+def test_what_is_still_to_come_needs_a_run_even_if_the_time_was_captured() -> None:
+    """RB0 rises after 1 of the 10 ms that were captured, and an input follows after 40 ms more."""
+    for at_us, runs in ((50_000, 2), (9_000, 1)):
+        bench = Bench(shown=[[(10, RB0, 1)]])
+        chip = chip_on(bench, stimuli=Stimuli((Levels(6, ((0, 1), (at_us, 0))),)))
+        assert chip.run_until("RB0 rise", within_ms=7) == 1000
+        chip.run_ms(2)
+        chip.pin("RB0")
+        assert len(bench.runs) == runs
+    early = Bench()
+    chip = chip_on(early, stimuli=Stimuli((Levels(6, ((0, 1), (1000, 0))),)))
+    assert (list(chip.pieces()), early.runs) == ([], []), "nothing is due at 0 ms"
+
+
+def test_a_run_from_a_start_may_be_repeated_unless_the_program_writes_its_eeprom() -> None:
+    """DS35007, table 2-1: EECON2, which every write needs, is 0x89."""
+    for word, repeatable in ((0x0089, False), (0x0088, True)):  # MOVWF 0x09, MOVWF 0x08
+        bench = Bench()
+        chip_on(bench, image=Image({0: word})).pin("RB0")
+        assert (bench.runs[0].start, bench.runs[0].repeatable) == (BenchStart.RESET, repeatable)
 
 
 def test_the_time_goes_on_within_a_capture() -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
-from servogen.edges import EdgeTrace, edge_chunk
-from servogen.errors import InputError, ToolError
+from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, SerialAdapter
+from servogen.bench.inputs.wiring import InputWiring
+from servogen.bench.programmers.table import ProgrammingRequest
+from servogen.build.proof import cycle_of
+from servogen.edges import EdgeTrace, edge_chunk, join
+from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.pic.image import Image
 from servogen.testing import targets
 from servogen.testing.targets import (
@@ -18,11 +23,16 @@ from servogen.testing.targets import (
     BenchRun,
     BenchStart,
     CaptureRequest,
+    InputPorts,
+    PinCapture,
     Replay,
     SeenPins,
     Simulator,
     begin,
+    check,
     check_inputs,
+    opened,
+    record,
     uses_eeprom,
 )
 from servogen.units import Clock, Cycles
@@ -272,3 +282,171 @@ def test_recordings_are_found_by_the_name_of_the_test(tmp_path: Path) -> None:
     (found,) = Replay(tmp_path, "test_a").recordings(MHZ4)
     assert found.source == f"the recording {tmp_path / 'test_a.csv'}"
     assert found.file == tmp_path / "test_a.csv"
+    for name in ("test_a-2", "test_a-3", "test_a-5"):
+        (tmp_path / f"{name}.csv").write_text(text)
+    assert [each.file.stem for each in Replay(tmp_path, "test_a").recordings(MHZ4) if each.file] == [
+        "test_a",
+        "test_a-2",
+        "test_a-3",
+    ]
+    assert join(found.trace.chunks).cycle.tolist() == [5]
+    assert Replay(tmp_path, "test_a").capture(CaptureRequest(MHZ4)) is not None
+
+
+def test_what_was_seen_is_written_or_copied_with_the_suffix_of_its_file(tmp_path: Path) -> None:
+    seen = SeenPins(shown((20, 1)), "the simulated chip")
+    written = record(seen, tmp_path / "a.vcd")
+    assert written == tmp_path / "a.vcd"
+    assert join(Replay(tmp_path, "a").capture(CaptureRequest(MHZ4)).trace.chunks).cycle.tolist() == [
+        0,
+        20_000,
+    ]
+    other = tmp_path / "seen.csv"
+    other.write_text("cycle,pin,level\n5,RB0,1\n")
+    filed = SeenPins(shown((20, 1)), "a recording", file=other)
+    for _ in range(2):
+        assert record(filed, tmp_path / "b.vcd") == tmp_path / "b.csv"
+        assert (tmp_path / "b.csv").read_text() == other.read_text()
+        (tmp_path / "b.csv").write_text("of an earlier run")
+    assert record(filed, other) == other, "itself"
+
+
+def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CSV has no end; a recording of this process has one, but is not a file."""
+    told: list[bool] = []
+
+    class Told(Exception):
+        pass
+
+    def prove_file(schedule: object, trace: object, tells_end: bool) -> None:
+        told.append(tells_end)
+        raise Told
+
+    monkeypatch.setattr(targets, "prove_file", prove_file)
+    for file in (Path("a.vcd"), Path("a.VCD"), Path("a.csv"), None):
+        with pytest.raises(Told):
+            check(SeenPins(shown(), "a recording", file=file), cast(Any, None))
+    assert told == [True, True, False, False]
+
+
+def test_warnings_count_up_to_the_end_of_what_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the first pulse, at 10, over 90 cycles; a program without a pulse has no end."""
+    counted: list[list[int]] = []
+
+    def verdict(start: int | None) -> Any:
+        def with_warnings(warnings: tuple[Diagnostic, ...], codes: object) -> Any:
+            counted.append([cycle_of(warning) for warning in warnings])
+            return made
+
+        made = SimpleNamespace(
+            start=start,
+            span=SimpleNamespace(compared=90),
+            proven=True,
+            agrees=True,
+            with_warnings=with_warnings,
+        )
+        return made
+
+    for name in ("verdict_lines", "_of_edges"):
+        monkeypatch.setattr(targets, name, lambda verdict: ["said"])
+    warnings = tuple(Diagnostic("warning", "x", "y", Location(cycle=cycle)) for cycle in (5, 99, 100, 500))
+    for start, expected in ((10, [5, 99]), (None, [5, 99, 100, 500])):
+        monkeypatch.setattr(targets, "prove", lambda *given, start=start: verdict(start))
+        found = check(SeenPins(shown(), "the chip", span=Cycles(90), warnings=warnings), cast(Any, None))
+        assert counted.pop() == expected
+        assert (found.proven, found.agrees, found.lines, found.properties) == (
+            True,
+            True,
+            ("said",),
+            ("said",),
+        )
+
+
+def test_the_simulated_chip_warns_of_what_no_chip_guarantees() -> None:
+    """BTFSC 0x20, 0 tests RAM that was never written; an endless GOTO 1 or GOTO 2 follows."""
+    simulator = Simulator()
+    simulator.load(Image({0: 0x1820, 1: 0x2801, 2: 0x2802}, 0x3FF1))
+    seen = simulator.capture(CaptureRequest(MHZ4, seconds=0.001))
+    assert (seen.source, seen.span, seen.trace.end) == ("the simulated chip", 1000, 1000)
+    assert "unknown-start" in [warning.code for warning in seen.warnings]
+
+
+def test_a_capture_is_short_in_messages_and_says_where_it_was_seen() -> None:
+    capture = PinCapture(SeenPins(shown(), "the bench"), MHZ4, [])
+    assert repr(capture) == "PinCapture(clock=Clock(hz=4000000))"
+    assert (capture.source, capture.chip_clock()) == ("the bench", MHZ4)
+
+
+def test_a_serial_adapter_is_opened_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    @contextmanager
+    def port(path: str, baud: int) -> Iterator[str]:
+        asked.append((path, baud))
+        yield f"port {path}"
+
+    @contextmanager
+    def adapter(path: str, wiring: object, serial: object) -> Iterator[str]:
+        asked.append((path, serial))
+        yield "adapter"
+
+    monkeypatch.setattr(targets, "open_port", port)
+    monkeypatch.setattr(targets, "input_adapter", adapter)
+    for serial, first in (("/dev/ttyUSB1", [("/dev/ttyUSB1", 9600)]), (None, [])):
+        ports = InputPorts("/dev/ttyACM1", InputWiring(), serial, "RB6")
+        with opened(ports) as made:
+            assert made == cast(Any, "adapter")
+        line = SerialAdapter(cast(Any, "port /dev/ttyUSB1"), "RB6") if serial else None
+        assert asked == [*first, ("/dev/ttyACM1", line)]
+        asked.clear()
+
+
+def test_a_bench_opens_its_inputs_once_and_lets_go_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    adapter, closed = Adapter(), []
+
+    @contextmanager
+    def opened_once(ports: object) -> Iterator[Adapter]:
+        yield adapter
+        closed.append(ports)
+
+    monkeypatch.setattr(targets, "opened", opened_once)
+    bare = bench(tmp_path, 0.5)
+    assert bare.adapter() is None
+    bare.play(BenchRun(MHZ4, 0.5))
+    assert bare.asked == [0.5], "without inputs a run is a capture"
+    ports = InputPorts("/dev/ttyACM1", InputWiring())
+    made = bench(tmp_path, inputs=ports)
+    assert [made.adapter() for _ in range(2)] == 2 * [cast(Any, adapter)]
+    made.close()
+    assert (adapter.calls, closed) == ([("release",)], [ports])
+    assert bare.close() is None  # type: ignore[func-returns-value]
+
+
+def test_a_capture_against_a_schedule_is_made_once_and_triggered(tmp_path: Path) -> None:
+    made = bench(tmp_path, 0.1)
+    schedule = cast(Any, object())
+    made.capture(CaptureRequest(MHZ4, schedule, 0.5))
+    assert (made.asked, made.settings.triggered) == ([0.5], True)
+
+
+def test_the_eeprom_is_read_of_the_image_on_the_chip_while_no_input_is_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+
+    def read_eeprom(tool: str, order: ProgrammingRequest, image: Image) -> bytes:
+        asked.extend((tool, order.file.name, order.device.name, order.port, image, list(adapter.calls)))
+        return b"\x12"
+
+    monkeypatch.setattr(targets, "find", lambda name: name)
+    monkeypatch.setattr(targets, "read_eeprom", read_eeprom)
+    adapter = Adapter()
+    made = Bench("/dev/ttyACM0", "picpro", "/dev/ttyUSB0", "PIC16F84", tmp_path, on_chip=IMAGE)
+    made.built_for = "PIC16F84A"  # --servogen-device comes first
+    made._adapter = cast(Any, adapter)
+    assert made.eeprom() == b"\x12"
+    assert asked == ["picpro", "eeprom.hex", "PIC16F84", "/dev/ttyUSB0", IMAGE, [("release",)]]
+    made._adapter = None
+    assert made.eeprom() == b"\x12", "nothing to let go of"
