@@ -85,6 +85,10 @@ def test_a_run_goes_on_with_its_levels_and_contacts() -> None:
     assert begun(run()) == [("stop",), ("apply", *LEVELS, Close(CONTACT, True)), ("load", [], 11)]
 
 
+def test_a_run_of_whole_milliseconds_is_not_longer() -> None:
+    assert begun(BenchRun(MHZ4, 0.011))[-1] == ("load", [], 11)
+
+
 def test_a_run_that_begins_with_a_reset_holds_mclr_until_then() -> None:
     assert begun(run(BenchStart.RESET)) == [
         ("stop",),
@@ -327,6 +331,36 @@ def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPa
         with pytest.raises(Told):
             check(SeenPins(shown(), "a recording", file=file), cast(Any, None))
     assert told == [True, True, False, False]
+
+
+def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
+    """Two stitched captures of a chip whose crystal is 180 ppm fast, and one whose clock nobody measured."""
+    width = SimpleNamespace(worst_us=-0.0001)
+    channel = SimpleNamespace(pin=RB0, captured=7, width=width, jitter_us=0.25)
+    of_all: dict[str, Any] = {
+        "word": "proven",
+        "coverage": SimpleNamespace(words=lambda: "all of 3"),
+        "duration_us": 2_500_000.0,
+        "frames": 125,
+        "plan_error": None,
+        "channels": [channel],
+    }
+    capture = SimpleNamespace(**of_all, pieces=[1, 2], ppm=179.96)
+    assert dict(targets._of_capture(cast(Any, capture))) == {
+        "servogen_verdict": "proven",
+        "servogen_different_frames": "all of 3",
+        "servogen_seconds": "2.5",
+        "servogen_frames": "125",
+        "servogen_plan_error": "no plan to compare with",
+        "servogen_captures_stitched": "2",
+        "servogen_crystal_ppm": "180.0",
+        "servogen_RB0_pulses": "7",
+        "servogen_RB0_worst_width_error_us": "0.000",
+        "servogen_RB0_jitter_us": "0.250",
+    }
+    capture = SimpleNamespace(**of_all, pieces=[], ppm=None)
+    found = dict(targets._of_capture(cast(Any, capture)))
+    assert not found.keys() & {"servogen_captures_stitched", "servogen_crystal_ppm"}
 
 
 def test_warnings_count_up_to_the_end_of_what_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
