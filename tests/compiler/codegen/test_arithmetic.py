@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable, Sequence
 from itertools import product
 
+from servogen.compiler.ast.nodes import AddressByte
 from servogen.compiler.codegen import arithmetic
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
@@ -230,6 +231,118 @@ def test_a_value_with_constant_bytes_at_its_top(op: str, size: int, target: str)
             assert made.left_in(size, target, ga=a, gb=b) == expected & mask
 
 
+@every("own", [(0,), (1,), (1, 2), (0, 2, 3)])
+@every("swapped", [False, True])
+@every("op", OPERATORS)
+def test_a_target_that_shares_some_bytes_with_an_operand(
+    op: str, swapped: bool, own: tuple[int, ...]
+) -> None:
+    def emit(gen: InstructionBuilder, names: Names) -> None:
+        to = bytes_of(names, T, 4)
+        mixed: list[Operand] = [Byte(names[T if at in own else B], at) for at in range(4)]
+        one, two = (mixed, list(bytes_of(names, A, 4))) if swapped else (list(bytes_of(names, A, 4)), mixed)
+        if op in "&|^":
+            arithmetic.bitwise(gen, op, to, one, two)
+        else:
+            (arithmetic.add if op == "+" else arithmetic.subtract)(gen, to, one, two)
+
+    made = Code(emit)
+    for a, b, t in product((1, 0xFF00FF01, 0xFFFFFFFF, 0x00FFFF80), repeat=3):
+        if op == "-" and not swapped and not {1, 2}.isdisjoint(own):
+            continue  # a middle byte is loaded with the minuend first: the caller makes a copy
+        second = sum(((t if at in own else b) >> 8 * at & 0xFF) << 8 * at for at in range(4))
+        expected = OPERATORS[op](second, a) if swapped else OPERATORS[op](a, second)
+        assert made.left_in(4, T, ga=a, gb=b, gt=t) == expected & 0xFFFFFFFF
+
+
+def with_address(emit: Callable[[InstructionBuilder, Names, list[Operand]], object], size: int) -> Code:
+    """Code with the address of a table, in as many bytes, as an operand; the layout would place it later."""
+    symbol = Names()["g"]
+    address: list[Operand] = [Imm(AddressByte(symbol, 0, part)) for part in (0, 1)]
+    made = Code(lambda gen, names: emit(gen, names, [*address, *arithmetic.imms(0, 2)][:size]))
+    for ins in made.function.instructions():
+        if isinstance(ins.k, AddressByte):
+            ins.k = ADDRESS >> 8 * ins.k.part & 0xFF
+    return made
+
+
+ADDRESS = 0x83F0
+
+
+@every("target", [T, A])
+@every("size", [1, 2, 3, 4])
+@every("op", OPERATORS)
+def test_an_address_is_an_operand(op: str, size: int, target: str) -> None:
+    mask = (1 << 8 * size) - 1
+    for swapped in (False, True):
+
+        def emit(
+            gen: InstructionBuilder, names: Names, address: list[Operand], swapped: bool = swapped
+        ) -> None:
+            variable: list[Operand] = list(bytes_of(names, A, size))
+            one, two = (address, variable) if swapped else (variable, address)
+            if op in "&|^":
+                arithmetic.bitwise(gen, op, bytes_of(names, target, size), one, two)
+            else:
+                function = arithmetic.add if op == "+" else arithmetic.subtract
+                function(gen, bytes_of(names, target, size), one, two)
+
+        made = with_address(emit, size)
+        for a in (0, 1, 0x0F, 0x10, 0x7C10, 0xFF10, 0x10010, mask, -ADDRESS & mask, ~ADDRESS & mask):
+            expected = OPERATORS[op](ADDRESS, a) if swapped else OPERATORS[op](a, ADDRESS)
+            assert made.left_in(size, target, ga=a & mask) == expected & mask, hex(a)
+
+
+@every("size", [1, 2, 3, 4])
+def test_an_address_is_compared(size: int) -> None:
+    mask = (1 << 8 * size) - 1
+    address = ADDRESS & mask
+
+    def emit(gen: InstructionBuilder, names: Names, given: list[Operand], swapped: bool) -> None:
+        variable: list[Operand] = list(bytes_of(names, A, size))
+        arithmetic.compare_less(gen, *((given, variable) if swapped else (variable, given)))
+
+    right = with_address(lambda gen, names, given: emit(gen, names, given, False), size)
+    left = with_address(lambda gen, names, given: emit(gen, names, given, True), size)
+    for a in (0, mask, address, address - 1, address + 1, address ^ 0x80, 0x0083F0 & mask, 0xF083 & mask):
+        assert right.run(size, ga=a).c == (a >= address)
+        assert left.run(size, ga=a).c == (address >= a)
+
+
+@every("tops", [(0, 0), (0xFF, 0xFF), (0, 0xFF), (0x12, 0x34), (0x1200, 0xFFFF), (0xFF00, 0x0100)])
+@every("op", OPERATORS)
+def test_values_of_which_both_have_constant_bytes(op: str, tops: tuple[int, int]) -> None:
+    size = 2 if max(tops) <= 0xFF else 3
+    mask = (1 << 8 * size) - 1
+
+    def emit(gen: InstructionBuilder, names: Names) -> None:
+        one, two = (
+            [Byte(names[name], 0), *arithmetic.imms(top, size - 1)]
+            for name, top in zip((A, B), tops, strict=True)
+        )
+        to = bytes_of(names, T, size)
+        if op in "&|^":
+            arithmetic.bitwise(gen, op, to, one, two)
+        else:
+            (arithmetic.add if op == "+" else arithmetic.subtract)(gen, to, one, two)
+
+    made = Code(emit)
+    for a, b in product((0, 1, 0x80, 0xFF), repeat=2):
+        expected = OPERATORS[op](tops[0] << 8 | a, tops[1] << 8 | b)
+        assert made.left_in(size, T, ga=a, gb=b) == expected & mask
+
+
+def test_values_of_which_both_have_a_constant_byte_are_compared() -> None:
+    for one, two in product((0, 5, 0x80, 0xFE, 0xFF), repeat=2):
+
+        def emit(gen: InstructionBuilder, names: Names, one: int = one, two: int = two) -> None:
+            arithmetic.compare_less(gen, [Byte(names[A], 0), Imm(one)], [Byte(names[B], 0), Imm(two)])
+
+        made = Code(emit)
+        for a, b in product((0, 1, 0xFF), repeat=2):
+            assert made.run(1, ga=a, gb=b).c == (one << 8 | a >= two << 8 | b)
+
+
 @every(
     ("op", "target", "constant", "expected"),
     [
@@ -424,7 +537,7 @@ def test_a_constant_bound_takes_the_shortest_form(bound: int, expected: str) -> 
     assert compare(A, bound, 2).texts == expected.split("; ")
 
 
-@every("size", [1, 2])
+@every("size", [1, 2, 3, 4])
 def test_a_biased_value_has_the_signed_order(size: int) -> None:
     half = 1 << 8 * size - 1
 

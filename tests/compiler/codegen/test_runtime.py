@@ -10,7 +10,7 @@ from servogen.compiler.codegen.runtime import build, min_units
 from servogen.compiler.ir.instruction import DELAY, Byte, Instruction, Loc
 from tests.compiler.cases import every
 from tests.compiler.codegen.routines import Library
-from tests.compiler.ir.assembly import Chip, Names
+from tests.compiler.ir.assembly import Chip, Names, shown
 
 
 class Routine:
@@ -264,6 +264,33 @@ def test_a_byte_is_read_from_the_eeprom() -> None:
     chip.call(routine.function.name)
     assert [(name, value) for _, name, value in chip.stores] == [("EEADR", 0x12), ("EECON1", 0x01)]
     assert chip.w == 0x77
+
+
+@every(
+    ("kind", "key", "expected"),
+    [
+        # both factors and the product; the dividend and quotient, the divisor, the remainder, a counter
+        ("mul", (1, 1, 2), 1 + 1 + 2),
+        ("mul", (3, 1, 3), 3 + 1 + 3),
+        ("divide", (4, 2, 0), 4 + 2 + 2 + 1),
+        # the signs
+        ("sdivide", (2, 2, 0, 1), 1),
+        ("flash", (), 2),
+        *(("delay", (unit,), int(unit != 4)) for unit in (1, 2, 3, 4, 5, 1000)),
+        ("eeprom_read", (), 0),
+        # the address, the value, whether interrupts were enabled
+        ("eeprom_write", (), 3),
+        # the value and a counter
+        ("putchar", (6, 4, 104, 0), 2),
+        ("getchar", (6, 4, 104, 0), 2),
+    ],
+)
+def test_the_bytes_of_a_routine(kind: str, key: tuple[int, ...], expected: int) -> None:
+    made = Routine(kind, *key).function
+    assert sum(symbol.size for symbol in made.own) == expected
+    # nothing lies behind it: it returns, jumps back, or jumps into a table
+    last = list(made.instructions())[-1]
+    assert last.op in ("RETURN", "GOTO") or shown(last) == "MOVWF PCL"
 
 
 def test_the_routine_behind_a_pointer_to_flash() -> None:

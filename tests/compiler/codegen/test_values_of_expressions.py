@@ -26,6 +26,7 @@ unsigned char get(unsigned char x) { return x + 1; }
 struct pair make(unsigned char x) { struct pair z; z.first = x; z.second = x + 1; return z; }
 unsigned long gather(signed char x, unsigned int y) { l += x; return 0; }
 int third(char x, int y, int z) { i = z; return 0; }
+int minus(int x, int y) { return x - y; }
 void act(void) { n += 7; }
 void pass(void) { return act(); }
 """
@@ -54,6 +55,13 @@ VALUES = {
     "l = i % 7; n = l >> 24;": 0xFF,
     "l = s * 5; n = l;": 0xF1,
     "i = s >> 1; n = i >> 8;": 0xFF,
+    # an unsigned int is divided by -3 as an unsigned int, 65533
+    "u /= s; n = u + 1;": 1,
+    "u %= s; n = u;": 0x34,
+    "u += s; n = u;": 0x31,
+    # nothing is left of a product, but its operands are evaluated
+    "a = n++ * 0; n += a;": 1,
+    "a = b++ * 256; n = a + b;": 16,
     # comparisons of pointers and with constants on the left
     "n = p > (unsigned char *)3;": 1,
     "n = p >= array; n += p > array; n += p == array + 1; n += p != &array[1];": 3,
@@ -108,6 +116,8 @@ VALUES = {
     "gather(gather(0, 0), 0x0505); n = l;": 0x70,
     "third(0, 1, third(0, 0, 0)); n = i;": 0,
     "a = 3; gather(a > 2 ? gather(0, 0) : a, a > 2 ? 0x0505 : 1); n = l;": 0x70,
+    "n = minus(9, minus(5, 3));": 7,
+    "n = minus(minus(9, 3), minus(5, 3));": 4,
     # an address in more bytes than it has
     "u = 0xFFFF; u = (unsigned int)&array[b & 3]; n = u >> 8;": 0,
     "l = -1; l = (unsigned int)(array + (b & 3)); n = l >> 8;": 0,
@@ -148,6 +158,9 @@ VALUES = {
     "for (u = 300; (unsigned char)u < 50; u++) n++;": 6,
     "for (i = 0; (unsigned char)i < 5; i++) n += i;": 10,
     "unsigned char z; for (z = 250; z; z++) n++;": 6,
+    # a counter that is read behind its loop, also in front of another loop, counts up
+    "unsigned char z; for (z = 0; z < 20; z++) n++; n = z; while (b) b--;": 20,
+    "unsigned char z; for (z = 0; z < 20; z++) n++; for (; b; b--) n = z;": 20,
     "unsigned char z; for (z = 0; z < 255; z++) n++;": 255,
     "int z; for (z = 0; z < 257; z++) n++;": 1,
     "int z; for (z = 0; z <= 511; z++) n++; n += z >> 8;": 2,

@@ -181,6 +181,7 @@ class Chip:
                 continue
             self.cycles += 1
             assert self.cycles < self.most, "it does not end"
+            assert ins.d in (0, 1) and ins.b in range(8), shown(ins)
             if ins.op == DELAY:
                 assert isinstance(ins.k, int) and ins.k >= 0
                 self.cycles += ins.k - 1
