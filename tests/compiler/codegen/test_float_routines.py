@@ -112,7 +112,7 @@ def mantissas(size: int, op: str) -> list[tuple[int, int]]:
 @every("size", [3, 4])
 @every(("kind", "op"), [("float_multiply", "*"), ("float_divide", "/")])
 def test_what_lies_far_below_the_last_place_decides_at_a_half(kind: str, op: str, size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     routine = library(kind, (size,))
     stored = 8 * size - 9
     value, other = shared(library, size).value, second_operand(library, size)
@@ -154,7 +154,7 @@ def test_what_is_not_a_number_has_one_form(kind: str, left: str, right: str, siz
         "-infinity": infinity | 1 << 8 * size - 1,
         "other": infinity + 0x0101,
     }
-    library = Library()
+    library = FloatLibrary()
     routine = library(kind, (size,))
     chip = library.chip()
     operands = [shared(library, size).value, *([second_operand(library, size)] if right else [])]
@@ -168,7 +168,7 @@ def test_what_is_not_a_number_has_one_form(kind: str, left: str, right: str, siz
 
 @every("size", [3, 4])
 def test_routines_take_and_leave_the_shared_value(size: int) -> None:
-    library = Library()
+    library = FloatLibrary()
     byte = shared(library, size).value[0]
     assert isinstance(byte, Byte)
     kinds = ("pack", "nan", "add", "multiply", "divide", "square_root")
@@ -182,7 +182,7 @@ def test_routines_take_and_leave_the_shared_value(size: int) -> None:
 @every("size", [3, 4])
 def test_the_bytes_that_each_routine_needs_itself(size: int) -> None:
     """Beside the value, its guard byte, the exponent's high byte and the sign, which all of them share."""
-    library = Library()
+    library = FloatLibrary()
     expected = {
         ("float_pack", size): size + 3,
         ("float_nan", size): 0,
