@@ -294,7 +294,8 @@ def test_pointers_that_lead_to_const_on_one_side_only_are_found_wherever_they_st
         assert differs_in_const(two, one)
         assert not differs_in_const(one, one)
         assert not differs_in_const(two, two)
-    assert not differs_in_const(U8, plain)
+    for kind in (plain, ArrayType(plain, 2), FuncType(plain, ())):
+        assert [differs_in_const(U8, kind), differs_in_const(kind, U8)] == [False, False]
     assert not differs_in_const(FuncType(VOID, None), FuncType(VOID, (const,)))
 
 

@@ -291,6 +291,10 @@ def test_errors_in_the_calls_of_a_program() -> None:
         ),
         ("void f(void) { f(); }\nvoid main(void) { }", []),
         (
+            "void f(void) { } void g(void) { ‸g(); }\nvoid main(void) { f(); g(); }",
+            [f"error c-call-depth: recursion is not possible on this chip: g → g // {hint}"],
+        ),
+        (
             (
                 "void __interrupt() i(void) { RBIF = 0; }\nvoid __interrupt() ‸j(void) { }\nvoid "
                 "main(void) { GIE = 1; }"

@@ -381,3 +381,12 @@ def test_the_eeprom_is_filled_in_the_order_of_the_declarations() -> None:
     assert found_in(marked) == stated(marked, said)
     program = analysed(f"const char a[2] @ 0x213E = {{1, 2}};{END}").program
     assert program.eeprom == {62: 1, 63: 2}
+
+
+@pytest.mark.parametrize("dialect", ["xc8", "c2c"])
+def test_a_parameter_without_a_type_is_an_int(dialect: str) -> None:
+    """As C had it before 1999: `int f(a, b) char b; { … }`. In C2C an int has no sign."""
+    text = "int f(a, b, c) char b; { return a + b + c; }"
+    parameters = analysed(text + END, dialect).program.functions["f"].parameters
+    word = "s16" if dialect == "xc8" else "u16"
+    assert [(each.name, name(each.type)) for each in parameters] == [("a", word), ("b", "u8"), ("c", word)]

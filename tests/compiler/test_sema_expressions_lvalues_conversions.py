@@ -113,7 +113,8 @@ const unsigned char ten = 10; const int table[3] = {1, 2, -3}; const float half 
 enum { RED, GREEN = 5, LARGE = 40000 };
 int g(char m, long n) { return m + n; } void h(void) { } int (*fp)(char, long);
 volatile unsigned char v; unsigned char where @ 0x30;
-int flags; bit nine @ &flags*8+9; __eeprom unsigned char ee; __eeprom int ew;
+int flags; bit nine @ &flags*8+9; bit eight @ &flags*8+8; bit last @ &flags*8+15;
+__eeprom unsigned char ee; __eeprom int ew;
 """
 
 ROWS: list[tuple[str, str]] = [
@@ -367,6 +368,7 @@ ROWS: list[tuple[str, str]] = [
     ("half", "4128768:f"),
     # a bit at a fixed address, variables in the EEPROM
     ("nine = 1", "(flags+1.1/1 = 1:b1)"),
+    ("eight = last", "(flags+1.0/1 = flags+1.7/1)"),
     ("a = ee", "(a = eeprom_read(0:u8):u8)"),
     ("i = ew", "(i = (s16)((u16)eeprom_read(1:u8):u8 | ((u16)eeprom_read(2:u8):u8 << 8:u8):u16):u16)"),
     # built-in functions of XC8

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.compiler.marked import diagnostics
+from tests.compiler.marked import diagnostics, found_in, stated
 
 READ_ONLY = [
     "void f(char *t) { a = *t; } void main(void) { f(\"x\"); }",
@@ -59,3 +59,16 @@ def test_a_pointer_that_something_is_written_through_takes_no_string(text: str) 
     found = [each for each in diagnostics(f"unsigned char a;\n{text}") if each.severity == "error"]
     assert [each.code for each in found] == ["c-const"]
     assert "would drop const: 'const unsigned char *' may point to flash" in found[0].message
+
+
+def test_a_function_of_the_library_is_known_by_its_declaration() -> None:
+    head = "#include <string.h>\nunsigned char a, b[3]; char *s;\n"
+    for call in ("a = strlen(s);", "strcpy(b, s);", "a = strcmp(s, b);"):
+        assert diagnostics(f'{head}void main(void) {{ s = "x"; {call} a = *s; }}') == ()
+    for call in ("strcpy(s, b);", "strcat(s, b);", "memset(s, 0, 1);"):
+        marked = f'{head}void main(void) {{ s = ‸"x"; {call} a = *s; }}'
+        said = (
+            "error c-const: the assignment would drop const: 'const unsigned char *' may point to flash, "
+            "'unsigned char *' cannot // declare the pointer as a pointer to const"
+        )
+        assert found_in(marked) == stated(marked, [said])

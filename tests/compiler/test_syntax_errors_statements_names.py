@@ -195,7 +195,7 @@ GLOBALS = (
     "unsigned char a; signed char s; int i; unsigned int u; long l; unsigned long w; float f; bit t; "
     "char *p; "
     "const char *k; int *q; void *vp; struct st { unsigned x : 3; signed y : 3; int z; } o; "
-    "int g(char x) { return x; } int (*fp)(char);\n"
+    "int g(char x) { return x; } int (*fp)(char); void h(void) { }\n"
 )
 
 
@@ -333,6 +333,9 @@ CONVERSIONS = [
     ("i = ‸f % 2;", ["error c-type: an integer is needed here, not 'float'"]),
     ("‸f %= 2;", ["error c-type: '%=' cannot be applied to 'float'"]),
     ("‸a = a;", ["c-no-effect: 'a' is assigned to itself"]),
+    ("i = ‸a ? h() : 1;", ["error c-type: the two values of '?:' have the types 'void' and 'int'"]),
+    ("i = ‸a ? 1 : h();", ["error c-type: the two values of '?:' have the types 'int' and 'void'"]),
+    ("a ? h() : h();", []),
     ("o.x = o.y;", []),
     ("‸5 = a;", ["error c-lvalue: this cannot be assigned to"]),
     ("p = &‸t;", ["error c-lvalue: a bit has no address"]),
