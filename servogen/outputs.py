@@ -277,9 +277,9 @@ def _no_exchange() -> OSError:
 def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n", "errors": "backslashreplace"}
     descriptor = _descriptor(path)
-    target = path if descriptor is not None else _target(path)
-    in_place = descriptor is not None or (target.exists() and not target.is_file())
     try:
+        target = path if descriptor is not None else _target(path)
+        in_place = descriptor is not None or (target.exists() and not target.is_file())
         if descriptor is not None:
             sys.stdout.flush()  # so that earlier output appears first
             name, file = target, os.fdopen(os.dup(descriptor), mode, **text)  # type: ignore[call-overload]
@@ -340,7 +340,7 @@ def _target(path: Path) -> Path:
             "not-a-file", "is a directory, but a file is to be written there", Location(str(path))
         )
     if path.is_symlink():
-        path = path.resolve()
+        path = Path(os.path.realpath(path))  # Path.resolve raises RuntimeError for a link to itself
     if not path.parent.is_dir():
         raise InputError(
             "unwritable-file",
