@@ -1,10 +1,14 @@
 """Work in a process of its own ends at its limits, whatever it does, and leaves this process as it was."""
 
+import mmap
 import os
+import pickle
 import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -183,7 +187,7 @@ def test_one_that_crashes_costs_no_other_its_result() -> None:
         lambda: b"x" * 20_000_000,
         lambda: 7,
     ]
-    found = dict(run_each(works, WorkLimits(seconds=8, memory_mb=100, elapsed_s=90), at_once=2))
+    found = dict(run_each(works, WorkLimits(seconds=3, memory_mb=100, elapsed_s=90), at_once=2))
     assert [found[index] for index in (0, 4, 6)] == [1, 5, 7]
     assert isinstance(found[1], ProcessDied)
     stopped = [found[2], found[3], found[5]]
@@ -222,3 +226,110 @@ def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(isolation, "_resource", None)
     assert "win32 cannot limit the memory and the open files" in isolation.missing_limits()
     assert run(os.getpid, WorkLimits()) == os.getpid()
+
+
+def test_as_many_as_allowed_run_at_once_and_no_more() -> None:
+    def alone() -> tuple[float, float]:
+        begin = time.monotonic()
+        time.sleep(0.02)
+        return begin, time.monotonic()
+
+    spans = sorted(span for _, span in run_each([alone] * 3, WorkLimits()) if isinstance(span, tuple))
+    assert len(spans) == 3
+    assert all(end < begin for (_, end), (begin, _) in pairwise(spans))
+
+    here = mmap.mmap(-1, 3)  # shared with the processes
+
+    def together(number: int) -> bool:
+        here[number] = 1
+        while here[:] != b"\1\1\1":
+            time.sleep(0.001)
+        return True
+
+    works = [partial(together, number) for number in range(3)]
+    assert dict(run_each(works, WorkLimits(), at_once=3)) == {0: True, 1: True, 2: True}
+    assert list(run_each([], WorkLimits())) == []
+
+
+def test_a_result_as_large_as_allowed_comes_back() -> None:
+    """A million bytes are the eight of the length, the result and what pickling adds to it."""
+    overhead = 8 + len(pickle.dumps(bytes(999_000))) - 999_000
+    assert run(lambda: bytes(1_000_000 - overhead), WorkLimits(result_mb=1)) == bytes(1_000_000 - overhead)
+    with pytest.raises(LimitExceeded, match="gave more than 1 MB of results and messages"):
+        run(lambda: bytes(1_000_001 - overhead), WorkLimits(result_mb=1))
+
+
+def test_a_defect_comes_back_with_where_it_happened_and_an_error_of_ones_own_without() -> None:
+    def defect() -> None:
+        raise KeyError("lost")
+
+    with pytest.raises(KeyError) as caught:
+        run(defect, WorkLimits())
+    (note,) = caught.value.__notes__
+    assert note.startswith("Traceback") and "in defect" in note and 'raise KeyError("lost")' in note
+
+    def mistake() -> None:
+        raise InputError("wrong", "is wrong")
+
+    with pytest.raises(InputError) as own:
+        run(mistake, WorkLimits())
+    assert not hasattr(own.value, "__notes__")
+
+
+def test_the_limits_of_a_process_are_those_that_the_kernel_holds() -> None:
+    """Processor time ends softly at the limit and hard a second later; it writes neither files nor cores."""
+
+    def work() -> list[tuple[int, int]]:
+        import resource
+
+        kinds = (resource.RLIMIT_CPU, resource.RLIMIT_NOFILE, resource.RLIMIT_FSIZE, resource.RLIMIT_CORE)
+        return [resource.getrlimit(kind) for kind in kinds]
+
+    found = run(work, WorkLimits(seconds=6.2, open_files=20))
+    assert found == [(7, 8), (20, 20), (0, 0), (0, 0)]
+
+    def lower() -> list[tuple[int, int]]:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_NOFILE, (15, 18))
+        return run(work, WorkLimits(seconds=6.2, open_files=20))
+
+    assert run(lower, WorkLimits())[1] == (18, 18)
+
+
+def test_signals_are_those_of_a_new_process() -> None:
+    """A handler of the parent, or one that ignores, does not reach the work."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM, signal.SIGXCPU)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    try:
+        seen = run(lambda: [signal.getsignal(number) for number in numbers], WorkLimits())
+        group = run(lambda: (os.getpid(), os.getpgid(0)), WorkLimits())
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert seen == [signal.SIG_DFL] * len(numbers)
+    assert group[0] == group[1] != os.getpid()
+
+
+def test_a_system_that_cannot_fork_does_the_work_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails() -> None:
+        raise InputError("wrong", "is wrong")
+
+    monkeypatch.setattr(isolation, "_resource", None)
+    assert not isolation.can_fork()
+    works: list[Callable[[], object]] = [os.getpid, fails, lambda: 3]
+    (zero, own), (one, error), (two, three) = run_each(works, WorkLimits())
+    assert (zero, one, two) == (0, 1, 2)
+    assert (own, three) == (os.getpid(), 3)
+    assert isinstance(error, InputError)
+
+
+def test_what_ran_out_is_said_with_both_times_if_they_differ() -> None:
+    for limits, text in (
+        (WorkLimits(), "took more than 10 s"),
+        (WorkLimits(2.5, elapsed_s=2.5), "took more than 2.5 s"),
+        (WorkLimits(2.5, elapsed_s=60), "took more than 2.5 s of processor time or 60 s"),
+    ):
+        assert str(LimitExceeded(Resource.TIME, limits)) == text
+    assert str(LimitExceeded(Resource.MEMORY, WorkLimits())) == "needed more than 300 MB of memory"
+    assert str(LimitExceeded(Resource.RESULT, WorkLimits())) == "gave more than 16 MB of results and messages"
