@@ -8,7 +8,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.robot.servo import Motor, Servo, servo
 from servogen.robot.servo_models import servo_model
-from servogen.twin.drive import drive_of
+from servogen.twin.drive import bank, drive_of
 from servogen.twin.pulses import ReceivedPulse
 from servogen.twin.supply import Supply
 
@@ -57,6 +57,96 @@ def test_a_stated_no_load_current_becomes_dry_friction_and_keeps_the_data_sheet(
     assert drive.speed_constant == pytest.approx(2.2921, rel=1e-3)
     assert drive.no_load_speed == pytest.approx(1.8)
     assert drive.stall_torque == pytest.approx(0.34)
+
+
+def test_the_constants_of_a_tiny_s_by_hand() -> None:
+    """At 4.8 V: 750 °/s, 0.25 N·m; 500 µs are 180°; the gear's efficiency 0.66 gives the stall current.
+
+    The loop is critically damped: (D + K Td)² = 4 K J.
+    """
+    drive = drive_of(of("mpx-tiny-s", 4.8))
+    speed, torque = math.radians(750), 0.25
+    stall = torque * speed / (0.66 * 4.8)
+    assert drive.supply_v == 4.8
+    assert drive.resistance == pytest.approx(4.8 / stall)
+    assert drive.speed_constant == pytest.approx(4.8 / speed)
+    assert drive.torque_constant == pytest.approx(torque / stall)
+    damping = drive.torque_constant * drive.speed_constant / drive.resistance
+    assert drive.inertia == pytest.approx(0.010 * damping)
+    per_us = math.pi / 500
+    assert (drive.dead_band, drive.band) == pytest.approx((2 * per_us, 5 * per_us))
+    stiffness = torque / drive.band
+    assert drive.damping_s > 0
+    assert (damping + stiffness * drive.damping_s) ** 2 == pytest.approx(4 * stiffness * drive.inertia)
+    assert (drive.friction, drive.backlash, drive.lost_s, drive.idle_a) == (0.0, 0.0, 0.1, 0.008)
+    assert not drive.continuous
+    assert drive.assumptions == tuple(
+        f"Multiplex Tiny-S: {text}"
+        for text in (
+            "idle_ma = 8",
+            "no_load_ma = 0 (A, no dry friction)",
+            "efficiency = 0.66",
+            "the current at standstill is 1.03 A, from speed, torque and efficiency",
+            "start_ms = 10",
+            "dead_band_us = 2",
+            "full_drive_us = 5",
+            "lost_ms = 100",
+            "backlash_deg = 0",
+        )
+    )
+
+
+def test_a_motor_that_brakes_enough_by_itself_needs_no_feedback_of_its_speed() -> None:
+    """A soft loop: the motor's own damping is more than critical."""
+    assert drive_of(of("mpx-tiny-s", motor=Motor(full_drive_us=900.0))).damping_s == 0.0
+
+
+def test_what_is_assumed_where_a_file_states_little() -> None:
+    """A continuous servo states neither speed nor torque: the greatest speed of its points, 0.3 N·m."""
+    bare = {"speed": None, "torque_nm": None, "supply_v": None, "motor": Motor(efficiency=0.8)}
+    drive = drive_of(of("continuous", **bare))
+    assert drive.continuous
+    assert drive.no_load_speed == pytest.approx(math.radians(300))
+    assert drive.stall_torque == pytest.approx(0.3)
+    said = [text.partition(": ")[2] for text in drive.assumptions]
+    assert said[:2] == ["supply_v = 5", "torque_ncm = 30"]
+    assert "lost_ms = 100" in said and not any("efficiency =" in text for text in said)
+    stated = drive_of(of("continuous", **bare | {"speed": 2.0, "torque_nm": 0.1}))
+    assert (stated.no_load_speed, stated.stall_torque) == (pytest.approx(2.0), pytest.approx(0.1))
+
+
+def test_the_stall_current_is_the_stated_one_then_the_greatest_one_without_the_electronics() -> None:
+    plain = of("futaba-s3001")
+    drive = drive_of(plain)
+    assert drive.stall_current == pytest.approx(0.720) and drive.idle_a == 0.008
+    assert drive.supply_v / drive.resistance == pytest.approx(0.712)
+    assert "the current at standstill is its max_ma, 0.72 A" in " ".join(drive.assumptions)
+    known = drive_of(of("futaba-s3001", motor=Motor(stall_a=0.9)))
+    assert known.supply_v / known.resistance == pytest.approx(0.9)
+    assert "max_ma" not in " ".join(known.assumptions)
+
+
+def test_motors_at_the_limits_of_what_can_be() -> None:
+    """As much power as it takes; no more current at standstill than at full speed; the fastest loop."""
+    ideal = drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=1.0)))
+    assert ideal.torque_constant == pytest.approx(ideal.speed_constant)
+    with pytest.raises(InputError, match="not above that at full speed"):
+        drive_of(of("mpx-tiny-s", motor=Motor(stall_a=2.0, no_load_a=2.0)))
+    base = drive_of(of("mpx-tiny-s", 4.8))
+    damping = base.torque_constant * base.speed_constant / base.resistance
+    fastest = 0.25 / base.band / 300**2 / damping  # K / J = 300²/s²
+    drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=0.66, start_s=1.001 * fastest)))
+    with pytest.raises(InputError, match=f"start_ms = {999 * fastest:.3g}.* too fast for steps of 1 ms"):
+        drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=0.66, start_s=0.999 * fastest)))
+
+
+def test_a_bank_has_the_constants_of_each_servo_and_their_current_together() -> None:
+    drives = (drive_of(of("mpx-tiny-s", 4.8)), drive_of(of("futaba-s3001")))
+    found = bank(drives)
+    for key in ("resistance", "torque_constant", "speed_constant", "dead_band", "band"):
+        assert getattr(found, key).tolist() == [getattr(drive, key) for drive in drives]
+    assert found.damping.tolist() == [drive.damping_s for drive in drives]
+    assert found.idle_a == pytest.approx(0.016)
 
 
 def test_assumptions_are_named_and_stated_facts_are_not() -> None:
