@@ -264,3 +264,134 @@ def test_two_of_one_name_are_told_apart_by_their_paths(classroom: Path) -> None:
 def test_a_folder_without_a_program_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no program"):
         find(tmp_path)
+
+
+def said(found: Submissions) -> list[tuple[str, str]]:
+    return [(str(each.location and each.location.file), each.message) for each in found.warnings]
+
+
+def test_what_does_not_exist_is_a_program_that_cannot_be_read_unless_nothing_does(tmp_path: Path) -> None:
+    (tmp_path / "a.c").write_text("")
+    with pytest.raises(InputError, match="there is no such file or folder") as caught:
+        find(tmp_path / "gone.c", tmp_path / "away")
+    assert str(caught.value).startswith(f"{tmp_path / 'gone.c'}: ")
+    found = find(tmp_path / "gone.c", tmp_path / "a.c")
+    assert names(found) == ["gone.c", "a.c"]
+    gone, here = found.submissions
+    with pytest.raises(InputError, match=r"gone\.c: error: cannot be read: there is no such file"):
+        gone.require_readable()
+    here.require_readable()
+
+
+def test_a_link_that_is_given_itself_is_read_and_one_that_is_found_leads_not_outside(tmp_path: Path) -> None:
+    (tmp_path / "secret.c").write_text("")
+    (tmp_path / "class").mkdir()
+    link = tmp_path / "class" / "a.c"
+    link.symlink_to(tmp_path / "secret.c")
+    (tmp_path / "class" / "b.c").symlink_to("real.txt")
+    (tmp_path / "class" / "real.txt").write_text("")
+    (given,) = find(link).submissions
+    given.require_readable()
+    outside, inside = find(tmp_path / "class").submissions
+    assert (outside.given, outside.folder) == (False, None)
+    inside.require_readable()
+    with pytest.raises(InputError, match=f"{link}: error: {OUTSIDE}"):
+        outside.require_readable()
+
+
+def test_a_file_that_is_given_owns_its_folder_if_no_other_program_is_beside_it(tmp_path: Path) -> None:
+    """Its own image or a text is no other program; at level 0 even another one belongs to the student."""
+    for name in ("main.c", "main.hex", "notes.txt"):
+        (tmp_path / name).write_text("")
+    main = tmp_path / "main.c"
+    assert find(main).submissions[0].folder == tmp_path.resolve()
+    (tmp_path / "other.HEX").write_text("")
+    assert find(main).submissions[0].folder is None
+    assert find(main, level=0).submissions[0].folder == tmp_path.resolve()
+
+
+def test_a_folder_with_one_program_directly_in_it_is_its_students(tmp_path: Path) -> None:
+    (tmp_path / "main.c").write_text("")
+    (tmp_path / "ana").mkdir()
+    (only,) = find(tmp_path).submissions
+    assert only.folder == tmp_path.resolve()
+    assert said(find(tmp_path)) == []  # ana/ may hold what main.c includes
+    (tmp_path / "ana" / "a.c").write_text("")
+    above = next(each for each in find(tmp_path).submissions if each.name == "main.c")
+    assert above.folder is None
+    (tmp_path / "ana" / "a.c").rename(tmp_path / "next.c")
+    assert [each.folder for each in find(tmp_path).submissions] == [None, None]
+
+
+def test_hidden_folders_without_a_program_are_not_worth_a_warning(classroom: Path) -> None:
+    (classroom / ".git").mkdir()
+    assert said(find(classroom)) == [(f"{classroom}/ana", "not graded: it holds no program")]
+
+
+def test_a_folder_that_cannot_be_searched_has_one_warning(
+    classroom: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan = os.scandir
+
+    def refusing(path: Path) -> object:
+        if Path(path).name == "ana":
+            raise PermissionError(13, "Permission denied")
+        return scan(path)
+
+    monkeypatch.setattr(submissions.os, "scandir", refusing)
+    found = find(classroom)
+    assert said(found) == [(f"{classroom}/ana", "not searched: Permission denied")]
+    assert names(found) == ["dan/main.c", "eva/main.asm"]
+
+
+def test_as_many_programs_folders_and_files_as_are_allowed_are_all_found(
+    classroom: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(submissions, "MAX_PROGRAMS", 3)
+    monkeypatch.setattr(submissions, "MAX_FOLDERS", 4)
+    monkeypatch.setattr(submissions, "MAX_ENTRIES", 5)
+    for folder in ("ana/a", "ana/b", "ana/c"):  # with ana/ itself four
+        (classroom / folder).mkdir()
+        (classroom / folder / "main.c").write_text("")
+    for number in range(5):
+        (classroom / "eva" / f"{number}.txt").write_text("")
+    (classroom / "eva" / "main.asm").unlink()
+    found = find(classroom)
+    assert names(found) == ["ana/a/main.c", "ana/b/main.c", "ana/c/main.c", "dan/main.c"]
+    assert said(found) == [(f"{classroom}/eva", "not graded: it holds no program")]
+
+
+def test_the_folder_that_is_given_may_hold_any_number_of_students(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(submissions, "MAX_ENTRIES", 2)
+    for name in "abcd":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "main.c").write_text("")
+    assert names(find(tmp_path)) == ["a/main.c", "b/main.c", "c/main.c", "d/main.c"]
+
+
+def test_programs_are_found_by_their_suffix_in_any_capitals_and_in_order(tmp_path: Path) -> None:
+    for name in ("b.C", "a.txt", "a", "c.Asm", "A.hEx", "c.hex"):
+        (tmp_path / name).write_text("")
+    found = find(tmp_path)
+    assert names(found) == ["A.hEx", "b.C", "c.Asm"]
+    assert said(found) == [(f"{tmp_path}/c.hex", "not graded, as its source lies beside it")]
+
+
+def test_an_included_name_is_found_as_it_is_written_or_in_other_capitals(tmp_path: Path) -> None:
+    (tmp_path / "main.asm").write_text("")
+    (tmp_path / "Delay.INC").write_text("")
+    (program,) = find(tmp_path).submissions
+    main = str(tmp_path / "main.asm")
+    assert program.included("Delay.INC", main) == tmp_path / "Delay.INC"
+    assert program.included("delay.inc", main) is None
+    assert program.included("delay.inc", main, in_any_case=True) == tmp_path / "Delay.INC"
+    (tmp_path / "delay.inc").write_text("")
+    assert program.included("delay.inc", main, in_any_case=True) == tmp_path / "delay.inc"
+    assert program.included("other.inc", main, in_any_case=True) is None
+    assert program.included("no/other.inc", main, in_any_case=True) is None
+    assert program.included("main.asm/other.inc", main) is None
+    (tmp_path / "FAR.INC").symlink_to("/etc/passwd")
+    with pytest.raises(InputError, match=OUTSIDE):
+        program.included("far.inc", main, in_any_case=True)
