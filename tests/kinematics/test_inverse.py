@@ -199,6 +199,58 @@ def test_with_other_home_values_too(closed_arm, configurations) -> None:
     check_all(other, with_wrist_at_home(other, configurations(other, 500, seed=8)), oriented=False)
 
 
+def test_with_other_lengths_too(closed_arm, configurations) -> None:
+    """In the catalogue some are 0, 1, or equal."""
+    lengths = dict(zip(closed_arm.length, (0.37, 0.23, 0.31, 0.17), strict=False))
+    other = closed_arm.with_lengths(**lengths)
+    check_all(other, configurations(other, 200), oriented=True)
+    check_all(other, with_wrist_at_home(other, configurations(other, 200)), oriented=False)
+
+
+def test_on_the_axis_of_the_first_joint_it_stays_at_home() -> None:
+    """Every angle of it is right there; the home positions of the arms differ from 0 and from each other."""
+    for name, q in (
+        ("theta-r", [0.0, 0.0]),
+        ("cylindrical", [0.0, 0.1, -0.08, 0.0]),
+        ("cylindrical-r2p", [0.0, 0.1, 0.0]),
+        ("spherical", [0.0, 0.0, 0.2]),
+        ("wrist-arm", [0.0, np.pi / 2, 0.0]),
+        ("anthropomorphic", [0.0, np.pi / 2, 0.0]),
+    ):
+        joints = tuple(
+            replace(
+                joint,
+                lower=-4.0 if joint.turning else -1.0,
+                upper=4.0 if joint.turning else 1.0,
+                home=0.4 + 0.2 * index,
+            )
+            for index, joint in enumerate(arm(name).joints)
+        )
+        robot = replace(arm(name), joints=joints)
+        position = np.round(fk_position(robot, q), 15) + 0.0
+        assert (position[:2] == 0).all()
+        for solution in ik_all(robot, position):
+            assert fk_position(robot, solution) == pytest.approx(position, abs=1e-9)
+            assert np.sin(solution[0] - 0.4) == pytest.approx(0, abs=1e-9), name
+        assert ik(robot, position)[0] == pytest.approx(0.4)
+
+
+def test_a_wrist_that_bends_straight_ahead_is_not_stretched() -> None:
+    """One of the two components across the wrist's axis is 0, and its fourth joint is not at home."""
+    plain = arm("spherical-wrist")
+    joints = tuple(
+        replace(joint, home=0.3) if index == 3 else joint for index, joint in enumerate(plain.joints)
+    )
+    robot = replace(plain, joints=joints)
+    for fourth in (0.0, np.pi / 2):
+        pose = fk(robot, [0.0, 0.0, 0.3, fourth, 0.5, 0.1])
+        pose[np.abs(pose) < 1e-15] = 0.0
+        solutions = ik_all(robot, pose[:3, 3], pose[:3, :3])
+        for q in solutions:
+            assert fk(robot, q) == pytest.approx(pose, abs=1e-9)
+        assert min(np.abs(q[3] - fourth) for q in solutions) < 1e-9
+
+
 def test_a_base_and_a_tool_are_taken_off_first(closed_arm, configurations) -> None:
     base, tool = FixedFrame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), FixedFrame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
     check_all(replace(closed_arm, base=base, tool=tool), configurations(closed_arm, 500), oriented=True)
