@@ -619,6 +619,318 @@ def test_loosened_states_and_those_without_a_timer() -> None:
     ]  # fmt: skip
 
 
+def running(run: Any = None, **more: Any) -> Any:
+    """A proof of trims whose runs are given; time passes by moving TMR0 on."""
+    one: Any = trim_proof()
+    transitions, chip = transitions_of(run)
+
+    def idle(state: ChipState, stops: frozenset[int], cycles: int) -> RunOutcome:
+        beside = list(state.rest)
+        beside[FIELD["TMR0"]] += cycles
+        beside[FIELD["PC"]] += cycles
+        return outcome(cycles, Reason.LIMIT, after=tuple(beside))
+
+    alone = Transitions(chip, 777)  # type: ignore[arg-type]
+    alone.stop_at({9})
+    values = {
+        "_transitions": transitions, "_chip": chip, "_alone": alone, "_limit": 777,
+        "_idle": SimpleNamespace(run=idle), "_stops": frozenset({9}), "_timer": frozenset({7}), "_runs": 0,
+        "_aged": {}, "_memories": {}, "_usual": {}, "_visited": set(),
+    }  # fmt: skip
+    for name, value in (values | more).items():
+        setattr(one, name, value)
+    return one
+
+
+def why(check: Any) -> str:
+    with pytest.raises(UndecidedTrims) as undecided:
+        check()
+    return str(undecided.value)
+
+
+COUNTED = ByteTable((5,), np.arange(256))
+
+
+def test_states_are_aged_by_the_timers_alone() -> None:
+    one = running()
+    state = at(0, rest=rest(PC=9, W=3, TMR0=10, INTCON=0x87))
+    assert one._later(state, 0) is state.rest
+    assert one._later(state, 6) == rest(PC=9, W=3, TMR0=16, INTCON=0x87)
+    assert one._later(replace(state, ram=ram(c1=1)), 6) is one._later(state, 6), "whatever the RAM is"
+    # Another state as late as this one: its timers are this one's, what may have been flagged is not known.
+    there = one._at(state, rest(PC=20, W=4, TMR0=99, INTCON=0xA5, RB_OLD=0x1E0, EEDATA=6), 6)
+    assert fields(there, "PC", "W", "TMR0", "INTCON", "INTCON_UNKNOWN", "EEDATA", "EEDATA_UNKNOWN") == [
+        20, 4, 16, 0xA0, 7, 6, 0
+    ]  # fmt: skip
+    assert fields(there, "RB_OLD", "RB_OLD_UNKNOWN") == [0, layout.RB4_TO_7]
+    held = replace(state, tables={"EEDATA": COUNTED})
+    assert fields(one._at(held, rest(EEDATA=6), 6), "EEDATA", "EEDATA_UNKNOWN") == [0, 0xFF]
+    text = "something happens by itself (address 0x009, frame 0)"
+    for wrong in (outcome(6), outcome(5, Reason.LIMIT), outcome(6, Reason.LIMIT, edges=((1, RB0, 1),))):
+        other = running(_idle=SimpleNamespace(run=lambda *_, wrong=wrong: wrong))
+        assert why(lambda: other._later(state, 6)) == text  # noqa: B023
+
+
+def test_chips_of_different_times_are_run_one_by_one_where_the_timer_is_read() -> None:
+    def run(state: ChipState, choices: Any) -> RunOutcome:
+        # TMR0 is stored in byte 3.
+        return outcome(4, after=rest(PC=20), written=((3, state["TMR0"]),), read=(1,))
+
+    one = running(run)
+    tables: Any = {2: COUNTED, 3: COUNTED}
+    state = at(-1, rest=rest(PC=9, TMR0=10), tables=tables, times=(0, 5), ram=ram(c1=8))
+    first, second = one._each_time(state, ())
+    assert [each.ram for each in (first, second)] == [ram(c1=8, c3=10), ram(c1=8, c3=15)]
+    assert (first.rest, first.tables, first.times) == (rest(PC=20), {2: COUNTED}, (0,))
+    # In a frame, its time counts, too; chips that are then the same are one.
+    later = replace(state, frame=0, time=100, done=frozenset({0}))
+    assert [each.time for each in one._each_time(later, ())] == [104, 109]
+    same = running(lambda state, choices: outcome(4, after=rest(PC=20)))
+    assert len(same._each_time(state, ())) == 1 and len(same._each_time(later, ())) == 2
+    for found, text in (
+        (outcome(4, Reason.USE), "an unknown bit decides"),
+        (outcome(4, Reason.WARNING, warnings=("one", "two")), "one; two"),
+        (outcome(4, after=rest(PC=20, INTCON=0x80)), "an interrupt is enabled"),
+        (outcome(4, read=(1, 2)), "what depends on the EEPROM is read beside TMR0"),
+        (outcome(4, edges=((1, RB0, 1),)), "a pin changes where TMR0 is read"),
+    ):
+        wrong = running(lambda state, choices, found=found: found)
+        assert why(lambda: wrong._each_time(state, ())) == f"{text} (address 0x009, frame -1)"  # noqa: B023
+    fall = running(lambda state, choices: outcome(4, edges=((1, RB0, 0),)))
+    assert len(fall._each_time(state, ())) == 1, "before the first pulse a pin may fall"
+    assert why(lambda: fall._each_time(later, ())).startswith("a pin changes where TMR0 is read")
+    assert one._alone.runs == 2, "what was run before is remembered"
+
+
+def test_a_byte_that_is_read_from_the_eeprom_may_be_any() -> None:
+    one = running(lambda state, choices: outcome(3, after=rest(PC=20, EEADR=63, EEDATA=6, TMR0=99)))
+    state = at(0, 100, frozenset({0}), rest=rest(PC=9, EEADR=63, TMR0=10), tables={1: COUNTED})
+    read = one._eeprom_read(state)
+    assert (read.time, read.times, read.tables[1]) == (103, (0,), COUNTED)
+    assert read.tables["EEDATA"].cells == (63,) and read.tables["EEDATA"].values.tolist() == [*range(256)]
+    assert fields(read.rest, "PC", "EEDATA", "EEDATA_UNKNOWN", "TMR0") == [20, 0, 0xFF, 13]
+    ((asked, stops, limit, _),) = one._chip.asked
+    assert (asked["TMR0_UNKNOWN"], stops, limit) == (0xFF, {7, 9}, 777)
+    for address in ({"EEADR": 64}, {"EEADR_UNKNOWN": 1}):
+        unknown = replace(state, rest=rest(PC=9, **address))
+        assert why(lambda: one._eeprom_read(unknown)).startswith("the address in the EEPROM is not known")  # noqa: B023
+    for wrong in (outcome(3, Reason.LIMIT), outcome(3, edges=((1, RB0, 1),)), outcome(3, written=((1, 2),))):
+        other = running(lambda state, choices, wrong=wrong: wrong)
+        assert why(lambda: other._eeprom_read(state)).startswith("more than a byte of the EEPROM is read")  # noqa: B023
+
+
+def test_tables_are_taken_apart_only_where_they_decide() -> None:
+    """W and the flags are tried as unknown first, once tables are apart."""
+
+    def together(state: _State, *answers: Any, watchdog: bool = False) -> list[tuple[int, list[str]]]:
+        one, asked, waiting = running(), [], list(answers)
+        one._chip.watchdog = watchdog
+
+        def ways(state: _State, taken: frozenset[Any]) -> Any:
+            asked.append((state.rest[FIELD["W_UNKNOWN"]], sorted(map(str, taken))))
+            return waiting.pop(0), "rows", "cells"
+
+        one._ways = ways
+        one._arrived = lambda *given: given[2:4]
+        one._refined = lambda state, arrived, ways: (arrived, ways)
+        assert one._together(state) == (("rows", "cells"), answers[-1]) and not waiting
+        return asked
+
+    def way(*read: int, fit: bool = True, single: bool = True, **more: Any) -> Any:
+        return SimpleNamespace(fit=fit, single=single, read={*read}, ram=more)
+
+    source: Any = object()
+    joint = ByteTable((5, 6), np.zeros((256, 256), dtype=np.int64), source, None)
+    state = at(0, tables={1: COUNTED, 2: COUNTED, 3: joint, 4: joint})
+    assert together(state, way()) == [(0, [])]
+    stuck = (way(1, 2, 9, fit=False), way(1, 2, 9, single=False))
+    for first in stuck:
+        assert together(state, first, way()) == [(0, []), (255, ["1", "2"])]
+        # If W or a flag decides, or is stored, the exact state is run.
+        unknown = way(c5=np.array([7, 256]))
+        for general in (way(fit=False), unknown):
+            assert together(state, first, general, way()) == [(0, []), (255, ["1", "2"]), (0, ["1", "2"])]
+    known = way(c5=np.array([7, 255]))
+    assert together(state, stuck[0], known) == [(0, []), (255, ["1", "2"])]
+    # One after the other, where the second is read only then.
+    assert together(state, way(1, fit=False), way(2, single=False), way()) == [
+        (0, []), (255, ["1"]), (255, ["1", "2"])
+    ]  # fmt: skip
+    # Those of one source alone: they are of the same pairs.
+    assert together(state, way(2, 3, 4, fit=False), way()) == [(0, []), (255, ["3", "4"])]
+    read = replace(state, tables={"EEDATA": COUNTED})
+    assert together(read, way(fit=False), way()) == [(0, []), (255, ["EEDATA"])]
+    text = "an unknown bit decides (address 0x009, frame 0)"
+    assert why(lambda: together(state, way(9, fit=False))) == text
+    assert why(lambda: together(read, way(fit=False), way(fit=False), way(fit=False))) == text
+    spread = replace(state, times=(0, 5))
+    assert together(spread, way()) == [(0, [])] and together(state, way(), watchdog=True) == [(0, [])]
+    assert why(lambda: together(spread, way(), watchdog=True)) == "the watchdog is on"
+
+
+def test_bytes_that_are_computed_from_one_table_get_their_own() -> None:
+    def refined(
+        columns: dict[int, list[int]], state: _State, *, fit: bool = True, single: bool = True
+    ) -> Any:
+        one, asked = running(), []
+        ways = SimpleNamespace(ram=dict.fromkeys((6, 7, 8)), read={1, 9})
+        found = SimpleNamespace(
+            ram={place: np.array(column) for place, column in columns.items()}, fit=fit, single=single
+        )
+
+        def apart(given: _State, taken: frozenset[Any]) -> Any:
+            asked.append(taken)
+            return found, np.arange(256) % 2, (5,)
+
+        one._ways = apart
+        arrived = replace(state, ram=ram(c6=ALL_UNKNOWN, c7=ALL_UNKNOWN, c8=3))
+        return one._refined(state, arrived, ways), asked
+
+    state = at(0, tables={1: COUNTED, 2: COUNTED})
+    after, asked = refined({6: [4, 9], 7: [5, 5], 8: [1, 2]}, state)
+    assert asked == [{1}] and after.ram == ram(c6=ALL_UNKNOWN, c7=5, c8=3)
+    assert after.tables.keys() == {1, 2, 6} and after.tables[6].cells == (5,)
+    assert after.tables[6].values.tolist() == [4, 9] * 128
+    # What is not known, or not written, of some values stays unknown.
+    for column in ([4, 256], [4, -1]):
+        after, _ = refined({6: column, 7: column}, state)
+        assert after.ram == ram(c6=ALL_UNKNOWN, c7=ALL_UNKNOWN, c8=3) and after.tables.keys() == {1, 2}
+    after, _ = refined({6: [0, 255]}, state)
+    assert after.tables[6].values.tolist() == [0, 255] * 128
+    for more in ({"fit": False}, {"single": False}):
+        assert refined({6: [4, 9]}, state, **more)[0].tables.keys() == {1, 2}
+    # Where no table was read, the byte that was read from the EEPROM may have been stored.
+    _, asked = refined({6: [4, 9]}, replace(state, tables={"EEDATA": COUNTED}))
+    assert asked == [{"EEDATA"}]
+    _, asked = refined({6: [4, 9]}, replace(state, tables={1: COUNTED, "EEDATA": COUNTED}))
+    assert asked == [{1}]
+    source: Any = object()
+    pairs = ByteTable((5, 6), COUNTED.values, source, None)
+    assert refined({6: [4, 9]}, replace(state, tables={1: pairs}))[1] == []
+
+
+def test_the_end_of_ways_has_a_table_for_each_byte_that_differs() -> None:
+    one = running()
+    columns = {1: [7, 7], 2: [1, 2], 3: [-1, -1], 4: [-1, 9], 6: [-1, 9], 7: [5, 256]}
+    ways: Any = SimpleNamespace(
+        cycles=np.array([10, 12]), edges={}, rest=rest(PC=20, TMR0=99),
+        ram={place: np.array(column) for place, column in columns.items()},
+    )  # fmt: skip
+    rows = np.arange(256) % 2
+    tables: Any = dict.fromkeys((1, 3, 4, 7, 8), COUNTED)
+    state = at(-1, rest=rest(PC=9, TMR0=10), ram=ram(c6=4, c8=5), tables=tables, times=(0, 3))
+    after = one._arrived(state, ways, rows, (5,), frozenset({4}))
+    assert after.times == (0, 2, 3, 5) and fields(after.rest, "PC", "TMR0") == [20, 20]
+    assert after.ram == ram(
+        c1=7, c2=ALL_UNKNOWN, c4=ALL_UNKNOWN, c6=ALL_UNKNOWN, c7=ALL_UNKNOWN, c8=5
+    )  # fmt: skip
+    values = {place: table.values.tolist() for place, table in after.tables.items()}
+    assert values == {
+        2: [1, 2] * 128,
+        3: [*range(256)],
+        4: [9 if n % 2 else n for n in range(256)],
+        6: [4, 9] * 128,
+        8: [*range(256)],
+    }
+    # Bytes that differ between pairs keep which way made them, all of them.
+    made = _Ways(ram(), 4)
+    made.ram = {2: np.array([1, 2, 3]), 6: np.array([4, 4, 5])}
+    made.cycles, made.rest = np.array([10, 10, 10]), rest(PC=20)
+    pairs = trims._along(np.arange(256) % 2, 0, 2) + trims._along(np.arange(256) % 2, 1, 2)
+    after = one._arrived(replace(state, tables={2: COUNTED}), made, pairs, (5, 9), frozenset())
+    assert after.times == (0, 3) and after.tables.keys() == {2, 6}
+    for place, first in ((2, [1, 2, 2, 3]), (6, [4, 4, 4, 5])):
+        table = after.tables[place]
+        assert (table.cells, table.source, table.rows is pairs) == ((5, 9), made, True)
+        assert table.values[:2, :2].ravel().tolist() == first
+
+
+def test_what_tables_say_is_numbered_and_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Byte 2 of the RAM is read, byte 3 is not; each way takes 10 cycles and the table's value."""
+    asked: list[list[int]] = []
+
+    def run_lanes(start: ChipState, places: Any, values: Any, stops: Any, limit: int) -> Any:
+        assert (places, stops, limit) == ((1,), {7, 9}, 777)
+        asked.append(values[:, 0].tolist())
+        count = len(values)
+        return SimpleNamespace(
+            cycles=10 + values[:, 0], ram=np.full((count, 68), -1, dtype=np.int64), edges={}, read=(1, 2),
+            fit=np.full(count, True), rests={rest(PC=20): None},
+        )  # fmt: skip
+
+    one = running()
+    one._chip.run_lanes = run_lanes
+
+    def cycles(values: Any, **cells: int) -> list[int]:
+        state = at(0, tables={1: ByteTable((5,), values)}, ram=ram(c1=ALL_UNKNOWN, **cells))
+        ways, rows, of = one._ways(state, frozenset({1}))
+        assert of == (5,)
+        found = ways.cycles[rows].tolist()
+        assert isinstance(found, list)
+        return found
+
+    four = np.arange(256) % 4
+    assert cycles(four) == (10 + four).tolist() and asked == [[0, 1, 2, 3]]
+    assert cycles(four[::-1], c3=9) == (10 + four[::-1]).tolist() and len(asked) == 1, "they were run"
+    assert cycles(four + 2) == (12 + four).tolist() and asked[1:] == [[4, 5]]
+    assert cycles(four, c2=1) == (10 + four).tolist() and asked[2:] == [[0, 1, 2, 3]]
+    assert one._runs == 4 + 2 + 4
+    monkeypatch.setattr(trims, "CHUNK", 3)
+    assert cycles(np.arange(256) % 8, c2=2) == (10 + np.arange(256) % 8).tolist()
+    assert [len(part) for part in asked[3:]] == [3, 3, 2] and one._runs == 18
+    three: Any = {n: ByteTable((n,), four) for n in (1, 2, 3)}
+    text = "3 bytes of the EEPROM decide together (address 0x009, frame 0)"
+    assert why(lambda: one._ways(at(0, tables=three), frozenset(three))) == text
+    memory, cells = trims._Memory(), {1: ByteTable((5,), four)}
+    monkeypatch.setattr(trims, "CLASSES", (1, 4, 2))
+    assert one._classes(memory, (5,), cells).tolist() == four.tolist()
+    monkeypatch.setattr(trims, "CLASSES", (1, 3, 2))
+    assert why(lambda: one._classes(memory, (5,), cells)) == (
+        "byte 5 of the EEPROM makes too many different values"
+    )
+    # Of two bytes: a number for each pair of what their tables say.
+    monkeypatch.setattr(trims, "CLASSES", (1, 4, 8))
+    both = {1: ByteTable((5,), four), 2: ByteTable((9,), np.arange(256) % 2), 3: ByteTable((9,), four)}
+    numbers = one._classes(trims._Memory(), (5, 9), both)
+    assert numbers.shape == (256, 256) and len(np.unique(numbers)) == 16
+    assert numbers[2, 3] == 2 * 8 + 3 == numbers[6, 7] and numbers[3, 2] != numbers[2, 3]
+
+
+def test_a_state_at_a_cut_is_general_and_followed_once() -> None:
+    one = running()
+    one._generaliser = Generaliser(one._transitions, {9: Guess({2, 4}, registers=set())})
+
+    def settled(state: _State) -> list[_State]:
+        return list(one._settled(state))
+
+    tables: Any = {2: COUNTED, 3: COUNTED, 5: COUNTED, "EEDATA": COUNTED}
+    state = at(0, 100, ram=ram(c2=ALL_UNKNOWN, c3=ALL_UNKNOWN, c4=1, c5=6), tables=tables)
+    (general,) = settled(state)
+    # What is dead needs no table, nor does what is known.
+    assert general.ram == ram(c2=ALL_UNKNOWN, c3=ALL_UNKNOWN, c4=ALL_UNKNOWN, c5=6)
+    assert general.tables.keys() == {3, "EEDATA"}
+    assert settled(state) == [] == settled(replace(state, ram=general.ram))
+    other: Any = {**tables, 3: ByteTable((5,), np.arange(256) % 7)}
+    changes: list[dict[str, Any]] = [
+        {"time": 101},
+        {"frame": 1},
+        {"times": (0, 1)},
+        {"done": frozenset({1})},
+        {"tables": other},
+        {"ram": ram(c1=1)},
+        {"rest": rest(PC=9, W=1)},
+    ]
+    for change in changes:
+        assert len(settled(replace(state, **change))) == 1 and settled(replace(state, **change)) == []
+    between = replace(state, rest=rest(PC=8))
+    assert settled(between) == [between] == settled(between)
+    # Before the first pulse, fifty cuts are passed at most.
+    for silent, passed in ((0, 1), (49, 50)):
+        assert [each.silent for each in settled(at(-1, silent=silent))] == [passed]
+    assert why(lambda: settled(at(-1, silent=50))) == "no pulse comes (address 0x009, frame -1)"
+    assert [each.silent for each in settled(at(3, silent=50))] == [0]
+
+
 def test_a_memory_s_keys_grow_with_what_runs_read() -> None:
     memory = trims._Memory()
     assert memory.key(ram(c1=1)) == ()
