@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from servogen.edges import PINS
+from servogen.edges import PINS, edge_chunk
 from servogen.pic.image import Image
 from servogen.prove import counterexample
 from servogen.prove.certificate import (
@@ -31,6 +31,7 @@ from servogen.prove.counterexample import (
     _requesting,
     concrete,
     levels_of,
+    pin_changes,
     slow_oscillator,
 )
 from servogen.prove.explore import Decision, Node, SearchFinding
@@ -267,9 +268,29 @@ def test_a_fault_after_a_reset_counts_from_the_reset_on(monkeypatch: pytest.Monk
     assert found is not None and found.reset == 20_000 // 5 + 7
     # The reset takes a cycle, and the fetch of the first instruction another one.
     begun = machines.asked[-1][2]
-    assert found.reset < begun <= found.reset + 3
+    assert begun == found.reset + 2
     assert found.cycle == begun + 21_600 and machines.asked[-1][3] == begun + 500 + 2 * 20_000
     assert found.levels == (("RB1", ((0, 1),)),)
+
+
+def test_the_changes_of_pins_count_from_a_cycle_on_and_an_input_is_low() -> None:
+    """RA0 is high before cycle 10 already; RB0 is let go while it is high; RB1 stays low."""
+    asked: list[int] = []
+    rows = [
+        (0, 0, 1), (2, RB1, 0), (3, RB1, 2), (5, RB0, 1), (9, RB0, 2), (10, RB0, 1), (12, RB0, 1),
+        (15, 0, 0), (15, RB1, 1), (20, RB0, 2), (21, RB0, 0), (30, RB1, 0),
+    ]  # fmt: skip
+
+    def stream(end: int) -> Any:
+        asked.append(end)
+        return [edge_chunk(*zip(*rows[:5], strict=True)), edge_chunk(*zip(*rows[5:], strict=True))]
+
+    machine: Any = SimpleNamespace(stream=stream)
+    late = [(0, RB0, 1), (5, 0, 0), (5, RB1, 1), (10, RB0, 0), (20, RB1, 0)]
+    assert pin_changes(machine, 10, 40) == late and asked == [40]
+    assert pin_changes(machine, 0, 40) == [(0, 0, 1), (5, RB0, 1), (9, RB0, 0)] + [
+        (cycle + 10, pin, level) for cycle, pin, level in late
+    ]
 
 
 def test_the_chip_of_a_trial_has_its_levels_and_its_reset(monkeypatch: pytest.MonkeyPatch) -> None:

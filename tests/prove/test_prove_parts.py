@@ -331,6 +331,63 @@ def test_what_decides_only_together_is_blamed_together() -> None:
     assert guess.registers == set()
 
 
+def test_only_what_is_named_is_as_it_was_before_it_was_general() -> None:
+    transitions, _ = transitions_of(None)
+    generaliser = Generaliser(transitions, {9: Guess()})
+    known = {"PC": 9, "W": 7, "FSR": 8, "STATUS": 0x1B, "INTCON": 0x93, "TMR0": 3, "PRESCALER": 5}
+    vague = {
+        "PC": 9, "W": 0, "W_UNKNOWN": 0xFF, "FSR": 0, "FSR_UNKNOWN": 0xFF, "STATUS": 0x18,
+        "STATUS_UNKNOWN": 7, "INTCON": 0x90, "INTCON_UNKNOWN": 3, "TMR0": 0,
+        "TMR0_UNKNOWN": layout.PHASED, "PRESCALER_UNKNOWN": 7,
+    }  # fmt: skip
+    cells = ram(c1=ALL_UNKNOWN, c2=ALL_UNKNOWN, c3=4 | CELL_PHASED)
+    node = node_of(transitions, cells, rest(**vague), (ram(c1=5, c2=6, c3=7), rest(**known)))
+
+    def restored(*places: str) -> tuple[Any, Any]:
+        return generaliser._restored(node, [*places])
+
+    assert restored() == (cells, rest(**vague)) == restored("TIMER", "PRESCALER")
+    assert restored("0x02") == (ram(c1=ALL_UNKNOWN, c2=6, c3=4 | CELL_PHASED), rest(**vague))
+    assert restored("W") == (cells, rest(**vague | {"W": 7, "W_UNKNOWN": 0}))
+    assert restored("FLAGS") == (cells, rest(**vague | {"STATUS": 0x1B, "STATUS_UNKNOWN": 0}))
+    assert restored("PIN_FLAGS") == (cells, rest(**vague | {"INTCON": 0x93, "INTCON_UNKNOWN": 0}))
+    # Some phase: φ is 0.
+    assert restored(PHASE) == (ram(c1=ALL_UNKNOWN, c2=ALL_UNKNOWN, c3=4), rest(**vague | {"TMR0_UNKNOWN": 0}))
+    assert restored("FSR", "0x01") == (
+        ram(c1=5, c2=ALL_UNKNOWN, c3=4 | CELL_PHASED), rest(**vague | {"FSR": 8, "FSR_UNKNOWN": 0})
+    )  # fmt: skip
+
+
+def test_a_use_decides_up_to_its_cycle_on_the_way_that_was_chosen() -> None:
+    chosen = (AssumedBits("W", 1, 1),)
+
+    def decides(table: dict[tuple[int, Any], RunOutcome], *decisions: Decision) -> bool:
+        transitions, _ = transitions_of(Ways(table))
+        generaliser = Generaliser(transitions, {9: Guess()})
+        node = node_of(transitions, ram(), rest(PC=9), (ram(), rest(PC=9)))
+        return generaliser._decides(node, [], decisions, 10)
+
+    def way(cycles: int, reason: Reason, pc: int = 10) -> RunOutcome:
+        return outcome(cycles, reason, after=rest(PC=pc))
+
+    for cycles, use in ((5, True), (10, True), (11, False)):
+        assert decides({(9, ()): way(cycles, Reason.USE)}) is use
+    for reason in (Reason.LIMIT, Reason.STOP):
+        assert not decides({(9, ()): way(0, reason)}), "it does not go on"
+    assert not decides({(9, ()): way(5, Reason.LIMIT)})
+    # On the way it stops at other addresses.
+    for cycles, use in ((5, True), (6, False)):
+        table = {(9, ()): way(5, Reason.STOP), (10, ()): way(cycles, Reason.USE, 11)}
+        assert decides(table) is use
+    assert not decides({(9, ()): way(5, Reason.STOP), (10, ()): way(6, Reason.STOP, 11)})
+    # A use at which something was chosen on the way is passed.
+    for last, use in ((way(5, Reason.USE, 11), True), (way(5, Reason.LIMIT, 11), False)):
+        table = {(9, ()): way(5, Reason.USE), (10, chosen): last}
+        assert decides(table, Decision(5, chosen)) is use
+    table = {(9, ()): way(0, Reason.STOP, 9), (9, chosen): way(10, Reason.USE)}
+    assert decides(table, Decision(0, chosen)), "in the first cycle, too"
+
+
 # cuts
 
 
