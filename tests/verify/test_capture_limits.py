@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
@@ -198,6 +199,40 @@ def test_a_pulse_is_due_if_it_is_more_than_two_samples_from_the_ends() -> None:
     late = captured({4: (3, 3)}, frames=5)
     assert judged(late, end=5457).channel.missing == 0
     assert judged(late, end=5458).channel.missing == 1
+
+
+def test_a_verdict_does_not_depend_on_the_lengths_of_steps_and_cycles() -> None:
+    """Four steps in place of one, and two cycles in place of one; the microseconds are the same."""
+    random = Random(4)
+    seen = set()
+    for _ in range(60):
+        moved = {frame: (random.choice((-9, 0, 0, 12)), random.choice((-8, 0, 0, 5))) for frame in range(6)}
+        shown = captured(moved, frames=random.choice((5, 6)))
+        if random.random() < 0.3:
+            del shown[random.randrange(5)]
+        if random.random() < 0.3:
+            shown = sorted([*shown, (1800, 1830)])
+        end = random.choice((5310, 5380, 5440, 5470, 5700))
+        cut = CutPulses(random.random() < 0.5, random.choice((None, 30, 360)), random.choice((None, 5290)))
+        b_error = random.choice((None, 0.001))
+        line = FittedLine(float(BEFORE), 1.0, b_error)
+        found = judged(shown, end=end, cut=cut, line=line)
+        signals = PairedSignals(
+            captured=(pulses(*[(4 * rise, 4 * fall) for rise, fall in shown]),),
+            scheduled=(pulses(*[(2 * rise, 2 * fall) for rise, fall in SCHEDULED]),),
+            nominal=2.0,
+            quantum=8.0,
+            period=2 * PERIOD,
+            cap=100.0,
+            candidates=12 * PERIOD,
+            cut=(CutPulses(cut.high, *(None if edge is None else 4 * edge for edge in cut[1:])),),
+            length=4 * end,
+        )
+        line = FittedLine(4.0 * BEFORE, 2.0, b_error and 2 * b_error)
+        scale = TimeScale(line, 8.0, 0.25, 0.5, 4 * end)
+        assert judge(signals, scale, 0, CHANNEL, CLOSE, EXPECTED) == found
+        seen |= {mismatch.diagnostic.message.split(": ")[1].split(" (")[0] for mismatch in found.mismatches}
+    assert len(seen) > 10
 
 
 def test_a_nominal_microsecond_is_longer_where_the_chip_is_slower() -> None:

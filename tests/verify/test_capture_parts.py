@@ -103,6 +103,9 @@ def test_counts_of_pieces_are_added_and_means_weighted_by_their_pulses() -> None
     silent = channel(0)
     still = merged([verdict(channels=(silent,)), verdict(channels=(silent,))], [0.0, 1.0]).channels[0]
     assert (still.mean_period_us, still.jitter_us, still.width) == (None, 0.0, Spread())
+    single = channel(1, width=Spread(2.0, 2.0, 1), mean_period_us=20_000.0)
+    alone = merged([verdict(channels=(single,)), verdict(channels=(silent,))], [0.0, 1.0]).channels[0]
+    assert (alone.mean_period_us, alone.width) == (20_000.0, Spread(2.0, 2.0, 1))
 
 
 def test_the_verdict_on_all_pieces_has_their_sums_and_the_first_mismatch_in_the_file() -> None:

@@ -1,18 +1,20 @@
 """What a HEX does on its pins is measured to the cycle, without a schedule."""
 
 import json
-from itertools import pairwise
+from collections import Counter
+from dataclasses import replace
+from fractions import Fraction
+from itertools import groupby, pairwise
+from random import Random
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.units import Clock, Cycles
 from servogen.verify import Measurement, PinMeasurement, measure, measurement_lines
 from servogen.verify import measurement as measuring
 from servogen.verify.measurement import FrameKind, Pause, PulseRun
+from servogen.verify.verdict import Overlap
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
@@ -135,15 +137,17 @@ def test_a_chip_that_does_nothing_has_no_pins() -> None:
     assert measurement_lines(measurement)[-1] == "no pin has a pulse"
 
 
-def test_what_never_repeats_is_cut_and_said() -> None:
-    number = np.arange(140_000)
-    rise = 60 * number + number**2 % 11
-    cycle = np.stack((rise, rise + 10 + number % 7), axis=1).ravel()
-    chunk = edge_chunk(cycle, np.full(len(cycle), RB0), np.tile([HIGH, LOW], len(number)))
-    measurement = measure(EdgeTrace(MHZ4, (chunk,), Cycles(100_000_000)))
-    assert not measurement.complete
-    assert measurement.end < 100_000_000
-    assert "stopped there" in measurement_lines(measurement)[1]
+@pytest.mark.parametrize(("rows", "end"), [(49, 3000), (50, 3600), (59, 3600), (60, 4200), (1000, 6000)])
+def test_what_never_repeats_is_cut_and_said(rows: int, end: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each pulse is a row of its own, counted when the next one rises: ten of them in a window."""
+    monkeypatch.setattr(measuring, "MAX_ROWS", rows)
+    monkeypatch.setattr(measuring, "WINDOW", 600)
+    measurement = measured([(60 * number, 10 + number % 7, RB0) for number in range(101)], 6000)
+    assert (measurement.end, measurement.complete) == (end, end == 6000)
+    lines = measurement_lines(measurement)
+    assert lines[0] == f"measured {end} cycles ({end} µs) from reset"
+    stopped = "stopped there: the pulses repeat too little to be kept any longer"
+    assert (lines[1] == stopped) is (end < 6000)
 
 
 def test_other_clocks_say_cycles_and_time() -> None:
@@ -153,42 +157,123 @@ def test_other_clocks_say_cycles_and_time() -> None:
     assert "  periods: 100000 cycles (20 ms) × 4" in lines
 
 
-def test_the_json_is_plain() -> None:
-    data = json.loads(json.dumps(measured(*lab9(1)).to_json()))
-    assert data["clock_hz"] == 4_000_000
-    assert data["pins"][0]["pin"] == "RB0"
-    assert data["pins"][0]["frame_difference_cycles"] == 150
-    assert data["pins"][0]["widths"] == [{"cycles": 500, "pulses": 20}, {"cycles": 1500, "pulses": 20}]
+def test_the_json_has_every_number_under_its_name() -> None:
+    run, pause = PulseRun(11, 12, 13, 14, 15), Pause(16, 17, 18)
+    kinds = (FrameKind(19, 20, 21), FrameKind(22, 23, 24))
+    pin = PinMeasurement(RB1, 1, 2, {3: 4}, {5: 6}, 7, kinds, (pause,), (run,), 8)
+    overlap = Overlap(31, 32, 33, (RB0, RB1))
+    found = Measurement(Clock(8_000_000), 9, (pin,), overlap, complete=False)
+    assert found.us(9) == Fraction(9, 2)
+    assert json.loads(json.dumps(found.to_json())) == {
+        "clock_hz": 8_000_000,
+        "end_cycle": 9,
+        "complete": False,
+        "pins": [
+            {
+                "pin": "RB1",
+                "pulses": 1,
+                "first_cycle": 2,
+                "widths": [{"cycles": 3, "pulses": 4}],
+                "periods": [{"cycles": 5, "frames": 6}],
+                "period_cycles": 7,
+                "frame_kinds": [
+                    {"width_cycles": 19, "frames": 20, "period_cycles": 21},
+                    {"width_cycles": 22, "frames": 23, "period_cycles": 24},
+                ],
+                "frame_difference_cycles": 3,
+                "pauses": [{"begin_cycle": 16, "length_cycles": 17, "count": 18}],
+                "runs": [
+                    {
+                        "first_cycle": 11,
+                        "pulses": 12,
+                        "width_cycles": 13,
+                        "shortest_period_cycles": 14,
+                        "longest_period_cycles": 15,
+                    }
+                ],
+                "open_rise_cycle": 8,
+            }
+        ],
+        "overlap": overlap.to_json(),
+    }
+    assert replace(found, overlap=None).to_json()["overlap"] is None
+    assert replace(pin, kinds=()).frame_difference == 0
 
 
-STEPS = st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), min_size=1, max_size=60)
-
-
-@settings(derandomize=True, deadline=None, max_examples=300)
-@given(steps=STEPS, window=st.integers(1, 40), tail=st.integers(0, 5))
-def test_every_number_is_that_of_counting_pulse_by_pulse(
-    steps: list[tuple[int, int]], window: int, tail: int
-) -> None:
+@pytest.mark.parametrize(("number", "more"), [(12, ""), (13, " and 1 more"), (15, " and 3 more")])
+def test_twelve_kinds_of_frame_are_listed(number: int, more: str) -> None:
     now, pulses = 0, []
-    for width, low in steps:
-        pulses.append((now, width, RB1))
-        now += width + low
-    before, measuring.WINDOW = measuring.WINDOW, window
-    try:
-        found = pin_of(measured(pulses, now + tail), RB1)
-    finally:
-        measuring.WINDOW = before
-    widths = [width for _, width, _ in pulses]
-    periods = [b - a for (a, _, _), (b, _, _) in pairwise(pulses)]
-    assert found.widths == {value: widths.count(value) for value in sorted(set(widths))}
+    for index in range(number):
+        for _ in range(2):
+            pulses.append((now, 100 + index, RB0))
+            now += 1000 + index
+    (line,) = [
+        line for line in measurement_lines(measured([*pulses, (now, 50, RB0)], now + 60)) if "differ" in line
+    ]
+    listed = ", ".join(f"{1000 + index} µs with pulses of {100 + index} µs" for index in range(12))
+    assert line == f"  frames differ by {number - 1} µs: {listed}{more}"
+
+
+def test_every_number_is_that_of_counting_pulse_by_pulse(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = Random(8)
+    for _ in range(150):
+        monkeypatch.setattr(measuring, "WINDOW", random.randint(1, 40))
+        lows, widths = random.choice(((1, 2, 3, 4), (1, 4, 4, 30))), random.choice(((1, 2, 3, 4), (2, 2, 5)))
+        now, pulses = 0, []
+        for _ in range(random.randint(1, 40)):
+            pulses.append((now, random.choice(widths), RB1))
+            now += pulses[-1][1] + random.choice(lows)
+        end = now + random.randint(0, 5) if random.random() < 0.7 else random.randint(6, max(7, now))
+        found = measured(pulses, end)
+        whole = [(rise, width) for rise, width, _ in pulses if rise + width < end]
+        begun = [rise for rise, width, _ in pulses if rise < end <= rise + width]
+        if whole:
+            compare(pin_of(found, RB1), whole, begun[0] if begun else None)
+        else:
+            assert found.pins == ()
+
+
+def compare(found: PinMeasurement, pulses: list[tuple[int, int]], open_rise: int | None) -> None:
+    """Compare a measurement with pulses as (rise, width), counted one by one."""
+    rises = [rise for rise, _ in pulses] + ([open_rise] if open_rise is not None else [])
+    widths = [width for _, width in pulses]
+    periods = [after - before for before, after in pairwise(rises)]
+    median = sorted(periods)[(len(periods) - 1) // 2] if periods else None
+    pause = [period > 3 * (median or 0) for period in periods]
+    steady = [
+        (width, period) for width, period, long in zip(widths, periods, pause, strict=False) if not long
+    ]
+    assert (found.pulses, found.first, found.open_rise) == (len(pulses), pulses[0][0], open_rise)
+    assert found.widths == Counter(widths) and list(found.widths) == sorted(found.widths)
     assert found.widths_in_order() == widths
-    if periods:
-        median = sorted(periods)[(len(periods) - 1) // 2]
-        steady = [period for period in periods if period <= 3 * median]
-        assert found.period == median
-        assert found.periods == {value: steady.count(value) for value in sorted(set(steady))}
-        assert sum(pause.count for pause in found.pauses) == len(periods) - len(steady)
-    assert sum(run.pulses for run in found.runs) == len(pulses)
+    assert found.period == median
+    assert found.periods == Counter(period for _, period in steady)
+    assert list(found.periods) == sorted(found.periods)
+    kinds = []
+    for width in sorted(set(widths)):
+        own = Counter(period for each, period in steady if each == width)
+        if own.total() > 1:
+            kinds.append(FrameKind(width, own.total(), min(own, key=lambda period: (-own[period], period))))
+    assert list(found.kinds) == kinds
+    # Pulses of one width and period that follow each other have pauses of one length.
+    rows = [list(row) for _, row in groupby(range(len(pulses)), lambda at: (widths[at], [*periods, -1][at]))]
+    paused = [row[0] < len(pause) and pause[row[0]] for row in rows]
+    assert list(found.pauses) == [
+        Pause(sum(pulses[row[0]]), periods[row[0]] - widths[row[0]], len(row))
+        for row, long in zip(rows, paused, strict=True)
+        if long
+    ]
+    runs = [rows[0]]
+    for before, after in pairwise(range(len(rows))):
+        apart = paused[before] or (paused[after] and len(rows[after]) > 1)
+        if apart or widths[rows[before][0]] != widths[rows[after][0]]:
+            runs.append(rows[after])
+        else:
+            runs[-1] = runs[-1] + rows[after]
+    for run, shown in zip(runs, found.runs, strict=True):
+        inside = periods[run[0] : run[-1]]
+        shortest, longest = (min(inside), max(inside)) if inside else (None, None)
+        assert shown == PulseRun(rises[run[0]], len(run), widths[run[0]], shortest, longest)
 
 
 def test_years_without_an_edge_are_passed_over() -> None:

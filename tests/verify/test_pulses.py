@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations, pairwise, product
+from random import Random
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 from servogen.verify.compare import verify
 from servogen.verify.coverage import compared_frames, coverage
+from servogen.verify.diagnose import PinHistory
 from servogen.verify.pulses import (
     OverlapCount,
     Pulses,
@@ -25,7 +27,7 @@ from servogen.verify.pulses import (
     together,
     without_glitches,
 )
-from servogen.verify.sampling import Sampling, rate_words, sampling
+from servogen.verify.sampling import TYPICAL_HZ, Sampling, rate_words, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.windows import Edges, Windows
 from tests.verify.pulses import pulses
@@ -249,6 +251,32 @@ def test_windows_read_no_further_than_the_limit_requires() -> None:
     assert read == [3, 5, 7]
 
 
+def test_what_is_known_of_the_windows_before_a_difference() -> None:
+    """After each window, as counted edge by edge."""
+    random = Random(2)
+    seen = PinHistory.at_start()
+    now, level = 0, [LOW] * len(PINS)
+    rises, last, frames = ([0] * len(PINS) for _ in range(3))
+    pairs: set[tuple[int, int]] = set()
+    for window in range(30):
+        rows, numbers = [], []
+        for _ in range(random.randint(0, 5)):
+            now += random.randint(1, 9)
+            pin = random.choice((0, 5, 6, 12))
+            level[pin] = LOW if level[pin] == HIGH else HIGH
+            rows.append((now, pin, level[pin]))
+            numbers.append(window // 3)
+            if level[pin] == HIGH:
+                rises[pin], last[pin], frames[pin] = rises[pin] + 1, now, window // 3
+            high = [each for each in range(len(PINS)) if level[each] == HIGH]
+            pairs |= set(combinations(high, 2))
+        seen.add(edges(rows, numbers))
+        assert (seen.rises.tolist(), seen.last_rise.tolist()) == (rises, last)
+        assert (seen.last_frame.tolist(), seen.level.tolist()) == (frames, level)
+        assert seen.together == pairs
+        assert not numbers or seen.frame == numbers[-1]
+
+
 def test_stray_edges_are_counted_from_the_first_on() -> None:
     stray = StrayCount()
     assert stray.pins() == ()
@@ -388,3 +416,7 @@ def test_a_rate_whose_samples_are_no_whole_number_of_steps_is_recognised() -> No
     beside = sorted([*times[:4], times[4] + 2, *times[5:]])
     assert sampling(captured(beside), None).sample_us < 10
     assert sampling(captured([0]), None) == Sampling(1.0, False)
+
+
+def test_the_slowest_rate_that_explains_the_edges_is_found_first() -> None:
+    assert all(slower < faster for slower, faster in pairwise(TYPICAL_HZ))

@@ -187,6 +187,37 @@ def test_a_drift_of_one_cycle_a_frame_is_a_wrong_period_in_every_frame_and_no_mi
         assert channel.edge.error == 29
 
 
+def test_every_reason_is_given_once_in_this_order() -> None:
+    changed = pulses(25)
+    changed[20] = (10 * PERIOD, 1040 + 5, RB0)
+    changed.remove((12 * PERIOD + 1060, 1250, RB1))
+    changed.append((14 * PERIOD + 9000, 100, RB7))
+    verdict = verdict_on(changed, end=25 * PERIOD)
+    fall, frame = START + 10 * PERIOD + 1040, "frame 10 (frame 4 of the loop)"
+    assert verdict.reasons == (
+        f"first difference at cycle {fall}, RB0 (vertical), {frame}: "
+        f"should fall at cycle {fall}, falls at cycle {fall + 5}, 5 cycles late",
+        f"RB0 (vertical): 1 wrong width, worst +5 cycles in {frame}, "
+        f"1 wrong edge, worst +5 cycles in {frame}",
+        "RB1 (horizontal): 1 missing pulse",
+        "pulses overlap where the schedule has none together: "
+        f"1 time, first at cycle {fall} (RB0 and RB1), for at most 5 cycles",
+        "RB7, which the schedule does not drive, changes 2 times, "
+        f"first at cycle {START + 14 * PERIOD + 9000}",
+        f"the trace ends at cycle {START + 25 * PERIOD}, 100000 cycles (0.1 s) before the end of the check",
+    )
+    assert verdict.unseen == ()
+
+
+def test_changes_of_a_stray_pin_before_and_after_the_first_pulse_are_one_count() -> None:
+    verdict = verdict_on([*pulses(), (-200, 100, RB7), (3 * PERIOD + 5000, 100, RB7)])
+    assert verdict.reasons == (
+        f"first difference at cycle {START - 200}: RB7, which the schedule does not drive, rises",
+        f"RB7, which the schedule does not drive, changes 4 times, first at cycle {START - 200}",
+    )
+    assert [(pin.pin, pin.edges, pin.first) for pin in verdict.stray] == [(RB7, 4, START - 200)]
+
+
 def test_two_pulses_that_overlap_are_counted_where_the_schedule_has_none_together() -> None:
     early = [
         (rise - 100 if pin == RB1 and rise < 5 * PERIOD else rise, width, pin)
