@@ -3,7 +3,7 @@
 In: text such as `BTFSC Z; GOTO end; INCF t,F; end: RETURN`. The first letter of a variable says what it is:
 
     t temporary   l local   p parameter   n local whose address is taken, all of the function itself
-    x parameter of another function   g global   v volatile global   f global at a fixed address
+    x, y parameters of other functions (g and h)   g global   v volatile global   f global at a fixed address
 
 `*` before a line marks it as fixed, `a+1` is the second byte of `a`, C, DC, Z and RP0 are bits of STATUS, and
 `DELAY 10` waits. Out: a `Function`; the text of one; what a function leaves in memory, W and the flags.
@@ -23,7 +23,9 @@ from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, L
 from servogen.pic.device import registers
 from servogen.pic.isa import by_mnemonic
 
-KINDS = {"t": "temp", "l": "local", "p": "param", "n": "local", "x": "param", "g": "global", "v": "global"}
+KINDS = {"t": "temp", "l": "local", "p": "param", "n": "local", "g": "global", "v": "global"}
+OTHERS = {"x": "g", "y": "h"}
+"""The functions of the others' parameters."""
 BITS = {"C": 0, "DC": 1, "Z": 2, "RP0": 5}
 """Of STATUS: DS35007 register 2-1."""
 
@@ -37,8 +39,8 @@ class Names:
     def __getitem__(self, name: str) -> Symbol:
         if name not in self.symbols:
             letter = name[0]
-            kind = KINDS.get(letter, "fixed")
-            owner = None if kind in ("global", "fixed") else "g" if letter == "x" else "f"
+            kind = "param" if letter in OTHERS else KINDS.get(letter, "fixed")
+            owner = None if kind in ("global", "fixed") else OTHERS.get(letter, "f")
             self.symbols[name] = Symbol(
                 name,
                 U32,

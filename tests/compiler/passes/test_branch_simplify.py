@@ -22,6 +22,10 @@ def choice(test: str, yes: str, other: str, end: str = END) -> str:
             choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
             "MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN",
         ),
+        (
+            "SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
+            "SWAPF gx,F; MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN",
+        ),
         (choice("BTFSS ga,1", "RETLW 3", "RETLW 4"), None),
         # two instructions that leave the bit alone, by two tests
         (
@@ -132,7 +136,9 @@ MOVED = "{same}; BTFSS {test}; GOTO no; MOVLW 1; MOVWF gb; GOTO e; no: MOVLW 2; 
 )
 def test_what_both_arms_begin_with_stands_once_in_front(test: str, same: str, moved: bool) -> None:
     before = STARTS.format(test=test, same=same)
-    check(short_branches, before, MOVED.format(test=test, same=same) if moved else None)
+    after = MOVED.format(test=test, same=same)
+    check(short_branches, before, after if moved else None)
+    check(short_branches, f"SWAPF gx,F; {before}", f"SWAPF gx,F; {after}" if moved else None)
 
 
 @every(
@@ -171,6 +177,10 @@ def test_one_instruction_is_left_in_either_arm() -> None:
         (
             choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
             "MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END,
+        ),
+        (
+            "SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
+            "SWAPF gx,F; MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END,
         ),
         (
             choice("BTFSC ga,1", "CLRF gb", "MOVLW 5; MOVWF gb"),
@@ -220,6 +230,7 @@ def test_arms_that_differ_in_one_instruction(
     before = DIFFERS.format(begin=begin, other=other, store=store, same=same, end=end)
     after = f"{begin}; BTFSC ga,1; {other}; {store}; e: {end}"
     check(short_branches, before, after if rewritten else None)
+    check(short_branches, f"SWAPF gx,F; {before}", f"SWAPF gx,F; {after}" if rewritten else None)
 
 
 def test_the_flag_that_is_tested_is_not_changed_before_the_test() -> None:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import combinations, pairwise
+from random import Random
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Byte
 from servogen.compiler.passes.copy_coalescing import coalesce_copies, interference
 from servogen.compiler.passes.liveness import Liveness
 from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function
+from tests.compiler.passes.test_meaning import Writer
 
 
 @every(
@@ -42,6 +48,21 @@ from tests.compiler.ir.assembly import check, function
         ("CALL g; MOVF x,W; MOVWF t; MOVF t,W; MOVWF ga; RETURN",
          "CALL g; MOVF x,W; MOVWF x; MOVF x,W; MOVWF ga; RETURN"),
         ("MOVF x,W; MOVWF t; CALL g; MOVF t,W; MOVWF ga; RETURN", None),
+        # the frames of g and h overlap: nothing is stored in one while the other is needed
+        ("CALL h; MOVF y,W; MOVWF ga; CALL g; MOVF x,W; MOVWF t; MOVF t,W; MOVWF gb; RETURN",
+         "CALL h; MOVF y,W; MOVWF ga; CALL g; MOVF x,W; MOVWF x; MOVF x,W; MOVWF gb; RETURN"),
+        ("CALL h; CALL g; MOVF x,W; MOVWF t; MOVF y,W; MOVWF ga; MOVF t,W; MOVWF gb; RETURN", None),
+        ("CALL g; MOVF x,W; MOVWF t; CLRF y; MOVF t,W; MOVWF gb; RETURN", None),
+        ("CALL g; CLRF y; MOVF x,W; MOVWF t; MOVF t,W; MOVWF gb; RETURN",
+         "CALL g; CLRF y; MOVF x,W; MOVWF x; MOVF x,W; MOVWF gb; RETURN"),
+        ("CALL g; MOVF x,W; MOVWF t; CLRF l; CLRF x1; MOVF t,W; MOVWF gb; RETURN",
+         "CALL g; MOVF x,W; MOVWF x; CLRF l; CLRF x1; MOVF x,W; MOVWF gb; RETURN"),
+        # either of the two may be the temporary; a store of something else is no copy
+        ("CALL g; INCF x,W; MOVWF t; MOVF t,W; MOVWF ga; RETURN",
+         "CALL g; INCF x,W; MOVWF x; MOVF x,W; MOVWF ga; RETURN"),
+        ("INCF l,F; MOVWF t; BTFSC t,0; CLRF ga; RETURN", None),
+        ("MOVF va,W; MOVWF t; BTFSC t,0; CLRF ga; RETURN", None),
+        ("MOVF t,W; MOVWF PORTB; RETURN", None),
     ],
 )  # fmt: skip
 def test_a_copy_and_its_source_are_merged(before: str, after: str | None) -> None:
@@ -62,16 +83,40 @@ def test_a_copy_and_its_source_are_merged(before: str, after: str | None) -> Non
 )
 def test_bytes_that_are_needed_at_the_same_time(text: str, expected: set[str]) -> None:
     made = function(text)
+    assert {" ".join(sorted(byte.symbol.name for byte in pair)) for pair in conflicts(made)} == expected
+
+
+def conflicts(made: Function) -> set[frozenset[Byte]]:
+    """The pairs that `interference` finds, each of which knows the other."""
     live = Liveness(made)
     found = interference(made, live)
-    pairs = {
-        " ".join(sorted((one.symbol.name, two.symbol.name)))
-        for one, mask in found.items()
-        for two in live.number
-        if mask & live.bit(two)
-    }
-    assert pairs == expected
-    # each of the two knows the other
-    for one, mask in found.items():
-        for two in live.number:
-            assert bool(mask & live.bit(two)) == bool(found[two] & live.bit(one))
+    directed = {(one, two) for one, mask in found.items() for two in live.number if mask & live.bit(two)}
+    assert {(two, one) for one, two in directed} == directed
+    return {frozenset(pair) for pair in directed}
+
+
+def test_bytes_conflict_if_one_is_written_while_the_other_is_needed() -> None:
+    """Looked up pair by pair in random functions, with calls that write all bytes of other functions."""
+    for seed in range(40):
+        made = function(Writer(Random(seed)).text())
+        live = Liveness(made)
+        own = {id(symbol) for symbol in made.own}
+        foreign = {byte for byte in live.number if id(byte.symbol) not in own}
+        expected = set()
+        steps = [
+            step
+            for block in made.blocks
+            for step in pairwise((None, *block.instructions))
+            if step[1] is not None
+        ]
+        for before, ins in steps:
+            needed = {byte for byte in live.number if live.after[ins] & live.bit(byte)}
+            written: set[Byte] = {ins.f} if ins.writes_f and ins.f in live.number else set()  # type: ignore[arg-type]
+            if ins.op == "CALL":
+                written, needed = foreign, needed | foreign
+            elif ins.op == "MOVWF" and before is not None and (before.op, before.d) == ("MOVF", 0):
+                needed -= {before.f}  # type: ignore[arg-type]
+            expected |= {frozenset((one, two)) for one in written for two in needed if one != two}
+        entry = [byte for byte in live.number if live.entry & live.bit(byte)]
+        expected |= {frozenset(pair) for pair in combinations(entry, 2)}
+        assert conflicts(made) == expected

@@ -42,6 +42,7 @@ def test_an_operation_through_w_is_done_in_place(before: str, after: str | None)
         ("MOVLW 0; MOVWF ga; " + LIVE_W, None),
         ("MOVLW 0; MOVWF ga; " + LIVE_Z, None),
         ("MOVF ga,W; MOVWF ga; CLRF gb; RETURN", "CLRF gb; RETURN"),
+        ("a: MOVF ga,W; MOVWF ga; b: DECFSZ gb,F; GOTO a; GOTO b", "a: b: DECFSZ gb,F; GOTO a; GOTO b"),
         ("MOVF ga,W; MOVWF gb; CLRF gb; RETURN", None),
         ("MOVF ga,W; MOVWF ga; " + LIVE_Z, None),
         ("MOVF ga,W; MOVWF ga; " + LIVE_W, None),

@@ -107,6 +107,11 @@ TO_END = "BTFSC ga,0; GOTO o; {one}; GOTO e; o: {two}; e: RETURN"
             "BTFSC ga,0; GOTO o; CLRF gb; GOTO e; o: CLRF gb; d: e: RETURN",
             "BTFSC ga,0; GOTO o; GOTO f.tail0; o: f.tail0: CLRF gb; d: e: RETURN",
         ),
+        # from the first instruction on
+        (
+            "CLRF gb; GOTO e; MOVLW 1; CLRF gb; e: RETURN",
+            "GOTO f.tail0; MOVLW 1; f.tail0: CLRF gb; e: RETURN",
+        ),
         # jumped backwards: the end stands in front
         (
             "CLRF gb; e: RETURN; MOVLW 1; CLRF gb; GOTO e",
