@@ -15,19 +15,32 @@ from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn
 
+import numpy as np
 import pytest
 
 from servogen.bench.virtual.rig import RigOptions
 from servogen.cli.drive_commands import _walk_on_command
+from servogen.drive import on_command
 from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
+from servogen.engines.player.buttons import ButtonPin
+from servogen.engines.player.commands import (
+    CommandButton,
+    CommandButtons,
+    Commander,
+    CommandLine,
+    DirectionPlaces,
+    uart_byte,
+)
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
+from servogen.pic.device import RAM_FIRST
 from servogen.pulse.schedule import from_json
+from servogen.units import Clock, Cycles
 from tests.drive.conftest import ROOT, Run
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
 
@@ -265,3 +278,166 @@ def test_a_robot_that_buttons_command_takes_no_port(run: Run, tmp_path: Path) ->
     done = run("drive", job, "--keys", "--port", "/dev/null")
     assert done.code == 2
     assert "--port: the robot is commanded by buttons" in done.err
+
+
+# ---- a chip by hand -------------------------------------------------------------------------------------
+
+
+class Chip:
+    """A chip whose variables and pins a test sets; it only counts its cycles."""
+
+    def __init__(self, image: object, clock: object, board: object, *, stimulus: object) -> None:
+        self.now = 0
+        self.listeners: list[Callable[[tuple[np.ndarray, np.ndarray], int], None]] = []
+        self.ram = bytearray(68)
+        self.machine = SimpleNamespace(state=lambda: self)
+
+    def run(self, cycles: int) -> None:
+        self.now += cycles
+
+
+PLACES = (4, 6, 0, 0, 30, 20, 10, 6, 6, 10, 20, 30)
+"""Standing, and a direction that is read backward and forward: where each part begins and ends."""
+
+
+def twin_of(read: Commander, monkeypatch: pytest.MonkeyPatch) -> Twin:
+    """Return a twin of two servos, with frames of 20 ms, whose chip is one by hand."""
+    channels = [SimpleNamespace(name=name, pin=pin) for name, pin in (("one", "RB0"), ("two", "RA1"))]
+    schedule = SimpleNamespace(period=20_000, channels=channels)
+    played = SimpleNamespace(
+        chain=DirectionPlaces(read, ("back", "forward"), PLACES, 0, 0),
+        plan=SimpleNamespace(schedule=schedule),
+    )
+    variables = {"begun": RAM_FIRST + 3, "until": RAM_FIRST + 5}
+    listing = SimpleNamespace(variable=variables.__getitem__)
+    compilation = SimpleNamespace(listing=listing, image=None)
+    monkeypatch.setattr(on_command, "play", lambda job: (None, played, None))
+    monkeypatch.setattr(on_command, "compiled", lambda *_: SimpleNamespace(compilation=compilation))
+    monkeypatch.setattr(on_command, "board_of", lambda schedule: None)
+    monkeypatch.setattr(on_command, "VirtualChip", Chip)
+    job = SimpleNamespace(
+        firmware=SimpleNamespace(dialect="c2c"),
+        clock=Clock(4_000_000),
+        frame=SimpleNamespace(period=SimpleNamespace(cycles=Cycles(20_000))),
+    )
+    return Twin(job)  # type: ignore[arg-type]
+
+
+BUTTON = ButtonPin("RA4", 0)
+
+
+def test_the_one_button_is_pressed_for_every_command_but_a_stop_of_a_robot_that_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A press is seen after three frames, and begins in the midst of one: it lasts four, then two free."""
+    twin = twin_of(CommandButton(BUTTON), monkeypatch)
+    assert twin.directions == ("next",)
+    press = [*["next"] * 4, "", ""]
+    presses = twin._stimulus.presses  # type: ignore[union-attr]
+    for command, pressed in (("stop", 0), ("next", 1), ("stop", 1), ("stop", 0), ("next", 1), ("next", 1)):
+        assert twin.command(command) == b""
+        assert list(presses) == press * pressed
+        presses.clear()
+
+
+def test_a_direction_s_button_is_held_until_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = twin_of(CommandButtons({"forward": BUTTON, "left": ButtonPin("RA3", 1)}), monkeypatch)
+    assert twin.directions == ("forward", "left")
+    for command, held in (("left", "left"), ("forward", "forward"), ("stop", "")):
+        assert twin.command(command) == b""
+        assert twin._stimulus.held == held  # type: ignore[union-attr]
+    assert twin._stimulus.buttons == {"forward": (PINS.index("RA4"), 0), "left": (PINS.index("RA3"), 1)}  # type: ignore[union-attr]
+
+
+def test_a_line_has_every_code_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = twin_of(CommandLine("RA4"), monkeypatch)
+    assert twin.directions == ("back", "forward")
+    for command, name in (("forward", "forward"), ("back", "back"), ("stop", None)):
+        assert twin.command(command) == bytes([uart_byte(name)] * 2)
+        assert bytes(twin._stimulus.waiting) == bytes([uart_byte(name)] * 2)  # type: ignore[union-attr]
+        twin._stimulus.waiting.clear()  # type: ignore[union-attr]
+
+
+def test_the_chip_s_variables_say_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = twin_of(CommandLine("RA4"), monkeypatch)
+    chip: Any = twin._chip
+    for number, (begun, until, direction, part) in enumerate(
+        [
+            (0, 4, "lead-in", ""),
+            (0, 6, "stance", ""),
+            (2, 20, "back", "start"),
+            (2, 10, "back", "cycle"),
+            (2, 6, "back", "stop"),
+            (4, 10, "forward", "start"),
+            (4, 20, "forward", "cycle"),
+            (4, 30, "forward", "stop"),
+        ],
+        1,
+    ):
+        chip.ram[3], chip.ram[5] = begun, until
+        found = twin.frame()
+        assert (found.direction, found.part) == (direction, part)
+        assert (found.frame, found.seconds) == (number, pytest.approx(0.02 * number))
+
+
+def test_the_widths_of_a_frame_are_the_latest_whole_pulses(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = twin_of(CommandLine("RA4"), monkeypatch)
+    chip: Any = twin._chip
+    (heard,) = chip.listeners
+    one, two = 1 << PINS.index("RB0"), 1 << PINS.index("RA1")
+
+    def widths(*levels: tuple[int, int]) -> dict[str, float]:
+        cycles, words = np.array(levels).T
+        heard((cycles, words), 0)
+        return dict(twin.frame().widths_us)
+
+    assert widths((0, two), (0, 0), (100, one)) == {"one": 0.0, "two": 0.0}
+    assert widths((150, one | two), (1600, two)) == {"one": 1500.0, "two": 0.0}
+    assert widths((1650, 0), (1700, 0), (2000, one), (2900, 0)) == {"one": 900.0, "two": 1500.0}
+
+
+class Robot:
+    """A twin that records its commands."""
+
+    directions = ("forward", "left")
+
+    def __init__(self) -> None:
+        self.commands: list[str] = []
+        self.frames = 0
+
+    @property
+    def seconds(self) -> float:
+        return self.frames * 0.02
+
+    def command(self, command: str) -> bytes:
+        self.commands.append(command)
+        return command[:1].encode()
+
+    def frame(self) -> CommandedFrame:
+        self.frames += 1
+        return CommandedFrame(self.seconds, self.frames, "", "", {})
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds", "commands", "frames"),
+    [
+        ("forward\nwait 1\nleft\nwait 1\n", 9.0, ["forward", "left", "stop"], 100),
+        ("forward\nwait 1\nstop\nwait 1\n", 9.0, ["forward", "stop"], 100),
+        ("forward\nwait 9\n", 0.5, ["forward", "stop"], 25),
+        ("wait 0.5\nquit\nforward\n", 9.0, [], 25),
+        ("", 9.0, [], 0),
+    ],
+)
+def test_a_drive_sends_what_the_chip_is_told_and_stops_a_robot_that_walks(
+    text: str, seconds: float, commands: list[str], frames: int
+) -> None:
+    robot: Any = Robot()
+    sent: list[bytes] = []
+    link: Any = SimpleNamespace(send=sent.append, drain=lambda: sent.append(b"drained"))
+    states: list[CommandedFrame] = []
+    drive = CommandedDrive(robot, script(text), VirtualTime().time(), states.append, link)
+    drive.run(seconds)
+    assert robot.commands == commands
+    assert sent == [*(command[:1].encode() for command in commands), b"drained"]
+    assert drive.sent == len(commands)
+    assert len(states) == robot.frames == pytest.approx(frames, abs=1)

@@ -122,6 +122,18 @@ def test_all_ways_start_and_stop_standing_alike_below_the_full_height_too() -> N
         assert np.abs(lifts).min() > 33  # cos β = 50 / 60
 
 
+def test_a_source_is_asked_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def nothing(*arguments: object) -> tuple[list[int], list[int], list[int]]:
+        asked.append(arguments)
+        return [], [], []
+
+    monkeypatch.setattr("select.select", nothing)
+    assert LineCommands(7).since(0.0) == []
+    assert asked == [([7], (), (), 0)]
+
+
 def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int = 2) -> list[float | None]:
     """The cycles that are planned for a way of a start 0 1 2 3, a cycle 4 5 6 and a stop 7 0.
 
