@@ -420,6 +420,30 @@ def test_without_lost_motion_nothing_goes_beyond() -> None:
         plan.frames(Segment(forward=0.03, cycles=0.0), 24)
 
 
+def test_a_swing_goes_beyond_as_far_as_what_is_lost_and_a_frame_of_the_stance() -> None:
+    """By a search in steps of a ten thousandth; a swing turns a joint as far as the stance turns it back."""
+    plan = footwork(hexapod(), gait("tripod", hexapod()), Posture(body_height=0.1), [Segment(forward=0.03)])
+    made = planned(Segment(forward=0.03))
+    loop = slice(made.trajectory.loop_start, None)
+    alpha = np.where(made.ground[loop], made.leg_angles[loop, :, 0], np.nan)
+    way = float(np.min(np.nanmax(alpha, axis=0) - np.nanmin(alpha, axis=0)))
+    u = np.linspace(0, 1, 2001)
+    shares = np.arange(1501) / 10_000
+    comes_back = way * (np.array([swing_share(u, 1.0, share).max() for share in shares]) - 1)
+    least, most = comes_back[[0, -1]] - way / 12  # what is taken up without going beyond, and at most
+    for lost, expected in (
+        (least * (1 - 1e-6), 0.0),
+        *(
+            (lost, float(shares[np.argmax(comes_back >= lost + way / 12)]))
+            for lost in np.linspace(least, most, 5)[1:-1]
+        ),
+        (most + 1e-6, 0.15),
+    ):
+        found = plan.reach_beyond((Segment(forward=0.03), Segment(forward=0.05)), 24, lost)
+        assert found == pytest.approx(expected, abs=2e-4), lost
+        assert (found == expected) == (expected in (0.0, 0.15))
+
+
 def test_loads_of_a_robot_are_its_weight_on_its_feet() -> None:
     robot = replace(hexapod(), mass=2.0)
     found = loads_of(robot, WALKED)
