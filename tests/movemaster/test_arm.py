@@ -257,6 +257,16 @@ def test_an_unreachable_pose_is_named_with_its_reason() -> None:
 # ---- limits of a run ------------------------------------------------------------------------------------
 
 
+def test_a_program_may_have_as_many_frames_as_the_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("servogen.movemaster.arm.MAX_FRAMES", 50)
+    full = mover()
+    full.stand(49)
+    assert len(full.samples) == full.frame == 50
+    for frames in (1, 49):
+        with pytest.raises(InputError, match="the program is more than 50 frames long, 1 s"):
+            (mover() if frames > 1 else full).stand(frames + (frames > 1))
+
+
 def test_a_program_may_take_all_of_its_time_and_not_a_frame_more(ran: Ran, refused: Refused) -> None:
     """The first frame and the one that is held at the end are not the program's."""
     assert ran("10 TI 20", budget=Budget(100, Fraction(2))).steps[0].frames == 100

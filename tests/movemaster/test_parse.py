@@ -64,6 +64,7 @@ def test_empty_lines_and_comments_are_no_statements() -> None:
 def test_a_numbered_comment_is_a_line_that_can_be_jumped_to() -> None:
     statement = only("10 ' start")
     assert (statement.number, statement.command) == (10, None)
+    assert str(only("  10 ' start").place) == "a.rvm:1:3: program line 10"
 
 
 def test_a_statement_knows_its_place() -> None:
