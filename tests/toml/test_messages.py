@@ -72,6 +72,7 @@ RANGE = "is out of range"
         ("pair = []", 1, "pair", "has 0 values [wrong-type] | at least 2"),
         ("pair = [1, 1.5]", 12, "pair[2]", f"1.5 {NOT_WHOLE}"),
         ("pair = [1, 2e15]", 12, "pair[2]", f"2000000000000000.0 {NOT_WHOLE}"),
+        ("pair = [1, 1e15]", 12, "pair[2]", f"1000000000000000.0 {NOT_WHOLE}"),
         ("pair = [1, 9e14]", 12, "pair[2]", f"900000000000000.0 {NOT_WHOLE}{AS_WHOLE}900_000_000_000_000"),
         ("pair = [1, -2e3]", 12, "pair[2]", f"-2000.0 {NOT_WHOLE}{AS_WHOLE}-2_000"),
         ('name = "A"', 1, "name",
