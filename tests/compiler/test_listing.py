@@ -203,6 +203,18 @@ def test_a_variable_delay_is_longest_with_255(unit_us: int, call: str) -> None:
     assert routine.maximum_cycles == 255 * unit_us - load_of_n - CALL
 
 
+def test_a_loop_that_delays_share_is_timed_with_the_counters_of_all_its_calls() -> None:
+    """MOVLW and CALL are the callers', and take three cycles of each delay."""
+    first, second = (
+        " PORTB = 1; ".join(f"_delay({cycles});" for cycles in delays)
+        for delays in ((104, 108, 112), (100, 116, 120))
+    )
+    text = f"void f(void) {{ {second} PORTB = 2; }}\nvoid main(void) {{ {first} PORTB = 2; f(); }}"
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    shared = next(each for each in found.listing.functions if each.name == "__delay_loop1")
+    assert (shared.minimum_cycles, shared.maximum_cycles) == (100 - 3, 120 - 3)
+
+
 def test_the_programs_own_variables_come_before_what_the_compiler_needs() -> None:
     functions = "int f(int x, int y) { int z = x * y; return z / (x + 1); }"
     found = compile_sources([Source(f"int a;\n{functions}\nvoid main(void) {{ a = f(a, 3); }}", "main.c")])

@@ -77,6 +77,17 @@ VALUES = {
     "flag = a; n = flag; flag = b; n += flag;": 1,
     "flag = u == 0x1234; n = flag; flag = !flag; n += 2 * flag;": 1,
     "flag = 1; if (flag == 0) n = 1; if (flag) n += 2; flag ^= 1; if (!flag) n += 4;": 6,
+    # counted before or behind the test
+    "if (b++) n = b;": 16,
+    "if (n++) n = 9;": 1,
+    "if (!n++) n += 4;": 5,
+    "if (n--) n = 7;": 255,
+    "if (!b--) n = 9; else n = b;": 14,
+    "while (b--) n++; n += b;": 14,
+    "if (++n) n += 2; if (--n) n += 2; if (!--b) n = 9;": 4,
+    "if (k--) n = k; if (!++k) n = 9;": 199,
+    # an address of bank 1 is greater than any of RAM
+    "p = (unsigned char *)0x86; n = p > array; n += array < p; n += p >= array; n += array >= p;": 3,
     # assignments as values, with effects in their targets
     "array[get(1)] = 9; n = array[2];": 9,
     "words[get(0)] = u; n = words[1] >> 8;": 0x12,
@@ -108,6 +119,15 @@ VALUES = {
     "n = f.mid;": 0xFE,
     "n = f.lo + f.hi;": 6,
     "f.lo += 4; n = f.lo;": 1,
+    # in more bytes than one
+    "u = 0xFFFF; u = f.lo; n = u >> 8;": 0,
+    "i = f.mid; n = i >> 8;": 0xFF,
+    "l = -1; l = f.lo; n = l >> 8; n |= l >> 16; n |= l >> 24; n += l;": 5,
+    "l = f.mid; n = l >> 24;": 0xFF,
+    "u = 0xFFFF; u = pf->hi; n = u >> 8; n += u;": 3,
+    "i = many[1].mid = 3; n = i >> 8; n += i;": 3,
+    "u = 0xFFFF; u = yes; n = u >> 8; u = flag; n += u >> 8;": 0,
+    "u = 0x1234; u = eeprom_read(1); n = u >> 8; n += u;": 0xFF,
     "f.hi = 3; n = f.lo; n += f.hi;": 8,
     "pf->lo = 7; n = pf->lo + pf->hi;": 10,
     "pf->hi = b; n = pf->hi; n += many[1].lo;": 5,
@@ -174,6 +194,8 @@ VALUES = {
     "switch (s) { case 253: n = 1; break; case -3: n = 2; break; }": 2,
     "switch (b) { case 1: n = 1; default: n += 2; case 3: n += 4; }": 6,
     "switch (i) { case -300: n = 1; break; case 300: n = 2; }": 1,
+    "switch (n++) { case 300: n = 9; }": 1,
+    "switch (n++) { case 300: n = 9; break; default: n += 2; }": 3,
     "goto there; n = 9; there: n++;": 1,
 }
 PER_PROGRAM = 24

@@ -115,6 +115,8 @@ def test_fixed_variables_beyond_the_others_count_once() -> None:
     assert memory.used == 5
     memory = allocate(["main"], main, [variable("x", 1, FIRST), variable("a", 3)], Reporter())
     assert memory.used == 4
+    memory = allocate(["main"], main, [variable("x", 1, FIRST + 3), variable("a", 3)], Reporter())
+    assert memory.used == 4
     # in bank 1 the same bytes appear once more
     memory = allocate(["main"], main, [variable("x", 1, LAST | 0x80), variable("port", 1, 0x86)], Reporter())
     assert memory.used == 1
