@@ -162,7 +162,6 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     layout = lay_out(
         arrangement.order(functions), memory, reporter, arrangement.tables, small=options.optimise == "size"
     )
-    reporter.stop_on_error()
     image = Image(
         {word.address: word.value for word in layout.words},
         settings.config_word(clock),

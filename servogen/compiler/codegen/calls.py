@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import Binary, Call, Expr, Num
-from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import add, bitwise, imms, shift_left, shift_right
 from servogen.compiler.codegen.effects import calls_something
 from servogen.compiler.codegen.expressions import effect, into
@@ -65,17 +64,7 @@ def _arguments(gen: FunctionGenerator, function: Function, arguments: list[Expr]
         if operands is not None:
             gen.load(operands[0])
         else:
-            _argument_to_w(gen, arguments[w_number])
-
-
-def _argument_to_w(gen: FunctionGenerator, argument: Expr) -> None:
-    to_w(gen, argument) if not _bool_cast(argument) else _bool_to_w(gen, argument)
-
-
-def _bool_to_w(gen: FunctionGenerator, argument: Expr) -> None:
-    temporary = gen.temp()
-    into(gen, argument, temporary)
-    gen.load(temporary[0])
+            to_w(gen, arguments[w_number])
 
 
 def library_call(gen: FunctionGenerator, function: Function, operands: list[list[Operand]]) -> list[Loc]:
@@ -119,7 +108,6 @@ def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: l
     applied.
     """
     size = len(target)
-    value &= (1 << 8 * size) - 1
     bits = [bit for bit in range(8 * size) if value >> bit & 1]
     if not bits:
         effect(gen, left)
@@ -213,7 +201,3 @@ def _divide_by_halving(gen: FunctionGenerator, expr: Binary, target: list[Loc], 
     gen.move_all(target[:have], list(part[:have]))
     if len(target) > have:
         widen(gen, target, have, signed=True)
-
-
-def _bool_cast(expr: Expr) -> bool:
-    return isinstance(expr.type, IntType) and expr.type.is_bool and not isinstance(expr, Num)

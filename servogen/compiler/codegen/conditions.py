@@ -43,13 +43,13 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
         _equality(gen, left, right, size, sense == (op == "=="), label)
         return
     if isinstance(right, Num):
-        bound, op = right.value, op
+        bound = right.value
         # left > n is left >= n + 1; the width is chosen anew for that bound, so that it cannot wrap
         if op == ">":
             bound, op = bound + 1, ">="
         elif op == "<=":
             bound, op = bound + 1, "<"
-        _against_constant(gen, left, bound, size, signed, sense == (op == ">="), label)
+        _against_constant(gen, left, bound, size, sense == (op == ">="), label)
         return
     # left < right or left >= right, by turning the others around
     if op in (">", "<="):
@@ -70,7 +70,7 @@ def _width(left: Expr, right: Expr) -> tuple[int, bool]:
 
 
 def _against_constant(
-    gen: FunctionGenerator, left: Expr, bound: int, size: int, signed: bool, at_least: bool, label: str
+    gen: FunctionGenerator, left: Expr, bound: int, size: int, at_least: bool, label: str
 ) -> None:
     """Jump if (left >= bound) equals `at_least`."""
     low, high = interval(left)

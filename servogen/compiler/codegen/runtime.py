@@ -249,7 +249,7 @@ def _count_w(gen: InstructionBuilder, loop: str) -> None:
 
 def min_units(unit: int) -> int:
     """Return the minimum argument for which a variable delay with steps of `unit` cycles is exact."""
-    return {1: 22, 2: 10, 3: 4, 4: 3}.get(unit, -(-12 // unit))
+    return {1: 22, 2: 10}.get(unit, -(-12 // unit))
 
 
 def eeprom_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:

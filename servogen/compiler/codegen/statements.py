@@ -225,15 +225,7 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
         if isinstance(node.value.type, VoidType):
             effect(gen, node.value)
         elif gen.function.returns_w:
-            if (
-                isinstance(node.value.type, IntType)
-                and node.value.type.is_bool
-                and not isinstance(node.value, Num)
-            ):
-                into(gen, node.value, temporary := gen.temp())
-                gen.load(temporary[0])
-            else:
-                to_w(gen, node.value)
+            to_w(gen, node.value)
         else:
             assert gen.function.result is not None
             size = gen.function.result.size
