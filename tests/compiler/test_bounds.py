@@ -49,8 +49,8 @@ CASES = {
     "deep initialisers": (MAIN + "const char t[1] = " + "{" * 2_000 + "1" + "}" * 2_000 + ";", DEEP, 2),
     "a deep sum": ("char a;\nvoid main(void) {\n a = a" + "+ a" * 2_000 + "; }", DEEP, 2),
     "code": (
-        "char a;\nvoid main(void) {" + "PORTB = a;" * 3_001 + "}",
-        "the program has 6003 instructions up to here, the chip has 1024 words",
+        "char a;\nvoid main(void) {" + "PORTB = a;" * 3_000 + "}",
+        "the program has 6001 instructions up to here, the chip has 1024 words",
         2,
     ),
     "assembly": (

@@ -57,7 +57,8 @@ def test_objects_of_several_bytes_and_pointers_to_flash_and_ram() -> None:
     const unsigned long longs[2] = {0x01020304, 0xA0B0C0D0};
     const signed char small[2] = {-5, 6};
     const unsigned char *const names[2] = {"ab", "cd"};
-    unsigned char ram[3] = {50, 60, 70}, out[20];
+    const unsigned int next[3] = {0x0102, 2, 0x0304};
+    unsigned char ram[3] = {50, 60, 70}, out[24];
     volatile unsigned char i;
     const unsigned char *p;
     const unsigned int *w;
@@ -71,13 +72,16 @@ def test_objects_of_several_bytes_and_pointers_to_flash_and_ram() -> None:
       p = ram; out[12] = p[1]; p = names[i]; out[13] = *p; out[14] = p[1]; p++; out[15] = *p;
       q = &rows[1]; u = q->value; out[16] = u >> 8; q++; out[17] = q->less; out[18] = (q - 1)->key;
       w = &rows[0].value; u = *w; out[19] = u;
+      u = i; u = next[u]; u = next[u]; out[20] = u; out[21] = u >> 8;
+      u = next[i - 1]; u = next[u >> 8]; out[22] = u; out[23] = u >> 8;
       while (1);
     }
     """
-    assert results(text, 20) == [
+    assert results(text, 24) == [
         *(0x78, 0x56, 3, 0xFD, 0xFF),
         *(0xD0, 0xC0, 0xB0, 0xA0),
         *(0xFF, 6, 0),
         *(60, ord("c"), ord("d"), ord("d")),
         *(0x56, 0xFD, 2, 0x34),
+        *(0x04, 0x03, 2, 0),
     ]

@@ -167,6 +167,7 @@ VALUES = {
     "pf->mid = s; n = pf->mid; n ^= pf->lo; n += pf->hi;": 2,
     "pe->low ^= 1; pe->high ^= 1; n = array[0];": 0b1000_1011,
     "flag = 1; flag ^= 0; n = flag; flag ^= 1; n += flag; flag ^= 1; n += 2 * flag;": 3,
+    "n = b + (bool)(u << 8); n += (bool)s * 2;": 18,
     # values in more bytes than they have
     "l = a ? i : 1; n = l >> 24; u = a ? s : b; n &= u >> 8;": 0xFF,
     "l = i++; n = l >> 24; l = --s; n &= l >> 8;": 0xFF,

@@ -23,6 +23,12 @@ u = a;
     MOVF a,W; MOVWF u; CLRF u+1
 l = a;
     MOVF a,W; MOVWF l; CLRF l+1; CLRF l+2; CLRF l+3
+l = a + b;
+    MOVF b,W; ADDWF a,W; MOVWF l; CLRF l+1; RLF l+1,F; CLRF l+2; CLRF l+3
+i = a >> 1;
+    BCF C; RRF a,W; MOVWF i; CLRF i+1
+u = f.lo;
+    MOVF f,W; ANDLW 7; MOVWF u; CLRF u+1
 a = u;
     MOVF u,W; MOVWF a
 a = u >> 8;
@@ -223,4 +229,4 @@ MOST_WORDS = {
     "f.hi++;": 11,
     "k |= 0;": 2,
 }
-AS_GENERATED = 477
+AS_GENERATED = 495

@@ -5,6 +5,8 @@ from tests.compiler.codegen.forms import table
 SHORTEST = table("""
 a = array[b];
     MOVF b,W; ADDLW array; MOVWF FSR; MOVF INDF,W; MOVWF a
+l = array[a];
+    MOVF a,W; ADDLW array; MOVWF FSR; MOVF INDF,W; MOVWF l; CLRF l+1; CLRF l+2; CLRF l+3
 a = array[3];
     MOVF array+3,W; MOVWF a
 array[b] = a;
@@ -25,6 +27,8 @@ array[b] -= 1;
     MOVF b,W; ADDLW array; MOVWF FSR; DECF INDF,F
 a = *p;
     MOVF p,W; MOVWF FSR; MOVF INDF,W; MOVWF a
+l = *p;
+    MOVF p,W; MOVWF FSR; MOVF INDF,W; MOVWF l; CLRF l+1; CLRF l+2; CLRF l+3
 *p = a;
     MOVF p,W; MOVWF FSR; MOVF a,W; MOVWF INDF
 *p = 0;
@@ -63,6 +67,10 @@ a = p - array;
     MOVLW array; SUBWF p,W; MOVWF a
 a = table[b];
     MOVF b,W; CALL __table.table; MOVWF a
+l = table[a];
+    MOVF a,W; CALL __table.table; MOVWF l; CLRF l+1; CLRF l+2; CLRF l+3
+l = wide[a];
+    BCF C; RLF a,W; MOVWF t1; CALL __table.wide; MOVWF l; INCF t1,W; CALL __table.wide; MOVWF l+1; CLRF l+2; CLRF l+3
 a = table[2];
     MOVLW 4; MOVWF a
 a = table[b + 1];
@@ -85,4 +93,4 @@ a = p[b];
 MOST_WORDS = {
     "array[a] = array[b];": 10,
 }
-AS_GENERATED = 186
+AS_GENERATED = 219
