@@ -69,8 +69,6 @@ a = table[b];
     MOVF b,W; CALL __table.table; MOVWF a
 l = table[a];
     MOVF a,W; CALL __table.table; MOVWF l; CLRF l+1; CLRF l+2; CLRF l+3
-l = wide[a];
-    BCF C; RLF a,W; MOVWF t1; CALL __table.wide; MOVWF l; INCF t1,W; CALL __table.wide; MOVWF l+1; CLRF l+2; CLRF l+3
 a = table[2];
     MOVLW 4; MOVWF a
 a = table[b + 1];
@@ -93,4 +91,4 @@ a = p[b];
 MOST_WORDS = {
     "array[a] = array[b];": 10,
 }
-AS_GENERATED = 219
+AS_GENERATED = 207
