@@ -208,6 +208,7 @@ def test_a_run_is_looked_at_for_its_time_and_its_inputs_delay(tmp_path: Path) ->
         made._adapter = cast(Any, Adapter(scheduler))
         made.play(BenchRun(MHZ4, 0.1))
         assert made.asked == pytest.approx([0.5 + (0.1 + late) * 2 / 4])
+        assert cast(Any, made._adapter).calls == [("stop",), ("apply",), ("load", [], 100)]
         assert made.edges_per_s == pytest.approx(101 / 0.1), "as many as were seen in the run"
         assert made.settings.armed == cast(Any, made._adapter).start
 
