@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import pytest
@@ -19,7 +19,7 @@ from servogen.notebooks import table_html
 from servogen.pic.image import Image
 from servogen.programs import Program
 from servogen.pulse import from_json
-from servogen.simulator import Simulation, SimulatorOptions
+from servogen.simulator import Simulation, SimulatorOptions, Stimuli
 from servogen.simulator import machine as machine_module
 from servogen.simulator import run as run_module
 from servogen.simulator.machine import Machine
@@ -64,14 +64,18 @@ def test_load_takes_jobs_programs_and_builds() -> None:
         servogen.load(ROOT / "README.md")
 
 
-def test_build_gives_what_is_committed(made: Build) -> None:
+def test_build_gives_what_is_committed(made: Build, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a path, a loaded job and a planned one."""
     committed = servogen.load(FOLDER)
     assert isinstance(committed, Program)
     assert made.proven and made.programs[0].image == committed.image
     job = servogen.load(JOB)
     assert isinstance(job, Job)
-    assert servogen.build(job).programs[0].image == committed.image
+    monkeypatch.setattr("servogen.build.notebook.build_planned", lambda planned: planned)
+    for given in (JOB, str(JOB), job):
+        planned: Any = servogen.build(given)
+        assert isinstance(planned, PlannedJob) and planned.name == "lab8-exercise"
+    assert servogen.build(made.job) is cast(Any, made.job)
 
 
 def test_simulate_runs_the_motion_of_a_build_and_a_second_of_a_program(ran: Simulation, made: Build) -> None:
@@ -167,6 +171,59 @@ def test_a_time_that_cannot_be_simulated_is_refused(
         with pytest.raises(InputError, match="is not a number from 0 to 3600") as error:
             refused()
         assert error.value.code == "out-of-range"
+
+
+def test_a_program_runs_from_no_time_at_all_to_an_hour(monkeypatch: pytest.MonkeyPatch) -> None:
+    spans: list[int] = []
+    monkeypatch.setattr("servogen.build.notebook.run", lambda image, clock, span, *more: spans.append(span))
+    for seconds in (0, 3600):
+        servogen.simulate(FOLDER, seconds)
+    assert spans == [0, 3600 * 1_000_000]
+
+
+def test_a_build_runs_its_own_program_with_the_inputs_of_its_schedule_or_the_given_ones(
+    made: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[tuple[object, ...]] = []
+    monkeypatch.setattr("servogen.build.notebook.run", lambda *given: ran.append(given))
+    monkeypatch.setattr("servogen.build.notebook.inputs_of", lambda schedule: "held")
+    given = Stimuli(())
+    for stimulus, inputs in ((None, "held"), (given, given)):
+        servogen.simulate(made, stimulus=stimulus)
+        image, clock, span, _, played = ran.pop()
+        assert image is made.programs[0].image
+        assert (clock, span, played) == (Clock(4_000_000), 500 * 20_000, inputs)
+    servogen.simulate(FOLDER, stimulus=given)
+    assert ran.pop()[-1] is given
+
+
+def test_a_picture_has_the_pulses_of_what_is_given(
+    made: Build, ran: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its title is the job's name, if there is one; only a build has a schedule to compare with."""
+    runs: list[tuple[object, object]] = []
+
+    def simulate(program: object, seconds: object) -> Simulation:
+        runs.append((program, seconds))
+        return ran
+
+    monkeypatch.setattr("servogen.build.notebook.simulate", simulate)
+    monkeypatch.setattr("servogen.build.notebook.Picture", lambda figure: figure)
+    monkeypatch.setattr("servogen.build.notebook.pulse_figure", lambda *given: given)
+    job, end = servogen.load(JOB), ran.edges.end
+    titled = "{}: from the first edge on"
+    for source, title, schedule in (
+        (ran, "pulses", None),
+        (ran.edges, "pulses", None),
+        (FOLDER, "pulses", None),
+        (job, "lab8-exercise", None),
+        (made, "lab8-exercise", made.plan.schedule),
+    ):
+        for seconds, until in ((None, end), (0.5, 500_000)):
+            picture: Any = servogen.plot(source, seconds)
+            assert picture[0].end == picture[1] == until
+            assert picture[2:] == (titled.format(title), schedule)
+    assert runs == [(source, seconds) for source in (FOLDER, job, made) for seconds in (None, 0.5)]
 
 
 @pytest.mark.parametrize("clock_hz", [0, -4_000_000, float("nan"), "4 MHz"])
