@@ -90,6 +90,7 @@ def test_messages_are_those_of_the_protocol() -> None:
     """By hand from scheduler.md and serial-1.0.md: 1000 = 7·128 + 104, 2400 = 18·128 + 96."""
     assert firmata.delay_ms(1000) == bytes.fromhex("F0 7B 03 68 07 00 00 00 F7")
     assert firmata.serial_config(1, 2400) == bytes.fromhex("F0 60 11 60 12 00 F7")
+    assert firmata.serial_config(2, 57_600) == bytes.fromhex("F0 60 12 00 42 03 F7")  # 3·128² + 66·128
     assert firmata.serial_write(1, b"\xc1") == bytes.fromhex("F0 60 21 41 01 F7")
     assert firmata.pin_mode(2, Mode.OUTPUT) + firmata.pin_value(2, 1) == bytes.fromhex("F4 02 01 F5 02 01")
     # two bytes of a task, FF 81: bits 1111111 1·1000000 10
@@ -113,6 +114,7 @@ def test_a_reader_finds_messages_in_pieces_and_between_rubbish() -> None:
         (MessageKind.VERSION, b"\x02\x05"),
         (0x91, b"\x7f\x01"),
     ]
+    assert list(reader.read(bytes.fromhex("F0 71 80 41 F7"))) == [], "80 is no data, and begins nothing"
 
 
 class Rig:

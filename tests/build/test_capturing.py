@@ -219,8 +219,11 @@ def test_the_rate_is_the_devices_where_that_is_slower(
     with pytest.raises(InputError, match="too slow to prove anything"):
         captured(monkeypatch, useless, tmp_path / "b.vcd", SCHEDULE, 0.02)
     assert int(captured(monkeypatch, useless, tmp_path / "b.vcd", None, 0.02).plan.rate) == 50_000
+    slower, untouched = CaptureSettings(rate=50_000), Analyser(PLAIN)
     with pytest.raises(InputError, match="too slow to prove anything"):
-        captured(monkeypatch, slow, tmp_path / "c.vcd", SCHEDULE, 0.02, CaptureSettings(rate=50_000))
+        captured(monkeypatch, untouched, tmp_path / "c.vcd", SCHEDULE, 0.02, slower)
+    assert untouched.written == b""
+    assert int(captured(monkeypatch, slow, tmp_path / "c.vcd", None, 0.02, slower).plan.rate) == 50_000
 
 
 def test_what_came_of_a_capture_that_stops_is_kept_beside_it(
@@ -234,3 +237,20 @@ def test_what_came_of_a_capture_that_stops_is_kept_beside_it(
     assert error.value.message.startswith("the analyser stopped sending after 20 of ")
     assert error.value.hint == f"the incomplete capture is kept in {kept}"
     assert kept.exists() and not (tmp_path / "a.vcd").exists()
+
+
+def test_captures_that_are_stitched_are_numbered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A frame has 2000 samples at 100 kHz, and 4200 hold one and that in which it begins: six of 1 frame."""
+    labels: list[str] = []
+
+    @contextmanager
+    def progress(label: str, total: int) -> Iterator[Any]:
+        labels.append(label)
+        if len(labels) == 2:
+            raise ToolError("no-answer", "that is enough")
+        yield lambda done: None
+
+    settings = CaptureSettings(rate=100_000, rle=False, memory=8400)
+    with pytest.raises(ToolError, match="that is enough"):
+        captured(monkeypatch, Analyser(PLAIN), tmp_path / "a.vcd", SCHEDULE, None, settings, progress)
+    assert labels == ["capture 1 of about 6", "capture 2 of about 6"]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from servogen.build.measured_schedule import measured_schedule
+from servogen.build.measured_schedule import _repeat, measured_schedule
 from servogen.build.signals import unscheduled_edges
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
@@ -15,6 +17,7 @@ from servogen.pic.image import to_hex
 from servogen.programs import read_program, read_schedule
 from servogen.prove import prove_for_all
 from servogen.pulse import from_json
+from servogen.pulse.schedule import Pulse
 from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 from tests.prove.attack import servogen
@@ -86,6 +89,62 @@ def test_pauses_are_frames_without_pulses_and_what_repeats_is_the_loop() -> None
         for part in (found.lead_in, found.loop)
     ]
     assert widths == [[10, 20], [30, None]]
+
+
+def test_the_shortest_beginning_and_loop_explain_all_frames() -> None:
+    """By trying all of them, of all sequences of up to eight frames of two or three kinds."""
+    for kinds, most in ((2, 8), (3, 5)):
+        for length in range(1, most + 1):
+            for frames in product(range(kinds), repeat=length):
+                shown: Any = frames
+                fits = [
+                    (lead + loop, loop)
+                    for loop in range(1, length // 2 + 1)
+                    for lead in range(length - 2 * loop + 1)
+                    if all(frames[n] == frames[n + loop] for n in range(lead, length - loop))
+                ]
+                if not fits:
+                    with pytest.raises(InputError, match=f"nothing repeats in {length} frames"):
+                        _repeat(shown, "edges")
+                    continue
+                whole, loop = min(fits)
+                assert _repeat(shown, "edges") == (frames[: whole - loop], frames[whole - loop : whole])
+
+
+def test_a_pulse_ends_before_the_next_frame_and_what_is_cut_off_is_left_out() -> None:
+    """Frames of 100 cycles from 7 on: RB1 is high from 30 to 69 cycles later; the last frame is not whole."""
+    pulses = [(5, 7 + 100 * n, 10) for n in range(4)]
+    others = [(6, 37 + 100 * n, 69) for n in range(4)]
+    found = measured_schedule(edges(*pulses, *others, end=350), "edges", {})
+    (loop,) = found.loop
+    assert (found.lead_in, loop.frames, found.period) == ((), 1, 100)
+    assert [(pulse.rise, pulse.width) for pulse in loop.pulses if pulse] == [(0, 10), (30, 69)]
+    assert [channel.servo for channel in found.channels] == ["unknown", "unknown"]
+    named = measured_schedule(edges(*pulses, end=407), "edges", {"RB0": "futaba-s3001"}, "PIC16F84A")
+    assert (named.channels[0].servo, named.device) == ("futaba-s3001", "PIC16F84A")
+    assert [(run.frames, run.pulses[0]) for run in named.loop] == [(1, Pulse(Cycles(0), Cycles(10)))]
+    with pytest.raises(InputError, match="RB1 has a pulse at cycle 37 that is not the only one in a frame"):
+        measured_schedule(edges(*pulses, (6, 37, 70), end=407), "edges", {})
+
+
+def test_a_level_that_is_driven_again_is_no_new_pulse_and_an_undriven_pin_is_low() -> None:
+    rows = [
+        (7 + 100 * n + at, 5, level) for n in range(4) for at, level in ((0, 1), (3, 1), (10, 2), (20, 0))
+    ]
+    trace = EdgeTrace(CLOCK, (edge_chunk(*zip(*rows, strict=True)),), Cycles(420))
+    found = measured_schedule(trace, "edges", {})
+    assert [run.pulses[0] for run in found.loop] == [Pulse(Cycles(0), Cycles(10))]
+    with pytest.raises(InputError, match="no pin has a pulse"):
+        measured_schedule(EdgeTrace(CLOCK, (edge_chunk([3], [5], [0]),), Cycles(420)), "edges", {})
+
+
+def test_more_frames_than_a_schedule_has_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("servogen.build.measured_schedule.MAX_FRAMES", 4)
+    pulses = [(5, 7 + 100 * n, 10) for n in range(5)]
+    assert measured_schedule(edges(*pulses, end=506), "edges", {}).period == 100
+    with pytest.raises(InputError, match="5 frames are too many") as error:
+        measured_schedule(edges(*pulses, end=507), "edges", {})
+    assert error.value.hint == "--seconds: at most 4"
 
 
 @pytest.mark.parametrize(
