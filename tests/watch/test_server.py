@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,8 +18,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 
 from servogen.errors import InputError
+from servogen.pic.image import Image
 from servogen.simulator import aot_cache
-from servogen.watch.server import FILES
+from servogen.units import Clock
+from servogen.watch import server as module
+from servogen.watch.server import FILES, MAX_REQUEST_BYTES, Room, WatchServer, Window
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, Subject, load_subject
 from tests.watch.serving import Running
@@ -229,9 +234,6 @@ def test_a_defect_of_a_session_does_not_end_the_server(
 
 def test_a_program_that_crashes_does_not_end_the_server() -> None:
     """A chip that wraps its stack and executes words that no data sheet defines."""
-    from servogen.pic.image import Image
-    from servogen.units import Clock
-
     wild = Image({address: 0x0001 if address % 3 else 0x2000 for address in range(1024)}, 0x3FFF)
     served = Running(lambda progress: Subject(Path("wild.hex"), Clock(4_000_000), image=wild))
     try:
@@ -304,3 +306,177 @@ def test_an_old_window_is_forgotten_only_after_many() -> None:
             assert messages(socket, "window")[-1]["name"] != names[0]
     finally:
         served.stop()
+
+
+# Rooms, without a network
+
+
+class Socket:
+    """A window that notes what it is sent; `waiting` bytes of earlier messages are not read yet."""
+
+    def __init__(self, waiting: int = 0) -> None:
+        self.sent: list[dict[str, Any]] = []
+        self.transport = SimpleNamespace(get_write_buffer_size=lambda: waiting)
+
+    async def send(self, text: str) -> None:
+        self.sent.append(json.loads(text))
+
+
+def room_of(windows: dict[str, Any], load: Any = hex_subject, editor: Any = None) -> Room:
+    room = Room(load, editor)
+    room._windows = windows
+    return room
+
+
+async def sent(room: Room) -> None:
+    """Let a room send everything."""
+    while room._sending:
+        await asyncio.sleep(0)
+
+
+def test_time_passes_only_in_windows_that_are_open_and_loaded() -> None:
+    async def main() -> None:
+        session: Any = SimpleNamespace(tick=lambda elapsed: iter([{"elapsed": elapsed}]))
+        seen, empty = Socket(), Socket()
+        shown: Any = {"a": Window(session, seen), "b": Window(session), "c": Window(None, empty)}  # type: ignore[arg-type]
+        room = room_of(shown)
+        assert room.watched and not room_of({"b": shown["b"]}).watched and not room_of({}).watched
+        room.tick(0.5)
+        await sent(room)
+        assert (seen.sent, empty.sent) == ([{"elapsed": 0.5}], [])
+
+    asyncio.run(main())
+
+
+def test_a_window_that_does_not_read_misses_messages() -> None:
+    async def main() -> None:
+        for waiting, count in ((MAX_REQUEST_BYTES, 0), (MAX_REQUEST_BYTES - 1, 1)):
+            socket: Any = Socket(waiting)
+            room = room_of({"a": Window(None, socket)})
+            room._say({"is": "status"})
+            await sent(room)
+            assert len(socket.sent) == count
+
+    asyncio.run(main())
+
+
+def test_a_defect_while_loading_is_said_and_a_room_can_be_started_again() -> None:
+    async def main() -> None:
+        def load(progress: Callable[[str], None]) -> Subject:
+            raise ZeroDivisionError("x")
+
+        socket: Any = Socket()
+        room = room_of({"a": Window(None, socket)}, load)
+        assert not room.started
+        room.start()
+        loading = room._loading
+        assert loading is not None and room.started
+        room.start()
+        assert room._loading is loading
+        await loading
+        await sent(room)
+        text = "a defect of servogen: ZeroDivisionError('x')"
+        assert socket.sent == [{"is": "status", "failed": True, "text": text}]
+        room.stop()
+        assert not room.started and not room.watched
+        refused: Any = Socket()
+        room.refuse(refused, "full")
+        await sent(room)
+        assert refused.sent == [{"is": "status", "failed": True, "text": "full"}]
+
+    asyncio.run(main())
+
+
+def test_a_room_that_is_stopped_loads_no_more() -> None:
+    async def main() -> None:
+        go = threading.Event()
+
+        def load(progress: Callable[[str], None]) -> Subject:
+            go.wait(60)
+            return hex_subject(progress)
+
+        room = room_of({}, load)
+        room.start()
+        loading = room._loading
+        await asyncio.sleep(0)
+        room.stop()
+        go.set()
+        assert loading is not None
+        with pytest.raises(asyncio.CancelledError):
+            await loading
+
+    asyncio.run(main())
+
+
+def test_the_room_that_was_left_first_makes_place_for_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_ROOMS", 2)
+
+    def started(used: float, *, watched: bool) -> Room:
+        socket: Any = Socket() if watched else None
+        room = room_of({"a": Window(None, socket)})
+        loading: Any = SimpleNamespace(cancel=lambda: None)
+        room._loading, room.used = loading, used
+        return room
+
+    for watched, left in (((False, False), [0]), ((True, False), [0]), ((False, True), [1])):
+        rooms = [started(used, watched=each) for used, each in zip((5.0, 3.0), watched, strict=True)]
+        server = WatchServer({"0": rooms[0], "1": rooms[1], "2": Room(hex_subject)})
+        assert server._may_start()
+        assert [number for number, room in enumerate(rooms) if room.started] == left
+        assert server._may_start() and len(left) == 1, "now there is a place"
+        assert [number for number, room in enumerate(rooms) if room.started] == left
+    full = WatchServer({str(used): started(used, watched=True) for used in (3.0, 5.0)})
+    assert not full._may_start()
+
+
+def test_a_job_that_was_built_is_shown_in_every_window_and_a_defect_is_said() -> None:
+    async def main() -> None:
+        built = Subject(Path("x.hex"), Clock(4_000_000), image=Image({0: 0x2800}))
+        answers: list[Any] = [ZeroDivisionError("x"), ({"is": "checked"}, None), ({"is": "built"}, built)]
+
+        def handle(message: Any, progress: Callable[[str], None]) -> Any:
+            answer = answers.pop(0)
+            if isinstance(answer, Exception):
+                raise answer
+            progress("compiling")
+            return answer
+
+        mine, other = Socket(), Socket()
+        windows: Any = {"a": Window(None, mine), "b": Window(None, other)}  # type: ignore[arg-type]
+        editor: Any = SimpleNamespace(handle=handle)
+        room = room_of(windows, editor=editor)
+        for _ in range(3):
+            await room._edit(windows["a"], {})
+            await asyncio.sleep(0.001)
+            await sent(room)
+        kinds = [message["is"] for message in mine.sent]
+        assert mine.sent[0] == {"is": "problem", "text": "a defect of servogen: ZeroDivisionError('x')"}
+        # What a thread reports and its answer may come in any order.
+        assert sorted(kinds[1:3]) == ["building", "checked"] and sorted(kinds[3:5]) == ["building", "built"]
+        assert {"is": "building", "text": "compiling"} in mine.sent
+        assert kinds[5:] == [message["is"] for message in other.sent] == ["status", "model", "now"]
+        room = room_of(windows)
+        await room._edit(windows["b"], {"do": "save"})
+        await sent(room)
+        assert other.sent[-1] == {"is": "problem", "text": "only a job file can be changed here"}
+
+    asyncio.run(main())
+
+
+def test_time_passes_as_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks: list[float] = []
+    moments = iter((10.0, 10.5, 11.25))
+    pauses: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        pauses.append(seconds)
+        if len(pauses) == 3:
+            raise asyncio.CancelledError
+
+    room: Any = SimpleNamespace(tick=ticks.append)
+    monkeypatch.setattr(module.time, "monotonic", lambda: next(moments))
+    monkeypatch.setattr(module.asyncio, "sleep", sleep)
+    ticking = WatchServer({"": room})._ticking()
+    with pytest.raises(asyncio.CancelledError):
+        ticking.send(None)
+    assert ticks == [0.5, 0.75]
