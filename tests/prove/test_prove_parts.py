@@ -935,6 +935,24 @@ def test_what_tables_say_is_numbered_and_run_once(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(trims, "CHUNK", 3)
     assert cycles(np.arange(256) % 8, c2=2) == (10 + np.arange(256) % 8).tolist()
     assert [len(part) for part in asked[3:]] == [3, 3, 2] and one._runs == 18
+    # Where more ways read more of the RAM, they are of this RAM only.
+    monkeypatch.setattr(trims, "CHUNK", 2048)
+    seen: list[int] = []
+
+    def reading(start: ChipState, places: Any, values: Any, stops: Any, limit: int) -> Any:
+        seen.append(start.ram[3])
+        return SimpleNamespace(
+            cycles=10 + values[:, 0] + start.ram[3] * (values[:, 0] > 3), edges={},
+            ram=np.full((len(values), 68), -1, dtype=np.int64), read=(1, 3) if values.max() > 3 else (1,),
+            fit=np.full(len(values), True), rests={rest(PC=20): None},
+        )  # fmt: skip
+
+    one = running()
+    one._chip.run_lanes = reading
+    assert cycles(four, c3=90) == (10 + four).tolist() == cycles(four, c3=50) and seen == [90]
+    for c3 in (50, 90, 50):
+        assert cycles(four + 4, c3=c3) == (14 + c3 + four).tolist()
+    assert seen == [90, 50, 90]
     three: Any = {n: ByteTable((n,), four) for n in (1, 2, 3)}
     text = "3 bytes of the EEPROM decide together (address 0x009, frame 0)"
     assert why(lambda: one._ways(at(0, tables=three), frozenset(three))) == text
@@ -951,6 +969,31 @@ def test_what_tables_say_is_numbered_and_run_once(monkeypatch: pytest.MonkeyPatc
     numbers = one._classes(trims._Memory(), (5, 9), both)
     assert numbers.shape == (256, 256) and len(np.unique(numbers)) == 16
     assert numbers[2, 3] == 2 * 8 + 3 == numbers[6, 7] and numbers[3, 2] != numbers[2, 3]
+
+
+def test_what_differed_before_is_taken_apart_again_where_it_is_known() -> None:
+    """The ways of other frames, in which byte 1 is the same for all values, are then the same ways."""
+    asked: list[tuple[Any, Any]] = []
+
+    def run_lanes(start: ChipState, places: Any, values: Any, stops: Any, limit: int) -> Any:
+        asked.append((places, values[0].tolist()))
+        return SimpleNamespace(
+            cycles=np.arange(len(values)), ram=np.full((len(values), 68), -1, dtype=np.int64), edges={},
+            read=(), fit=np.full(len(values), True), rests={rest(PC=20): None},
+        )  # fmt: skip
+
+    one = running()
+    one._chip.run_lanes = run_lanes
+    one._ways(at(0, tables={1: COUNTED}), frozenset({1}))
+    two: Any = {2: COUNTED}
+    for cell, places in ((255, (1, 2)), (256, (2,)), (ALL_UNKNOWN, (2,))):
+        one._ways(at(0, ram=ram(c1=cell), tables=two), frozenset({2}))
+        if cell != ALL_UNKNOWN:
+            assert asked[-1] == (places, [255, 0] if cell == 255 else [0])
+    # Bit 0 unknown (256), or all: byte 1 is no table, and these ways are the same.
+    assert len(asked) == 3
+    one._ways(at(0, rest=rest(PC=8), ram=ram(c1=255), tables=two), frozenset({2}))
+    assert asked[-1] == ((2,), [0]), "another address"
 
 
 def test_a_state_at_a_cut_is_general_and_followed_once() -> None:

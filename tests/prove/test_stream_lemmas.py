@@ -527,6 +527,7 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     pytest.importorskip("bitwuzla", reason="the solver is not installed")
     from servogen.prove.stream.proof import prove_line
 
+    monkeypatch.setattr("servogen.prove.stream.counterexample.FIRST_LINES", 3)
     monkeypatch.setattr("servogen.prove.stream.counterexample.SUSPECTED_LINES", 2)
     monkeypatch.setattr("servogen.prove.stream.counterexample.MORE_LINES", 2)
     # The watchdog, which is off, would have another prescaler.
@@ -608,7 +609,7 @@ def commands(dice: random.Random, servos: int) -> Iterator[tuple[int, int]]:
 def test_both_receivers_make_the_same_commands() -> None:
     dice, model = random.Random(3), chip_model.Receiver(len(STREAMED.neutral), answers=True)
     chip = ReceiverState(STREAMED, byte(0), byte(0), byte(0), byte(0), byte(NOTHING), byte(NOTHING), byte(0))
-    for _ in range(3000):
+    for _ in range(1500):
         value = dice.choice((SYNC, 0, 1, 0x41, 0x80, NOTHING, dice.randrange(256)))
         whole = dice.random() < 0.9
         chip.todo = byte(NOTHING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.units import Clock, Cycles
+from servogen.watch import session as session_module
 from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
 from servogen.watch.recording import Recording
 from servogen.watch.session import MAX_EDGES, LatestPulses, WatchSession
@@ -232,6 +234,33 @@ def test_bytes_are_sent_from_the_next_cycle_on_one_after_the_other(baud: int, bi
     assert rises[1] - falls[1] == pytest.approx(bit, abs=1)
 
 
+def test_bytes_wait_for_less_than_ten_seconds() -> None:
+    """Ten bits at 50 baud take 0.2 s: after 49 bytes the line is busy for 9.8 s, after 50 for 10 s."""
+    for length, begin in ((49, 9_800_002), (50, 1)):
+        of = copying()
+        answer(of, do="serial", pin="RA1", baud=50, bytes=[0] * length)
+        answer(of, do="serial", pin="RA2", baud=115_200, bytes=[0])
+        assert of.chip is not None
+        fall = next(change.cycle for change in of.chip.inputs if (change.pin, change.level) == (2, 0))
+        assert fall == pytest.approx(begin, abs=1)
+
+
+def test_at_full_speed_frames_are_run_for_12_ms(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a clock that goes 5 ms further at each look: two frames, of 20 ms."""
+    of = copying()
+    looks = count()
+    answer(of, do="run", speed=None)
+    monkeypatch.setattr(session_module.time, "monotonic", lambda: next(looks) * 0.005)
+    (shown,) = of.tick(0.05)
+    assert shown["cycle"] in (40_000, 40_001)
+
+
+def test_before_the_first_line_there_is_no_other_one() -> None:
+    of = copying()
+    answer(of, do="seek", cycle=100)
+    assert answer(of, do="step", what="line", count=-1)["stopped"] == "there is no other line"
+
+
 def test_at_most_256_bytes_are_sent_at_once() -> None:
     of = copying()
     answer(of, do="serial", pin="RA1", baud=115_200, bytes=[0] * 300)
@@ -264,11 +293,17 @@ def test_at_most_ten_thousand_instructions_are_stepped_at_once() -> None:
 
 def test_frames_are_stepped_from_power_up_where_nothing_is_scheduled() -> None:
     of = copying()
-    for now, count, there in ((0, 1, 20_000), (20_000, 2, 60_000), (70_000, -1, 60_000), (60_000, -1, 40_000),
-                              (70_000, -3, 20_000), (70_000, -9, 0)):  # fmt: skip
+    for now, frames, there in (
+        (0, 1, 20_000),
+        (20_000, 2, 60_000),
+        (70_000, -1, 60_000),
+        (60_000, -1, 40_000),
+        (70_000, -3, 20_000),
+        (70_000, -9, 0),
+    ):
         answer(of, do="seek", cycle=now)
         # The instruction in which the moment is is executed to its end.
-        assert answer(of, do="step", what="frame", count=count)["cycle"] - there in (0, 1), (now, count)
+        assert answer(of, do="step", what="frame", count=frames)["cycle"] - there in (0, 1), (now, frames)
 
 
 def test_inputs_that_are_recorded_and_given_here_are_shown_in_their_order() -> None:

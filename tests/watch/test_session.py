@@ -603,6 +603,11 @@ def test_poses_are_changed_in_their_text_and_nothing_else(tmp_path: Path) -> Non
     paused = changed(editor, text, kind="time", index=0, key="pause_s", seconds=0.5)
     assert paused["text"] == text.replace("hold_s = 2 }", "hold_s = 2, pause_s = 0.5 }")
     assert changed(editor, paused["text"], kind="time", index=0, key="pause_s", seconds=None)["text"] == text
+    # Times have three decimals; the longest one is 100 000 s.
+    for seconds, written in ((0, "0"), (1.23456, "1.235"), (0.0004, "0"), (100_000, "100000")):
+        found = changed(editor, text, kind="time", index=1, key="hold_s", seconds=seconds)
+        assert found["text"] == text.replace("hold_s = 5 }", f"hold_s = {written} }}")
+    assert changed(editor, text, kind="time", index=1, key="hold_s", seconds=100_001)["is"] == "problem"
     turned = changed(editor, text, kind="angles", index=0, angles=[1.0])
     assert turned["text"] == text.replace("arm_deg = 30", "arm_deg = 57.3", 1)
     assert not (tmp_path / "job.toml").exists(), "nothing is saved before it is asked for"
