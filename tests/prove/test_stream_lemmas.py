@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,7 +24,7 @@ from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
-from servogen.prove.stream.counterexample import CounterexampleSearch
+from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
 from tests.prove.attack import servogen
@@ -128,6 +129,78 @@ def test_a_start_writes_all_variables(listing: Listing) -> None:
     assert variables_of(listing, accesses.writes) == every
     assert {0x06, 0x86, 0x81, 0x0B} <= accesses.writes, "PORTB, TRISB, OPTION_REG, INTCON"
     assert 0x08 in accesses.reads, "EEDATA: the trims"
+
+
+def test_each_lemma_begins_in_every_state_of_its_step(
+    listing: Listing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of all bytes, these bits only are known before it; "u" is unknown, bit 7 is the first."""
+    from servogen.prove.stream.execution import RETURNED, Execution
+
+    begun: list[tuple[int, dict[int, str], Execution]] = []
+    original = Execution.state
+
+    def state(self: Execution, pc: int, known: dict[int, Bits], *more: Any) -> Any:
+        shown = {
+            place: "".join("01u"[2 if bit is None else bit] for bit in reversed(bits))
+            for place, cell in known.items()
+            if cell.width == 8
+            for bits in [[cell.bit(n).known for n in range(8)]]
+        }
+        begun.append((pc, shown, self))
+        return original(self, pc, known, *more)
+
+    monkeypatch.setattr(Execution, "state", state)
+    one = lemmas(listing)
+    names, place = one.names, listing.variable
+
+    def states(run: Callable[[], object]) -> list[tuple[int, dict[int, str]]]:
+        begun.clear()
+        run()
+        return [(pc, shown) for pc, shown, _ in begun]
+
+    # DS35007 table 6-2: PCLATH, INTCON and EECON1 are 0 after a reset, OPTION_REG is 0xFF.
+    assert states(one.start) == [(0, {10: "0" * 8, 11: "0" * 8, 0x81: "1" * 8, 0x88: "0" * 8})]
+    # Between two steps GIE and T0IE are set, and neither RD, WR nor WREN is.
+    between = {11: "10100000", 0x88: "uuuuu000"}
+    # Of `due`, bit 0 says that a pulse was late, once; bit 1 requests one; bit 2: a command came before it.
+    assert states(one.idle) == [(names.head, between | {place("due"): "0000000u"})]
+    slot = {place("slot"): "uu000010", place("due"): "00000u1u"}
+    assert states(lambda: one.prepare([2])) == [(names.head, between | slot)]
+    command = {place("todo"): "01000010", place("due"): "0000000u"}
+    assert states(lambda: one.execute((0x42,))) == [(names.cleared, between | command)]
+    assert states(one.rise) == [(names.edge + 1, {place("rest"): "0" * 8})]
+    ((_, _, rise),) = begun
+    # The prepared pulse has 1 to 12 rounds of 13, and the receiver has one of its counts.
+    for name, values in (("next_hi", range(1, 13)), ("rx_bits", [*range(11), *range(0x41, 0x4B), 0x80])):
+        found = [
+            n for n in range(256) if one.solver.possible(rise.given & rise.at_first(place(name)).equals(n))
+        ]
+        assert found == [*values]
+    counts = [0, *range(1, 11), *range(0x41, 0x4B), 0x80]
+    look = listing.label("st_look")
+    assert states(one.receive) == [(look, {place("rx_bits"): f"{count:08b}"}) for count in counts]
+    assert states(one.context)[0] == (4, {}) and RETURNED not in range(1024)
+
+
+def test_a_look_that_forgets_its_time_or_sends_nothing_is_noticed(listing: Listing) -> None:
+    where = "a look at the line, {} in rx_bits: what holds between two steps is lost"
+    forgets = of_label("st_take", "MOVWF", NOP, f="rx_last")(listing)
+    assert fault(lemmas(forgets).receive).startswith(where.format(1))
+    # The chip answers on RA3; 10 bits are to be sent.
+    mute = of_label("st_send", "BCF", NOP, f=5, b=3)(listing)
+    assert fault(lemmas(mute).receive).startswith(where.format(0x4A))
+
+
+def test_each_run_begins_with_a_solver_that_has_learned_nothing(
+    listing: Listing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = lemmas(listing)
+    forgotten: list[int] = []
+    monkeypatch.setattr(one.solver, "forget", lambda: forgotten.append(one.runs))
+    one.idle()
+    one.rise()
+    assert forgotten == [1, 2] and one.suspect == NOBODY
 
 
 def fault(check: Callable[[], object]) -> str:

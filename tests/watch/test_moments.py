@@ -131,6 +131,17 @@ def test_a_recording_runs_at_its_speed_to_its_end() -> None:
     assert list(of.tick(0.1)) == []
 
 
+def test_another_version_is_shown_at_the_same_moment() -> None:
+    of = session(ROWS, 100)
+    answer(of, do="seek", cycle=45)
+    answer(of, do="run", running=True, speed=2.0)
+    other = session([(0, RB0, 0), (5, RB0, 1), (19, RB0, 0), (60, RB1, 1)], 90).subject
+    fresh = of.continued(other)
+    assert (fresh.subject, fresh.now, fresh.speed, fresh.running) == (other, 45, 2.0, True)
+    assert fresh.shown()["widths"][RB0] == 14 and fresh.live is None and fresh.bodies is None
+    assert of.now == 45 and of.shown()["widths"][RB0] == 15, "the session before is as it was"
+
+
 def test_parts_of_a_cycle_add_up() -> None:
     of = session(ROWS, 100_000)
     answer(of, do="run", speed=0.0000125)  # 1.25 cycles in 0.1 s
