@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
+from servogen.edges import PINS
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.prove import prover
 from servogen.prove.explore import SearchAnswer, SearchFinding, SearchResult
 from servogen.prove.generalise import Guess
@@ -16,7 +18,16 @@ from servogen.prove.prover import AS_IN_THE_FILE, Proof, _Prover
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.trims import Trimmed, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import Channel, Pulse, Run
+from servogen.pulse.schedule import (
+    ButtonRule,
+    Channel,
+    CodeLine,
+    CommandRule,
+    DirectionRuns,
+    Input,
+    Pulse,
+    Run,
+)
 from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 
@@ -93,6 +104,45 @@ def prover_of(
     for name, value in (values | changes).items():
         setattr(one, name, value)
     return one, asked
+
+
+def test_inputs_are_free_only_where_the_schedule_says_what_they_do() -> None:
+    """RA2 is at 1 while nobody presses it."""
+    rule = ButtonRule(Input("RA2", 0), None, True, 3)
+    plain = replace(SCHEDULE, inputs=(Input("RA2", 1), Input("RB7", 0)))
+    held = {PINS.index("RA2"): 1, PINS.index("RB7"): 0}
+    line = CommandRule(CodeLine(Input("RA2", 1), 3, 5), (DirectionRuns("on", "01", (), (), ()),))
+    for schedule, pins in (
+        (plain, None),
+        (replace(plain, buttons=rule), {PINS.index("RA2")}),
+        (replace(plain, commands=line), {PINS.index("RA2")}),
+    ):
+        for quantifiers in (
+            EVERYTHING,
+            replace(EVERYTHING, inputs=False),
+            replace(EVERYTHING, any_eeprom=True),
+        ):
+            one = _Prover(Image({}), schedule, quantifiers, SimulatorOptions(), lambda *_: None, 7)
+            free = pins is not None and quantifiers is EVERYTHING
+            assert one._held == ({} if free else held)
+            assert one._spec.sampled == (pins if free else frozenset())
+
+
+def test_a_prover_stops_before_what_needs_a_choice_and_runs_as_long_as_pulses_may_be_apart() -> None:
+    words = ("MOVF", {"f": 6, "d": 0}), ("OPTION", {}), ("SLEEP", {}), ("BSF", {"f": 8, "b": 1}), ("NOP", {})
+    image = Image({n: encode(name, **operands) for n, (name, operands) in enumerate(words)})
+    silent = replace(SCHEDULE, loop=(*SCHEDULE.loop, Run(2, (None,))))
+    board = SimulatorOptions(eeprom_write_us=4500)
+    one = _Prover(image, silent, EVERYTHING, board, lambda *_: None, 7)
+    assert one._always == {0, 1, 2, 3}
+    # Fifty frames to the first pulse, and twice the longest silence, of three frames.
+    assert one._transitions.limit == 50 * 20_000 + 2 * 3 * 20_000
+    # DS35007, parameter D122: a write takes 20 ms at most.
+    assert (one._write_us, one._longest) == (20_000, 20_000)
+    fixed = _Prover(image, silent, replace(EVERYTHING, eeprom_write=False), board, lambda *_: None, 7)
+    assert (fixed._write_us, fixed._longest) == (4500, None)
+    started = replace(EVERYTHING, start=(("w", 3),))
+    assert _Prover(image, silent, started, board, lambda *_: None, 7)._board.start == (("w", 3),)
 
 
 def test_one_search_is_enough_if_it_closes(monkeypatch: pytest.MonkeyPatch) -> None:
