@@ -418,6 +418,25 @@ def test_edges_differ_that_only_one_side_has() -> None:
     assert differing(placed, chunk([(50, RB0, 1), *early[1:]]), 0, 600) == [(50, RB0, 1)]
 
 
+def test_frames_are_those_of_the_capture_that_a_moment_is_in() -> None:
+    """Two captures in one file; behind them the frames of the first one go on."""
+    wanted = (ScheduledEdges(PULSES, 10, end=300), ScheduledEdges(PULSES, 1040, end=2000))
+    of = session(ROWS, 3000, wanted=wanted, schedule=PULSES)
+    for now, frames, there in (
+        (50, 1, 110),
+        (250, 1, 310),
+        (300, 1, 340),
+        (1199, 1, 1240),
+        (1240, 2, 1440),
+        (1199, -1, 1140),
+        (1140, -1, 1040),
+        (2000, 1, 2010),
+        (2500, 1, 2510),
+    ):
+        answer(of, do="seek", cycle=now)
+        assert answer(of, do="step", what="frame", count=frames)["cycle"] == there, (now, frames)
+
+
 @pytest.mark.parametrize(("by", "alone"), [(-3, 2), (-2, 0), (2, 0), (3, 2)])
 def test_an_edge_of_a_capture_may_be_as_far_away_as_its_tolerance(by: int, alone: int) -> None:
     wanted = ScheduledEdges(PULSES, 10, tolerance=2)
