@@ -148,9 +148,8 @@ def first_difference(wanted: ScheduledEdges, trace: EdgeTrace, end: int) -> Cycl
             return Cycles(edges[0][0])
         begin = until
         if begin >= end:
-            return None
-    edges = differing(wanted, edge_chunk((), (), ()), begin, min(end, trace.end))
-    return Cycles(edges[0][0]) if edges else None
+            break
+    return None
 
 
 def _pieces(trace: EdgeTrace, length: int) -> Iterator[tuple[EdgeChunk, int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 
@@ -232,6 +233,20 @@ def test_the_solver_answers_and_counts_its_questions() -> None:
     assert solver.example(x) == 200 and solver.example(x + 100) == 44
     solver.forget()
     assert solver.questions == 4
+
+
+def test_the_solver_keeps_its_examples_and_has_twenty_minutes(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, object] = {}
+    library = SimpleNamespace(
+        Options=lambda: SimpleNamespace(set=asked.__setitem__),
+        Option=SimpleNamespace(PRODUCE_MODELS="examples", TIME_LIMIT_PER="limit in ms"),
+        Bitwuzla=lambda manager, options: None,
+        Result=SimpleNamespace(SAT=1, UNSAT=0),
+    )
+    monkeypatch.setattr(module, "_library", lambda: library)
+    monkeypatch.setattr(module, "_manager", lambda: None)
+    Solver()
+    assert asked == {"examples": True, "limit in ms": 20 * 60 * 1000}
 
 
 def test_an_answer_that_does_not_come_in_time_is_none(monkeypatch: pytest.MonkeyPatch) -> None:

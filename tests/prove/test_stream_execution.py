@@ -224,18 +224,6 @@ def test_an_unknown_pointer_is_followed_to_each_place() -> None:
         assert not one.solver.possible(one.given & way.path & ~one.at_first(FSR).equals(place))
 
 
-def test_a_pointer_with_too_many_values_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
-    for most, refused in ((4, False), (3, True)):
-        monkeypatch.setattr(execution, "MAX_VALUES", most)
-        one, state = begun(0)
-        one.given = one.at_first(FSR).less(4)
-        if refused:
-            with pytest.raises(NotFollowed, match=r"^a pointer has too many values at 0x040$"):
-                list(one._place(state, INDF))
-        else:
-            assert len(list(one._place(state, INDF))) == 4
-
-
 def test_status_is_put_together_from_its_flags_and_the_bank() -> None:
     for carry, digit, zero, bank in itertools.product((0, 1), repeat=4):
         one, state = begun(encode("MOVF", f=STATUS, d=0), {STATUS: byte(0b1101_1000)})

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,17 @@ import pytest
 
 from servogen.bench.ports import Unplugged
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
+from servogen.engines.player.buttons import ButtonPin
+from servogen.engines.player.commands import CommandButton
 from servogen.errors import InputError
+from servogen.pic.image import Image, to_hex
+from servogen.plan_error import PlanError, plan_text
 from servogen.programs import read_schedule
 from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
+from servogen.watch import editing
+from servogen.watch import session as session_module
 from servogen.watch.differences import Edge, ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
@@ -334,6 +341,22 @@ def test_a_capture_moves_the_robot_of_the_job_that_it_is_compared_with(walk_capt
         assert shown["widths"][servo["pin"]] * model["cycle_us"] == pytest.approx(pulse.width + longer, abs=1)
 
 
+def test_edges_in_cycles_are_those_of_a_chip_of_4_mhz_unless_a_clock_is_given(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text("cycle,pin,level\n5000,RB0,1\n6500,RB0,0\n")
+    for setting, clock in ((Setting(), 4_000_000), (Setting(clock_hz=20_000_000), 20_000_000)):
+        subject = load_subject(file, setting)
+        assert subject.clock == Clock(clock) and subject.wanted == () and subject.first_difference is None
+    schedule = read_schedule(LAB8 / "schedule.json")
+    subject = load_subject(file, Setting(schedule=schedule, clock_hz=1_000_000, at_cycle=5500))
+    (wanted,) = subject.wanted
+    assert (subject.clock, subject.begin, wanted.origin) == (schedule.clock, 5500, 5000)
+    # A pulse of 1500 µs instead of 1167 µs.
+    assert subject.first_difference == 5000 + 1167
+    file.write_text("cycle,pin,level\n5000,RB1,1\n")
+    assert load_subject(file, Setting(schedule=schedule)).wanted == (), "no pulse of the schedule's"
+
+
 def test_a_schedule_alone_moves_the_dials_of_its_servos(tmp_path: Path, lab8: Subject) -> None:
     """A pulse of 1500 µs is 90° for the S3001; an unknown model has no dial."""
     robot = WatchSession(lab8).model()["robot"]
@@ -574,10 +597,76 @@ def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:
     assert stands[0] not in turns
 
 
+def test_the_buttons_of_a_job_have_names() -> None:
+    def inputs(commands: Any, start: Any = None, stop: Any = None) -> list[tuple[str, str, int]]:
+        firmware = SimpleNamespace(buttons=SimpleNamespace(start=start, stop=stop), commands=commands)
+        subject: Any = SimpleNamespace(job=SimpleNamespace(firmware=firmware))
+        return [(each["name"], each["pin"], each["pressed"]) for each in session_module._inputs(subject)]
+
+    ra2, rb7 = ButtonPin("RA2", 0), ButtonPin("RB7", 1)
+    assert inputs(None) == [] and inputs(None, ra2) == [("start", "RA2", 0)]
+    assert inputs(None, ra2, rb7) == [("start", "RA2", 0), ("stop", "RB7", 1)]
+    assert inputs(CommandButton(rb7)) == [("walk", "RB7", 1)]
+
+
 def test_a_robot_that_takes_no_commands_is_sent_none(lab8: Subject) -> None:
     session = WatchSession(lab8)
     assert session.model()["walk"] is None
     assert "only a job with [walk] commands" in answer(session, do="walk", way="forward")["text"]
+
+
+def test_an_editor_opens_its_file_or_says_why_not(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"
+    editor = Editor(file, Setting())
+    assert editor.opened()["is"] == "problem" and "job.toml" in editor.opened()["text"]
+    file.write_bytes(b"\xff")
+    assert editor.opened()["is"] == "problem"
+    # A byte order mark is not part of the text.
+    file.write_bytes(b"\xef\xbb\xbf[chip]\n")
+    assert editor.opened() == {"is": "editor", "name": "job.toml", "text": "[chip]\n", "saved": True}
+
+
+def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of several programs the words and the HEX are those of the first, the reasons those of all."""
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    asked: list[Any] = []
+    words = [Image({0: 0x3FFF}), Image({0: 1})]
+    programs = [
+        SimpleNamespace(
+            firmware=SimpleNamespace(compilation=SimpleNamespace(words=90 + n)),
+            verdict=SimpleNamespace(reasons=(f"why {n}",)),
+            image=image,
+        )
+        for n, image in enumerate(words)
+    ]
+    result = SimpleNamespace(
+        programs=programs, proven=False, frames=7, job=SimpleNamespace(name="arm"),
+        plan=SimpleNamespace(schedule=SimpleNamespace(plan_error=PlanError(0.25))),
+        warnings=[SimpleNamespace(sentence="a warning")],
+    )  # fmt: skip
+
+    def build(job: Any, progress: Any) -> Any:
+        asked.append(progress)
+        return result
+
+    monkeypatch.setattr(editing, "build", build)
+    monkeypatch.setattr(editing, "job_subject", lambda *given: given)
+    file, setting = tmp_path / "job.toml", Setting(clock_hz=1)
+    found, subject = Editor(file, setting).handle({"do": "build", "text": text}, print)
+    assert found == {
+        "is": "built",
+        "distance": plan_text(PlanError(0.25)),
+        "proven": False,
+        "frames": 7,
+        "words": 90,
+        "reasons": ["why 0", "why 1"],
+        "warnings": ["a warning"],
+        "hex": to_hex(words[0]),
+        "hex_name": "arm.hex",
+    }
+    given: Any = subject
+    assert (given[0], given[2], given[3]) == (file, setting, print) and asked == [print]
+    assert file.read_text() == text, "it is saved before it is built"
 
 
 def changed(editor: Editor, text: str, **change: Any) -> dict[str, Any]:

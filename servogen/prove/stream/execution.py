@@ -38,7 +38,6 @@ VOLATILE = frozenset(
 RD, WR, WREN, GIE = 0, 1, 2, 7
 RP0 = 5
 MAX_STEPS = 60_000
-MAX_VALUES = 256
 RETURNED = -1
 """The address to which a subroutine returns that is executed by itself."""
 UNLOCK = tuple(
@@ -195,8 +194,6 @@ class Execution:
             this = bits.equals(value)
             outcomes.append((replace(state, bytes=dict(state.bytes), path=state.path & this), value))
             left = left & ~this
-            if len(outcomes) > MAX_VALUES:
-                raise NotFollowed(f"a pointer has too many values at 0x{state.pc:03X}")
         return outcomes
 
     # registers
