@@ -441,3 +441,6 @@ def test_a_drive_sends_what_the_chip_is_told_and_stops_a_robot_that_walks(
     assert sent == [*(command[:1].encode() for command in commands), b"drained"]
     assert drive.sent == len(commands)
     assert len(states) == robot.frames == pytest.approx(frames, abs=1)
+    with pytest.raises(InputError, match="unknown command 'right'"):
+        drive.command("right")
+    assert drive.sent == len(robot.commands) == len(commands)

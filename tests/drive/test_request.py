@@ -43,6 +43,16 @@ def test_without_more_the_motion_is_driven_until_an_interrupt() -> None:
     assert course.stop is None
 
 
+def test_a_steered_robot_is_driven_until_an_interrupt_or_for_its_time() -> None:
+    wheels = job("omni-square")
+    for seconds, lasts in ((None, math.inf), (2.5, 2.5), (0.0, 0.0)):
+        course = course_of(wheels, DriveRequest(steer=True, seconds=seconds))
+        assert course.seconds == lasts
+        assert course.motion.at(2.6) is None or lasts > 2.6
+        assert course.motion.at(0.0) is not None
+        assert course.state is None
+
+
 def test_a_rehearsal_plays_the_motion_once() -> None:
     """2, 5 and 3 s of the exercise; a time that is given counts in a rehearsal too."""
     exercise = job("lab8-exercise")

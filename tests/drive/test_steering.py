@@ -14,6 +14,7 @@ import pytest
 from servogen.drive import steering as module
 from servogen.drive.commands import (
     QUIT,
+    KeyCommands,
     LineCommands,
     commands_in,
     commands_of_keys,
@@ -22,7 +23,7 @@ from servogen.drive.commands import (
     wait_seconds,
 )
 from servogen.drive.steering import Rates, Steering, WalkController, steering_of
-from servogen.errors import InputError
+from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.omni import OmniBase
 from servogen.motion.trajectory import Floats
@@ -132,6 +133,13 @@ def test_a_source_is_asked_without_waiting(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("select.select", nothing)
     assert LineCommands(7).since(0.0) == []
     assert asked == [([7], (), (), 0)]
+
+
+def test_without_posix_no_source_can_be_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.name", "nt")
+    for source in (LineCommands(7), KeyCommands(7)):
+        with pytest.raises(ToolError, match="a terminal or pipe that can be polled"):
+            source.since(0.0)
 
 
 def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int = 2) -> list[float | None]:
