@@ -150,6 +150,16 @@ def test_a_line_of_the_foot_is_followed_in_millimetres() -> None:
     assert feet[14, 0] == pytest.approx(0, abs=1e-6)
 
 
+def test_a_servo_that_does_not_move_the_foot_goes_evenly_along_the_line() -> None:
+    """From 30° to 80° by the law of the move, whatever the joints of the leg do meanwhile."""
+    poses = "{ foot_mm = [-10, 75, -95], grip_deg = 30, hold_s = 0.1 },\n"
+    poses += "{ foot_mm = [10, 75, -95], grip_deg = 80, path = 'line', move_s = 0.4, law = 'cubic' }"
+    leg = LEG.format(zero=90) + "tolerance_mm = 10\n"
+    made = planned(poses, "repeat = false", servos=servo("grip", "RB2") + TWO, more=leg)
+    grip = np.degrees(made.trajectory.angles[4:25, 0])
+    assert grip == pytest.approx(30 + 50 * law("cubic").share(np.arange(21) / 20))
+
+
 # ---- servos and joints ----------------------------------------------------------------------------------
 
 LAMP = """name = "lamp"

@@ -220,6 +220,16 @@ def test_a_walk_on_command_has_two_directions_for_each_step_and_notes_their_fram
     )
 
 
+@pytest.mark.parametrize(("key", "size"), [("forward_mm", 20), ("turn_deg", 4)])
+def test_the_cycle_of_a_command_is_that_of_the_endless_route(key: str, size: int) -> None:
+    """A walk of one direction has the stance of the route of one segment."""
+    same = "body_height_mm = 130\ncycle_s = 0.48\ncompensate = false\n"
+    route = walk(f"{same}route = [{{ {key} = {size} }}]").trajectory
+    found = walk(f"{same}commands = {{ {key} = {size} }}").directions[0]
+    loop = route.angles[route.loop_start :]
+    assert found.angles[found.first + 1 : found.end + 1] == pytest.approx(np.roll(loop, -1, axis=0))
+
+
 # ---- programs -------------------------------------------------------------------------------------------
 
 
