@@ -495,7 +495,7 @@ def test_a_direction_is_cut_out_of_the_walk_that_begins_as_the_endless_one() -> 
             with pytest.raises(InputError, match="the walk cannot be stopped"):
                 commanded_direction("forward", endless + away, 3, [whole])
     with pytest.raises(InputError, match="the walk cannot be stopped"):  # it never leaves the stance
-        commanded_direction("forward", endless, 3, [0 * whole])
+        commanded_direction("forward", 0 * endless, 3, [0 * whole])
     back = made.reversed("back")
     assert back.angles[:, 0].tolist() == [0, 7, 6, 5, 4, 3, 2, 1, 0]
     assert (back.name, back.first, back.end) == ("back", 2, 5)
