@@ -8,7 +8,7 @@ both banks (DS35007 section 2.2). The code generator never puts a skip before or
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 from servogen.compiler.ir.function import Block, Function, Line, is_skipped
 from servogen.compiler.ir.instruction import (
@@ -153,27 +153,11 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
             out += [_switch(need, line), line, shadow, _switch(base, line)]
             number += 1
         else:
-            run = _run(line, lines[number:], need)
-            out += [_switch(need, line), *run, _switch(base, run[-1])]
-            number += len(run) - 1
+            out += [_switch(need, line), line, _switch(base, line)]
     needed = _without_needless(out + behind)
     changed = len(needed) != len(lines)
     function.replace(needed)
     return changed
-
-
-def _run(first: Instruction, after: Sequence[Line], need: int) -> list[Instruction]:
-    """Return the instructions that may stand between one pair of switches."""
-    run = [first]
-    if first.op == "CALL":
-        return run
-    for line in after:
-        if isinstance(line, Label) or not _joins(line, need):
-            break
-        run.append(line)
-    while bank_needed(run[-1]) is None:
-        run.pop()
-    return run
 
 
 def _without_needless(lines: list[Line]) -> list[Line]:
@@ -213,7 +197,8 @@ def _is_overruled(lines: list[Line], number: int) -> bool:
 def _passes(ins: Instruction) -> bool:
     """Return whether an instruction neither changes the bank nor transfers control."""
     leads = ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY)
-    return not leads and not _selects(ins) and _own_switch(ins) is None
+    writes_bank = ins.f == STATUS and ins.writes_f and (ins.op not in BIT_WRITES or ins.b == RP0)
+    return not leads and not writes_bank
 
 
 def _shadow(function: Function, follower: Line, base: int, behind: list[Line]) -> Line:
@@ -225,13 +210,6 @@ def _shadow(function: Function, follower: Line, base: int, behind: list[Line]) -
     label = f"{function.name}.bank{len(behind)}"
     behind += [Label(label), _switch(base, follower), follower]
     return Instruction("GOTO", target=label, place=follower.place)
-
-
-def _joins(ins: Instruction, need: int) -> bool:
-    """Return whether an instruction may stand between the switches."""
-    if ins.fixed or ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY):
-        return False
-    return bank_needed(ins) in (None, need) and _own_switch(ins) is None
 
 
 def _switch(bank: int, like: Instruction) -> Instruction:

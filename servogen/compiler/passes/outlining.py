@@ -89,7 +89,7 @@ def _runs(
         lines = list(function.lines())
         for first, stretch in _stretches(function, lines):
             keys = [numbers.setdefault(ins.key, len(numbers)) for ins in stretch]
-            for start in range(len(stretch) - 1):
+            for start in range(len(stretch)):
                 if is_skipped(lines, first + start):
                     continue
                 for end in range(start + 2, min(len(stretch), start + _MAX_RUN) + 1):

@@ -52,9 +52,7 @@ def merge_tails(function: Function) -> bool:
         before = target
         while before and isinstance(lines[before - 1], Label):
             before -= 1
-        if before and not _ends(lines[before - 1]):
-            rivals.append(before)
-        for rival in rivals:
+        for rival in [*rivals, before]:
             length = _common(lines, index, rival)
             if length and not _timed_run(lines, index - length, index):
                 _merge(function, lines, jump, index, rival, length)
@@ -64,10 +62,6 @@ def merge_tails(function: Function) -> bool:
                 _merge(function, lines, jumps[rival], rival, index, length)
                 return True
     return False
-
-
-def _ends(line: Line) -> bool:
-    return isinstance(line, Instruction) and line.op in ENDS
 
 
 def _timed_run(lines: list[Line], first: int, last: int) -> bool:
@@ -96,18 +90,14 @@ def is_timed(ins: Instruction) -> bool:
 
 
 def _common(lines: list[Line], one: int, two: int) -> int:
-    """Return how many instructions before two places are the same."""
-    if abs(one - two) < 2:
-        return 0
-    length = 0
+    """Return how many instructions before two places are the same; between the two stands a jump or a label,
+    at which the run of the later one ends.
+    """
     best = 0
-    while True:
-        a, b = one - length - 1, two - length - 1
-        if a < 0 or b < 0 or (two < one and a <= two) or (one < two and b <= one):
-            break
+    before = zip(range(one - 1, -1, -1), range(two - 1, -1, -1), strict=False)
+    for length, (a, b) in enumerate(before, 1):
         if not _same(lines[a], lines[b]):
             break
-        length += 1
         # a run that begins behind a skip would be separated from it
         if not is_skipped(lines, a) and not is_skipped(lines, b):
             best = length

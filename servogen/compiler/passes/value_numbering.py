@@ -8,6 +8,7 @@ only what holds on all of them is kept, and nothing where a loop comes back.
 from __future__ import annotations
 
 from collections import Counter
+from itertools import count
 
 from servogen.compiler.ir.function import Block, Function
 from servogen.compiler.ir.instruction import (
@@ -54,7 +55,7 @@ class _Tracker:
         self.function = function
         self.live = Liveness(function)
         self.own = {id(symbol) for symbol in function.own}
-        self.next = 0
+        self.numbers = count()
         self.results: dict[tuple[str, Value, object], Value] = {}
         self.dead: set[Instruction] = set()
         self.changed = False
@@ -119,8 +120,7 @@ class _Tracker:
         return dict(common)
 
     def fresh(self) -> int:
-        self.next += 1
-        return self.next
+        return next(self.numbers)
 
     def value(self, state: State, loc: object) -> Value:
         """Return the value of a location, numbered anew if nothing is known about it."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from servogen.compiler.ir.instruction import Instruction, Reg
+from random import Random
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import RP0, STATUS, Instruction, Loc, Reg
+from servogen.compiler.ir.verifier import faults
 from servogen.compiler.passes.bank_select import UNKNOWN, bank_needed, banked, exit_banks, switch_banks
 from servogen.errors import Location
 from tests.compiler.cases import every
-from tests.compiler.ir.assembly import Names, function, lines, texts
+from tests.compiler.ir.assembly import Chip, Names, function, lines, texts
 
 
 @every(
@@ -55,6 +59,19 @@ def test_variables_and_literals_need_no_bank() -> None:
         (
             "MOVWF TRISB; a: MOVWF TRISA; GOTO a",
             "BSF RP0; MOVWF TRISB; BCF RP0; a: BSF RP0; MOVWF TRISA; BCF RP0; GOTO a",
+        ),
+        # a write to the whole of STATUS changes the bank, one to its flags does not
+        (
+            "CLRF TRISA; CLRF STATUS; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BCF RP0; CLRF STATUS; BSF RP0; CLRF TRISB; BCF RP0; RETURN",
+        ),
+        (
+            "CLRF TRISA; MOVLW 7; ANDWF STATUS,F; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BCF RP0; MOVLW 7; ANDWF STATUS,F; BSF RP0; CLRF TRISB; BCF RP0; RETURN",
+        ),
+        (
+            "CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; BCF RP0; RETURN",
         ),
         # assembly between two accesses stays where it is, in the bank of its neighbours
         (
@@ -237,6 +254,76 @@ def test_who_needs_or_switches_a_bank() -> None:
         }.items()
     }
     assert banked(found) == {"port", "tris", "switch", "status", "caller", "above"}
+
+
+OF_BANK = {"TMR0": False, "PORTB": False, "EEDATA": False, "TRISA": True, "TRISB": True, "EECON1": True}
+BANKS: dict[Loc | None, bool] = {Names().loc(name): bank for name, bank in OF_BANK.items()}
+
+
+class Banked(Chip):
+    """The chip with RP0, on which an access to a register in the other bank is an error."""
+
+    def __init__(self, made: Function, names: Names, *, checked: bool) -> None:
+        memory = {names.loc(name): 0 for name in ("ga", "gb", "FSR", *OF_BANK)}
+        super().__init__({"f": made}, memory)
+        self.rp0 = False
+        self.checked = checked
+
+    def look(self, loc: Loc | None) -> None:
+        assert not self.checked or BANKS.get(loc, self.rp0) == self.rp0, f"{loc} in the wrong bank"
+
+    def read(self, loc: Loc | None) -> int:
+        self.look(loc)
+        return super().read(loc) | (self.rp0 << RP0 if loc == STATUS else 0)
+
+    def _write(self, ins: Instruction, value: int, *, to_file: bool) -> None:
+        super()._write(ins, value, to_file=to_file)
+        if to_file:
+            self.look(ins.f)
+            self.rp0 = bool(value >> RP0 & 1) if ins.f == STATUS else self.rp0
+
+
+def banked_text(random: Random) -> str:
+    """A function with accesses to both banks, skips, jumps and switches of its own."""
+    parts = []
+    for number in range(random.randint(3, 9)):
+        register, bit = random.choice((*OF_BANK, "ga", "FSR")), random.randrange(3)
+        access = random.choice((f"MOVWF {register}", f"INCF {register},F", f"MOVF {register},W"))
+        parts.append(
+            random.choice(
+                (
+                    access,
+                    access,
+                    f"BTFSC ga,{bit}; {access}",
+                    f"BTFSS {register},{bit}; {random.choice(('INCF ga,F', f'GOTO a{number}'))}",
+                    f"BTFSS ga,{bit}; GOTO a{number}; {access}",
+                    random.choice(("DELAY 3", "INCF gb,F", "BSF C", "ADDLW 1")),
+                    random.choice(
+                        ("BSF RP0", "BCF RP0", "*BSF RP0", "CLRF STATUS", "MOVLW 32; MOVWF STATUS")
+                    ),
+                )
+            )
+        )
+        parts.append(random.choice(("INCF ga,F", "INCF gb,F", access)))
+        parts.append(f"a{number}: INCF ga,F")
+    return "; ".join([*parts, "RETURN"])
+
+
+def test_every_register_is_accessed_in_its_bank() -> None:
+    random = Random(6)
+    for _ in range(120):
+        names, text = Names(), banked_text(random)
+        before, after = function(text, names), function(text, names)
+        switch_banks(after, set(), {})
+        assert list(faults(after)) == []
+        start = random.getrandbits(3)
+        chips = [Banked(before, names, checked=False), Banked(after, names, checked=True)]
+        for chip in chips:
+            chip.memory[names.loc("ga")] = start
+            chip.call("f")
+        stores = [[store[1:] for store in chip.stores] for chip in chips]
+        assert stores[0] == stores[1], text
+        assert chips[0].memory == chips[1].memory, text
 
 
 def test_a_switch_belongs_to_the_line_of_its_access() -> None:

@@ -44,6 +44,9 @@ def test_a_jump_into_a_function_takes_no_level() -> None:
     assert depths(made)["main"] == ["a", "d", "e"]
     made["d"].also_calls, made["d"].also_jumps_to = (), ("e",)
     assert depths(made)["main"] == ["a", "d"]
+    made["e"] = function("CALL f; RETURN", name="e")
+    made["f"] = function("RETURN", name="f")
+    assert depths(made)["main"] == ["a", "d", "f"]
     assert depths(program(main="CALL elsewhere; GOTO main"))["main"] == []
 
 
