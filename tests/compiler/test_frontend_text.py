@@ -98,6 +98,7 @@ def test_a_token_of_a_macro_is_where_the_name_of_the_macro_is() -> None:
     assert read.places[3:7] == [(3, 9), (3, 11), (3, 13), (3, 14)]
     assert read.places[10] == (4, 9)
     assert read.places[13:] == [(4, 18), (4, 20), (4, 21)]
+    assert Read("#define N 5\na = N+N;").places == [(2, 1), (2, 3), (2, 5), (2, 6), (2, 7), (2, 8)]
 
 
 def test_the_macros_that_a_file_leaves() -> None:
@@ -146,6 +147,8 @@ def test_pragmas_are_kept_with_their_macros_expanded() -> None:
         ("#nonsense", "m.c:1:1: error c-preprocessor: unknown preprocessor directive #nonsense"),
         ("int a;\n#if\n#endif", "m.c:2:1: error c-preprocessor: preprocessor: Empty expression"),
         ("#define", "m.c:1:1: error c-preprocessor: malformed preprocessor directive"),
+        ("#define F(a) a\n\nF(1, 2)", "m.c:3:1: error c-preprocessor: preprocessor: Macro F requires 1 "
+            "arguments but was passed 2"),
         ("a /* b", "m.c:1:1: error c-syntax: the comment is not closed // write '*/' where it ends"),
         ("a\n\n  /* b\n /* c */", "m.c:4:2: c-comment: a comment begins inside a comment // the first "
             "'*/' ends both"),
@@ -265,6 +268,7 @@ def test_long_messages_of_the_preprocessor_are_cut() -> None:
     [
         ("x = 0b101;", "x = 5    ;", []),
         ("x = 0B1010;", "x = 0xA   ;", []),
+        ("x = 0b1 + 1b;", "x = 1   + 1 ;", []),
         ("x = 1001b;", "x = 9    ;", []),
         ("x = 11111111B + 1;", "x = 0xFF      + 1;", []),
         ("x = 0b11UL;", "x = 3UL   ;", []),
@@ -272,6 +276,7 @@ def test_long_messages_of_the_preprocessor_are_cut() -> None:
         ('"0b101" \'0b1\' // 0b1', '"0b101" \'0b1\' // 0b1', []),
         ("#asm\n movlw 1\n\n nop ; x\n#endasm\ny", "M(0);\n\n\n\n\ny", [(2, " movlw 1"), (4, " nop ; x")]),
         ("#asm\n#endasm\ny", "M(0);\n\ny", []),
+        ("#asm nop #endasm\ny", "M(0);\ny", []),
         ("a\nasm movlw 1 ; c\ny", "a\nM(0);\ny", [(2, " movlw 1 ; c")]),
         ("asm nop", "M(0);", [(1, " nop")]),
         ("asm { nop\n\n clrw }\ny", "M(0);\n\n\ny", [(1, " nop"), (3, " clrw ")]),

@@ -6,6 +6,8 @@ import pytest
 
 from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.compiler.diagnostics import Fatal, Reporter, is_own_file
+from servogen.compiler.frontend.preprocessor import PToken
+from servogen.compiler.frontend.syntax_errors import declared
 from servogen.compiler.limits import ERRORS
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.device import device
@@ -68,6 +70,17 @@ def test_parsing_resumes_after_each_kind_of_end() -> None:
         (7, "syntax error before 'f'"),
         (8, "'q' is not declared"),
     ]
+
+
+def test_a_declaration_before_which_a_statement_should_end_does_not_end_its_function() -> None:
+    text = "void f(void) { do { a; }\nint g;\n}\nint x y;\n"
+    found = [(each.location.line, each.message) for each in diagnostics(text) if each.location]
+    assert found == [(2, "syntax error before 'int'"), (4, "syntax error before 'y'")]
+
+
+def test_what_a_broken_declaration_may_declare_stands_outside_all_brackets() -> None:
+    words = "static f ( int a , g ( b ) ) { c ; { d } e } , x [ i ] = 3 ; y"
+    assert declared([PToken(word, Location()) for word in words.split()]) == {"static", "f", "x", "y"}
 
 
 NUMBERS = [

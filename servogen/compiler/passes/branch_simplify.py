@@ -41,7 +41,6 @@ def short_branches(function: Function) -> bool:
             return True
     # one change at a time: it invalidates the blocks, and the liveness computed from them
     if any(block not in skipped and _same_start(arms) for block, arms in _all_arms(function, named)):
-        function.rebuild()
         return True
     live = Liveness(function)
     if any(block not in skipped and _two_constants(arms, live) for block, arms in _all_arms(function, named)):
@@ -93,7 +92,7 @@ def _same_start(arms: _Arms) -> bool:
     yes, no = arms.yes.instructions, arms.no.instructions
     if len(yes) < 3 or len(no) < 2 or not yes[0].same(no[0]) or not _passes(arms.test, yes[0]):
         return False
-    if yes[0].skips or yes[0].op == "CALL":
+    if yes[0].op == "CALL":
         return False
     arms.first.instructions.insert(-1, yes[0])
     del yes[0], no[0]

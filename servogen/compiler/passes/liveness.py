@@ -161,7 +161,7 @@ class Liveness:
         changed = True
         while changed:
             changed = False
-            for number in range(len(blocks) - 1, -1, -1):
+            for number in reversed(range(len(blocks))):
                 live = 0
                 for after in following[number]:
                     live |= self._exit_of(blocks[number].last) if after is None else live_in[after]

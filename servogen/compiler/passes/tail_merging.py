@@ -94,7 +94,7 @@ def _common(lines: list[Line], one: int, two: int) -> int:
     at which the run of the later one ends.
     """
     best = 0
-    before = zip(range(one - 1, -1, -1), range(two - 1, -1, -1), strict=False)
+    before = zip(reversed(range(one)), reversed(range(two)), strict=False)
     for length, (a, b) in enumerate(before, 1):
         if not _same(lines[a], lines[b]):
             break

@@ -181,7 +181,7 @@ class _Tracker:
             other = self.value(state, ins.f)
         else:
             return self.fresh()
-        return self.results.setdefault((ins.op[:3], self.value(state, _W), other), self.fresh())
+        return self.results.setdefault((ins.op, self.value(state, _W), other), self.fresh())
 
     def _store(self, loc: Loc | None, value: Value, state: State) -> None:
         """Record the value of a location that is written; a write through INDF may change any byte but

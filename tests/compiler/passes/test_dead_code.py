@@ -104,6 +104,18 @@ def test_what_nobody_reads_is_not_computed(before: str, after: str | None) -> No
         ("BTFSC ga,1; INCFSZ ga,W; CLRF t; " + KEEP_W, None),
         ("BTFSC ga,1; INCFSZ ga,F; CLRF t; RETURN", None),
         ("DECFSZ ga,F; BTFSC ga,2; CLRF t; RETURN", None),
+        # what stays in one place goes in others
+        *(
+            (f"CLRF t; {skips}; CLRF t; CLRF t1; RETURN", f"{skips}; CLRF t; RETURN")
+            for skips in (
+                "DECFSZ ga,F",
+                "*BTFSC ga,1",
+                "BTFSC va,1",
+                "BTFSC ga,1; INCFSZ ga,F",
+                "DECFSZ ga,F; BTFSC ga,2",
+                "BTFSC PORTB,1; BTFSC ga,2",
+            )
+        ),
     ],
 )
 def test_a_skip_goes_with_the_instruction_that_it_guards(before: str, after: str | None) -> None:

@@ -99,6 +99,26 @@ def test_what_is_not_shared(text: str) -> None:
 def test_two_stretches_from_a_delay_is_far_enough() -> None:
     text = f"DELAY 9; a: CLRF gp; b: NOP; {run(4)}; RETLW {{}}"
     assert outline(program(f0=text.format(1), f1=text.format(2).replace("NOP", "SLEEP")), ["main"]) == 1
+    text = f"CLRF gp; {run(4)}; a: NOP; b: DELAY 9; RETLW {{}}"
+    assert outline(program(f0=text.format(1), f1=text.format(2).replace("NOP", "SLEEP")), ["main"]) > 0
+
+
+def test_behind_a_jump_a_delay_is_far_away() -> None:
+    text = f"BTFSC gx,1; GOTO a; DELAY 9; GOTO e; a: {run(4)}; e: RETLW {{}}"
+    assert outline(program(f0=text.format(1), f1=text.format(2)), ["main"]) == 1
+
+
+def test_a_run_may_be_the_last_of_its_function() -> None:
+    made = program(f0=f"CLRF gp; {run(4)}", f1=f"CLRF gq; {run(4)}")
+    assert outline(made, ["main"]) == 1
+    assert texts(made["f0"]) == ["CLRF gp", "CALL __shared_1"]
+
+
+def test_what_cannot_be_moved_stays_in_front_of_a_run() -> None:
+    made = program(f0=f"CLRF gp; *NOP; {run(4)}; RETLW 1", f1=f"CLRF gq; *NOP; {run(4)}; RETLW 2")
+    assert outline(made, ["main"]) == 1
+    assert texts(made["f0"]) == ["CLRF gp", "*NOP", "CALL __shared_1", "RETLW 1"]
+    assert texts(made["__shared_1"]) == [*run(4).split("; "), "RETURN"]
 
 
 def test_variables_of_the_function_itself_stay() -> None:

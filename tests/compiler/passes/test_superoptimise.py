@@ -121,6 +121,7 @@ def test_what_is_not_needed_behind_an_instruction() -> None:
         # a byte of its own, and the flags, only where they are not needed
         ("INCF t,F; MOVF t,W; MOVWF gz; RETURN", "INCF t,W; MOVWF gz; RETURN"),
         ("INCF t,F; MOVF t,W; MOVWF gz; MOVF t,W; MOVWF ga; RETURN", None),
+        (f"INCF t,F; MOVF t,W; BTFSC DC; CLRF gy; {ALL_LIVE}", f"INCF t,W; BTFSC DC; CLRF gy; {ALL_LIVE}"),
         ("INCF ga,F; MOVF ga,W; MOVWF gz; RETURN", None),
         ("MOVWF ga; CLRF ga; RETURN", "CLRF ga; RETURN"),
         ("MOVWF ga; CLRF gb; RETURN", None),

@@ -23,6 +23,8 @@ TEST_Z = "BTFSC Z; INCF gz,F; RETURN"
         ("MOVF ga,W; INCF gb,F; MOVF ga,W; MOVWF gc; RETURN", "MOVF ga,W; INCF gb,F; MOVWF gc; RETURN"),
         ("MOVF va,W; MOVWF gb; MOVF va,W; MOVWF gc; RETURN", None),
         ("MOVF PORTB,W; MOVWF gb; MOVF PORTB,W; MOVWF gc; RETURN", None),
+        ("MOVLW 5; MOVWF ga; MOVF va,W; MOVWF gb; MOVLW 5; MOVWF gc; RETURN", None),
+        ("MOVLW 5; MOVWF ga; MOVF PORTB,W; MOVWF gb; MOVLW 5; MOVWF gc; RETURN", None),
         ("MOVWF FSR; MOVWF FSR; RETURN", "MOVWF FSR; RETURN"),
         ("MOVF FSR,W; MOVWF gb; MOVF FSR,W; MOVWF gc; RETURN", "MOVF FSR,W; MOVWF gb; MOVWF gc; RETURN"),
         # Z is as before only if a load has set it
@@ -33,6 +35,7 @@ TEST_Z = "BTFSC Z; INCF gz,F; RETURN"
         ("INCF ga,F; MOVF ga,F; " + TEST_Z, "INCF ga,F; " + TEST_Z),
         ("MOVF ga,W; MOVWF gb; MOVF gb,F; " + TEST_Z, "MOVF ga,W; MOVWF gb; " + TEST_Z),
         ("RLF ga,F; MOVF ga,F; " + TEST_Z, None),
+        ("MOVWF ga; MOVF ga,F; MOVWF ga; " + TEST_Z, "MOVWF ga; MOVF ga,F; " + TEST_Z),
         ("INCF va,F; MOVF va,F; " + TEST_Z, None),
         ("INCF ga,F; MOVF gb,F; " + TEST_Z, None),
         ("ANDLW 3; MOVWF ga; MOVF ga,F; " + TEST_Z, "ANDLW 3; MOVWF ga; " + TEST_Z),
