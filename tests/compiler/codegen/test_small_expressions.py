@@ -1,0 +1,265 @@
+"""Conditions and operators of every integer type by themselves, against the arithmetic of Python.
+
+The code of one expression is executed for operands at the ends of their types; the library's routines are
+the true ones.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from itertools import product
+from types import SimpleNamespace
+from typing import Any
+
+from servogen.compiler.ast.nodes import Binary, Cast, Expr, Num, Ref, Symbol, Unary, Update
+from servogen.compiler.ast.types import S8, S16, S32, U8, U16, U32, IntType
+from servogen.compiler.codegen.expressions import effect, into
+from servogen.compiler.codegen.generator import Context, FunctionGenerator
+from servogen.compiler.codegen.program import _LOWERING
+from servogen.compiler.codegen.routines import Routines
+from servogen.compiler.codegen.runtime import build
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Byte
+from servogen.errors import Location
+from tests.compiler.cases import every
+from tests.compiler.codegen.routines import Library
+from tests.compiler.ir.assembly import Chip
+
+AT = Location("main.c", 1)
+TYPES = (U8, S8, U16, S16, U32, S32)
+COMPARISONS = {
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+
+def divided(left: int, right: int) -> int:
+    """The quotient rounded towards zero (ISO C 6.5.5)."""
+    return abs(left) // abs(right) * (1 if (left < 0) == (right < 0) else -1)
+
+
+OPERATORS: dict[str, Callable[[int, int], int]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": divided,
+    "%": lambda left, right: left - right * divided(left, right),
+    "&": operator.and_,
+    "|": operator.or_,
+    "^": operator.xor,
+    "<<": operator.lshift,
+    ">>": operator.rshift,
+}
+
+
+def wrapped(value: int, kind: IntType) -> int:
+    """A number as a type holds it."""
+    value &= (1 << 8 * kind.size) - 1
+    return value - (1 << 8 * kind.size) if kind.signed and value > kind.high else value
+
+
+def numbers(kind: IntType) -> list[int]:
+    """The ends of a type, and numbers of which a byte is 0 or 255."""
+    found = {
+        0,
+        1,
+        kind.high,
+        kind.high - 1,
+        kind.low,
+        kind.low + 1,
+        100,
+        -2,
+        -100,
+        0x80,
+        0xFF,
+        0x100,
+        0x1200,
+        0x12FF,
+    }
+    return sorted({wrapped(value, kind) for value in found})
+
+
+def variable(name: str, kind: IntType) -> Ref:
+    return Ref(Symbol(name, kind, "global"), 0, None, kind, AT)
+
+
+class Code:
+    """What a generator emits for an expression of variables, with the routines that it calls."""
+
+    def __init__(self, emit: Callable[[FunctionGenerator], object]) -> None:
+        self.function = Function("f")
+        self.library = Library(build)
+        context = Context(
+            signature=lambda name: self.function,
+            symbol_map=lambda symbol: symbol,
+            library=self.library,
+            routines=Routines([]),
+            asm_symbols={},
+            reporter=Reporter(),
+            isr=False,
+        )
+        definition: Any = SimpleNamespace(name="f", place=AT)
+        emit(FunctionGenerator(definition, context, _LOWERING))
+
+    def run(self, values: dict[Symbol, int]) -> Chip:
+        chip = Chip({"f": self.function} | self.library.functions)
+        chip.w, chip.c, chip.z = 0xA5, True, True
+        for routine in self.library.functions.values():
+            for symbol in routine.own:
+                chip.store(symbol, 0xC3C3C3C3, symbol.size)
+        for symbol in self.function.own:
+            chip.store(symbol, 0x3C3C3C3C, symbol.size)
+        for symbol, value in values.items():
+            chip.store(symbol, value, symbol.size)
+        chip.call("f")
+        return chip
+
+
+def condition(expr: Expr, *, sense: bool) -> Code:
+    """Code that counts in W whether a condition has the truth value `sense`."""
+
+    def emit(gen: FunctionGenerator) -> None:
+        gen.lower.jump(gen, expr, sense, "yes")
+        gen.emit("RETLW", k=0)
+        gen.label("yes")
+        gen.emit("RETLW", k=1)
+
+    return Code(emit)
+
+
+@every("kind", TYPES)
+@every("op", COMPARISONS)
+def test_comparisons_with_constants(op: str, kind: IntType) -> None:
+    x = variable("x", kind)
+    bounds = {
+        bound + step for bound in (0, 1, 0x80, 0xFF, 0x1234, kind.low, kind.high) for step in (-1, 0, 1)
+    }
+    for at, bound in enumerate(sorted(bounds)):
+        constant = Num(bound, S32 if bound <= S32.high else U32, AT)
+        swapped, sense = bool(at & 1), bool(at & 2)
+        left, right = (constant, x) if swapped else (x, constant)
+        made = condition(Binary(op, left, right, U8, AT), sense=sense)
+        for value in {*numbers(kind), *(wrapped(bound + step, kind) for step in (-1, 0, 1))}:
+            one, two = (bound, value) if swapped else (value, bound)
+            assert made.run({x.symbol: value}).w == (COMPARISONS[op](one, two) == sense), (bound, value)
+
+
+@every(("left", "right"), [*product((U8, S8, U16, S16), repeat=2), (U32, U8), (S32, S16), (U32, U32)])
+@every("op", ["==", "<", "<=", ">", "!="])
+def test_comparisons_of_two_variables(op: str, left: IntType, right: IntType) -> None:
+    x, y = variable("x", left), variable("y", right)
+    made = condition(Binary(op, x, y, U8, AT), sense=left.signed)
+    for one, two in product(numbers(left)[::3], numbers(right)[::2]):
+        assert made.run({x.symbol: one, y.symbol: two}).w == (COMPARISONS[op](one, two) == left.signed)
+
+
+@every("kind", TYPES)
+def test_tests_of_bits_and_of_zero(kind: IntType) -> None:
+    x, work = variable("x", kind), max((S16, kind), key=lambda each: (each.size, not each.signed))
+    masks = {1, 0x80, 0x81, kind.high, 0xFF, 0x100 & kind.high, 1 << 8 * kind.size - 2, 0x300 & kind.high, 0}
+    for mask, swapped, sense in product(masks, (False, True), (False, True)):
+        constant, wide = Num(mask, work, AT), Cast(x, work, AT)
+        left, right = (constant, wide) if swapped else (wide, constant)
+        masked = Binary("&", left, right, work, AT)
+        plain = condition(masked, sense=sense)
+        whole = condition(Binary("==", masked, constant, U8, AT), sense=sense)
+        for value in numbers(kind):
+            assert plain.run({x.symbol: value}).w == (bool(value & mask) == sense)
+            assert whole.run({x.symbol: value}).w == ((value & mask == mask) == sense)
+    made = condition(Unary("!", x, U8, AT), sense=True)
+    narrow = condition(Cast(x, U8, AT), sense=True)
+    for value in numbers(kind):
+        assert made.run({x.symbol: value}).w == (value == 0)
+        assert narrow.run({x.symbol: value}).w == (value & 0xFF != 0)
+
+
+@every("kind", [U8, S8, U16])
+@every("op", "+-")
+def test_a_variable_is_counted_and_tested(op: str, kind: IntType) -> None:
+    x = variable("x", kind)
+    for post, sense in product((False, True), repeat=2):
+        expr = Update(op, x, Num(1, kind, AT), kind, post=post, type=kind, place=AT)
+        made = condition(expr, sense=sense)
+        for value in numbers(kind):
+            chip = made.run({x.symbol: value})
+            after = value + (1 if op == "+" else -1) & (1 << 8 * kind.size) - 1
+            assert chip.number(x.symbol, kind.size) == after
+            tested = value if post else after
+            assert chip.w == (bool(tested) == sense), (value, post, sense)
+
+
+def stored(expr: Expr, target: Ref, size: int) -> Code:
+    return Code(lambda gen: into(gen, expr, [Byte(target.symbol, at) for at in range(size)]))
+
+
+@every(
+    ("left", "right"), [(U8, U8), (S8, U8), (S8, S8), (U16, U8), (S16, S8), (U16, U16), (S16, S16), (S32, U8)]
+)
+@every("op", OPERATORS)
+def test_an_operator_of_two_variables(op: str, left: IntType, right: IntType) -> None:
+    """In the type of C's usual conversions, extended to four bytes or cut to one."""
+    work = max((S16, left, right), key=lambda kind: (kind.size, not kind.signed))
+    x, y, result = variable("x", left), variable("y", right), variable("result", U32)
+    one, two = (Cast(each, work, AT) for each in (x, y))
+    expr = Binary(op, one, y if op in ("<<", ">>") else two, work, AT)
+    codes = {size: stored(expr, result, size) for size in (1, work.size, 4)}
+    for a, b in product(numbers(left)[::3], numbers(right)[::2]):
+        if (op in "/%" and b == 0) or (op in ("<<", ">>") and not 0 <= b < 8 * work.size):
+            continue
+        exact = OPERATORS[op](wrapped(a, work), b if op in ("<<", ">>") else wrapped(b, work))
+        if work.signed and not work.low <= exact <= work.high:
+            continue  # undefined in C
+        for size, made in codes.items():
+            found = made.run({x.symbol: a, y.symbol: b, result.symbol: 0x55555555})
+            assert found.number(result.symbol, size) == wrapped(exact, work) & (1 << 8 * size) - 1, (
+                a,
+                b,
+                size,
+            )
+
+
+CONSTANTS = (1, 2, 3, 6, 7, 8, 10, 100, 128, 129, 255, 256, 257, 1000, 4096, -1, -8, -100)
+
+
+@every("kind", [U8, S8, U16, S16, U32])
+@every("op", OPERATORS)
+def test_an_operator_of_a_variable_and_a_constant(op: str, kind: IntType) -> None:
+    work = max((S16, kind), key=lambda each: (each.size, not each.signed))
+    x, result = variable("x", kind), variable("result", U32)
+    shifts = op in ("<<", ">>")
+    for at, constant in enumerate((0, 1, 4, 7, 8, 9, 15) if shifts else CONSTANTS):
+        number = wrapped(constant, work)
+        expr = Binary(op, Cast(x, work, AT), Num(number, work, AT), work, AT)
+        codes = {size: stored(expr, result, size) for size in (work.size, 4 if at % 2 else 1)}
+        for value in numbers(kind)[at % 3 :: 3]:
+            exact = OPERATORS[op](wrapped(value, work), number)
+            if work.signed and not work.low <= exact <= work.high:
+                continue
+            for size, made in codes.items():
+                found = made.run({x.symbol: value, result.symbol: 0x55555555}).number(result.symbol, size)
+                assert found == wrapped(exact, work) & (1 << 8 * size) - 1, (constant, value, size)
+
+
+@every("kind", [U8, S8, U16, S16, U32])
+@every("op", OPERATORS)
+def test_a_variable_is_changed_in_place(op: str, kind: IntType) -> None:
+    work = max((S16, kind), key=lambda each: (each.size, not each.signed))
+    x, y = variable("x", kind), variable("y", kind)
+    for value in (y, Num(1, work, AT), Num(7, work, AT), x):
+        expr = Update(op, x, value, work, post=False, type=kind, place=AT)
+        made = Code(lambda gen, expr=expr: effect(gen, expr))  # type: ignore[misc]
+        for a, b in product(numbers(kind)[::3], (1, 3, 6)):
+            second = a if value is x else value.value if isinstance(value, Num) else b
+            if (op in "/%" and second == 0) or (op in ("<<", ">>") and not 0 <= second < 8 * work.size):
+                continue
+            exact = OPERATORS[op](wrapped(a, work), second if op in ("<<", ">>") else wrapped(second, work))
+            found = made.run({x.symbol: a, y.symbol: b})
+            if not work.signed or work.low <= exact <= work.high:
+                assert found.number(x.symbol, kind.size) == exact & (1 << 8 * kind.size) - 1, (a, second)
+                assert found.number(y.symbol, kind.size) == b
