@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import product
+
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
+from servogen.pic.device import RAM_FIRST
+from servogen.simulator import Machine, SimulatorOptions
+from servogen.units import Clock
 from tests.compiler.variables import value
 
 
@@ -172,30 +178,37 @@ def test_a_skip_does_not_lead_into_a_delay() -> None:
     assert value(text, "n") == 6, "4 and 1, with 4 still set, and 1"
 
 
-@pytest.mark.parametrize("m", [0, 1, 127, 128, 254, 255])
-@pytest.mark.parametrize("n", [0, 127, 128, 255])
-def test_choices_without_jumps_are_right(m: int, n: int) -> None:
-    conditions = {
-        "m < n": m < n,
-        "m >= 255": m >= 255,
-        "m < 255": m < 255,
-        "m == 255": m == 255,
-        "(m & 0x81) == 0x81": m & 0x81 == 0x81,
-        "(m & 0x81) != 0x81": m & 0x81 != 0x81,
-        "wide == 0x8000u": m == 128 and n == 0,
-        "wide != 0x00FFu": (m, n) != (0, 255),
-    }
+CONDITIONS: dict[str, Callable[[int, int], bool]] = {
+    "m < n": lambda m, n: m < n,
+    "m >= 255": lambda m, n: m >= 255,
+    "m < 255": lambda m, n: m < 255,
+    "m == 255": lambda m, n: m == 255,
+    "(m & 0x81) == 0x81": lambda m, n: m & 0x81 == 0x81,
+    "(m & 0x81) != 0x81": lambda m, n: m & 0x81 != 0x81,
+    "wide == 0x8000u": lambda m, n: m == 128 and n == 0,
+    "wide != 0x00FFu": lambda m, n: (m, n) != (0, 255),
+}
+
+
+def test_choices_without_jumps_are_right() -> None:
+    """The program does not clear what lies at a fixed address: m and n begin with the bytes of the test."""
     tests = "".join(
-        f"if ({test}) seen |= {1 << at}; else other |= {1 << at};\n" for at, test in enumerate(conditions)
+        f"if ({test}) seen |= {1 << at}; else other |= {1 << at};\n" for at, test in enumerate(CONDITIONS)
     )
     text = (
-        "#include <xc.h>\nunsigned char seen, other, chosen; volatile unsigned char m, n;\n"
-        f"void main(void) {{ unsigned int wide; m = {m}; n = {n}; wide = m << 8 | n;\n{tests}"
-        "chosen = m ? 64 : 0; while (1); }"
+        "#include <xc.h>\nunsigned char seen, other, chosen; volatile unsigned char m @ 0x40, n @ 0x41;\n"
+        f"void main(void) {{ unsigned int wide; wide = m << 8 | n;\n{tests}chosen = m ? 64 : 0; while (1); }}"
     )
-    expected = sum(1 << at for at, true in enumerate(conditions.values()) if true)
-    assert (value(text, "seen"), value(text, "other")) == (expected, expected ^ 0xFF)
-    assert value(text, "chosen") == (64 if m else 0)
+    made = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    where = {name: address - RAM_FIRST for address, name, _ in made.listing.variables}
+    for m, n in product((0, 1, 127, 128, 254, 255), (0, 127, 128, 255)):
+        options = SimulatorOptions(start=(("0x40", m), ("0x41", n)))
+        machine = Machine(made.image, Clock(4_000_000), options=options)
+        machine.run(1_000)
+        ram = machine.state().ram
+        expected = sum(1 << at for at, test in enumerate(CONDITIONS.values()) if test(m, n))
+        assert (ram[where["seen"]], ram[where["other"]]) == (expected, expected ^ 0xFF), (m, n)
+        assert ram[where["chosen"]] == (64 if m else 0)
 
 
 def test_a_skip_over_one_instruction_stays_in_front_of_it() -> None:

@@ -132,12 +132,17 @@ def test_variables_that_assembly_names_stay_where_they_are() -> None:
     program.shown("movwf _x")
     symbol = program.symbols["_x"]
     assert symbol.pinned and symbol.read and symbol.written and symbol.volatile
-    other = Program()
-    other.shown("movlw high(_x)")
-    (made,) = assemble_line("movlw high(_x+2)", PLACE, other.symbols.get, str)
-    assert isinstance(made, Instruction)
-    assert (made.k.offset, made.k.part) == (2, 1)  # type: ignore[union-attr]
-    assert other.symbols["_x"].volatile
+    for text, place in (
+        ("movlw _x", (0, 0)),
+        ("movlw low(_x)", (0, 0)),
+        ("movlw high(_x+2)", (2, 1)),
+        ("movlw low(_x+3)", (3, 0)),
+    ):
+        other = Program()
+        (made,) = assemble_line(text, PLACE, other.symbols.get, str)
+        assert isinstance(made, Instruction)
+        assert (made.k.offset, made.k.part) == place  # type: ignore[union-attr]
+        assert other.symbols["_x"].volatile
 
 
 def test_the_names_of_labels() -> None:

@@ -12,8 +12,20 @@ from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
-from servogen.compiler.ast.nodes import Binary, Cast, Expr, Num, Ref, Symbol, Unary, Update
-from servogen.compiler.ast.types import S8, S16, S32, U8, U16, U32, IntType
+from servogen.compiler.ast.nodes import (
+    Assign,
+    Binary,
+    Cast,
+    Choice,
+    Expr,
+    Logic,
+    Num,
+    Ref,
+    Symbol,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import BIT, BOOL, S8, S16, S32, U8, U16, U32, IntType
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Context, FunctionGenerator
 from servogen.compiler.codegen.program import _LOWERING
@@ -263,3 +275,111 @@ def test_a_variable_is_changed_in_place(op: str, kind: IntType) -> None:
             if not work.signed or work.low <= exact <= work.high:
                 assert found.number(x.symbol, kind.size) == exact & (1 << 8 * kind.size) - 1, (a, second)
                 assert found.number(y.symbol, kind.size) == b
+
+
+@every("kind", [U8, S8])
+@every(
+    ("bit", "width"),
+    [(bit, width) for width in range(1, 8) for bit in (0, 1, 4, 8 - width) if bit + width <= 8],
+)
+def test_a_bit_field_is_read_and_written_between_its_neighbours(bit: int, width: int, kind: IntType) -> None:
+    byte, y, result = Symbol("x", U8, "global"), variable("y", U8), variable("result", U32)
+    field = Ref(byte, 0, None, kind, AT, bit=bit, width=width)
+    mask = (1 << width) - 1
+
+    def value(bits: int) -> int:
+        """The bits as a number; the highest one is the sign of a signed field."""
+        bits &= mask
+        return bits - (mask + 1) if kind.signed and bits >> width - 1 else bits
+
+    reads = {size: stored(field, result, size) for size in (1, 2, 4)}
+    other: Expr = Cast(y, BIT, AT) if width == 1 and kind is U8 else y
+    again = stored(Assign(field, other, kind, AT), result, 2)
+    for before, number in ((0x00, 0xFF), (0xFF, 0x00), (0xA5, 0x5A), (0x5A, 0x01), (0x3C, 0x92)):
+        given = {byte: before, y.symbol: number, result.symbol: 0x55555555}
+        for size, made in reads.items():
+            found = made.run(given)
+            assert found.number(result.symbol, size) == value(before >> bit) & (1 << 8 * size) - 1
+            assert found.number(byte, 1) == before
+        after = before & ~(mask << bit) & 0xFF | (number & mask) << bit
+        constant: Expr = Num(value(number), kind, AT)
+        for assigned in (constant, other):
+            made = Code(lambda gen, assigned=assigned: effect(gen, Assign(field, assigned, kind, AT)))  # type: ignore[misc]
+            assert made.run(given).number(byte, 1) == after
+        # the value of the assignment is what the field holds
+        found = again.run(given)
+        assert (found.number(byte, 1), found.number(result.symbol, 2)) == (after, value(number) & 0xFFFF)
+        for op in "+-^":
+            expr = Update(op, field, Num(1, S16, AT), S16, post=True, type=kind, place=AT)
+            found = stored(expr, result, 2).run(given)
+            changed = OPERATORS[op](value(before >> bit), 1)
+            expected = before & ~(mask << bit) & 0xFF | (changed & mask) << bit
+            if width == 1 and kind is U8 and op != "^":
+                continue  # sema makes a conversion to a bit of these
+            assert (found.number(byte, 1), found.number(result.symbol, 2)) == (
+                expected,
+                value(before >> bit) & 0xFFFF,
+            )
+
+
+@every("kind", TYPES)
+def test_conversions_and_operators_of_one_variable(kind: IntType) -> None:
+    x, result = variable("x", kind), variable("result", U32)
+    work = max((S16, kind), key=lambda each: (each.size, not each.signed))
+    conversions = {to: stored(Cast(x, to, AT), result, 4) for to in TYPES}
+    truths = {size: stored(Cast(x, BOOL, AT), result, size) for size in (1, 3)}
+    bit = stored(Cast(x, BIT, AT), result, 1)
+    negation = stored(Unary("!", x, S16, AT), result, 2)
+    in_place = Code(lambda gen: effect(gen, Assign(x, Unary("!", x, S16, AT), kind, AT)))
+    for value in numbers(kind):
+        given = {x.symbol: value, result.symbol: 0x55555555}
+        for to, made in conversions.items():
+            assert made.run(given).number(result.symbol, 4) == wrapped(value, to) & 0xFFFFFFFF, (
+                value,
+                to.name,
+            )
+        for size, made in truths.items():
+            assert made.run(given).number(result.symbol, size) == (value != 0)
+        assert bit.run(given).number(result.symbol, 1) == value & 1
+        assert negation.run(given).number(result.symbol, 2) == (value == 0)
+        assert in_place.run(given).number(x.symbol, kind.size) == (value == 0)
+    for op, law in (("-", operator.neg), ("~", operator.invert)):
+        expr = Unary(op, Cast(x, work, AT), work, AT)
+        codes = {size: stored(expr, result, size) for size in (1, work.size, 4)}
+        changed = Code(lambda gen, expr=expr: effect(gen, Assign(x, Cast(expr, kind, AT), kind, AT)))  # type: ignore[misc]
+        for value in numbers(kind):
+            exact = law(wrapped(value, work))
+            if work.signed and exact > work.high:
+                continue
+            given = {x.symbol: value, result.symbol: 0x55555555}
+            for size, made in codes.items():
+                found = made.run(given).number(result.symbol, size)
+                assert found == wrapped(exact, work) & (1 << 8 * size) - 1, (op, value, size)
+            assert changed.run(given).number(x.symbol, kind.size) == exact & (1 << 8 * kind.size) - 1
+
+
+@every(("kind", "other"), [(U8, S8), (S8, U16), (U16, S16), (S16, U8)])
+def test_a_chosen_value_is_extended_with_its_own_sign(kind: IntType, other: IntType) -> None:
+    x, y, result = variable("x", kind), variable("y", other), variable("result", U32)
+    work = max((S16, kind, other), key=lambda each: (each.size, not each.signed))
+    choice = Choice(Binary("<", x, Num(100, S16, AT), U8, AT), Cast(x, work, AT), Cast(y, work, AT), work, AT)
+    both = Logic("&&", x, y, S16, AT)
+    either = Logic("||", x, Binary("==", y, Num(1, S16, AT), U8, AT), S16, AT)
+    made = {size: stored(choice, result, size) for size in (1, 2, 4)}
+    for a, b in product(numbers(kind)[::2], numbers(other)[::2]):
+        given = {x.symbol: a, y.symbol: b, result.symbol: 0x55555555}
+        for size, code in made.items():
+            chosen = wrapped(a if a < 100 else b, work)
+            assert code.run(given).number(result.symbol, size) == chosen & (1 << 8 * size) - 1
+    for expr, law in ((both, lambda a, b: a and b), (either, lambda a, b: a or b == 1)):
+        code = stored(expr, result, 2)
+        own = Code(lambda gen, expr=expr: effect(gen, Assign(x, expr, kind, AT)))  # type: ignore[misc]
+        for sense in (False, True):
+            tested = condition(expr, sense=sense)
+            for a, b in product((0, 1, -1, 0x80), (0, 1, 2, 0x100)):
+                one, two = wrapped(a, kind), wrapped(b, other)
+                given = {x.symbol: one, y.symbol: two, result.symbol: 0x55555555}
+                truth = bool(law(one, two))
+                assert tested.run(given).w == (truth == sense)
+                assert code.run(given).number(result.symbol, 2) == truth
+                assert own.run(given).number(x.symbol, kind.size) == truth
