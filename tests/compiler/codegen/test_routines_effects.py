@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 from servogen.compiler.ast.nodes import (
     AddressOf,
     Assign,
     Binary,
+    BlockStatement,
     Builtin,
     Call,
     Cast,
@@ -13,6 +17,7 @@ from servogen.compiler.ast.nodes import (
     Comma,
     Deref,
     Expr,
+    ExprStmt,
     Logic,
     Num,
     Ref,
@@ -20,7 +25,7 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import BIT, BOOL, S8, S16, U8, U16, U32, IntType, PointerType
+from servogen.compiler.ast.types import BIT, BOOL, S8, S16, S32, U8, U16, U32, IntType, PointerType
 from servogen.compiler.codegen.effects import (
     calls_something,
     changes,
@@ -31,7 +36,15 @@ from servogen.compiler.codegen.effects import (
     touches,
     width_of,
 )
-from servogen.compiler.codegen.routines import Divisor, Quotient, halvings, is_byte, is_power_of_two, quotient
+from servogen.compiler.codegen.routines import (
+    Divisor,
+    Quotient,
+    Routines,
+    halvings,
+    is_byte,
+    is_power_of_two,
+    quotient,
+)
 from servogen.compiler.ir.instruction import Byte, Reg
 from servogen.errors import Location
 from tests.compiler.cases import every
@@ -144,6 +157,66 @@ def test_a_division_by_a_variable_is_no_shift() -> None:
     assert not is_power_of_two(ref())
     assert is_byte(num(0)) and is_byte(num(255)) and not is_byte(num(256)) and not is_byte(num(-1, S16))
     assert is_byte(ref()) and not is_byte(ref(kind=S8)) and not is_byte(ref(kind=U16))
+
+
+def routines(*exprs: Expr) -> Routines:
+    """Those of a program of one function."""
+    function: Any = SimpleNamespace(body=BlockStatement([ExprStmt(expr) for expr in exprs]))
+    return Routines([function])
+
+
+def over(left: IntType, right: IntType | int, kind: IntType, op: str = "/") -> Binary:
+    """A quotient of two variables, or of a variable and a constant."""
+    divisor = num(right, kind) if isinstance(right, int) else Cast(ref("y", right), kind, AT)
+    return binary(op, Cast(ref("x", left), kind, AT), divisor, kind)
+
+
+def test_one_routine_serves_all_divisions_of_a_size() -> None:
+    narrow, wide = over(U16, 10, U16), over(U16, U16, U16, "%")
+    assert routines(narrow).divide(quotient(narrow)) == (2, 1, 0)
+    assert routines(narrow, wide).divide(quotient(narrow)) == (2, 2, 1)
+    assert routines(narrow, over(U16, U8, U16)).divide(quotient(narrow)) == (2, 1, 1)
+    assert routines(over(U32, U32, U32), narrow).divide(quotient(narrow)) == (2, 1, 0)
+    # in any place, also where a variable is divided
+    inner = binary("+", num(1), Cast(wide, U16, AT))
+    change = Update("%", ref("z", U16), ref("y", U16), U16, False, U16, AT)
+    assert all(routines(narrow, each).divide(quotient(narrow)) == (2, 2, 1) for each in (inner, change))
+
+
+def test_divisions_by_shifts_widen_no_routine() -> None:
+    narrow = over(U16, 10, U16)
+    assert routines(narrow, over(U16, 512, U16), over(U16, 1024, U16, "%")).divide(quotient(narrow)) == (
+        2,
+        1,
+        0,
+    )
+    signed = over(S16, 10, S16)
+    assert routines(signed, over(S16, 512, S16)).divide_signed(quotient(signed)) == (2, 1, 0, 0)
+    # the remainder of a signed division is no shift
+    assert routines(signed, over(S16, 512, S16, "%")).divide_signed(quotient(signed)) == (2, 2, 0, 0)
+
+
+def test_only_where_a_divisor_may_be_negative_its_sign_is_looked_at() -> None:
+    signed, negative = over(S16, 10, S16), over(S16, S16, S16)
+    assert routines(signed).divide_signed(quotient(signed)) == (2, 1, 0, 0)
+    assert routines(signed, negative).divide_signed(quotient(signed)) == (2, 2, 0, 1)
+    assert routines(signed).divide_signed(quotient(negative)) == (2, 2, 0, 1)
+    assert routines(signed, over(S32, S32, S32)).divide_signed(quotient(signed)) == (2, 1, 0, 0)
+
+
+def test_the_narrowest_factors_that_all_products_allow() -> None:
+    byte, word = ref("x"), ref("y", U16)
+    wide, narrow = binary("*", word, word), binary("*", word, byte)
+    for size in (1, 2):
+        assert routines(wide).multiply(byte, byte, size) == (1, 1, size)
+    assert routines().multiply(byte, byte, 4) == (4, 1, 4)
+    for one, two in ((word, byte), (byte, word)):
+        assert routines(narrow).multiply(one, two, 2) == (2, 1, 2)
+        assert routines(narrow, wide).multiply(one, two, 2) == (2, 2, 2)
+    assert routines(narrow).multiply(word, word, 2) == (2, 2, 2)
+    assert routines(binary("*", byte, word)).multiply(word, byte, 3) == (3, 1, 3)
+    change = Update("*", ref("z", U16), word, U16, False, U16, AT)
+    assert routines(change).multiply(word, byte, 2) == (2, 2, 2)
 
 
 VARIABLE, OTHER, CALL = ref("x"), ref("y"), Call("f", [], U8, AT)

@@ -13,27 +13,36 @@ from types import SimpleNamespace
 from typing import Any
 
 from servogen.compiler.ast.nodes import (
+    AddressByte,
     Assign,
     Binary,
+    BlockStatement,
+    CaseLabel,
     Cast,
     Choice,
+    Deref,
     Expr,
+    ExprStmt,
+    Jump,
     Logic,
     Num,
     Ref,
+    Stmt,
+    Switch,
     Symbol,
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import BIT, BOOL, S8, S16, S32, U8, U16, U32, IntType
+from servogen.compiler.ast.types import BIT, BOOL, S8, S16, S32, U8, U16, U32, ArrayType, IntType, PointerType
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Context, FunctionGenerator
 from servogen.compiler.codegen.program import _LOWERING
 from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.codegen.runtime import build
+from servogen.compiler.codegen.statements import statement
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import Byte
+from servogen.compiler.ir.instruction import FSR, INDF, Byte, Instruction, Loc
 from servogen.errors import Location
 from tests.compiler.cases import every
 from tests.compiler.codegen.routines import Library
@@ -383,3 +392,156 @@ def test_a_chosen_value_is_extended_with_its_own_sign(kind: IntType, other: IntT
                 assert tested.run(given).w == (truth == sense)
                 assert code.run(given).number(result.symbol, 2) == truth
                 assert own.run(given).number(x.symbol, kind.size) == truth
+
+
+@every("kind", TYPES)
+@every("with_default", [False, True])
+def test_a_switch_goes_to_the_case_of_its_value(with_default: bool, kind: IntType) -> None:
+    x, result = variable("x", kind), variable("result", U8)
+    values = [0, 1, 0x80, 0xFF, 0x100, -1, 0x1234, 0x12FF, -0x8000]
+    for cases in (values, values[::-1], values[1:], [0x100], [70_000]):
+        labels = [(case, CaseLabel(AT)) for case in cases]
+        default = CaseLabel(AT) if with_default else None
+        body: list[Stmt] = []
+        for number, label in enumerate([*(label for _, label in labels), *([default] if default else [])], 1):
+            store = ExprStmt(Assign(result, Num(number, U8, AT), U8, AT))
+            body += [label, store, Jump("break", "", AT)]
+        node = Switch(x, labels, default, BlockStatement(body), AT)
+        made = Code(lambda gen, node=node: statement(gen, node))  # type: ignore[misc]
+        for value in {*numbers(kind), *(wrapped(case, kind) for case in cases)}:
+            found = made.run({x.symbol: value, result.symbol: 0}).number(result.symbol, 1)
+            expected = cases.index(value) + 1 if value in cases else len(cases) + 1 if with_default else 0
+            assert found == expected, (cases, value)
+
+
+class Memory(Chip):
+    """A chip on which FSR leads to the variables, which lie one behind the other from `FIRST` on."""
+
+    FIRST = 0x20
+
+    def __init__(self, functions: dict[str, Function], symbols: list[Symbol]) -> None:
+        super().__init__(functions)
+        self.at: dict[int, Byte] = {}
+        self.addresses: dict[Symbol, int] = {}
+        for symbol in symbols:
+            self.addresses[symbol] = self.FIRST + len(self.at)
+            self.at |= {self.FIRST + len(self.at) + at: Byte(symbol, at) for at in range(symbol.size)}
+        for function in functions.values():
+            for ins in function.instructions():
+                if isinstance(ins.k, AddressByte):
+                    ins.k = self.addresses[ins.k.symbol] + ins.k.offset
+
+    def read(self, loc: Loc | None) -> int:
+        return super().read(self.at[self.memory[FSR]] if loc == INDF else loc)
+
+    def _write(self, ins: Instruction, value: int, *, to_file: bool) -> None:
+        if to_file and ins.f == INDF:
+            self.memory[self.at[self.memory[FSR]]] = value
+        else:
+            super()._write(ins, value, to_file=to_file)
+
+
+@every("form", ["element", "pointer", "member"])
+@every("kind", [U8, S8, U16, S16, U32])
+def test_an_object_behind_an_address_is_read_and_changed(kind: IntType, form: str) -> None:
+    work = max((S16, kind), key=lambda each: (each.size, not each.signed))
+    table = Symbol("a", ArrayType(kind, 3), "global", pinned=True)
+    i, y, result = variable("i", U8), variable("y", S8), variable("result", U32)
+    p = Ref(Symbol("p", PointerType(kind), "global"), 0, None, PointerType(kind), AT)
+    index = Binary("*", i, Num(kind.size, U8, AT), U8, AT)
+    target: Ref | Deref = {
+        "element": Ref(table, 0, index, kind, AT),
+        "pointer": Deref(p, 0, kind, AT),
+        "member": Deref(p, kind.size, kind, AT),
+    }[form]
+    size = kind.size
+    one, wide = Num(1, work, AT), Cast(y, work, AT)
+    effects: dict[str, tuple[Expr, Callable[[int, int], int]]] = {
+        "= y": (Assign(target, y, kind, AT), lambda old, y: y),
+        "= y + 1": (Assign(target, Binary("+", wide, one, work, AT), kind, AT), lambda old, y: y + 1),
+        "= 0x1234": (Assign(target, Num(0x1234, work, AT), kind, AT), lambda old, y: 0x1234),
+        "= x - y": (Assign(target, Binary("-", target, wide, work, AT), kind, AT), operator.sub),
+    }
+    for op, law in OPERATORS.items():
+        if op in "+-&|^":
+            expr = Update(op, target, y, work, post=False, type=kind, place=AT)
+            effects[f"{op}= y"] = expr, law
+        expr = Update(op, target, Num(3, work, AT), work, post=False, type=kind, place=AT)
+        effects[f"{op}= 3"] = expr, lambda old, y, law=law: law(wrapped(old, work), 3)
+    for post, op in product((False, True), "+-"):
+        effects[f"{op}{post}"] = (
+            Update(op, target, one, work, post=post, type=kind, place=AT),
+            (lambda old, y, op=op: OPERATORS[op](old, 1)),
+        )
+    for name, (expr, law) in effects.items():
+        for used in (False, True):
+            made = stored(expr, result, 4) if used else Code(lambda gen, expr=expr: effect(gen, expr))  # type: ignore[misc]
+            for old, other in ((0, 1), (kind.high, -1), (wrapped(0x12FF, kind), 2), (kind.low, 100)):
+                functions = {"f": made.function} | made.library.functions
+                chip = Memory(functions, [table, i.symbol, y.symbol, p.symbol, result.symbol])
+                for each in functions.values():
+                    for symbol in each.own:
+                        chip.store(symbol, 0x3C3C3C3C, symbol.size)
+                field = ((1 << 8 * size) - 1) << 8 * size
+                before = 0xA1B2C3D4E5F60718293A4B5C & (1 << 24 * size) - 1 & ~field | old << 8 * size & field
+                chip.store(table, before, 3 * size)
+                chip.store(i.symbol, 1, 1)
+                chip.store(y.symbol, other, 1)
+                chip.store(p.symbol, chip.addresses[table] + (0 if form == "member" else size), 1)
+                chip.store(result.symbol, 0x55555555, 4)
+                chip.call("f")
+                exact = law(old, other)
+                new = wrapped(exact, kind)
+                if work.signed and not work.low <= exact <= work.high:
+                    continue
+                found = chip.number(table, 3 * size)
+                assert found & ~field == before & ~field, (name, hex(found))
+                assert found & field == new << 8 * size & field, (name, old, other)
+                if used:
+                    expected = old if getattr(expr, "post", False) else new
+                    assert chip.number(result.symbol, 4) == expected & 0xFFFFFFFF, (name, old, other)
+
+
+@every("volatile", [False, True])
+@every("kind", [U8, S8, U16, S16, U32])
+def test_a_variable_is_assigned_what_reads_it(kind: IntType, volatile: bool) -> None:
+    work = max((S16, kind), key=lambda each: (each.size, not each.signed))
+    x, y = variable("x", kind), variable("y", kind)
+    x.symbol.volatile = volatile
+    one, two = Cast(x, work, AT), Cast(y, work, AT)
+
+    def of(op: str, left: Expr, right: Expr) -> Expr:
+        return Binary(op, left, right, work, AT)
+
+    def num(value: int) -> Num:
+        return Num(value, work, AT)
+
+    laws: dict[str, tuple[Expr, Callable[[int, int], int]]] = {
+        "y - x": (of("-", two, one), lambda x, y: y - x),
+        "y + x": (of("+", two, one), lambda x, y: y + x),
+        "5 - x": (of("-", num(5), one), lambda x, y: 5 - x),
+        "x - (x + y)": (of("-", one, of("+", one, two)), lambda x, y: -y),
+        "(x & y) - (x ^ y)": (of("-", of("&", one, two), of("^", one, two)), lambda x, y: (x & y) - (x ^ y)),
+        "~x + y": (of("+", Unary("~", one, work, AT), two), lambda x, y: ~x + y),
+        "-x": (Unary("-", one, work, AT), lambda x, y: -x),
+        "x >> 3 | x << 2": (
+            of("|", of(">>", one, num(3)), of("<<", one, num(2))),
+            lambda x, y: x >> 3 | x << 2,
+        ),
+        "(y << 1) + x": (of("+", of("<<", two, num(1)), one), lambda x, y: (y << 1) + x),
+        "x < y": (Binary("<", x, y, S16, AT), lambda x, y: x < y),
+        "x == y ? y - 1 : x": (
+            Choice(Binary("==", x, y, U8, AT), of("-", two, num(1)), one, work, AT),
+            lambda x, y: y - 1 if x == y else x,
+        ),
+        "(unsigned char)x + y": (of("+", Cast(Cast(x, U8, AT), work, AT), two), lambda x, y: (x & 0xFF) + y),
+        "y - (unsigned char)x": (of("-", two, Cast(Cast(x, U8, AT), work, AT)), lambda x, y: y - (x & 0xFF)),
+    }
+    for name, (expr, law) in laws.items():
+        value = expr if kind == work else Cast(expr, kind, AT)
+        made = Code(lambda gen, value=value: effect(gen, Assign(x, value, kind, AT)))  # type: ignore[misc]
+        for a, b in product(numbers(kind)[::3], numbers(kind)[1::4]):
+            exact = int(law(a, b)) if name == "x < y" else law(wrapped(a, work), wrapped(b, work))
+            found = made.run({x.symbol: a, y.symbol: b})
+            assert found.number(x.symbol, kind.size) == exact & (1 << 8 * kind.size) - 1, (name, a, b)
+            assert found.number(y.symbol, kind.size) == b & (1 << 8 * kind.size) - 1
