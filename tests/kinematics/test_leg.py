@@ -119,3 +119,57 @@ def test_the_torque_is_the_work_of_the_force_per_angle() -> None:
     beta, step = 0.7, 1e-6
     rise = (LEG.fk(0, beta + step) - LEG.fk(0, beta - step))[2] / (2 * step)
     assert LEG.torque(beta, 2.0) == pytest.approx(2.0 * rise, rel=1e-8)
+
+
+def test_the_nearest_point_to_one_beside_the_surface_is_the_foot_of_its_normal() -> None:
+    """Seen in the half plane through the axis of α; to a nanometre where the surface is not curved away."""
+    for beta in (0.3, 0.9, 1.5, 2.2):
+        rho, height = np.hypot(0.04, 0.05 * np.sin(beta)), -0.05 * np.cos(beta) - 0.08
+        along = np.array([0.05**2 * np.sin(beta) * np.cos(beta) / rho, 0.05 * np.sin(beta)])
+        normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+        aside, up = np.array([rho, height]) + 0.02 * normal
+        for turn in (0.4, -2.0):
+            target = (aside * np.cos(turn), aside * np.sin(turn), up)
+            expected = (rho * np.cos(turn), rho * np.sin(turn), height)
+            assert LEG.nearest(target) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_stance_keeps_the_sign_of_beta_and_goes_round_without_a_jump_of_alpha() -> None:
+    turns = np.linspace(0, 3 * np.pi, 50)
+    path = LEG.fk(turns, 0.6)
+    for sign in (1, -1):
+        stance = LEG.stance(path, sign)
+        assert stance.beta == pytest.approx(np.full(50, sign * 0.6))
+        assert np.diff(stance.alpha) == pytest.approx(np.diff(turns))
+        assert stance.largest_correction_m < 1e-12
+    assert LEG.stance(path[0]).foot_m == pytest.approx(path[:1])
+    for sign in (0, 2, -2):
+        with pytest.raises(InputError, match=f"the sign of β is 1 or -1, not {sign}"):
+            LEG.stance(path, sign)
+    for height in (-0.131, -0.029):
+        with pytest.raises(InputError, match=f"no β gives the height {1000 * height:.3f} mm") as caught:
+            LEG.stance([path[0], [0.0, 0.04, height]])
+        assert caught.value.hint == "this leg's foot is between -130.000 and -30.000 mm"
+
+
+def test_a_straight_path_runs_backwards_on_either_side() -> None:
+    """Its ends are as far outside the circle of the foot as its middle is inside."""
+    rho = np.hypot(0.04, 0.05 * np.sin(LEG.beta_at(-0.1)))
+    left, right = LEG.straight(0.02, -0.1, 3), LEG.straight(0.02, -0.1, 3, -1)
+    assert left[:, 0] == pytest.approx([0.01, 0, -0.01])
+    assert right == pytest.approx(left * [1, -1, 1])
+    assert left[1] == pytest.approx([0, rho - 0.02**2 / (16 * rho), -0.1])
+    assert np.hypot(*left[0, :2]) - rho == pytest.approx(rho - left[1, 1], rel=0.01)
+    assert len(LEG.straight(0.02, -0.1, 2)) == 2
+    for samples, side in ((1, 1), (3, 0), (3, 2)):
+        with pytest.raises(InputError, match="two samples or more and a side of 1 or -1"):
+            LEG.straight(0.02, -0.1, samples, side)
+
+
+def test_which_lengths_may_be_zero() -> None:
+    assert Leg(0.0, 0.05, 0.01, 0.0).r == 0.01 and Leg(0.01, 0.05, 0.0, 0.0).r == 0.01
+    with pytest.raises(InputError, match=r"l_AB \+ l_CD > 0"):
+        Leg(0.0, 0.05, 0.0, 0.08)
+    for name in ("ab", "bc", "cd", "df"):
+        with pytest.raises(InputError, match=f"the leg's length {name} is -0.001 m"):
+            Leg(**{"ab": 0.03, "bc": 0.05, "cd": 0.01, "df": 0.08} | {name: -0.001})

@@ -136,9 +136,36 @@ def test_a_circle_turns_the_base_as_far_as_asked_on_its_radius(name: str, radius
         vx, vy, heading = BASE.body_speed(stretch.wheel_angles)
         assert heading == pytest.approx(turn)
         assert math.hypot(vx, vy) == pytest.approx(radius * 0.135 * 1.5)
+        assert math.degrees(math.atan2(vy, vx)) % 360 == pytest.approx(row.direction_deg % 360, abs=1e-9)
         assert f"radius {135 * radius:.1f} mm, by {math.degrees(turn):.1f}°" in stretch.text
         turns = 16 * max(map(abs, stretch.wheel_angles)) / (2 * math.pi)
         assert stretch.remark.endswith(f"{turns:.3f} motor turns, {2048 * turns:.0f} counts")
+
+
+def test_a_turn_on_the_spot_is_as_long_as_the_way_of_a_wheel() -> None:
+    for turn in (0.5, -0.5):
+        (stretch,) = BASE.routine(Routine("turn", turn=turn))
+        assert stretch.length == pytest.approx(0.135 * 0.5)
+        assert BASE.body_speed(stretch.wheel_angles) == pytest.approx([0, 0, turn], abs=1e-12)
+    with pytest.raises(InputError, match="turn_deg must not be 0"):
+        BASE.routine(Routine("turn", turn=0.0))
+
+
+def test_a_circle_begins_in_one_of_three_directions_to_a_millionth_of_a_degree() -> None:
+    for off, fits in ((9e-7, True), (-9e-7, True), (2e-6, False), (15.0, False)):
+        for direction in (0.0, 360.0, -360.0):
+            (known, *_) = [
+                row.direction_deg for row in omni.table() if row.size == "large" and row.turning == 1
+            ]
+            assert known is not None
+            asked = Routine("large-circle", math.radians(known + direction + off), turn=1.0)
+            if fits:
+                assert BASE.routine(asked)
+            else:
+                with pytest.raises(InputError, match="no large circle that begins towards") as caught:
+                    BASE.routine(asked)
+                assert "turns counter-clockwise" in caught.value.message
+                assert (caught.value.hint or "").count("°") == 3
 
 
 def test_the_details_of_a_base() -> None:

@@ -1,12 +1,17 @@
 """URDF: out and back gives the same arm; what is no serial chain is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics import urdf
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
+from servogen.kinematics.transforms import rot
 from servogen.kinematics.urdf import from_urdf, to_urdf
+from servogen.robot.model import Arm, DHRow, Joint, Length
 
 pytest.importorskip("urdf_parser_py")
 
@@ -43,6 +48,83 @@ def test_a_description_written_by_hand() -> None:
     angle, out = 0.4, 0.05
     expected = [0.25 * np.cos(angle), 0, 0.3 - 0.25 * np.sin(angle)]
     assert fk(found, [angle, out])[:3, 3] == pytest.approx(expected)
+
+
+def joint_of(text: str) -> tuple[float, float, float, float | None]:
+    """Return the limits, home and speed of the only joint of a chain."""
+    parts = LINKS.replace('<link name="hand"/>', ""), text.replace('"hand"', '"upper"').replace("slide", "j")
+    (joint,) = from_urdf(
+        robot(*parts).replace('<parent link="upper"', '<parent link="base"'), "j.urdf"
+    ).joints
+    return joint.lower, joint.upper, joint.home, joint.speed
+
+
+def test_the_limits_home_and_speed_of_each_kind_of_joint() -> None:
+    """A turning joint rests at 0 if it may, a sliding one at its lower end; what is not stated is 0."""
+    limit = '<limit lower="-1" upper="2" effort="5" velocity="3"/>'
+    assert joint_of(SHOULDER) == (-1, 2, 0, 3)
+    assert joint_of(SHOULDER.replace('lower="-1"', 'lower="0.5"')) == (0.5, 2, 0.5, 3)
+    assert joint_of(SHOULDER.replace('upper="2"', 'upper="-0.5"')) == (-1, -0.5, -0.5, 3)
+    assert joint_of(SHOULDER.replace(' lower="-1"', "")) == (0, 2, 0, 3)
+    assert joint_of(SHOULDER.replace(' upper="2"', "")) == (-1, 0, 0, 3)
+    assert joint_of(SHOULDER.replace('velocity="3"', 'velocity="0"')) == (-1, 2, 0, None)
+    assert joint_of(SLIDE.replace('lower="0"', 'lower="-0.1"')) == (-0.1, 0.1, -0.1, 3)
+    endless = SHOULDER.replace("revolute", "continuous")
+    assert joint_of(endless) == (-np.pi, np.pi, 0, 3)
+    assert joint_of(endless.replace(limit, "")) == (-np.pi, np.pi, 0, None)
+    assert joint_of(SHOULDER.replace(limit, "")) == (-np.pi, np.pi, 0, None)
+    with pytest.raises(InputError, match="the sliding joint 'slide' has no limits"):
+        from_urdf(robot(LINKS, SHOULDER, re.sub("<limit[^>]*>", "", SLIDE)), "made.urdf")
+    with pytest.raises(InputError, match=r"the limits of 'j' are not in order: 2\.0 to 2\.0"):
+        joint_of(SHOULDER.replace('lower="-1"', 'lower="2"').replace('"shoulder"', '"j"'))
+
+
+def test_what_a_description_does_not_state_is_the_identity_and_the_axis_x() -> None:
+    bare = re.sub("<origin[^>]*>|<axis[^>]*>", "", SHOULDER)
+    found = from_urdf(robot(LINKS, bare, SLIDE), "made.urdf")
+    assert fk(found, [0.5, 0.0])[:3, 1] == pytest.approx([0, np.cos(0.5), np.sin(0.5)])
+    assert fk(found, [0.5, 0.0])[:3, 3] == pytest.approx([0.2, 0, 0])
+    turned = SHOULDER.replace('rpy="0 0 0"', 'rpy="0.1 0.2 0.3"')
+    pose = fk(from_urdf(robot(LINKS, turned, SLIDE), "made.urdf"), [0.0, 0.0])
+    assert pose[:3, :3] == pytest.approx(rot("z", 0.3) @ rot("y", 0.2) @ rot("x", 0.1))
+
+
+def test_a_joint_may_mimic_only_one_of_the_chain_and_a_loop_is_no_tree() -> None:
+    mimic = SLIDE.replace("</joint>", '<mimic joint="other"/></joint>')
+    with pytest.raises(InputError, match="'slide' mimics 'other', which is not in the chain"):
+        from_urdf(robot(LINKS, SHOULDER, mimic), "made.urdf")
+    plain = from_urdf(robot(LINKS, SHOULDER, mimic.replace('"other"', '"shoulder"')), "made.urdf")
+    assert [(row.joint, row.ratio) for row in plain.rows] == [(0, 1.0), (0, 1.0)]
+    back = SHOULDER.replace("shoulder", "back").replace('"base"', '"hand"').replace('"upper"/>', '"base"/>')
+    with pytest.raises(InputError, match="closes a loop"):
+        from_urdf(robot(LINKS, SHOULDER, SLIDE, back), "made.urdf", "hand")
+
+
+def test_as_many_joints_as_are_allowed_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(urdf, "MAX_JOINTS", 2)
+    assert len(from_urdf(robot(LINKS, SHOULDER, SLIDE), "made.urdf").joints) == 2
+    monkeypatch.setattr(urdf, "MAX_JOINTS", 1)
+    with pytest.raises(InputError, match="has 2 joints") as caught:
+        from_urdf(robot(LINKS, SHOULDER, SLIDE), "made.urdf")
+    assert caught.value.hint == "at most 1"
+
+
+def test_what_a_row_follows_at_another_ratio_is_written_with_its_own_limits_and_speed() -> None:
+    """A follower at -2 turns twice as fast, between twice the ends the other way round."""
+    joint = Joint("j", "turning", -0.5, 1.0, 0.0, speed=3.0)
+    zero = Length()
+    rows = (DHRow(0.0, zero, Length((), 0.2), 0.0, 0), DHRow(0.0, zero, zero, 0.0, 0, -2.0))
+    text = to_urdf(Arm("made", "", "standard", (joint,), rows))
+    (own,), (follower,) = (
+        re.findall(r'name="j"[\s\S]*?</joint>', text),
+        re.findall(r'name="j_follower_link2"[\s\S]*?</joint>', text),
+    )
+    assert 'lower="-0.5" upper="1.0"' in " ".join(re.findall(r'(?:lower|upper)="[^"]*"', own))
+    assert 'lower="-2.0" upper="1.0"' in " ".join(re.findall(r'(?:lower|upper)="[^"]*"', follower))
+    assert 'velocity="3.0"' in own and 'velocity="6.0"' in follower
+    assert 'multiplier="-2.0"' in follower and "mimic" not in own
+    with pytest.raises(InputError, match=r"the first row of 'j' has the ratio -2\.0, URDF needs 1"):
+        to_urdf(Arm("made", "", "standard", (joint,), rows[::-1]))
 
 
 def test_a_fixed_joint_belongs_to_the_link() -> None:

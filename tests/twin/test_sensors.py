@@ -13,6 +13,7 @@ from servogen.job import loads, plan_job
 from servogen.simulator import Levels, Stimuli
 from servogen.twin import Ground, TwinSettings, TwinVerdict
 from servogen.twin.bodies import bodies
+from servogen.twin.run import standing
 
 ROBOT = """
 name = "one-leg"
@@ -165,6 +166,16 @@ above_a = 0.3
 def test_a_robot_without_a_leg_for_the_switch_has_no_bodies_for_it() -> None:
     job = plan_job(loads(JOB.replace("one.toml", "hexapod"), "leg.toml"))
     assert "L2_touch" in bodies(job.robot).text  # type: ignore[arg-type]
+
+
+def test_a_leg_on_the_bench_is_held_where_its_lowest_planned_foot_touches(bench: Path) -> None:
+    """β is 0 with the lift servo at 90°: the foot is then l_BC + l_DF below the body."""
+    job = plan_job(loads(JOB, str(bench / "leg.toml")))
+    _, built, world = standing(job, TwinSettings())
+    lengths = job.robot.leg.length  # type: ignore[union-attr]
+    height = lengths["bc"] + lengths["df"]
+    assert world.data.body("body").xpos == pytest.approx([0, 0, height], abs=1e-6)
+    assert f"the body is held at {1000 * height:.4g} mm: it has too few legs to stand" in built.assumptions
 
 
 ON_A_STEP = Ground(step=0.010, step_at=-1.0)
