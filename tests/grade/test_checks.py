@@ -123,6 +123,14 @@ def test_a_watch_is_given_up_beyond_a_million_edges(more: int, too_fast: bool) -
     assert seen.end == (size - 1 if too_fast else 2 * size)
 
 
+def test_a_watch_that_is_given_up_ends_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("servogen.grade.watch.MAX_EDGES", 3)
+    chunks = tuple(edge_chunk((at, at + 5), (RB0, RB0), (1, 0)) for at in (10, 20, 30))
+    found = watch(EdgeTrace(MHZ4, chunks, Cycles(100)))
+    assert (found.too_fast, found.end) == (True, 25)
+    assert found.pins[RB0].rise.tolist() == [10, 20]
+
+
 def test_visits_are_of_the_positions_that_the_servos_are_commanded_to() -> None:
     """90° is 1500 µs, and a visit goes on while its position holds."""
     width = {30: 1167, 31: 1172, 90: 1500}
@@ -256,6 +264,16 @@ def test_a_width_that_no_servo_takes_is_said(degrees: float, width: float, text:
     if degrees < 0:
         low, high = SERVO.servo.widths_us
         assert fault.text.endswith(f"takes {low:g} to {high:g} µs")
+
+
+def test_a_width_that_another_model_takes_for_the_position_is_said() -> None:
+    """1333 µs are 30° of a Tiny-S (1250 µs and 500 µs for 180°), and 60° of the S3001."""
+    stops = [visit(0, 10, [], 60.0, 1333), visit(10, 20, [1]), visit(20, 30, [2]), visit(30, 40, [0])]
+    (fault,) = faults(stops)
+    assert fault.text == (
+        f"where A is expected, '{SERVO.servo.name}' gets pulses of 1333 µs, "
+        "which is 60.0° on the Futaba S3001 (the width is that of the Multiplex Tiny-S)"
+    )
 
 
 # Pauses, travel, periods, repetition

@@ -122,6 +122,27 @@ def test_pulses_on_a_pin_that_is_not_allowed_are_told() -> None:
     assert "the pulses are on RA4, which is an open drain" in reason
 
 
+def graded_on(pins: dict[str, Sequence[Step]]) -> Grade:
+    """Return the grade of a program with these pulses on pins."""
+    edges = []
+    for name, steps in pins.items():
+        for rise, width in zip(*pulses(steps), strict=True):
+            edges += [(rise, PINS.index(name), 1), (rise + width, PINS.index(name), 0)]
+    chunk = edge_chunk(*zip(*sorted(edges), strict=True))
+    return judge(LAB, watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(END))), ChipFacts())
+
+
+def test_a_program_is_judged_on_the_labs_pin_or_on_the_allowed_one_that_is_right() -> None:
+    wrong = changed(1, (250, W120, 20_000, 0))
+    assert not graded_on({"RB0": wrong, "RB1": RIGHT}).passed
+    other = graded_on({"RB1": wrong, "RB2": RIGHT})
+    assert other.passed and other.pins == (("arm", "RB2"),)
+    assert [remark.message for remark in other.remarks] == [
+        "the servo 'arm' is on RB2, not on the lab's RB0: wire it there",
+        "there are also pulses on RB1, where no servo is connected",
+    ]
+
+
 def test_a_watchdog_reset_is_the_one_cause() -> None:
     (reason,) = grade(RIGHT[:1], chip=ChipFacts(watchdog_resets=7)).reasons
     assert reason.startswith("the watchdog resets the chip 7 times in 100 s: turn it off")

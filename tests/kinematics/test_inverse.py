@@ -13,7 +13,14 @@ from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, TargetComponents, spherical
-from servogen.kinematics.inverse.solve import ik, ik_all, nearest_point, solve
+from servogen.kinematics.inverse.solve import (
+    Solutions,
+    ik,
+    ik_all,
+    nearest_point,
+    solve,
+    sorted_without_doubles,
+)
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
@@ -184,6 +191,71 @@ def test_an_arm_with_too_many_turns_to_list_is_refused() -> None:
     assert ik(robot, target)[0] == pytest.approx(0.7)
     with pytest.raises(InputError, match="in more than 10000 ways"):
         ik_all(robot, target)
+
+
+def test_as_many_turns_as_are_allowed_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five turns of q1, once for each elbow."""
+    monkeypatch.setattr("servogen.kinematics.inverse.solve.MAX_LISTED", 10)
+    target = fk_position(arm("scara"), [0.7, 0.9, 0.1, 0.0])
+    assert len(ik_all(with_limits(arm("scara"), q1=(-900, 900)), target)) == 10
+    with pytest.raises(InputError, match="in more than 10 ways: its joints have so many turns of travel"):
+        ik_all(with_limits(arm("scara"), q1=(-900, 1200)), target)
+
+
+def test_the_nearest_is_so_in_shares_of_the_joints_ranges_and_the_first_of_equals() -> None:
+    joints = [
+        replace(joint, lower=0.0, upper=upper, home=0.0)
+        for joint, upper in zip(arm("scara").joints, (1.0, 4.0, 0.2, 2.0), strict=True)
+    ]
+    robot = replace(arm("scara"), joints=tuple(joints))
+    q = np.array([[0.3, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 0.06, 0], [0.1, 0.4, 0.04, 0.2], [0, 0, 0, 0.5]])
+    assert Solutions(robot, q).choose().tolist() == [0, 1.0, 0, 0]  # a quarter of its range, as the last
+    assert Solutions(robot, q[::-1]).choose().tolist() == [0, 0, 0, 0.5]
+    assert Solutions(robot, q).choose([0.3, 0, 0, 0.1]).tolist() == [0.3, 0, 0, 0]
+    q[1:] = np.nan
+    assert Solutions(robot, q).valid.tolist() == [True] + [False] * 4
+    assert Solutions(robot, q).choose().tolist() == [0.3, 0, 0, 0]
+    assert np.isnan(Solutions(robot, q[1:]).choose()).all()
+    straight = solve(arm("scara"), [0.5, 0.0, 0.3])
+    assert straight.choose()[1] > 0  # both elbows are as near: the first of the branches
+
+
+def test_solutions_that_differ_by_less_than_a_ten_millionth_count_once() -> None:
+    robot = arm("scara")
+    first = np.array([0.5, 0.5, 0.1, 0.0])
+    for apart, count in ((0.9e-7, 1), (1.1e-7, 2)):
+        for joint in range(4):
+            rows = np.array([first, first + apart * np.eye(4)[joint]])
+            assert len(sorted_without_doubles(robot, rows, None)) == count
+    rows = np.array([[0.9, 0, 0, 0], [-0.2, 0, 0, 0], [0.5, 0, 0, 0]])
+    assert sorted_without_doubles(robot, rows, None)[:, 0].tolist() == [-0.2, 0.5, 0.9]
+    assert sorted_without_doubles(robot, rows, [0.8, 0, 0, 0])[:, 0].tolist() == [0.9, 0.5, -0.2]
+
+
+def test_the_first_unreachable_target_of_a_grid_is_named_with_its_orientation() -> None:
+    targets = np.array([[[0.5, 0.1, 0.3], [0.4, 0.1, 0.3]], [[0.3, 0.3, 0.3], [0.8, 0.0, 0.3]]])
+    with pytest.raises(Unreachable) as caught:
+        ik(arm("scara"), targets)
+    assert caught.value.target == (0.8, 0.0, 0.3)
+    turns = np.tile(np.diag([1.0, -1.0, -1.0]), (2, 2, 1, 1))
+    turns[1, 0] = np.eye(3)
+    targets[1, 1] = [0.3, 0.3, 0.3]
+    with pytest.raises(Unreachable, match="not in this orientation") as caught:
+        ik(arm("scara"), targets, turns)
+    assert caught.value.target == (0.3, 0.3, 0.3) and not caught.value.as_asked
+    found = ik(arm("scara"), targets, turns[0, 0])
+    assert found.shape == (2, 2, 4)
+    assert fk_position(arm("scara"), found) == pytest.approx(targets)
+
+
+def test_a_limit_that_is_missed_by_rounding_is_kept() -> None:
+    """A pose is tried at the limit if it is less than 0.1 mrad beyond it, and met only to a nanometre."""
+    robot = with_limits(arm("theta1-theta2"), q1=(-60, 30))
+    for beyond, met in ((1e-10, True), (-1e-6, True), (1e-7, False)):
+        q = np.array([radians(30) + beyond, 0.4])
+        solution = solve(robot, fk_position(arm("theta1-theta2"), q))
+        assert bool(np.isclose(solution.q[solution.valid][:, 1], 0.4).any()) == met
+        assert (solution.q[solution.valid][:, 0] <= radians(30)).all()
 
 
 def test_every_position_comes_back_with_the_wrist_at_home(closed_arm, configurations) -> None:

@@ -15,10 +15,13 @@ from servogen.edges import edge_chunk
 from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.job.schema import SensorTable
+from servogen.kinematics.catalogue import arm
+from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import feet
 from servogen.kinematics.transforms import rot
 from servogen.twin import Ground, TwinSettings, run
 from servogen.twin.live import LiveTwin
+from servogen.twin.planned import planned_of
 from servogen.twin.run import _sensor, standing
 from servogen.twin.world import mujoco
 from servogen.units import Clock
@@ -120,9 +123,10 @@ def test_a_film_shows_the_bodies_where_they_are_and_their_heading(walk: PlannedJ
     placed = own @ turn.T + [0.3, -0.2, 0.5] - tip  # the lowest point of the tip's ball
     assert seen.feet == pytest.approx(placed, abs=1e-9)
     assert seen.force.tolist() == [0.0] * 6 and seen.seconds == 0.0
-    assert [np.array(part.frames)[0, -1] for part in seen.lines[-6:]] == [
-        pytest.approx(foot) for foot in placed
-    ]
+    mujoco().mj_forward(live._world.model, data)
+    for leg, foot, part in zip(live.legs, placed, seen.lines[-6:], strict=True):
+        joints = [data.body(f"{leg}_{name}").xpos for name in ("coxa", "thigh", "foot")]
+        assert np.array(part.frames)[0] == pytest.approx(np.array([*joints, foot]))
 
 
 @pytest.fixture(scope="module")
@@ -250,3 +254,46 @@ def test_a_run_ends_after_its_motion_its_time_or_two_silent_seconds(walk: Planne
     assert endless._end(None) == 2_000_000  # 400 000 samples of five steps
     with pytest.raises(InputError, match="longer than half an hour"):
         begun(walk, TwinSettings(seconds=2000.005))._end(None)
+
+
+def test_the_plan_of_a_walk_leads_along_its_route_as_often_as_it_is_played() -> None:
+    """Ahead by 80 mm, then a quarter turn: twice that is 80 mm to the left as well, looking back."""
+    route = "{ forward_mm = 40, cycles = 2 }, { turn_deg = 15, cycles = 6 }"
+    job = plan_job(loads(text_of(route), str(JOBS / "test.toml")))
+    trajectory = job.trajectory
+    loop = len(trajectory.angles) - trajectory.loop_start
+    for loops, way in ((1, (0.08, 0.0, math.pi / 2)), (2, (0.08, 0.08, math.pi))):
+        found = planned_of(job, 0, loops)
+        assert found.way == pytest.approx(way, abs=1e-9)
+        assert found.rigid is not None and len(found.rigid) == trajectory.loop_start + loops * loop
+        assert found.rigid[-1] == pytest.approx(way, abs=0.03)
+        assert found.height == pytest.approx(0.130, abs=1e-3)
+        assert found.frame_s == pytest.approx(float(trajectory.clock.seconds(trajectory.period)))
+        assert found.tool is None
+    rigid = planned_of(job, 4, 1).rigid
+    assert rigid is not None and len(rigid) == trajectory.loop_start + loop - 4
+
+
+def test_the_plan_of_an_arm_is_the_way_of_its_tool(carrying: PlannedJob) -> None:
+    found = planned_of(carrying, 0, 1)
+    assert (found.way, found.rigid, found.height) == (None, None, None)
+    names = [servo.name for servo in carrying.servos]
+    angles = carrying.trajectory.angles
+    joints = np.stack(
+        [
+            (angles[:, names.index(binding.servo)] - binding.zero) / binding.ratio
+            for binding in sorted(carrying.bindings, key=lambda each: each.joint)
+        ],
+        axis=1,
+    )
+    assert found.tool == pytest.approx(fk_position(arm("scara"), joints))
+
+
+def test_the_plan_of_a_base_is_the_way_of_its_wheels() -> None:
+    """The square of 300 mm closes; its farthest corner is both sides away."""
+    job = plan_job(loads((JOBS / "omni-square.toml").read_text(), str(JOBS / "test.toml")))
+    found = planned_of(job, 0, 1)
+    assert found.rigid is not None and (found.tool, found.height) == (None, None)
+    assert found.way == pytest.approx((0, 0, 0), abs=1e-3)
+    assert found.rigid.max(axis=0)[:2] == pytest.approx([0.3, 0.3], abs=2e-3)
+    assert np.abs(found.rigid[:, 2]).max() < 1e-3

@@ -255,7 +255,7 @@ def test_a_fall_and_missing_pulses_fail_without_being_asked_for() -> None:
 
 def test_the_words_reasons_and_json_of_a_verdict() -> None:
     made = away()
-    planned = replace(STILL, way=(0.0, 0.0, 0.0), rigid=np.array([[0.0, 0.0, 0.0], [0.5, 0.25, 0.125]]))
+    planned = replace(STILL, way=(0.0, 0.0, 0.0), rigid=np.array([[0.0] * 3, [9.0] * 3, [0.5, 0.25, 0.125]]))
     passed = verdict(made, None, planned)
     assert (passed.word, passed.cause, passed.reasons()) == ("as expected", None, [])
     failed = verdict(made, ExpectTable(torque_nm=0.5), planned)
