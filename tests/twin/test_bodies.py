@@ -76,6 +76,10 @@ def test_the_centre_of_mass_is_the_one_of_the_file() -> None:
     mujoco.mj_forward(model, data)
     assert data.subtree_com[1] == pytest.approx((0.01, -0.02, 0.005), abs=1e-9)
     assert model.body_subtreemass[1] == pytest.approx(1.2)
+    turned = tuple(replace(mount, heading=0.3 * index) for index, mount in enumerate(chosen.mounts[:4]))
+    model, data = loaded(bodies(replace(chosen, mounts=turned)).text)  # legs that do not balance each other
+    mujoco.mj_forward(model, data)
+    assert data.subtree_com[1] == pytest.approx((0.01, -0.02, 0.005), abs=1e-9)
 
 
 def test_the_trunk_is_a_homogeneous_box_around_the_mounts() -> None:

@@ -129,6 +129,8 @@ def test_what_the_bodies_of_a_hexapod_assume_is_said() -> None:
     assert sorted({round(mass, 6) for mass in rods}) == [0.0064, 0.0192] and len(rods) == 18
     trunk = next(each for each in text.iter("body") if each.get("name") == "body").find("inertial")
     assert values(trunk, "mass") == pytest.approx([0.64 - 6 * 0.032])
+    box = next(each for each in text.iter("geom") if each.get("name") == "body")
+    assert values(box, "size")[2] == 0.015  # half of the body's height, to which it lies on the ground
 
 
 def test_a_hexapod_that_states_all_is_built_of_it() -> None:
@@ -151,6 +153,11 @@ def test_a_hexapod_that_states_all_is_built_of_it() -> None:
     assert np.subtract(centres[1], centres[0]) == pytest.approx([0.01, -0.02, 0], abs=1e-8)
     leg = chosen.leg.length
     assert values(next(text.iter("site")), "pos") == pytest.approx([0, 0, -leg["df"] + 0.003])
+    assert 0.003 < values(next(text.iter("site")), "size")[0] < 0.02  # it contains the tip and no more
+    levels = [each.attrib for each in text.findall("equality/joint")]
+    assert [(each["joint1"], each["joint2"], each["polycoef"]) for each in levels] == [
+        (f"{mount.name}_level", f"{mount.name}_beta", "0 -1 0 0 0") for mount in chosen.mounts
+    ]
     touched = [each.get("site") for each in text.findall("sensor/touch")]
     assert touched == [f"{mount.name}_foot" for mount in chosen.mounts]
 
@@ -163,7 +170,11 @@ def test_a_robot_of_too_few_legs_is_held_at_its_height() -> None:
     text = xml.fromstring(found.text)
     body = next(each for each in text.iter("body") if each.get("name") == "body")
     assert values(body, "pos") == [0, 0, 0.1234] and text.find(".//freejoint") is None
-    assert xml.fromstring(bodies(chosen).text).find(".//freejoint") is not None
+    for legs in (3, 6):
+        assert (
+            xml.fromstring(bodies(replace(chosen, mounts=chosen.mounts[:legs])).text).find(".//freejoint")
+            is not None
+        )
 
 
 def test_joints_of_an_arm_without_a_servo_are_held_at_home_if_others_have_one() -> None:

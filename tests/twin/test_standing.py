@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -257,21 +258,20 @@ def test_a_run_ends_after_its_motion_its_time_or_two_silent_seconds(walk: Planne
 
 
 def test_the_plan_of_a_walk_leads_along_its_route_as_often_as_it_is_played() -> None:
-    """Ahead by 80 mm, then a quarter turn: twice that is 80 mm to the left as well, looking back."""
-    route = "{ forward_mm = 40, cycles = 2 }, { turn_deg = 15, cycles = 6 }"
+    """Ahead by 40 mm, then a turn by 30°; the second time ahead is along the new heading."""
+    route = "{ forward_mm = 40, cycles = 1 }, { turn_deg = 15, cycles = 2 }"
     job = plan_job(loads(text_of(route), str(JOBS / "test.toml")))
     trajectory = job.trajectory
     loop = len(trajectory.angles) - trajectory.loop_start
-    for loops, way in ((1, (0.08, 0.0, math.pi / 2)), (2, (0.08, 0.08, math.pi))):
+    away = 0.04 * (1 + np.exp(1j * math.radians(30)))
+    for loops, way in ((1, (0.04, 0.0, math.radians(30))), (2, (away.real, away.imag, math.radians(60)))):
         found = planned_of(job, 0, loops)
         assert found.way == pytest.approx(way, abs=1e-9)
         assert found.rigid is not None and len(found.rigid) == trajectory.loop_start + loops * loop
-        assert found.rigid[-1] == pytest.approx(way, abs=0.03)
+        assert found.rigid[-1] == pytest.approx(way, abs=0.02)
         assert found.height == pytest.approx(0.130, abs=1e-3)
         assert found.frame_s == pytest.approx(float(trajectory.clock.seconds(trajectory.period)))
         assert found.tool is None
-    rigid = planned_of(job, 4, 1).rigid
-    assert rigid is not None and len(rigid) == trajectory.loop_start + loop - 4
 
 
 def test_the_plan_of_an_arm_is_the_way_of_its_tool(carrying: PlannedJob) -> None:
@@ -287,6 +287,10 @@ def test_the_plan_of_an_arm_is_the_way_of_its_tool(carrying: PlannedJob) -> None
         axis=1,
     )
     assert found.tool == pytest.approx(fk_position(arm("scara"), joints))
+    led = replace(carrying, trajectory=replace(carrying.trajectory, loop_start=10))
+    later = planned_of(led, 4, 2).tool  # after four frames of the engine six are played once
+    assert later is not None and found.tool is not None
+    assert later == pytest.approx(np.concatenate([found.tool[4:], found.tool[10:]]))
 
 
 def test_the_plan_of_a_base_is_the_way_of_its_wheels() -> None:
