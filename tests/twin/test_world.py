@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -122,6 +123,17 @@ def test_each_servo_is_lost_its_own_time_after_its_own_last_pulse() -> None:
     world.pulse(ReceivedPulse(world.step, 0, 500.0))
     world.advance()
     assert world.state.driven.tolist() == [1.0, 0.0]
+
+
+def test_a_servo_that_is_lost_does_not_take_another_one_with_it() -> None:
+    """In step 100 the one that waits for 60 ms since step 39 is lost; the other is so a step later."""
+    world, driven = two((TINY, replace(S3001, lost_s=0.060))), []
+    for step in range(103):
+        if step in (0, 39):
+            world.pulse(ReceivedPulse(step, step // 39, 500.0))
+        world.advance()
+        driven.append(world.state.driven.tolist())
+    assert driven[98:] == [[1.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
 
 
 def test_a_world_goes_back_and_on_the_same_way() -> None:
