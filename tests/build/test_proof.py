@@ -15,6 +15,7 @@ from servogen.build.proof import (
     Forever,
     chip_warnings,
     cycle_of,
+    end_of,
     motion_cycles,
     prove,
     prove_capture,
@@ -66,6 +67,7 @@ def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
     assert motion_cycles(SCHEDULE) == 3 * FRAME
     found = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True)
     assert (found.proven, found.span.compared, found.span.frames) == (True, 3 * FRAME, 3)
+    assert end_of(found) == FIRST + 3 * FRAME
     short = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME - 1), tells_end=True)
     assert (short.proven, short.agrees, short.reasons[-1]) == (False, True, MISSING)
     for end in (FIRST + 3 * FRAME + 1, FIRST + 3 * FRAME + 10_000):  # the fourth frame has no pulse
@@ -73,7 +75,7 @@ def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
         assert (longer.agrees, longer.span.asked) == (False, end - FIRST)
     silent = prove_file(SCHEDULE, seen(0, 100_000), tells_end=True)
     assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
-    assert silent.span.asked == 100_000
+    assert (silent.span.asked, end_of(silent)) == (100_000, None)
     assert prove_file(SCHEDULE, seen(0, 1000), tells_end=True).span.asked == 3 * FRAME
 
 
