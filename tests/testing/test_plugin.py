@@ -2,11 +2,12 @@
 
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any, cast
 from xml.etree import ElementTree
 
@@ -28,6 +29,7 @@ from servogen.testing import plugin
 from servogen.testing.signals import pin_index
 from servogen.testing.targets import InputPorts, SeenPins
 from servogen.traces.captures import capture_writer
+from servogen.twin import TwinSettings
 from servogen.units import Clock, Cycles
 from tests.bench.conftest import Serve, image_of, serve  # noqa: F401 - a fixture
 
@@ -315,7 +317,57 @@ def test_c_is_compiled_and_the_time_is_said(project: pytest.Pytester) -> None:
     assert properties(project.path / "report.xml")["servogen_program"] == "job/main.xc8.c"
 
 
+def test_a_test_moves_the_robot_and_its_report_has_the_verdict(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without MuJoCo it is skipped. The twin is a stand-in that tells what it was given."""
+    asked: list[tuple[Any, ...]] = []
+
+    def twin_of(*given: Any) -> Any:
+        asked.append(given)
+        return SimpleNamespace(word="falls", reasons=lambda: ["it tips", "it slips"])
+
+    monkeypatch.setattr("servogen.build.twinning.twin_of", twin_of)
+    monkeypatch.setattr("servogen.job.load", lambda path: path.name)
+    monkeypatch.setattr("servogen.job.plan_job", lambda job: f"planned {job}")
+    pytester.makepyfile(
+        test_twin="""
+        def test_walk(servogen_twin):
+            assert servogen_twin("a.toml", loops=3).word == "falls"
+            servogen_twin("a.toml", "b.hex")
+        """
+    )
+    monkeypatch.setitem(sys.modules, "mujoco", cast(Any, None))
+    result = run(pytester, "-rs")
+    result.assert_outcomes(skipped=1)
+    result.stdout.fnmatch_lines(["*the twin needs MuJoCo: pip install 'servogen?twin?'*"])
+    monkeypatch.setitem(sys.modules, "mujoco", ModuleType("mujoco"))
+    run(pytester, "--junitxml=report.xml").assert_outcomes(passed=1)
+    assert [(job, settings.loops, file and file.name) for job, settings, file in asked] == [
+        ("planned a.toml", 3, None),
+        ("planned a.toml", TwinSettings().loops, "b.hex"),
+    ]
+    stated = [
+        (each.get("name"), each.get("value"))
+        for each in ElementTree.parse(pytester.path / "report.xml").iter("property")
+    ]
+    once = [
+        *(("servogen_twin", "falls"), ("servogen_twin_reason", "it tips")),
+        ("servogen_twin_reason", "it slips"),
+    ]
+    assert stated == 2 * once
+
+
 # Hook by hook, without a run of pytest.
+
+
+def test_every_option_is_explained_on_the_page() -> None:
+    added: list[str] = []
+    group = SimpleNamespace(addoption=lambda name, **facts: added.append(name))
+    parser: Any = SimpleNamespace(getgroup=lambda *names: group)
+    plugin.pytest_addoption(parser)
+    assert len(added) == 12
+    assert set(added) == set(re.findall(r"--servogen-[a-z-]+", PAGE))
 
 
 def config(**options: Any) -> Any:
