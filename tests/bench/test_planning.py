@@ -43,10 +43,38 @@ def test_too_little_for_what_is_wanted_says_how_long_it_can_be() -> None:
     )
 
 
-def test_a_rate_that_does_not_divide_100_mhz_is_refused() -> None:
-    with pytest.raises(InputError, match="do not divide") as error:
-        plan(24 * 1024, 3_000_000, True, one_servo(1))
-    assert error.value.hint == "try 2941176"
+@pytest.mark.parametrize(
+    ("rate", "hint"),
+    [
+        *((3_000_000, "try 2500000"), (6_000_000, "try 5000000"), (7_000_000, "try 6250000")),
+        *((5, "try 8"), (0, "try 8"), (-8, "try 8"), (200_000_000, "try 100000000")),
+    ],
+)
+def test_a_rate_that_the_analyser_does_not_have_is_refused_with_the_next_lower_one(
+    rate: int, hint: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        plan(24 * 1024, rate, True, one_servo(1))
+    assert error.value.message == (
+        f"the analyser cannot take {rate} samples per second: it divides 100000000 by a whole number "
+        "up to 16777216"
+    )
+    assert (error.value.code, error.value.hint) == ("bad-rate", hint)
+
+
+def test_every_advised_rate_is_accepted() -> None:
+    """The divisors of 100 MHz, which is 2^8·5^8, whose quotient less one has 24 bits."""
+    divisors = sorted(2**twos * 5**fives for twos in range(9) for fives in range(9))
+    usable = [rate for rate in divisors if 100_000_000 // rate - 1 < 1 << 24]
+    assert (len(divisors), usable[0]) == (81, 8)
+    for rate in usable:
+        assert plan(1 << 19, rate, True, one_servo(1)).rate == rate
+    asked = {near for rate in divisors for near in (rate - 1, rate, rate + 1)} | set(range(1, 300))
+    for rate in sorted(asked - set(usable)):
+        with pytest.raises(InputError) as error:
+            plan(1 << 19, rate, True, one_servo(1))
+        advised = max((lower for lower in usable if lower <= rate), default=8)
+        assert error.value.hint == f"try {advised}"
 
 
 def one_servo(frames: int) -> CaptureNeeds:

@@ -320,22 +320,6 @@ def test_a_shorter_plan_keeps_a_frame_and_asks_in_fours() -> None:
         plan(1 << 24, 1_000_000, False, CaptureNeeds(Fraction(1, 50), Fraction(2), 99, Fraction(1), 4))
 
 
-@pytest.mark.parametrize(
-    ("rate", "text", "hint"),
-    [
-        (3_000_000, "do not divide the analyser's 100000000", "try 2941176"),
-        (30, "do not divide the analyser's 100000000", "try 29"),
-        (5, "are fewer than the analyser's divider of 24 bits allows", "try 8"),
-        (1, "are fewer than the analyser's divider of 24 bits allows", "try 8"),
-    ],
-)
-def test_a_rate_divides_100_mhz_by_at_most_24_bits(rate: int, text: str, hint: str) -> None:
-    with pytest.raises(InputError, match=f"{rate} samples per second {text}") as error:
-        plan(1 << 20, rate, True, NEEDS)
-    assert (error.value.code, error.value.hint) == ("bad-rate", hint)
-    assert plan(1 << 20, 8, True, NEEDS, True).frames == 3
-
-
 def test_channels_become_edges_of_their_pins_with_the_level_at_the_beginning() -> None:
     runs = sump.Runs(
         np.array([0b101, 0b100, 0b000], dtype=np.uint32), np.array([0, 7, 9], dtype=np.int64), 12

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import count
-from math import ceil, floor
+from math import ceil, floor, isqrt
 
 from servogen.bench.analysers import sump
 from servogen.errors import InputError
@@ -27,6 +26,17 @@ pin.
 
 MAX_DIVISOR = 1 << 24
 """The maximum ratio of the analyser's clock to its rate: the divider has 24 bits."""
+
+RATES = tuple(
+    sorted(
+        rate
+        for low in range(1, isqrt(sump.BASE_HZ) + 1)
+        if sump.BASE_HZ % low == 0
+        for rate in {low, sump.BASE_HZ // low}
+        if rate * MAX_DIVISOR >= sump.BASE_HZ
+    )
+)
+"""The usable rates: whole numbers of samples per second that the divider makes of the analyser's clock."""
 
 SLACK = 4
 """Words beyond what is needed, because memory is requested in multiples of four."""
@@ -79,21 +89,13 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
     Raises InputError if the memory is too small for it.
     """
     exact = Fraction(rate)
-    if rate * MAX_DIVISOR < sump.BASE_HZ:
-        slowest = next(
-            hz for hz in count(ceil(Fraction(sump.BASE_HZ, MAX_DIVISOR))) if sump.BASE_HZ % hz == 0
-        )
+    if rate not in RATES:
+        advised = max((usable for usable in RATES if usable < rate), default=RATES[0])
         raise InputError(
             "bad-rate",
-            f"{rate} samples per second are fewer than the analyser's divider of 24 bits allows",
-            hint=f"try {slowest}",
-        )
-    if sump.BASE_HZ % rate:
-        below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
-        raise InputError(
-            "bad-rate",
-            f"{rate} samples per second do not divide the analyser's {sump.BASE_HZ}",
-            hint=f"try {below}",
+            f"the analyser cannot take {rate} samples per second: "
+            f"it divides {sump.BASE_HZ} by a whole number up to {MAX_DIVISOR}",
+            hint=f"try {advised}",
         )
     room = min(memory // (sump.WORD_BITS // 8), sump.MAX_READ_WORDS) // 4 * 4
     # The trigger comes somewhere inside a frame: that one is not whole, but takes memory like the largest.
