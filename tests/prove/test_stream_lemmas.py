@@ -122,6 +122,28 @@ def test_a_slot_without_a_servo_has_no_pulse(listing: Listing) -> None:
         assert fault(lambda: other.prepare(slots)).startswith(text)  # noqa: B023
 
 
+def test_the_preparation_of_the_first_slot_begins_the_frame(
+    listing: Listing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For servos that move at once and in no group; of all others the proof is longer."""
+    from servogen.prove.stream import lemmas as module
+    from servogen.prove.stream.bits import all_of
+
+    everywhere = module.between_steps
+
+    def calm(names: Any, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
+        alone = [~member for member in (*chip.group, *chip.waiting, chip.starting)]
+        still = [value.equals(0) for value in (*chip.speeds, chip.left)]
+        return everywhere(names, chip, of) & all_of([*alone, *still, chip.silence.less(10)])
+
+    monkeypatch.setattr(module, "between_steps", calm)
+    accesses = lemmas(listing).prepare([5])
+    assert variables_of(listing, accesses.writes) >= {"silence", "slot", "next_lo", "width_low[0]"}
+    count = found(listing, encode("INCF", f=listing.variable("silence"), d=1), 0)
+    other = lemmas(changed(listing, count, NOP))
+    assert fault(lambda: other.prepare([5])).startswith("the pulse of slot 0: silence becomes")
+
+
 def test_a_start_writes_all_variables(listing: Listing) -> None:
     accesses = lemmas(listing).start()
     every = variables_of(listing, range(0x50))

@@ -653,6 +653,8 @@ def test_of_several_right_pulses_the_one_that_is_followed_longest_is_named() -> 
     assert described(pulse(1500)[:1], pulse(1500)) == (
         "base's pulse at cycle 100 is RB0 rises 0 later, not 1500 cycles on RB0", 1600
     )  # fmt: skip
+    wrong = _described(ARM, 0, 0, [], [pulse(1500, rise=0)])
+    assert (wrong.message, wrong.cycle) == ("base's pulse at cycle 0 is absent, not 1500 cycles on RB0", 0)
     more = [*pulse(1500), (1700, RB1, 1)]
     assert described(more, pulse(1500))[1] == 1700
     assert described(pulse(1500), [], slot=2)[0].startswith("grip's pulse")
