@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import lzma
 from dataclasses import replace
@@ -38,7 +39,7 @@ from servogen.prove.explore import Decision, Node, SearchFinding
 from servogen.prove.forks import Choices
 from servogen.prove.prover import _trims_text, _waits_endlessly, _why, held_assumptions
 from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
-from servogen.prove.specification import BEFORE, IN_FRAME, Specification, SpecState, Violation
+from servogen.prove.specification import BEFORE, IN_FRAME, OVER, Specification, SpecState, Violation
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import (
     ButtonRule,
@@ -465,6 +466,45 @@ def test_a_certificate_names_its_image_its_schedule_and_what_is_held() -> None:
     assert {"time", "frame", "place", "pc", "tmr0", "prescaler", "stack7", "watchdog_age"} <= columns.keys()
 
 
+def test_a_certificate_lists_the_states_at_cuts_in_frames_and_after_them() -> None:
+    """Neither a start, nor what comes before the first pulse, nor what stands still; each place once."""
+    beside = {number: {"PC": 0x400 | number, "W": number} for number in range(6)}
+    beside[4]["T0_AT"] = BASE + 1
+    transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**beside[number]))
+    cells = tuple(range(68))
+
+    def listed(number: int, parent: int, spec: SpecState) -> Node:
+        return replace(node(parent, 0), rest=number, spec=spec, ram=tuple(cell + number for cell in cells))
+
+    stopped = SpecState(IN_FRAME, 7, 2, running=0)
+    proof: Any = SimpleNamespace(
+        proven=True, transitions=transitions, quantifiers=EVERYTHING, asynchronous=False, held={},
+        assumptions=(), cuts=(),
+        nodes=(
+            listed(0, -1, SpecState(IN_FRAME, 1, 1)),
+            listed(1, 0, SpecState(BEFORE, 0, 0)),
+            listed(2, 0, SpecState(IN_FRAME, 5, 1)),
+            listed(3, 2, stopped),
+            listed(4, 2, stopped),
+            listed(5, 3, SpecState(OVER, 0, 3)),
+        ),
+    )  # fmt: skip
+    content = json.loads(lzma.decompress(certificate(proof, Image({0: 1}), SCHEDULE, b"text")))
+
+    def column(name: str) -> list[int]:
+        said = content["columns"][name]
+        return [said["all"]] * content["count"] if "all" in said else [*itertools.accumulate(said["delta"])]
+
+    assert content["count"] == 3 and content["places"] == [[[1, 1, 0, 0], 0, 0], [[0, 1, 0, 0], 0, 0]]
+    wanted = {
+        "pc": [2, 3, 5], "w": [2, 3, 5], "time": [5, 7, 0], "frame": [1, 2, -1], "place": [0, 1, 0],
+        "ram.0c": [2, 3, 5], "ram.4f": [69, 70, 72], "depth": [0, 0, 0],
+    }  # fmt: skip
+    assert {name: column(name) for name in wanted} == wanted
+    assert content["columns"]["depth"] == {"all": 0}
+    assert sum(name.startswith("ram.") for name in content["columns"]) == 68
+
+
 BUTTONS = ButtonRule(Input("RA2", 1), Input("RB7", 0), True, 3)
 
 
@@ -583,12 +623,16 @@ def test_a_program_that_comes_back_to_a_state_without_a_pulse_waits_endlessly(wa
 # what a certificate lists
 
 
-def row_of(**fields: int) -> dict[str, int]:
+def fields_of(**fields: int) -> tuple[int, ...]:
     beside = [0] * len(FIELDS)
     values = {"IRQ_AT": layout.NEVER, "T0_AT": BASE, "WDT_CLEARED": BASE} | fields
     for name, value in values.items():
         beside[FIELD[name]] = value
-    transitions: Any = SimpleNamespace(rest=lambda number: tuple(beside))
+    return tuple(beside)
+
+
+def row_of(**fields: int) -> dict[str, int]:
+    transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**fields))
     return _row(transitions, 0)
 
 
@@ -627,10 +671,7 @@ def test_the_prescaler_is_its_count_below_its_ratio() -> None:
 
 def test_states_within_an_interrupt_or_while_the_timer_stands_are_not_listed() -> None:
     def settled(**fields: int) -> bool:
-        beside = [0] * len(FIELDS)
-        for name, value in ({"IRQ_AT": layout.NEVER, "T0_AT": BASE} | fields).items():
-            beside[FIELD[name]] = value
-        transitions: Any = SimpleNamespace(rest=lambda number: tuple(beside))
+        transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**fields))
         return _is_settled(transitions, 0)
 
     assert settled() and settled(T0_AT=BASE - 9)
