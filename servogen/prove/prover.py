@@ -288,7 +288,7 @@ class _Prover:
 
 def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
     """Return what a proof for any EEPROM is about."""
-    trims = [(byte, schedule.channels[channel].pin) for channel, byte in bytes_of.items() if byte >= 0]
+    trims = [(byte, schedule.channels[channel].pin) for channel, byte in bytes_of.items()]
     if not trims:
         return "the EEPROM holds anything: no pulse depends on it"
     named = ", ".join(f"{byte} of {pin}" for byte, pin in sorted(trims))

@@ -276,9 +276,10 @@ class TrimProof:
             if self._steps > MAX_STEPS:
                 raise UndecidedTrims(f"more than {MAX_STEPS} steps")
             waiting += [settled for following in self._step(state) for settled in self._settled(following)]
-        if len(set(self._byte_of.values())) < len(self._byte_of):
+        trims = {channel: byte for channel, byte in self._byte_of.items() if byte != NO_BYTE}
+        if len(set(trims.values())) < len(trims):
             raise UndecidedTrims("two channels have their trims in one byte of the EEPROM")
-        return Trimmed(dict(self._byte_of), self._runs, len(self._played))
+        return Trimmed(trims, self._runs, len(self._played))
 
     # from stop to stop
 

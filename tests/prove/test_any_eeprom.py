@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,8 +17,9 @@ from servogen.pic.image import Image, read_hex, to_hex
 from servogen.programs import compile_program
 from servogen.prove import Proof, Quantifiers, prove_for_all
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.traces import read_edges
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 from tests.prove.attack import servogen
 from tests.prove.test_prove_inputs import assembled, schedule_of
@@ -141,6 +143,28 @@ def test_a_program_whose_pulses_no_byte_changes_is_proven_too() -> None:
     found = prove_for_all(image, schedule, ANY)
     assert found.proven, found.reason
     assert any("no pulse depends on it" in each for each in found.assumptions)
+
+
+def test_two_servos_without_trims_are_proven_too() -> None:
+    """Pulses of 300 cycles on RB1, and then on RB2; the EEPROM is not read."""
+    pulse = """
+        movlw 100
+        movwf 0x21
+        bsf PORTB, {bit}
+        decfsz 0x21, f
+        goto $-1
+        bcf PORTB, {bit}
+"""
+    outputs = "        bsf STATUS, RP0\n        movlw 0xF9\n        movwf TRISB\n        bcf STATUS, RP0\n"
+    both = pulse.format(bit=1) + pulse.format(bit=2)
+    image = assembled(f"{outputs}frame nop\n{both}        goto frame\n")
+    one = schedule_of(1 + 2 * 303 + 2, 300)
+    second = Channel("other", "RB2", "futaba-s3001")
+    pulses = (Pulse(Cycles(0), Cycles(300)), Pulse(Cycles(303), Cycles(300)))
+    schedule = replace(one, channels=(*one.channels, second), loop=(Run(1, pulses),))
+    found = prove_for_all(image, schedule, ANY)
+    assert found.proven, found.reason
+    assert found.assumptions[-1] == "the EEPROM holds anything: no pulse depends on it"
 
 
 @pytest.mark.parametrize(

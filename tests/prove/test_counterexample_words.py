@@ -591,7 +591,6 @@ def test_why_a_pin_is_held() -> None:
 
 def test_which_byte_of_the_eeprom_is_whose_trim() -> None:
     assert _trims_text(SCHEDULE, {}) == "the EEPROM holds anything: no pulse depends on it"
-    assert _trims_text(SCHEDULE, {0: -1}) == "the EEPROM holds anything: no pulse depends on it"
     assert _trims_text(SCHEDULE, {0: 7, 1: 0}) == (
         "the EEPROM holds anything; each pulse is longer than the schedule's by the byte that is its trim, "
         "in two's complement, 0xFF being none: byte 0 of RB6, 7 of RB0"

@@ -23,7 +23,7 @@ from servogen.prove.generalise import PHASE, Generaliser, Guess, follows_timer, 
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import IN_FRAME, Specification, SpecState
 from servogen.prove.transitions import Transitions, applied
-from servogen.prove.trims import ByteTable, TrimProof, UndecidedTrims, WrongEdge, _State, _Ways
+from servogen.prove.trims import ByteTable, Trimmed, TrimProof, UndecidedTrims, WrongEdge, _State, _Ways
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import SimulatorOptions, layout
@@ -558,6 +558,51 @@ def test_a_proof_of_trims_gives_up_after_so_many_steps(monkeypatch: pytest.Monke
     monkeypatch.setattr(trims, "MAX_STEPS", 9)
     one._steps = 0
     assert one.prove([ChipState(ram(), rest(PC=9))]).runs == 0
+
+
+def test_channels_with_trims_have_a_byte_each_and_the_others_none() -> None:
+    one: Any = trim_proof()
+    one._steps, one._runs, one._played = 0, 7, {0, 3}
+    for bytes_of, trimmed in (
+        ({}, {}),
+        ({0: -1, 1: -1}, {}),
+        ({0: 5, 1: -1}, {0: 5}),
+        ({0: 5, 1: 0}, {0: 5, 1: 0}),
+    ):
+        one._byte_of = bytes_of
+        assert one.prove([]) == Trimmed(trimmed, 7, 2)
+    one._byte_of = {0: 5, 1: 5}
+    with pytest.raises(UndecidedTrims) as undecided:
+        one.prove([])
+    assert str(undecided.value) == "two channels have their trims in one byte of the EEPROM"
+
+
+def test_a_step_is_that_of_its_instruction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 1 and 2 there may be a choice, at 3 and 4 a read of the EEPROM, at 5 of TMR0."""
+    low, high = ((AssumedBits("PINS", 1, value),) for value in (0, 1))
+    ways = {1: [()], 2: [low, high]}
+    program = SimpleNamespace(reads_eeprom=lambda chip: chip["PC"] == 3)
+
+    def before(*given: Any) -> Any:
+        assert (given[0], given[2:]) == (program, (frozenset(), 4))
+        return ways[given[1]["PC"] & 0x3FF]
+
+    monkeypatch.setattr(trims, "before_instruction", before)
+    one = running(
+        _always={1, 2}, _reads={1, 3, 4}, _timer={5}, _phases=4, _program=program,
+        _each_time=lambda state, choices: [("each time", choices)],
+        _eeprom_read=lambda state: "a read", _together=lambda state: "together",
+    )  # fmt: skip
+    for pc, steps in (
+        (0, ["together"]),
+        (1, ["together"]),
+        (2, [("each time", low), ("each time", high)]),
+        (0x402, [("each time", low), ("each time", high)]),
+        (3, ["a read"]),
+        (4, ["together"]),
+        (5, [("each time", ())]),
+    ):
+        assert one._step(at(0, rest=rest(PC=pc))) == steps, pc
 
 
 def test_the_pulses_that_are_due_are_those_of_this_frame_and_the_next() -> None:
