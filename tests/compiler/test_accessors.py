@@ -24,7 +24,7 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import IntType
 from tests.compiler.cases import every
-from tests.compiler.marked import found_in, stated
+from tests.compiler.marked import diagnostics, found_in, stated
 from tests.compiler.test_sema_expressions_lvalues_conversions import analysed
 
 
@@ -236,3 +236,17 @@ def test_an_object_that_an_operator_reads_and_stores_is_found_only_once(text: st
     )
     marked = f"{head}void main(void) {{ {text} }}"
     assert found_in(marked) == stated(marked, said)
+
+
+@every("text", ["a = *‸e;", "p = (char *)‸e;", "a = ‸s->x;", "p = a ? ‸e : p;", "p = &‸e[1];"])
+def test_nothing_points_into_the_eeprom(text: str) -> None:
+    head = "__eeprom struct { char x; } s[2]; __eeprom char e[3]; char a, *p;"
+    marked = f"{head} void main(void) {{ {text} }}"
+    assert found_in(marked) == stated(marked, ["error c-unsupported: there are no pointers into the EEPROM"])
+
+
+@every("text", ["o.w = y", "y = f", "f += 1", "e = y"])
+def test_what_stores_is_not_a_constant(text: str) -> None:
+    head = "int y; float f; struct { unsigned w : 9; } o; __eeprom char e;\n"
+    messages = [each.message for each in diagnostics(f"{head}int x = ({text});\nvoid main(void) {{ }}")]
+    assert messages == ["the initialiser must be a constant"]

@@ -420,6 +420,57 @@ def test_the_arguments_of_a_built_in_function(marked: str, dialect: str, said: s
     assert found == stated(program_, [said] if said else [])
 
 
+ARGUMENTS = {
+    # how many arguments each function takes (docs/compiler.md, "Built-in functions")
+    "c2c": {
+        0: "input_port_a input_port_b nop clear_wdt sleep reset getchar",
+        1: "set_tris_a set_tris_b output_port_a output_port_b set_option output_high_port_a "
+        "output_high_port_b output_low_port_a output_low_port_b input_pin_port_a input_pin_port_b "
+        "enable_interrupt disable_interrupt delay_us delay_10us delay_100us delay_ms delay_s putchar",
+        2: "set_bit clear_bit toggle_bit test_bit",
+    },
+    "xc8": {
+        0: "NOP __nop CLRWDT SLEEP ei di",
+        1: "__delay_us __delay_ms _delay _delaywdt __delaywdt_us __delaywdt_ms EEPROM_READ",
+        2: "EEPROM_WRITE",
+    },
+    "both": {1: "eeprom_read", 2: "eeprom_write"},
+}
+
+
+def calls(names: str, arguments: int) -> list[tuple[str, str]]:
+    """Return (name, marked call) of functions."""
+    return [(each, f"‸{each}({', '.join('a' * arguments)});\n") for each in names.split()]
+
+
+@pytest.mark.parametrize("dialect", ["c2c", "xc8"])
+def test_each_built_in_function_takes_its_number_of_arguments(dialect: str) -> None:
+    for more in (1, -1):
+        rows = []
+        for kind in (dialect, "both"):
+            for count, names in ARGUMENTS[kind].items():
+                given, plural = count + more, "" if count == 1 else "s"
+                verb = "is" if given == 1 else "are"
+                for name, call in calls(names, given) if given >= 0 else ():
+                    said = f"error c-argument: '{name}' takes {count} argument{plural}, {given} {verb} given"
+                    rows.append((call, said))
+        program("".join(call for call, _ in rows), [said for _, said in rows], dialect=dialect)
+
+
+@pytest.mark.parametrize(("dialect", "other"), [("c2c", "xc8"), ("xc8", "c2c"), ("sdcc", "c2c")])
+def test_a_built_in_function_of_another_dialect_is_named_as_that(dialect: str, other: str) -> None:
+    rows = [row for count, names in ARGUMENTS[other].items() for row in calls(names, count)]
+    hint = f"the option --dialect {other} selects it"
+    program(
+        "".join(call for _, call in rows),
+        [
+            f"error c-unsupported: '{name}' belongs to the {other.upper()} dialect // {hint}"
+            for name, _ in rows
+        ],
+        dialect=dialect,
+    )
+
+
 def test_a_delay_needs_a_clock() -> None:
     hint = "write '#pragma CLOCK_FREQ 4000000' or '#define _XTAL_FREQ 4000000', or give --clock-hz"
     for text, dialect in (("‸delay_us(1);", "c2c"), ("‸__delay_us(1);", "xc8"), ("‸delay_us(a);", "c2c")):

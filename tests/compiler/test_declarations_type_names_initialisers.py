@@ -38,6 +38,7 @@ LAYOUTS = [
     ("unsigned : 9; unsigned b : 1;", "b:b1@1.1/1", 2),
     ("char a; struct { char b; int c; }; char d;", "a:u8@0 b:u8@1 c:s16@2 d:u8@4", 5),
     ("struct { char b; } a; int : 3; char c;", "a:struct (unnamed 1)@0 c:u8@2", 3),
+    ('enum { P, Q }; char a; _Static_assert(Q == 1, ""); int b;', "a:u8@0 b:s16@1", 3),
     ("int a[3]; char *b; const char *c; float d;", "a:s16[3]@0 b:*u8@6 c:*u8@7 d:f@9", 12),
 ]
 
@@ -189,6 +190,8 @@ ERRORS = [
     ("int x = {‸1, 2};", ["error c-initialiser: 'int' takes one initialiser, 2 are given"]),
     ("int y; int x = ‸y + 1;", ["error c-not-constant: the initialiser must be a constant"]),
     ("int y[3]; int *x = y + 1;", []),
+    ("int y; struct { unsigned a : 3; } x = {‸(unsigned)&y};",
+        ["error c-not-constant: the initialiser must be a constant"]),
 ]  # fmt: skip
 
 
@@ -251,8 +254,10 @@ BYTES: list[tuple[str, str, tuple[float, ...]]] = [
     ("char x[2] = \"ab\";", "<2s", (b"ab",)),
     ("char x[][3] = {\"ab\", \"c\"};", "<3s3s", (b"ab", b"c")),
     ("char x[] = \"a\\x41\\101\\n\" \"z\";", "<6s", (b"aAA\nz",)),
+    ("char x[] = \"\\n\\t\\r\\a\\b\\f\\v\\\\\\'\\\"\\?\\0\";", "<13s", (b"\n\t\r\a\b\f\v\\'\"?",)),
     ("struct { char a; int b; } x = {1, 2};", "<bh", (1, 2)),
     ("struct { char a; int b; } x = {.b = 2, .a = 1};", "<bh", (1, 2)),
+    ("struct { int a[2]; char b; } x = {1, .b = 3};", "<hhb", (1, 0, 3)),
     ("struct { char a; int b; } x[2] = {{1, 2}, {3, 4}};", "<bhbh", (1, 2, 3, 4)),
     ("struct { char a; int b; } x[2] = {1, 2, 3, 4};", "<bhbh", (1, 2, 3, 4)),
     ("struct { char a; int b; } x[] = {1, 2, 3, 4, 5};", "<bhbhbh", (1, 2, 3, 4, 5, 0)),
@@ -306,6 +311,14 @@ def test_addresses_in_an_initialiser() -> None:
         parts = [part for part in initial.values() if isinstance(part, AddressByte)]
         assert [(part.symbol.name, part.offset, part.part) for part in parts] == [
             ("y" if wanted == "x" else "s", offset, 0) for offset in offsets
+        ]
+    # an address of one byte in a wider object is followed by the layout's upper bytes of it
+    for kind, size in (("unsigned char", 1), ("unsigned", 2), ("long", 4)):
+        initial = symbol(f"int y[4]; {kind} x = ({kind})&y[1];").initial
+        assert initial is not None
+        parts = [part for part in initial.values() if isinstance(part, AddressByte)]
+        assert [(part.symbol.name, part.offset, part.part) for part in parts] == [
+            ("y", 2, number) for number in range(size)
         ]
     wide = symbol("const char y[3] = {1}; const char *x = y + 2;").initial
     assert wide is not None
@@ -364,6 +377,14 @@ def test_variables_lie_where_their_declarations_say() -> None:
         "j": ("global", None, True, False),
     }
     assert program.eeprom == {0: 5, 1: 1, 2: 0, 3: 2, 4: 0}
+
+
+def test_blocks_that_declare_one_external_variable_share_it() -> None:
+    text = "void f(void) { extern int x; x = 2; } void g(void) { extern int x; extern char y; x = y; }"
+    assert [(each.name, each.kind) for each in analysed(text + END).program.symbols] == [
+        ("x", "global"),
+        ("y", "global"),
+    ]
 
 
 def test_the_eeprom_is_filled_in_the_order_of_the_declarations() -> None:

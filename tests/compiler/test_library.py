@@ -80,12 +80,13 @@ def test_text_is_written_with_characters_strings_and_percent_signs() -> None:
     assert memory(text)["b"].split(b"\0")[0] == b"%s:%5s|%-4s|%c%% %d" % (b"Bob", b"ab", b"c", 33, -7)
 
 
-def test_printf_sends_each_character_to_putch() -> None:
+@pytest.mark.parametrize(("dialect", "function"), [("xc8", "putch"), ("c2c", "putchar")])
+def test_printf_sends_each_character_to_the_programs_function(dialect: str, function: str) -> None:
     text = (
-        "#include <stdio.h>\nchar b[12]; char at, n;\nvoid putch(char c) { b[at++] = c; }\n"
+        f"#include <stdio.h>\nchar b[12]; char at, n;\nvoid {function}(char c) {{ b[at++] = c; }}\n"
         'void main(void) { n = printf("x=%u\\n", 42U); puts("ok"); while (1); }'
     )
-    found = memory(text)
+    found = memory(text, dialect)
     assert found["b"][:8] == b"x=42\nok\n"
     assert found["n"][0] == 5
 
@@ -294,3 +295,9 @@ def test_a_programs_own_function_replaces_the_librarys() -> None:
         'void main(void) { n = strlen("ab"); while (1); }'
     )
     assert int.from_bytes(memory(text)["n"], "little") == 1000
+
+
+def test_what_only_assembly_calls_is_in_the_program() -> None:
+    text = '#include <ctype.h>\nvoid main(void) { asm("call _toupper"); while (1); }'
+    found = compile_sources([Source(HEADS["xc8"] + text, "main.c")], Options("xc8"))
+    assert [each.name for each in found.listing.functions if each.name.startswith("to")] == ["toupper"]

@@ -82,7 +82,10 @@ def show(expr: Expr) -> str:
     return type(expr).__name__
 
 
-def analysed(text: str, dialect: str = "xc8") -> Analyser:
+FOUR_MHZ = Clock(4_000_000)
+
+
+def analysed(text: str, dialect: str = "xc8", clock: Clock | None = FOUR_MHZ) -> Analyser:
     """Return the analysis of a program of one file."""
     reporter, options = Reporter(), Options(dialect)
     settings = PragmaSettings(options.device, reporter)
@@ -94,9 +97,7 @@ def analysed(text: str, dialect: str = "xc8") -> Analyser:
     def library(name: str) -> tuple[driver.Preprocessed, driver.Rewritten]:
         raise AssertionError(name)
 
-    result = analyse(
-        files, dialect, reporter, blocks, settings, Clock(4_000_000), library, float_type(dialect, None)
-    )
+    result = analyse(files, dialect, reporter, blocks, settings, clock, library, float_type(dialect, None))
     assert reporter.errors == 0, reporter.ordered()
     return result
 
@@ -110,6 +111,7 @@ struct st { unsigned char c; int n; struct in in[2];
 unsigned lo : 3; unsigned hi : 2; signed sg : 4; } o, *po, os[3];
 union { int i; unsigned char c[2]; } un;
 const unsigned char ten = 10; const int table[3] = {1, 2, -3}; const float half = 0.5;
+const struct { unsigned w : 9; unsigned r : 7; signed m : 10; } wide[2] = {{300, 5, -2}, {1, 2, 3}};
 enum { RED, GREEN = 5, LARGE = 40000 };
 int g(char m, long n) { return m + n; } void h(void) { } int (*fp)(char, long);
 volatile unsigned char v; unsigned char where @ 0x30;
@@ -265,7 +267,11 @@ ROWS: list[tuple[str, str]] = [
     ("(os + 1)->n", "os+12"),
     ("un.i", "un"),
     ("un.c[1]", "un+1"),
+    ("wide[1].r", "2:u8"),
+    ("wide[0].w", "(s16)(wide & 511:u16):u16"),
+    ("wide[i].m", "(s16)(((wide+2[((u8)i * 4:u8):u8] & 1023:u16):u16 ^ 512:u16):u16 - 512:u16):u16"),
     ("a.3", "a.3/1"),
+    ("(*q).9 = (*q).15", "(*q+1.1/1 = *q+1.7/1)"),
     ("i.9", "i+1.1/1"),
     ("p[3]", "*p+3"),
     ("q[3]", "*q+6"),
@@ -314,6 +320,8 @@ ROWS: list[tuple[str, str]] = [
     ("p = 0", "(p = 0:*u8)"),
     ("vp = q", "(vp = (*v)q)"),
     ("o = os[1]", "(o = os+11)"),
+    ("o = (struct st)os[1]", "(o = os+11)"),
+    ("o = i ? os[1] : *po", "(o = (i ? os+11 : *po):struct st)"),
     ("a += b", "(a +=s16 (s16)b)"),
     ("a += l", "(a +=s32 l)"),
     ("i -= u", "(i -=u16 u)"),
@@ -471,11 +479,12 @@ def test_the_tree_of_an_expression_of_c2c(expr: str, expected: str) -> None:
 def test_what_a_built_in_function_holds_beside_its_arguments() -> None:
     """At 4 MHz a cycle is 1 µs. The watchdog takes 7 ms at least (DS35007 section 9, parameter 31)."""
     text = (
-        "void run(void) { __delay_us(5); __delay_ms(2); _delay(7); __delaywdt_us(9); _delaywdt(3); "
+        "const float f = 2.0; void run(void) { __delay_us(f); "
+        "__delay_us(5); __delay_ms(2); _delay(7); __delaywdt_us(9); _delaywdt(3); "
         "NOP(); CLRWDT();"
         " SLEEP(); __nop(); }\nvoid main(void) { run(); }"
     )
-    assert data(text, "xc8") == [5, 2000, 7, (9, 7000), (3, 7000), "NOP", "CLRWDT", "SLEEP", "NOP"]
+    assert data(text, "xc8") == [2, 5, 2000, 7, (9, 7000), (3, 7000), "NOP", "CLRWDT", "SLEEP", "NOP"]
     text = (
         "#pragma RS232_TXPORT PORTB\n#pragma RS232_TXPIN 2\n#pragma RS232_RXPORT PORTA\n#pragma "
         "RS232_RXPIN 0x1\n"
@@ -490,8 +499,17 @@ def test_what_a_built_in_function_holds_beside_its_arguments() -> None:
         assert data(text.format(true), "c2c") == [*times, (6, 2, 104, inverted), (5, 1, 104, inverted)]
 
 
-def data(text: str, dialect: str) -> list[object]:
-    body = analysed(text, dialect).program.functions["run"].body
+@pytest.mark.parametrize(
+    ("clock", "shortest"), [(Clock(8_000_000), 14_000), (Clock(1_000_000), 1750), (None, 7000)]
+)
+def test_a_long_delay_clears_the_watchdog_at_each_clock(clock: Clock | None, shortest: int) -> None:
+    """7 ms in cycles of four periods of the clock; one that is not known counts as 4 MHz."""
+    text = "void run(void) { _delaywdt(3); }\nvoid main(void) { run(); }"
+    assert data(text, "xc8", clock) == [(3, shortest)]
+
+
+def data(text: str, dialect: str, clock: Clock | None = FOUR_MHZ) -> list[object]:
+    body = analysed(text, dialect, clock).program.functions["run"].body
     assert body is not None
     return [
         statement.expr.data

@@ -17,6 +17,7 @@ READ_ONLY = [
     "char *f(void) { return \"x\"; } void main(void) { a = *f(); }",
     "char *s; void main(void) { s = \"x\"; a = *s; }",
     "char *s = \"x\"; void main(void) { a = s[0]; }",
+    "char *s, *t; void main(void) { s = t = \"x\"; a = *s + *t; }",
     "char *s[2] = {\"x\", \"y\"}; void main(void) { a = s[1][0]; }",
     "char *s[2]; void main(void) { s[0] = \"x\"; a = *s[0]; }",
     "struct { char *s; } o; void main(void) { o.s = \"x\"; a = *o.s; }",

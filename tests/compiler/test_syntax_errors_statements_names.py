@@ -127,6 +127,7 @@ JUMPS = [
     ("‸continue;", "error c-jump: 'continue' outside a loop"),
     ("switch (a) { case 1: ‸continue; }", "error c-jump: 'continue' outside a loop"),
     ("switch (a) { case 1: break; }", ""),
+    ("switch (a) case 1: a = 2;", ""),
     ("while (a) { switch (a) { case 1: continue; } }", ""),
     ("while (a) { } ‸break;", "error c-jump: 'break' outside a loop or switch"),
     ("switch (a) { case 1: a = 2; } ‸break;", "error c-jump: 'break' outside a loop or switch"),
@@ -208,7 +209,8 @@ GLOBALS = (
     "unsigned char a; signed char s; int i; unsigned int u; long l; unsigned long w; float f; bit t; "
     "char *p; "
     "const char *k; int *q; void *vp; struct st { unsigned x : 3; signed y : 3; int z; } o; "
-    "int g(char x) { return x; } int (*fp)(char); void h(void) { }\n"
+    "int g(char x) { return x; } int (*fp)(char); void h(void) { } "
+    "struct so *so;\n"
 )
 
 
@@ -282,6 +284,15 @@ CONVERSIONS = [
         "it has 1 byte"]),
     ("p = (char *)0xFFFF;", []),
     ("p = (char *)0xFFFFFFFF;", []),
+    ("p = (char *)0xFFFFFF;", []),
+    ("k = (const char *)0xFFFFFF;", []),
+    ("k = (const char *)-32768;", []),
+    ("k = (const char *)-‸32769;", ["error c-address: the address 0xFFFF7FFF does not fit 'const unsigned "
+        "char *' // it has 2 bytes"]),
+    ("p = (char *)‸0xFFFFFE;", ["error c-address: the address 0xFFFFFE does not fit 'unsigned char *' // "
+        "it has 1 byte"]),
+    ("p = (char *)‸0xFFFFFFFE;", ["error c-address: the address 0xFFFFFFFE does not fit 'unsigned char *' "
+        "// it has 1 byte"]),
     ("p = (char *)‸0xFFFE;", ["error c-address: the address 0xFFFE does not fit 'unsigned char *' // it "
         "has 1 byte"]),
     ("i = g(‸300);", [conversion(300, "unsigned char", 44)]),
@@ -369,6 +380,11 @@ CONVERSIONS = [
     ("f = ‸cosf(f);", ["error c-unsupported: the library has no 'cosf' // of <math.h> it has fabs, "
         "sqrt, floor and ceil"]),
     ("‸a();", ["error c-type: 'a' is not a function"]),
+    ("i = ‸so->x;", ["error c-undefined: 'struct so' is not defined"]),
+    ("i = ‸sizeof(struct so);", ["error c-undefined: 'struct so' is not defined"]),
+    ("*‸so = *so;", ["error c-undefined: 'struct so' is not defined"]),
+    ("*‸k = 1;", ["error c-const: this is const and cannot be changed"]),
+    ("‸k[2] = 1;", ["error c-const: this is const and cannot be changed"]),
     ("if (‸g) a = 1;", ["c-comparison: this address is always true // call the function: write its name "
         "and parentheses"]),
     ("i = ‸'\\q';", ["c-number: unknown escape '\\q'"]),
