@@ -14,6 +14,7 @@ from servogen.simulator import Machine
 from servogen.simulator.sources import Serial
 from servogen.simulator.stimulus import Stimuli
 from servogen.units import Clock
+from tests.compiler.bus import Bus
 
 EMPTY = "void main(void) { }"
 
@@ -100,6 +101,14 @@ def test_several_sources_share_what_is_not_static() -> None:
     machine.run(1000)
     address = next(address for address, name, _ in found.listing.variables if name == "shared")
     assert machine.state().ram[address - 0x0C] == 8
+
+
+def test_static_functions_of_one_name_are_as_many_as_their_files() -> None:
+    text = "static int get(int n) {{ return n + {0}; }} void f{0}(void) {{ PORTB = get({0}); }}\n"
+    main = "void f1(void); void f2(void); void f4(void);\nvoid main(void) { f1(); f2(); f4(); while (1) ; }"
+    sources = [Source(text.format(number), f"part{number}.c") for number in (1, 2, 4)]
+    found = compile_sources([*sources, Source(main, "main.c")])
+    assert [each.value for each in Bus(found.image, [6], {}, 6).run() if each.kind == "store"] == [2, 4, 8]
 
 
 def test_included_files_come_from_the_resolver_and_keep_their_places() -> None:
