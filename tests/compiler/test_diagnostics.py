@@ -195,6 +195,12 @@ ROWS = [
         "__EEPROM_DATA fills more than the 64 bytes of the EEPROM",
     ),
     ("c2c", "‸asm movlw 5\nvoid main(void) {  }", "error", "assembly outside functions can only be __config"),
+    (
+        "c2c",
+        "‸asm __config\nvoid main(void) {  }",
+        "error",
+        "assembly outside functions can only be __config",
+    ),
     ("xc8", "void main(void) { void ‸x; }", "error", "'x' cannot be of type void"),
     (
         "xc8",

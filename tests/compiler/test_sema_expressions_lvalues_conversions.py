@@ -112,7 +112,7 @@ unsigned lo : 3; unsigned hi : 2; signed sg : 4; } o, *po, os[3];
 union { int i; unsigned char c[2]; } un;
 const unsigned char ten = 10; const int table[3] = {1, 2, -3}; const float half = 0.5;
 const struct { unsigned w : 9; unsigned r : 7; signed m : 10; } wide[2] = {{300, 5, -2}, {1, 2, 3}};
-enum { RED, GREEN = 5, LARGE = 40000 };
+enum { RED, GREEN = 5, MIDDLE = 32767, NEXT, LARGE = 40000 }; enum { LOWEST = -32768 };
 int g(char m, long n) { return m + n; } void h(void) { } int (*fp)(char, long);
 volatile unsigned char v; unsigned char where @ 0x30;
 int flags; bit nine @ &flags*8+9; bit eight @ &flags*8+8; bit last @ &flags*8+15;
@@ -149,7 +149,10 @@ ROWS: list[tuple[str, str]] = [
     ("'\\''", "39:s16"),
     ("RED + 1", "1:s16"),
     ("GREEN", "5:s16"),
+    ("MIDDLE", "32767:s16"),
+    ("NEXT", "32768:u16"),
     ("LARGE", "40000:u16"),
+    ("LOWEST", "-32768:s16"),
     ("ten", "10:u8"),
     ("table[2]", "-3:s16"),
     ("table[0] + ten", "11:s16"),

@@ -397,6 +397,25 @@ def test_a_conversion_says_what_it_changes(text: str, said: list[str]) -> None:
     assert found_in(marked) == stated(marked, said)
 
 
+def test_in_c2c_constants_may_have_16_bits_without_a_sign() -> None:
+    head = "unsigned char a; int i; signed int n;\n"
+    for text, said in (
+        ("n = 255 * 257;", []),
+        ("n = 32767 + 32767;", []),
+        (
+            "n = ‸256 * 256;",
+            [
+                "c-overflow: 256 * 256 is 65536, which does not fit 'signed int', and becomes 0 // append L "
+                "to one of them, to compute in 32 bits"
+            ],
+        ),
+        ("a = -1;", []),
+        ("i = -‸1;", ["c-conversion: -1 does not fit 'int' and becomes 65535"]),
+    ):
+        marked = f"{head}void main(void) {{ {text} }}"
+        assert found_in(marked, "c2c") == stated(marked, said)
+
+
 # where diagnostics are collected
 
 
