@@ -121,6 +121,13 @@ ERRORS = [
     ("typedef int t; typedef int t; t x;", []),
     ("typedef int t; typedef char ‸t; ", ["error c-redeclared: 't' is already declared"]),
     ("int a; void ‸a(void);", ["error c-redeclared: 'a' is already declared // at main.c:1:5"]),
+    ("static int a; void ‸a(void);", ["error c-redeclared: 'a' is already declared // at main.c:1:12"]),
+    ("static int f(int); int a; void g(void) { a = f(1); } static int f(int x) { return x; }", []),
+    (
+        "static int f(int); static int ‸f(char x) { return x; }",
+        ["error c-redeclared: 'f' was declared as 'int(int)' before, now as 'int(unsigned char)' // the "
+            "other declaration is at main.c:1:12"],
+    ),
     ("void a(void); int ‸a;", ["error c-redeclared: 'a' is already declared // at main.c:1:6"]),
     ("int a; char ‸a;", ["error c-redeclared: 'a' is already declared // at main.c:1:5"]),
     ("int a; extern int a; int a;", []),

@@ -50,6 +50,7 @@ READS: list[tuple[str, str]] = [
     ("if (b) u = 1; a = ‸u;", PERHAPS),
     ("if (b) u = 1; a = ‸u; a = u;", PERHAPS),
     ("if (b) a = 1; else u = 1; a = ‸u;", PERHAPS),
+    ("if (b) u = 1; else a = 1; a = ‸u;", PERHAPS),
     ("if (b) u = 1; else u = 2; a = u;", ""),
     ("if (b) u = 1; else { a = 1; return; } a = u;", ""),
     ("if (b) { a = 1; return; } else u = 1; a = u;", ""),
