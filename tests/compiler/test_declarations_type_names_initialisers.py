@@ -39,6 +39,7 @@ LAYOUTS = [
     ("char a; struct { char b; int c; }; char d;", "a:u8@0 b:u8@1 c:s16@2 d:u8@4", 5),
     ("struct { char b; } a; int : 3; char c;", "a:struct (unnamed 1)@0 c:u8@2", 3),
     ('enum { P, Q }; char a; _Static_assert(Q == 1, ""); int b;', "a:u8@0 b:s16@1", 3),
+    ("struct t { char b; }; char a; struct t c;", "a:u8@0 c:struct t@1", 2),
     ("int a[3]; char *b; const char *c; float d;", "a:s16[3]@0 b:*u8@6 c:*u8@7 d:f@9", 12),
 ]
 
@@ -197,6 +198,22 @@ ERRORS = [
     ("int x = {‸1, 2};", ["error c-initialiser: 'int' takes one initialiser, 2 are given"]),
     ("int y; int x = ‸y + 1;", ["error c-not-constant: the initialiser must be a constant"]),
     ("int y[3]; int *x = y + 1;", []),
+    ("char a; __eeprom char ‸x = (char)&a;", ["error c-not-constant: the initialiser must be a constant"]),
+    ("char a; __eeprom int ‸x[2] = {1, (int)&a};",
+        ["error c-not-constant: the initialiser must be a constant"]),
+    ("char a; ‸__EEPROM_DATA(1, 2, 3, 4, 5, 6, 7, (char)&a);",
+        ["error c-not-constant: the initialiser must be a constant"]),
+    ("char a; const int ‸x @ 0x2007 = (int)&a;",
+        ["error c-not-constant: the initialiser must be a constant"]),
+    # the type of a function by a name for it (ISO C 6.7.8); a definition needs its parameters (6.9.1)
+    ("typedef int fn(int x); fn f, g; int f(int y) { return y + f(y); }", []),
+    ("typedef int fn(int x); fn f; char ‸f(int x) { return x; }",
+        ["error c-redeclared: 'f' was declared as 'int(int)' before, now as 'unsigned char(int)' // the "
+            "other declaration is at main.c:1:27"]),
+    ("typedef int fn(int x); fn ‸f { return 1; }",
+        ["error c-syntax: 'f' is not a function but has a body"]),
+    ("typedef void fn(void); fn f; void g(void) { f(); ‸f(1); }",
+        ["error c-argument: 'f' takes 0 arguments, 1 is given // it is declared at main.c:1:27"]),
     ("int y; struct { unsigned a : 3; } x = {‸(unsigned)&y};",
         ["error c-not-constant: the initialiser must be a constant"]),
 ]  # fmt: skip
@@ -418,3 +435,10 @@ def test_a_parameter_without_a_type_is_an_int(dialect: str) -> None:
     parameters = analysed(text + END, dialect).program.functions["f"].parameters
     word = "s16" if dialect == "xc8" else "u16"
     assert [(each.name, name(each.type)) for each in parameters] == [("a", word), ("b", "u8"), ("c", word)]
+
+
+def test_a_function_declared_by_a_typedef_has_parameters_without_names() -> None:
+    functions = analysed("typedef long fn(char x, int *); fn f;" + END).program.functions
+    found = [(each.name, name(each.type)) for each in functions["f"].parameters]
+    assert found == [("argument1", "u8"), ("argument2", "*s16")]
+    assert (name(functions["f"].result), functions["f"].prototyped) == ("s32", True)

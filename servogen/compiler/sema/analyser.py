@@ -123,7 +123,7 @@ class Analyser:
         self.bodies: list[tuple[FunctionDefinition, Any, Scopes]] = []
         """The functions whose bodies remain to be analysed, with the scopes of their files."""
         self.file_scopes: list[Scopes] = []
-        self.scopes = Scopes(Rewritten(), lower_case=True)
+        self.scopes = Scopes(Rewritten())
         self.program = ProgramTree({}, [], [], {})
         self.function: FunctionDefinition | None = None
         self.body = Body()

@@ -438,14 +438,14 @@ def _same_signature(analyser: Analyser, known: FunctionDefinition, kind: FuncTyp
 
 def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: str) -> list[Symbol]:
     """Return the symbols of a function's parameters."""
-    declarator = node.type
-    while not isinstance(declarator, c_ast.FuncDecl):
-        declarator = declarator.type
-    names = list(declarator.args.params) if declarator.args is not None else []
+    arguments = node.type.args if isinstance(node.type, c_ast.FuncDecl) else None
+    kinds = kind.parameters or ()
+    # a declaration with the type of a typedef does not name them
+    declared = arguments.params if arguments is not None else [node.type] * len(kinds)
     symbols = []
-    for number, parameter in enumerate(kind.parameters or ()):
-        name = getattr(names[number], "name", None) or f"argument{number + 1}"
-        symbol = Symbol(name, parameter, "param", analyser.place(names[number]), function=function)
+    for number, (parameter, declaration) in enumerate(zip(kinds, declared, strict=False), 1):
+        name = getattr(declaration, "name", None) or f"argument{number}"
+        symbol = Symbol(name, parameter, "param", analyser.place(declaration), function=function)
         symbol.asm_name = f"_{name}_{function}"
         symbol.pinned = isinstance(parameter, StructType)
         symbol.volatile = holds_volatile(parameter)

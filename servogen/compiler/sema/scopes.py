@@ -54,11 +54,10 @@ class Scope:
 class Scopes:
     """A stack of scopes; the chip's names lie below the first."""
 
-    def __init__(self, source: Rewritten, *, lower_case: bool) -> None:
+    def __init__(self, source: Rewritten) -> None:
         self.source = source
         """The file: what its extensions say of the names in it."""
         self.stack: list[Scope] = [Scope()]
-        self.lower_case = lower_case
         self._registers: dict[str, Symbol] = {}
 
     def push(self) -> None:
@@ -91,9 +90,7 @@ class Scopes:
     def chip(self, name: str) -> Meaning | None:
         """Return a register (as a variable at its address) or a register's bit; None for other names."""
         register = chip_registers().get(name)
-        if register is not None and (self.lower_case or name.isupper() or not name.islower()):
-            return self.register(register)
-        return chip_bits().get(name)
+        return self.register(register) if register is not None else chip_bits().get(name)
 
     def register(self, register: Register) -> Symbol:
         # one symbol for each register, so that all uses of it compare equal

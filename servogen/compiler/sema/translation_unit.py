@@ -12,7 +12,7 @@ from pycparser import c_ast
 
 import servogen.compiler.library as library
 import servogen.compiler.sema.function_pointers as function_pointers
-from servogen.compiler.ast.nodes import FunctionDefinition
+from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.ast.types import FloatType, FuncType
 from servogen.compiler.diagnostics import Fatal, Reporter, is_own_file
 from servogen.compiler.frontend.assembly import AsmBlock
@@ -51,14 +51,15 @@ EEPROM_DATA_VALUES = 8
 
 def begin_file(analyser: Analyser, rewritten: Rewritten) -> None:
     """Start a new file: a scope of its own in the same program."""
-    analyser.scopes = Scopes(rewritten, lower_case=True)
+    analyser.scopes = Scopes(rewritten)
     analyser.file_scopes.append(analyser.scopes)
 
 
 def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
     """Declare the function that a definition defines, and return it."""
     kind = declared_type(analyser, unit.decl.type)
-    if not isinstance(kind, FuncType):
+    # a typedef may give the type of a function, but no names for its parameters (ISO C 6.9.1)
+    if not isinstance(kind, FuncType) or not isinstance(unit.decl.type, c_ast.FuncDecl):
         raise analyser.fail("c-syntax", f"'{unit.decl.name}' is not a function but has a body", unit)
     return declare_function(analyser, unit.decl, kind, define=True)
 
@@ -86,7 +87,7 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
                 symbol.place,
                 hint="fill the rest with 0",
             )
-        for value in (symbol.initial or {}).values():
+        for value in _numbers(analyser, symbol):
             address = len(analyser.program.eeprom)
             if address >= EEPROM_BYTES:
                 analyser.reporter.error(
@@ -95,7 +96,7 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
                     symbol.place,
                 )
                 break
-            analyser.program.eeprom[address] = value if isinstance(value, int) else 0
+            analyser.program.eeprom[address] = value
     for symbol in [other for other in analyser.program.symbols if other.kind == "eeprom"]:
         analyser.program.symbols.remove(symbol)
         end = (symbol.address or 0) + symbol.size
@@ -103,9 +104,8 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
             message = f"'{symbol.name}' ends at byte {end} of the EEPROM, which has {EEPROM_BYTES}"
             analyser.reporter.error("c-address", message, symbol.place)
             continue
-        for offset in range(symbol.size):
-            value = (symbol.initial or {}).get(offset, 0)
-            analyser.program.eeprom[(symbol.address or 0) + offset] = value if isinstance(value, int) else 0
+        for address, value in enumerate(_numbers(analyser, symbol), symbol.address or 0):
+            analyser.program.eeprom[address] = value
     analyser.program.eeprom.update(settings.eeprom)
     analyser.program.ids.update(settings.ids)
     everywhere = [named for scopes in analyser.file_scopes for named in scopes.stack[0].names.items()]
@@ -118,9 +118,17 @@ def finish(analyser: Analyser, settings: PragmaSettings) -> None:
             analyser.program.ids = dict(enumerate(digits))
     for symbol in analyser.program.symbols:
         if symbol.address == CONFIG_ADDRESS:
-            low, high = ((symbol.initial or {}).get(offset, 0) for offset in (0, 1))
-            if isinstance(low, int) and isinstance(high, int):
-                settings.config_mask = ((high << 8 | low) & WORD_MASK, symbol.place)
+            low, high = _numbers(analyser, symbol)
+            settings.config_mask = ((high << 8 | low) & WORD_MASK, symbol.place)
+
+
+def _numbers(analyser: Analyser, symbol: Symbol) -> list[int]:
+    """Return the bytes of a constant that is not in the program memory. Addresses are not known yet."""
+    data = [(symbol.initial or {}).get(offset, 0) for offset in range(symbol.size)]
+    numbers = [byte if isinstance(byte, int) else 0 for byte in data]
+    if numbers != data:
+        analyser.reporter.error("c-not-constant", "the initialiser must be a constant", symbol.place)
+    return numbers
 
 
 def analyse(

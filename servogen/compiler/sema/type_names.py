@@ -203,12 +203,12 @@ def _members(analyser: Analyser, layout: StructLayout, decls: list[Any]) -> None
         if kind.size == 0 or isinstance(kind, (FuncType, VoidType)):
             raise analyser.fail("c-type", f"a member cannot be of type '{kind}'", decl)
         # the members of an unnamed structure belong to the outer one (ISO C 6.7.2.1)
-        if decl.name is None and isinstance(kind, StructType):
+        if decl.name is None and isinstance(kind, StructType) and decl.type.name is None:
             for name, member in kind.layout.members.items():
                 layout.members[name] = replace(member, offset=offset + member.offset)
             layout.parts.append(Member("", kind, offset))
         elif decl.name is None:
-            continue  # `int;` declares nothing
+            continue  # a tag or enumeration constants
         elif decl.name in layout.members:
             raise analyser.fail("c-redeclared", f"duplicate member '{decl.name}'", decl)
         else:
