@@ -186,6 +186,7 @@ JUMPS = [
     ("a ? (i = 1) : 0;", ""),
     ("‸return 1;", "error c-return: 'main' returns void and cannot return a value"),
     ("_Static_assert(1, \"x\");", ""),
+    ("_Pragma(\"x\") a = 2;", ""),
     ("_Static_assert(‸a, \"x\");", "error c-not-constant: a static assertion must be a constant"),
     ("a = i == 3 ? 1 : ‸x;", "error c-undeclared: 'x' is not declared"),
 ]  # fmt: skip
@@ -543,3 +544,11 @@ def test_a_variable_that_the_interrupt_changes_is_read_each_time() -> None:
     plain = compiled(f"char x; void interrupt(void) {{ RBIF = 0; }}\n{body}")
     shared = compiled(f"char x; void interrupt(void) {{ RBIF = 0; x = 1; }}\n{body}")
     assert shared.words != plain.words
+
+
+def test_an_error_behind_a_jump_is_told_once_from_what_is_never_reached() -> None:
+    marked = "char a; void main(void) { return; ‸‸x = 1; a = 2; }"
+    said = ["c-unreachable: this is never reached", "error c-undeclared: 'x' is not declared"]
+    assert sorted(found_in(marked)) == sorted(stated(marked, said))
+    marked = "char a; void main(void) { goto here; here: a = ‸x; a = 2; }"
+    assert found_in(marked) == stated(marked, ["error c-undeclared: 'x' is not declared"])

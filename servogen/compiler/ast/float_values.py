@@ -16,7 +16,7 @@ INFINITE = 0xFF
 """The exponent of infinities and of what is not a number."""
 
 ROOT_DIGITS = 200
-"""Binary digits of a square root behind the point: so many that the smallest value has all that count."""
+"""Binary digits of a square root behind the point: so many that one above a tie is not cut off to the tie."""
 
 
 def mantissa_bits(kind: FloatType) -> int:
@@ -108,11 +108,8 @@ def fold_square_root(bits: int, kind: FloatType) -> int:
         return not_a_number(kind)
     if number is None:
         return bits
-    scaled = int(number * 4**ROOT_DIGITS)
-    root = isqrt(scaled)
-    # between two neighbours: the value itself, or one on the same side of every tie
-    exact = Fraction(root) if root * root == scaled else Fraction(2 * root + 1, 2)
-    return encode(exact / 2**ROOT_DIGITS, kind)
+    root = isqrt(int(number * 4**ROOT_DIGITS))
+    return encode(Fraction(root, 2**ROOT_DIGITS), kind)
 
 
 def compare_float(op: str, left: int, right: int, kind: FloatType) -> bool:

@@ -16,6 +16,7 @@ from pycparser import c_ast
 
 import servogen.compiler.sema.formats as formats
 from servogen.compiler.ast.constant_folding import interval
+from servogen.compiler.ast.float_values import decode
 from servogen.compiler.ast.nodes import (
     Assign,
     Binary,
@@ -34,7 +35,7 @@ from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, FloatType, IntT
 from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
-from servogen.compiler.sema.floats import number_of, square_root, without_sign
+from servogen.compiler.sema.floats import square_root, without_sign
 from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
@@ -117,7 +118,7 @@ def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fr
         return exact
     expr = rvalue(analyser, expression(analyser, node))
     if isinstance(expr, Num) and isinstance(expr.type, FloatType):
-        value = number_of(expr) if fractions else None
+        value = decode(expr.value, expr.type) if fractions else None
         if value is None:
             raise analyser.fail("c-argument", "the time must be a whole number", node)
         return value

@@ -139,12 +139,12 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
     """Report the first cycle of calls: variables have fixed addresses, so that a function cannot be entered
     twice.
     """
-    state: dict[str, int] = {}
+    visited: set[str] = set()
 
     def visit(name: str, path: list[str]) -> bool:
-        state[name] = 1
+        visited.add(name)
         for callee, call in graph.calls[name].items():
-            if state.get(callee) == 1:
+            if callee in path:
                 cycle = [*path[path.index(callee) :], callee]
                 reporter.error(
                     "c-call-depth",
@@ -153,13 +153,12 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
                     hint="the variables of a function have fixed addresses; use a loop",
                 )
                 return True
-            if callee not in state and visit(callee, [*path, callee]):
+            if callee not in visited and visit(callee, [*path, callee]):
                 return True
-        state[name] = 2
         return False
 
     for start in ("main", graph.handler):
-        if start and start not in state and visit(start, [start]):
+        if start and start not in visited and visit(start, [start]):
             return
 
 

@@ -345,9 +345,7 @@ def _computed(analyser: Analyser, target: Accessor, op: str, value: Expr, node: 
 
 
 def binary_of(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
-    """Return the value of an arithmetic operator on numbers."""
-    if is_float_operator(op, left, right):
-        return _float_binary(analyser, op, left, right, place)
+    """Return the value of an arithmetic operator on integers."""
     if op in ("<<", ">>"):
         left, right = promoted(analyser, left), promoted(analyser, right)
         return binary(analyser, op, left, right, left.type, place)

@@ -17,7 +17,6 @@ from servogen.compiler.ast.float_values import (
     fold_float,
     fold_square_root,
     infinity,
-    is_finite,
     whole_part,
 )
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS, Binary, Builtin, Cast, Expr, Num
@@ -208,10 +207,3 @@ def square_root(expr: Expr, place: Location) -> Expr:
 def one(analyser: Analyser, place: Location) -> Num:
     """Return the constant 1.0."""
     return Num(encode(Fraction(1), analyser.float_type), analyser.float_type, place)
-
-
-def number_of(expr: Expr) -> Fraction | None:
-    """Return the number that a constant stands for; None if it is not finite or not a constant."""
-    if not isinstance(expr, Num) or not isinstance(expr.type, FloatType):
-        return None
-    return decode(expr.value, expr.type) if is_finite(expr.value, expr.type) else None

@@ -287,8 +287,6 @@ class _Order:
     def of(self, node: Any) -> _Effects:
         """Return what an expression reads and changes, and warn about clashes in it."""
         match node:
-            case None:
-                return _Effects()
             case c_ast.ID():
                 return _Effects({node.name})
             case c_ast.UnaryOp(op="++" | "--" | "p++" | "p--", expr=c_ast.ID(name=name)):

@@ -48,7 +48,6 @@ from servogen.compiler.sema.expressions import condition_operand
 from servogen.compiler.sema.flow import breaks, check_flow
 from servogen.compiler.sema.lint import check_syntax, used_names
 from servogen.compiler.sema.names import constant, expression, value_of, warn_unused
-from servogen.compiler.sema.type_names import specified
 from servogen.errors import Location, did_you_mean
 
 
@@ -94,21 +93,16 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
     """Analyse block items; an error in one does not suppress those of the next."""
     ended = False
     for node in nodes:
-        if ended and not _can_be_reached(node):
-            # a `break` after a `return` is habit, not a mistake
-            if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return)):
-                analyser.reporter.warn("c-unreachable", "this is never reached", analyser.place(node))
-            ended = False
+        # a `break` after a `return` is habit, not a mistake
+        habit = isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return))
+        if ended and not habit and not _can_be_reached(node):
+            analyser.reporter.warn("c-unreachable", "this is never reached", analyser.place(node))
         before = len(out)
         try:
             item(analyser, node, out)
         except Fatal:
             analyser.pending.clear()
-            continue
-        if len(out) > before and _leaves(out[-1]):
-            ended = True
-        elif ended and _can_be_reached(node):
-            ended = False
+        ended = len(out) > before and _leaves(out[-1])
 
 
 def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
@@ -121,8 +115,6 @@ def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
             raise
         out += analyser.pending
         analyser.pending = []
-    elif isinstance(node, (c_ast.Struct, c_ast.Union, c_ast.Enum)):
-        specified(analyser, node, node)
     else:
         out.append(statement(analyser, node))
 
@@ -203,11 +195,9 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
 
 def nested(analyser: Analyser, node: Any) -> Stmt:
     """Return the body of an `if` or loop as one statement."""
-    if node is None:
-        return BlockStatement([])
     out: list[Stmt] = []
     items(analyser, [node], out)
-    return out[0] if len(out) == 1 else BlockStatement(out)
+    return out[0] if out else BlockStatement([])
 
 
 def _leaves(statement: Stmt) -> bool:
@@ -228,9 +218,7 @@ def _can_be_reached(node: Any) -> bool:
     """Return whether a node is a label, a case, a declaration, or a block that contains a label."""
     if isinstance(node, (c_ast.Label, c_ast.Case, c_ast.Default, c_ast.Decl, c_ast.Typedef)):
         return True
-    if isinstance(node, c_ast.Node):
-        return any(_can_be_reached(child) for child in node if not isinstance(child, c_ast.Decl))
-    return False
+    return any(_can_be_reached(child) for child in node if not isinstance(child, c_ast.Decl))
 
 
 def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
@@ -244,13 +232,6 @@ def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_empty_statement(analyser: Analyser, node: Any) -> Stmt:
     return BlockStatement([])
-
-
-def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
-    block = BlockStatement([])
-    for decl in node.decls:
-        item(analyser, decl, block.body)
-    return block
 
 
 def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
@@ -490,7 +471,6 @@ _STATEMENTS: dict[type, Callable[[Analyser, Any], Stmt]] = {
     c_ast.Case: _stmt_case,
     c_ast.Compound: _stmt_compound,
     c_ast.Continue: _stmt_continue,
-    c_ast.DeclList: _stmt_decl_list,
     c_ast.Default: _stmt_default,
     c_ast.DoWhile: _stmt_do_while,
     c_ast.EmptyStatement: _stmt_empty_statement,
