@@ -56,6 +56,28 @@ def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
     assert len(made.data) < 2 * len([*lead, *loop])
 
 
+def test_every_byte_belongs_to_the_first_step_that_needs_it() -> None:
+    """The bytes of a repetition belong to the last step of its first round."""
+    lead = [ScriptStep(0, SLOW), ScriptStep(0, SLOW), *[ScriptStep(row, FAST) for row in (2, 3, 4)] * 5]
+    loop = [*[ScriptStep(row, FAST) for row in (2, 3)] * 4, ScriptStep(7, SLOW), ScriptStep(1, SLOW)]
+    made = script(lead, loop, 6, legs=True)
+    first: dict[int, int] = {}
+    place = left = 0
+    for number in range(len([*lead, *loop])):
+        begin = place
+        place += 3 if made.data[place] == AT else 1
+        ends = place
+        if place < len(made.data) and made.data[place] == AGAIN:
+            back, times = made.data[place + 1 : place + 3]
+            ends = place + 3
+            left = (left or times) - 1
+            place = ends - back if left else ends
+        for each in range(begin, ends):
+            first.setdefault(each, number)
+    assert place == len(made.data)
+    assert made.owners == tuple(first[each] for each in range(len(made.data)))
+
+
 @pytest.mark.parametrize("cycles", [1, 2, 9])
 def test_steps_on_the_spot_name_their_row_once_and_what_follows_names_its_own(cycles: int) -> None:
     spot = [ScriptStep(7, FAST, lifted, True) for lifted in (21, 0, 42, 0)]

@@ -32,7 +32,7 @@ from servogen.engines.player.legs import (
 from servogen.engines.player.rendering import _button, _chain, _rows, _Slots, kernel
 from servogen.engines.player.script import SILENT, STAY, STRAIGHT, ScriptStep, StepTiming, timing
 from servogen.engines.player.theorem import Allowance, KernelChanged, _Kernel, _Pulses, _smallest
-from servogen.motion.gait.footwork import swing_share
+from servogen.motion.gait.footwork import bump, swing_share
 from servogen.pic.device import addresses
 from servogen.pic.isa import encode
 from servogen.units import Cycles
@@ -170,6 +170,28 @@ def test_the_law_of_the_swings_is_the_one_that_they_follow(rate: float, beyond: 
     table[30:41, 0] += np.linspace(0, 77, 11) ** 2
     walk = WalkEvents(table, 0, (0, 2), (1, 3), swings, (), (_Spot(60, 82),))
     assert _swing_law(walk) == pytest.approx((max(rate, 0), max(beyond, 0)), abs=1e-9)
+
+
+def steady(frames: int) -> Any:
+    """Two legs in a cycle of 24 frames: a swing of 8 by the law, evenly back; a lift by its bump."""
+    table = np.empty((frames, 4))
+    for leg, lift in enumerate((2, 14)):
+        local = (np.arange(frames) - lift) % 24 / 8
+        swing = -50 + 100 * swing_share(local, 0.5)
+        table[:, 2 * leg] = 1500 + np.where(local < 1, swing, 50 - 50 * (local - 1))
+        table[:, 2 * leg + 1] = 1400 + np.where(local < 1, 100 * bump(local), 0)
+    return table
+
+
+@pytest.mark.parametrize("begin", [0, 24, 30])
+def test_a_walk_by_the_laws_is_encoded_to_within_a_cycle_and_a_half(begin: int) -> None:
+    """Half a cycle is rounding at each end, the rest that of the law's table and of the blending."""
+    table = steady(begin + 24)
+    made = legs_encoded(table, begin, (), PAIRS, 0.3)
+    assert made is not None and not made.silent.any()
+    wanted = steady(len(made.frames))
+    assert np.abs(made.widths - wanted).max() <= 1.5
+    assert len(made.frames) - made.lead == 24
 
 
 @pytest.mark.parametrize(("neutral", "rises"), [(1499.7, True), (1500.3, True), (1499.8, False)])
@@ -495,6 +517,7 @@ def test_pieces_are_stays_and_straight_steps() -> None:
     assert pieces(5, 5, 5, 5, marks=(2,)) == [(0, 2, "stay", 0), (2, 4, "stay", 2)]
     nan = float("nan")
     assert pieces(5, 5, nan, nan, 7, 7)[1] == (2, 4, "silent", 4), "to the pose after it"
+    assert pieces(5, 5.4, 5.8, nan, nan, 5)[0] == (0, 3, "straight", 2), "the last one that has pulses"
 
 
 def test_long_silence_is_divided_into_steps_of_256_frames() -> None:
@@ -571,6 +594,8 @@ def test_the_fewest_poses_and_moves_are_those_of_turns_and_of_rests_between_jump
     values: tuple[float, ...], bounds: tuple[int, int]
 ) -> None:
     assert poses.fewest(rows(*[[value] for value in values]), 1.0, 1.0) == bounds
+    halves = rows(*[[value / 2] for value in values])
+    assert poses.fewest(halves, 0.5, 0.5) == bounds
     two = rows(*[[3.0, -value] for value in values])
     assert poses.fewest(two, 1.0, 1.0) == bounds, "in any channel"
 

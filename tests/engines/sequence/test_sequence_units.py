@@ -71,6 +71,18 @@ def test_every_delay_of_a_frame_is_the_way_to_the_next_edge() -> None:
     assert program.start == 20_000 and program.lead_in == ()
 
 
+def test_a_frame_that_is_made_twice_is_a_function_and_one_that_is_made_once_is_not() -> None:
+    for runs, shared in (
+        ((Run(1, A), Run(1, B), Run(1, OFF)), []),
+        ((Run(1, A), Run(1, B), Run(1, A)), [A]),
+        ((Run(1, A), Run(2, B), Run(1, OFF)), [B]),
+        ((Run(1, A), Run(1, B), Run(1, A), Run(3, B)), [A, B]),
+    ):
+        found = sequence(schedule_of((), runs), NONE)
+        assert [position.frame.run.pulses for position in found.positions] == shared
+        assert [position.number for position in found.positions] == [1, 2][: len(shared)]
+
+
 def test_pins_of_a_port_that_are_high_stay_so() -> None:
     frame = (pulse(0, 3000), pulse(100, 500))
     edges = sequence(schedule_of((), (Run(1, frame),), ("RB0", "RB7")), NONE).loop[0].frame.edges  # type: ignore[union-attr]
@@ -101,6 +113,11 @@ def test_overheads_are_subtracted_from_the_delay_of_their_path() -> None:
     assert isinstance(lead, Hold) and isinstance(loop, Hold)
     assert lead.after == 64 - 13
     assert loop.after == 20_000 - 1200 - 11 and loop.position is None
+    # A step with a frame of its own is another owner than the position of the same number.
+    paths = [path for path, _ in islice(program.walk(), 12 + 2 + 1)]
+    position_paths = [*(DelayPath("in", 1, edge) for edge in range(3)), DelayPath("again", 1)]
+    assert paths[:12] == [START, *position_paths, *position_paths, *position_paths[:3]]
+    assert paths[12:] == [DelayPath("after", 0), DelayPath("in", -1, 0), DelayPath("after", 1)]
     # A path that was not measured costs nothing; the mapping of another one does not change it.
     overheads = Overheads(cost)
     cost[START] = 5
