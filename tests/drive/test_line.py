@@ -4,6 +4,7 @@ import os
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
@@ -61,6 +62,34 @@ def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> No
     with pytest.raises(ToolError, match="did not come back within 2 s"):
         line.reopen()
     assert looks == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def test_each_new_reason_is_told_once_and_what_was_not_sent_is_not_waited_for() -> None:
+    """The port is closed, then missing twice, taken by another program, missing again, and back."""
+    time, told, written = VirtualTime(), list[str](), list[bytes]()
+    reasons = [None, "missing", "missing", "taken", "missing", None]
+    closed: list[float] = []
+
+    @contextmanager
+    def opened() -> Iterator[SimpleNamespace]:
+        reason = reasons.pop(0)
+        if reason:
+            raise ToolError("no-such-port", reason)
+        try:
+            yield SimpleNamespace(write=written.append)
+        finally:
+            closed.append(time.at)
+
+    with SerialLink(opened, 100, time.time(), 9.0) as line:
+        assert line.send(b"a" * 50) == pytest.approx(5.0)
+        assert line.reopen(lambda error: told.append(error.message)) == pytest.approx(2.0)
+        assert closed == [0.0]
+        assert line.send(b"b") == pytest.approx(2.0 + 0.1)
+        line.drain()
+        assert time.at == pytest.approx(2.1)
+    assert told == ["missing", "taken", "missing"]
+    assert closed == [0.0, pytest.approx(2.1)]
+    assert written == [b"a" * 50, b"b"]
 
 
 def test_a_port_that_goes_away_while_it_is_opened_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from servogen.drive.controller import ControllerChannel
-from servogen.drive.sweep import positions, refusals, servo_index
+from servogen.drive.controller import ControllerChannel, ServoController
+from servogen.drive.serial_link import VirtualTime
+from servogen.drive.sweep import Sweep, positions, refusals, servo_index, sweep_readings
 from servogen.errors import InputError
 from servogen.job import load
 from servogen.robot.calibration import Reading, calibration_text, fit, write_calibration
@@ -83,6 +86,67 @@ def test_a_width_exactly_the_slack_beyond_an_end_still_counts(channel: Controlle
 def test_a_range_exactly_the_slack_beyond_the_limits_is_allowed(channel: ControllerChannel) -> None:
     low, high = channel.servo.widths_us
     assert len(positions(channel, low - channel.slack_us, high + channel.slack_us, 3)) == 3
+
+
+Sent = list[tuple[float, int]]
+
+
+def swept(channel: ControllerChannel, at: int) -> tuple[Sweep, VirtualTime, Sent]:
+    """A sweep that stands at a position, its clock, and the positions that it sends, with their times."""
+    clock, sent = VirtualTime(), Sent()
+    line = SimpleNamespace(send=lambda data: sent.append((round(clock.at, 6), data[-1])))
+    controller = ServoController((channel,), None, 0.05)
+    return Sweep(controller, 0, line, clock.time(), at), clock, sent  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "way"),
+    [
+        (100, 110, [103, 106, 109, 110]),
+        (110, 100, [107, 104, 101, 100]),
+        (100, 103, [103]),
+        (100, 101, [101]),
+        (100, 100, [100]),
+    ],
+)
+def test_a_servo_goes_through_its_range_in_a_second_and_a_half_and_settles(
+    channel: ControllerChannel, begin: int, end: int, way: list[int]
+) -> None:
+    """254 positions in 75 steps of 20 ms: three in each."""
+    sweep, clock, sent = swept(channel, begin)
+    sweep.go(end)
+    assert sent == [(round(0.02 * number, 6), position) for number, position in enumerate(way)]
+    assert clock.at == pytest.approx(0.02 * len(way) + 0.5)
+    assert sweep.at == end
+
+
+def test_the_position_is_sent_again_while_a_person_thinks(channel: ControllerChannel) -> None:
+    """Asked every 20 ms; sent again once 50 ms have passed, which is after 60."""
+    sweep, _, sent = swept(channel, 100)
+    answers = iter([None] * 10 + ["90"])
+    assert sweep.wait_for(lambda: next(answers)) == "90"
+    assert sent == [(0.06, 100), (0.12, 100), (0.18, 100)]
+
+
+def test_a_sweep_begins_and_ends_in_the_middle_also_when_it_is_broken_off(channel: ControllerChannel) -> None:
+    sweep, clock, sent = swept(channel, 0)
+
+    def angle(sweep: Sweep, point: int) -> float:
+        asked.append((sweep.at, point))
+        if broken and point:
+            raise KeyboardInterrupt
+        return float(point)
+
+    for broken in (False, True):
+        asked: list[tuple[int, int]] = []
+        sent.clear()
+        wait = pytest.raises(KeyboardInterrupt) if broken else nullcontext()
+        with wait:
+            found = sweep_readings(sweep.controller, 0, (90, 97), sweep.line, clock.time(), angle)
+            assert found == [Reading(channel.widths_us[90], 0.0), Reading(channel.widths_us[97], 1.0)]
+        assert asked == [(90, 0), (97, 1)]
+        positions = [position for _, position in sent]
+        assert positions == [100, 97, 94, 91, 90, 93, 96, 97, 100]
 
 
 def test_the_only_servo_of_a_job_needs_no_name() -> None:
