@@ -509,37 +509,33 @@ class AbstractChip:
 
     def _hold(self, choice: AssumedBits) -> int:
         """Make a choice's bits known and return what `_release` needs."""
-        s = self._s
+        s, before = self._s, 0
         if choice.field == "TMR0_PHASE":
             s[at.T0_PHASE] = choice.value
-            return 0
-        if choice.field == "EE_DONE":
+        elif choice.field == "EE_DONE":
             s[at.EE_DONE_AT] = BASE + choice.value
-            return 0
-        if choice.field == "WATCHDOG":
+        elif choice.field == "WATCHDOG":
             self._time_out()
-            return 0
-        if choice.field == "INTCON_LATE":
+        elif choice.field == "INTCON_LATE":
             s[at.INTCON] &= ~choice.bits
             s[at.INTCON_UNKNOWN] = int(s[at.INTCON_UNKNOWN]) & 0xFF & ~choice.bits
-            return 0
-        if choice.field.startswith("0x"):
+        elif choice.field.startswith("0x"):
             slot = int(choice.field, 16)
             mask = int(s[slot]) >> at.UNKNOWN_SHIFT & 0xFF
             mask_kept = mask if choice.steer else mask & ~choice.bits
             value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
             s[slot] = value | mask_kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
-            return 0
-        row = UNCERTAIN[choice.field]
-        value_slot, mask_slot = row.number, _SLOTS[row.unknown_name]
-        before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
-        s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits
-        if not choice.steer:
-            s[mask_slot] = int(s[mask_slot]) & row.bits & ~choice.bits
-        intcon = int(s[at.INTCON])
-        requested = intcon >> 3 & choice.value & 7
-        if choice.field == "INTCON" and requested and intcon & at.GIE:
-            s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
+        else:
+            row = UNCERTAIN[choice.field]
+            value_slot, mask_slot = row.number, _SLOTS[row.unknown_name]
+            before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
+            s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits
+            if not choice.steer:
+                s[mask_slot] = int(s[mask_slot]) & row.bits & ~choice.bits
+            intcon = int(s[at.INTCON])
+            requested = intcon >> 3 & choice.value & 7
+            if choice.field == "INTCON" and requested and intcon & at.GIE:
+                s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
         return before
 
     def _time_out(self) -> None:

@@ -393,3 +393,55 @@ def fits(changed: dict[int, int]) -> list[bool]:
     changes = np.zeros((2, MAX_LANE_EDGES), dtype=np.int64)
     fit = np.ones(2, dtype=bool)
     return [bool(each) for each in chip._lanes(start, ends, changes, fit, frozenset([4, 9])).fit]
+
+
+@pytest.mark.parametrize(
+    ("body", "fit"), [("movf 0x30, w\n movwf EEDATA", False), ("movf EEDATA, w\n movwf 0x21", True)]
+)
+def test_a_chip_that_writes_an_unknown_byte_to_an_unknown_eedata_does_not_fit(body: str, fit: bool) -> None:
+    chip = chip_of(f" {body}\n nop\n")
+    values = np.array([[1], [2]], dtype=np.int64)
+    lanes = chip.run_lanes(chip.power_on(), (0x20 - 0x0C,), values, frozenset([2]), 50)
+    assert lanes.fit.tolist() == [fit, fit]
+
+
+def test_the_bytes_that_many_chips_wrote_are_those_of_each_alone() -> None:
+    """Known, unknown in some or all bits, PHASED, or not written: -1."""
+    chip = chip_of(" nop\n" * 4)
+    start = loaded(chip).copy()
+    rng = random.Random(4)
+    ends = np.array([start] * 8)
+    ends[:, at.PC], ends[:, at.CYCLE] = 4, BASE + 4
+    for row in ends:
+        for slot in range(0x0C, 0x50):
+            mask = rng.choice((0, 0xFF, rng.randrange(256), 0x0F | at.SOURCE_TMR0 << 8, at.PHASED))
+            row[slot] = rng.randrange(256) | mask << at.UNKNOWN_SHIFT | rng.choice((0, at.NOT_WRITTEN))
+    changes = np.zeros((8, MAX_LANE_EDGES), dtype=np.int64)
+    lanes = chip._lanes(start, ends, changes, np.ones(8, dtype=bool), frozenset([4]))
+    for row, cells in zip(ends, lanes.ram.tolist(), strict=True):
+        chip._s[:] = row
+        expected = [
+            -1 if slot & at.NOT_WRITTEN else cell
+            for slot, cell in zip(row[0x0C:0x50].tolist(), chip._cells(), strict=True)
+        ]
+        assert cells == expected
+        phased = [cell for cell in cells if cell >= CELL_PHASED]
+        assert len(phased) == sum(
+            slot >> at.UNKNOWN_SHIFT == at.PHASED and not slot & at.NOT_WRITTEN
+            for slot in row[0x0C:0x50].tolist()
+        )
+
+
+def test_chips_that_end_alike_have_the_state_of_the_first() -> None:
+    """They differ in time only, by the turns of the loop; one chip has its own state."""
+    chip = chip_of("loop decfsz 0x20, f\n goto loop\n nop\n", start=(("w", 1), ("flags", 0)))
+    first = chip.power_on()
+    place, stops = 0x20 - 0x0C, frozenset([2])
+    for turns in ((5,), (9,), (9, 5), (5, 9, 2)):
+        values = np.array([[count] for count in turns], dtype=np.int64)
+        ram = (*first.ram[:place], turns[0], *first.ram[place + 1 :])
+        alone = chip.run(ChipState(ram, first.rest), stops, 100)
+        lanes = chip.run_lanes(first, (place,), values, stops, 100)
+        assert {rest: rows.tolist() for rest, rows in lanes.rests.items()} == {
+            alone.rest: [*range(len(turns))]
+        }
