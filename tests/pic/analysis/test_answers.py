@@ -19,11 +19,12 @@ from servogen.pic.analysis.state import (
     TRISA,
     TRISB,
 )  # fmt: skip
-from servogen.pic.analysis.times import CycleSpan, ProgramTimes
+from servogen.pic.analysis.times import CycleSpan, ProgramTimes, _reason
 from servogen.pic.analysis.values import Value
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.pic.known_values import CARRY, FSR, PCL, ZERO, W
+from servogen.pic.wcet import Unbounded
 from servogen.units import Clock
 from tests.pic.analysis.programs import CLOCK, INTERRUPT, facts
 from tests.pic.analysis.test_facts import SET_UP, nested_calls, watched
@@ -378,6 +379,20 @@ def test_the_longest_and_the_shortest_of_several_beginnings_count() -> None:
     assert times.between([], [3], interrupts=False) == CycleSpan(None, 0)
     assert times.between([0], [9], interrupts=False).reasons[0].startswith(("loop", "no path"))
     assert times.without_ends([0], [9], interrupts=False).maximum is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "text"),
+    [
+        ("loop", 1, "loop at 0x010"), ("loop", 4, "loop at 0x010, 0x011, 0x012, 0x013"),
+        ("loop", 5, "loop at 0x010, 0x011, 0x012, 0x013, …"),
+        ("call", 1, "call of a subroutine without a bound at 0x010"),
+        ("computed jump", 1, "computed jump at 0x010"), ("sleep", 1, "sleep at 0x010"),
+        ("too many states", 1, "too many states at 0x010"),
+    ],
+)  # fmt: skip
+def test_what_has_no_bound_is_named_by_up_to_four_words(kind: str, count: int, text: str) -> None:
+    assert _reason(Unbounded(kind, tuple(range(0x10, 0x10 + count)))) == text
 
 
 def test_a_clock_gives_the_milliseconds() -> None:

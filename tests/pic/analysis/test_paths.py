@@ -158,6 +158,26 @@ def test_a_loop_with_a_known_counter_is_followed_to_its_end() -> None:
         assert found.executed == ({*range(8)} - {6} - ({3} if count == 1 else set()))
 
 
+@pytest.mark.parametrize(
+    ("text", "open_pins"),
+    [
+        (" bsf PORTB, 0", {}),  # before the directions are set
+        (" movf PORTA, w\n movwf PORTB", {}),
+        (" bsf STATUS, 5\n bcf TRISB, 7\n bcf STATUS, 5\n bsf PORTB, 0", {}),  # certainly of an input
+        (" bsf STATUS, 5\n bcf TRISB, 7\n bcf STATUS, 5\n movf PORTA, w\n movwf PORTB",
+         {(4, ()): bits((FSR, W))}),
+        (" bsf STATUS, 5\n clrf TRISB\n bcf STATUS, 5\n movf PORTA, w\n movwf PORTB", {}),  # of outputs only
+    ],
+)  # fmt: skip
+def test_writes_are_open_of_which_it_is_not_known_whether_they_write_inputs(
+    text: str, open_pins: dict[tuple[int, tuple[int, ...]], int]
+) -> None:
+    explorer = PathExplorer(assembled(f" clrf PORTB\n{text}\nhere\n goto here").image.program)
+    explorer.explore()
+    shifted = {(address + 1, stack): used for (address, stack), used in open_pins.items()}
+    assert (explorer.open_pins, explorer.open) == (shifted, (0, len(shifted)))
+
+
 # -- what an index is made from ----------------------------------------------------------------------------
 
 
