@@ -162,3 +162,122 @@ def test_a_later_start_says_nothing(
     with caplog.at_level("INFO", "servogen"):
         assert aot_cache.loop.__wrapped__(False) == CODE
     assert caplog.text == ""
+
+
+def test_the_name_depends_on_every_source_and_on_the_processor(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(aot_cache, "__file__", str(tmp_path / "aot_cache.py"))
+    names = set()
+
+    def note() -> None:
+        name = aot_cache._digest()
+        assert len(name) == 24 and int(name, 16) >= 0
+        names.add(name)
+
+    (tmp_path / "a.py").write_text("1")
+    note()
+    (tmp_path / "notes.txt").write_text("no source")
+    note()
+    assert len(names) == 1
+    (tmp_path / "b.py").write_text("2")
+    note()
+    (tmp_path / "b.py").write_text("3")
+    note()
+    monkeypatch.setattr(aot_cache, "_features", lambda: "+avx1024")
+    note()
+    monkeypatch.setattr(aot_cache.llvmlite, "__version__", "0.0")
+    note()
+    monkeypatch.setattr(aot_cache, "REGISTERS", ())
+    note()
+    assert len(names) == 6
+
+
+def test_each_kind_of_loop_has_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[Path] = []
+    compiled: list[tuple[bool, bool, bool]] = []
+
+    def compile_loop(*kind: bool) -> bytes:
+        compiled.append(kind)
+        return CODE
+
+    monkeypatch.setattr(aot_cache, "_folders", lambda: iter((tmp_path / "one", tmp_path / "two")))
+    monkeypatch.setattr(aot_cache, "_kept", asked.append)
+    monkeypatch.setattr(aot_cache, "_keep", lambda name, code: asked.append(Path(name)))
+    monkeypatch.setattr(aot_cache, "_load", lambda code: code)
+    monkeypatch.setattr(aot_cache, "compile_loop", compile_loop)
+    kinds = [
+        ("plain", ()),
+        ("observed", (True,)),
+        ("tracked", (False, True)),
+        ("visits", (False, False, True)),
+    ]
+    for kind, flags in kinds:
+        asked.clear()
+        assert aot_cache.loop.__wrapped__(*flags) == CODE
+        name = f"simulator-{kind}-{aot_cache._digest()}.o"
+        assert asked == [tmp_path / "one" / name, tmp_path / "two" / name, Path(name)]
+    assert compiled == [(False,) * 3, (True, False, False), (False, True, False), (False, False, True)]
+
+
+def test_machine_code_is_kept_beside_the_sources_or_in_the_users_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    beside = Path(aot_cache.__file__).parent / "__pycache__"
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("LOCALAPPDATA", raising=False)
+    assert list(aot_cache._folders()) == [beside, tmp_path / "home" / ".cache" / "servogen"]
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
+    assert list(aot_cache._folders()) == [beside, tmp_path / "local" / "servogen"]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert list(aot_cache._folders()) == [beside, tmp_path / "xdg" / "servogen"]
+
+
+def test_everybody_may_read_the_file_and_nobody_enter_the_new_folders(
+    folders: list[Path], tmp_path: Path
+) -> None:
+    folders[0] = tmp_path / "cache" / "servogen"
+    aot_cache._keep("simulator-plain-1.o", CODE)
+    modes = [path.stat().st_mode & 0o777 for path in (folders[0].parent, folders[0], *folders[0].iterdir())]
+    assert modes == [0o700, 0o700, 0o644]
+
+
+def machine_code(body: str, name: str = aot_cache.ENTRY) -> bytes:
+    """Return an object file with a function of the loop's arguments: %a0 to %a11, behind result and error."""
+    kinds = {"p": "ptr", "i": "i64"}
+    arguments = ", ".join(f"{kinds[kind]} %a{n}" for n, kind in enumerate(aot_cache.SIGNATURE))
+    text = f"define i32 @{name}(ptr %result, ptr %error, {arguments}) {{\n{body}\n}}\n"
+    module = aot_cache.llvm.parse_assembly(text)
+    return bytes(aot_cache._target().emit_object(module))
+
+
+def test_loaded_code_is_called_with_addresses_and_integers_and_returns_its_result() -> None:
+    far = (1 << 62) + 1
+    store = "store i64 %{0}, ptr %result\nret i32 0"
+    whole = aot_cache._load(machine_code("%sum = sub i64 %a1, %a9\n" + store.format("sum")))
+    assert whole(0, far, *[0] * 7, 3, 0, 0) == far - 3
+    address = aot_cache._load(machine_code("%number = ptrtoint ptr %a11 to i64\n" + store.format("number")))
+    assert address(*[0] * 11, far) == far
+
+
+def test_code_that_fails_or_has_no_entry_is_said() -> None:
+    failing = aot_cache._load(machine_code("ret i32 1"))
+    with pytest.raises(aot_cache.ToolError, match="the compiled simulator failed"):
+        failing(*[0] * 12)
+    with pytest.raises(aot_cache.ToolError, match="the compiled simulator cannot be loaded"):
+        aot_cache._load(machine_code("ret i32 0", "other"))
+
+
+def test_only_the_loop_is_left_of_what_numba_makes() -> None:
+    """Its wrappers are taken away; functions of LLVM itself, and what is only declared, may stay."""
+    text = (
+        "declare i64 @llvm.smax.i64(i64, i64)\ndeclare void @NRT_Free(ptr)\ndeclare void @_unused(ptr)\n"
+        'define i64 @"cfunc._ZN3runB"(ptr %x) {\n  call void @NRT_Free(ptr %x)\n  ret i64 1\n}\n'
+        "define ptr @cpython.wrapper(ptr %x) {\n  call void @NRT_Free(ptr %x)\n  ret ptr null\n}\n"
+        'define linkonce i32 @"_ZN3runB"(ptr %x) {\n'
+        "  %1 = call i64 @llvm.smax.i64(i64 1, i64 2)\n  ret i32 0\n}\n"
+    )
+    kept = aot_cache._alone(text, "_ZN3runB")
+    assert "cfunc" not in kept and "cpython" not in kept
+    assert f"define linkonce i32 @{aot_cache.ENTRY}(ptr %x) {{" in kept
