@@ -73,3 +73,12 @@ def test_pins_that_rest_are_no_pulse_train(source: str, reason: str) -> None:
     found = search(source, limit=10_000)
     assert isinstance(found, NoRepeat)
     assert found.reason == reason
+
+
+def test_the_last_frame_may_begin_at_the_limit() -> None:
+    """The second one begins in cycle 9: with an edge, which that cycle has to make, or a period after 4."""
+    source = SET_UP + "loop\n" + PULSE + " goto loop\n"
+    for period, last in ((None, 10), (5, 9)):
+        assert search(source, last, period) == Repeat(4, 5, 0, 1)
+        found = search(source, last - 1, period)
+        assert isinstance(found, NoRepeat) and found.reason == "RB0 rises only once"
