@@ -59,10 +59,10 @@ def test_reading_ram_that_was_never_written_refuses_the_proof() -> None:
 def test_a_counter_out_of_reach_is_reported_with_the_time_covered() -> None:
     source = SET_UP + " clrf 0x20\n clrf 0x21\n clrf 0x22\nloop\n" + PULSE
     source += " incfsz 0x20, f\n goto loop\n incfsz 0x21, f\n goto loop\n incf 0x22, f\n goto loop\n"
-    found = search(source, limit=100_000)
+    found = search(source, limit=20_000)
     assert isinstance(found, NoRepeat)
     assert found.reason == "no state was found that repeats"
-    assert found.covered >= 100_000 - 10
+    assert found.covered >= 20_000 - 10
 
 
 @pytest.mark.parametrize(
