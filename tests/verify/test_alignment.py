@@ -167,6 +167,20 @@ def test_pulses_that_are_far_from_the_anchor_are_paired_by_the_fitted_speed(slop
     assert line.steps(39_000) == pytest.approx(0, abs=1)
 
 
+def test_pulses_with_long_pauses_between_them_are_paired_in_a_second_step() -> None:
+    """Pauses tell nothing about the clock: at first it is taken as nominal, which is right for 100 frames."""
+    scheduled = [SCHEDULED[frame] for frame in range(0, 300, 25)]
+    captured = [(round(2.009 * rise + 50), round(2.009 * fall + 50)) for rise, fall in scheduled]
+    given = signals([captured], [scheduled], candidates=1000, length=captured[-1][1] + 500)
+    assert _slope(given) == 2.0
+    line = align(given)
+    assert line is not None
+    times = np.array(scheduled).ravel()
+    # The sample of three steps, not the rounding, limits how well the slope is known: by all edges.
+    assert line.b_error == pytest.approx((9 / 12 / ((times - times.mean()) ** 2).sum()) ** 0.5)
+    assert line.b == pytest.approx(2.009, rel=1e-5)
+
+
 def test_one_wrong_pulse_does_not_move_the_line() -> None:
     captured = [(2 * rise + 99, 2 * fall + 99) for rise, fall in SCHEDULED[:20]]
     captured[7] = (captured[7][0], captured[7][1] + 60)
@@ -300,6 +314,9 @@ def test_a_capture_is_compared_with_the_schedule_three_per_cent_beyond_its_lengt
             schedule(frames=20), capture(rows, end), Tolerances(), Sampling(1.0, stated=True)
         )
         assert len(made.signals.scheduled[0].rise) == frames
+    # A pulse that is not over by then ends there.
+    made = check._set_up(schedule(frames=20), capture(rows, 2039), Tolerances(), Sampling(1.0, stated=True))
+    assert made.signals.scheduled[0].fall[-2:].tolist() == [8108, 9050]
 
 
 def test_the_longest_capture_that_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -310,3 +327,37 @@ def test_the_longest_capture_that_is_compared(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(InputError) as raised:
         check._set_up(schedule(), capture(rows, 11_651), Tolerances(), Sampling(1.0, stated=True))
     assert raised.value.message == ("the capture is 6 frames of the schedule long: at most 5 are compared")
+
+
+@pytest.mark.parametrize(("steps", "overlap_us"), [(4, 0.0), (5, 1.25)])
+def test_an_overlap_may_be_as_long_as_a_sample_and_the_tolerance(steps: int, overlap_us: float) -> None:
+    """Samples of 0.75 µs and a tolerance of 0.25 µs: together four steps of 0.25 µs."""
+    rows = [(0, RB0, LOW), (0, RB1, LOW), (100, RB0, HIGH), (300, RB1, HIGH), (300 + steps, RB0, LOW)]
+    trace = capture([*rows, (400, RB1, LOW)], 500)
+    made = check._set_up(schedule(), trace, Tolerances(width_us=0.25), Sampling(0.75, stated=True))
+    assert check._overlap_us(made, FittedLine(0.0, 2.0, None)) == overlap_us
+    assert check._overlap_us(made, None) == 0.0
+
+
+def test_what_a_capture_shows_is_in_its_own_units() -> None:
+    """Frames 5 to 8 of the schedule at 2000 steps each; RB1 never moves."""
+    rows = [(0, RB0, LOW), (0, RB1, LOW)]
+    rows += [
+        (500 + 2 * cycle, pin, level)
+        for cycle, pin, level in edges_of([(1000 * frame, 105 + frame, RB0) for frame in range(4)])
+    ]
+    found = check.verify_capture(schedule(frames=20, lead_in=1, loop=7), capture(rows, 8400), sample=1.5)
+    assert (found.first_frame, found.frames, found.paired) == (5, 4, 4)
+    assert (found.duration_us, found.sample_us) == (2100.0, 0.375)
+    assert [(channel.captured, channel.scheduled) for channel in found.channels] == [(4, 4), (0, 0)]
+    nothing = check.verify_capture(schedule(), capture(rows[:2], 8000), sample=1.5)
+    assert (nothing.first_frame, nothing.frames, nothing.line) == (None, 0, None)
+    assert nothing.first_mismatch is None
+    stray = check.verify_capture(
+        schedule(frames=20, lead_in=1, loop=7),
+        capture([*rows, (7900, 0, HIGH), (8000, 0, LOW)], 8400),
+        sample=1.5,
+    )
+    assert stray.first_mismatch is not None
+    assert (stray.first_mismatch.time_us, stray.first_mismatch.pin) == (1975.0, 0)
+    assert [(pin.pin, pin.edges) for pin in stray.stray] == [(0, 2)]

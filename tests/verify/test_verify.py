@@ -21,6 +21,9 @@ from servogen.edges import (
 from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines, verify, whole_motion
+from servogen.verify.diagnose import PinHistory, TraceStretch, first_difference
+from servogen.verify.verdict import Difference
+from servogen.verify.windows import Edges
 from tests.verify.pulses import Edge, edges_of
 
 MHZ4 = Clock(4_000_000)
@@ -177,6 +180,69 @@ def test_an_edge_on_a_pin_that_is_not_scheduled_is_not_proven_even_before_the_fi
     assert (verdict.difference.cycle, verdict.difference.pin) == (START + at, RB7)
     assert [(stray.pin, stray.edges, stray.first) for stray in verdict.stray] == [(RB7, 2, START + at)]
     assert [(channel.width.count, channel.edge.count) for channel in verdict.channels] == [(0, 0), (0, 0)]
+
+
+def test_the_first_pulse_of_a_channel_has_no_period_before_it() -> None:
+    changed = pulses()
+    changed[1] = (1000 + 2, 1250, RB1)
+    horizontal = verdict_on(changed).channels[1]
+    assert (horizontal.period.count, horizontal.period.error, horizontal.period.frame) == (1, -2, 1)
+    assert (horizontal.edge.count, horizontal.width.count) == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("frame", "late", "lost"),
+    [(8, 10_000, 0), (8, 10_001, 1), (29, 10_000, 0), (29, 10_001, 1), (29, 15_000, 1)],
+)
+def test_a_pulse_belongs_to_a_scheduled_one_up_to_half_a_period_away(
+    frame: int, late: int, lost: int
+) -> None:
+    changed = [pulse for pulse in pulses() if pulse[2] == RB1 or pulse[0] != frame * PERIOD]
+    vertical = verdict_on([*changed, (frame * PERIOD + late, 1000, RB0)], end=31 * PERIOD).channels[0]
+    assert (vertical.missing, vertical.extra) == (lost, lost)
+
+
+@pytest.mark.parametrize(("at", "frame"), [(499, 0), (500, 1), (999, 1)])
+def test_an_edge_too_many_is_in_the_frame_around_it(at: int, frame: int) -> None:
+    """If the next scheduled edge of its pin is more than half a period away, it is not that edge."""
+
+    def side(rows: list[Edge]) -> Edges:
+        columns = edge_chunk(*zip(*sorted(rows), strict=True))
+        return Edges(*columns, columns[0] // 1000)
+
+    scheduled = edges_of([(1000 * number, 100, RB0) for number in range(3)])
+    stretch = TraceStretch(
+        side(scheduled), side([*scheduled, (at, RB0, HIGH)]), 0, 3000, 70, PinHistory.at_start()
+    )
+    expected = Expected(MHZ4, Cycles(1000), (ExpectedChannel("arm", RB0),), 0, 3, ())
+    assert first_difference(stretch, expected) == Difference(
+        RB0, "arm", frame, HIGH, Cycles(1070), Cycles(at + 70)
+    )
+
+
+def test_a_schedule_without_pulses_is_proven_by_silence() -> None:
+    def silent() -> Expected:
+        return Expected(MHZ4, Cycles(PERIOD), (ExpectedChannel("arm", RB0),), 0, 2, ())
+
+    right = verify(silent(), trace([], end=4 * PERIOD, start=0))
+    assert (right.proven, right.reasons, right.start) == (True, (), None)
+    assert (right.span.compared, right.span.frames) == (80_000, 4)
+    assert [(channel.scheduled, channel.observed) for channel in right.channels] == [(0, 0)]
+    short = verify(silent(), trace([], end=4 * PERIOD - 1, start=0))
+    assert (short.proven, short.reasons) == (
+        False,
+        ("the trace ends at cycle 79999, 1 cycle (1e-06 s) before the end of the check",),
+    )
+    stray = verify(silent(), trace(edges_of([(100, 50, RB7)]), end=3 * PERIOD, start=0))
+    assert stray.reasons == ("RB7, which the schedule does not drive, changes 2 times, first at cycle 100",)
+    assert stray.difference == Difference(RB7, None, None, HIGH, None, Cycles(100))
+
+
+def test_a_schedule_whose_pulses_never_come_was_not_compared() -> None:
+    silent = verify(schedule(), trace([], end=4 * PERIOD))
+    assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
+    assert (silent.span.compared, silent.span.frames, silent.start) == (0, 0, None)
+    assert [(channel.scheduled, channel.observed) for channel in silent.channels] == [(0, 0), (0, 0)]
 
 
 def test_a_drift_of_one_cycle_a_frame_is_a_wrong_period_in_every_frame_and_no_missing_pulse() -> None:
