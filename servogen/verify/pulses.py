@@ -77,7 +77,7 @@ def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pu
     """
     count = 0
     gaps = scheduled.rise[1:] - scheduled.fall[:-1]
-    if len(seen.rise) > 1 and gaps.min(initial=shortest) >= shortest:
+    if len(seen.rise) and gaps.min(initial=shortest) >= shortest:
         long = seen.rise[1:] - seen.fall[:-1] >= shortest
         first = np.concatenate(([True], long))
         last = np.concatenate((long, [True]))

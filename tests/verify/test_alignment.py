@@ -181,6 +181,14 @@ def test_pulses_with_long_pauses_between_them_are_paired_in_a_second_step() -> N
     assert line.b == pytest.approx(2.009, rel=1e-5)
 
 
+@pytest.mark.parametrize(("candidates", "found"), [(10_000, False), (10_001, True)])
+def test_a_capture_begins_before_the_last_candidate(candidates: int, found: bool) -> None:
+    captured = [(2 * rise - 19_900, 2 * fall - 19_900) for rise, fall in SCHEDULED[10:30]]
+    line = align(signals([captured], [SCHEDULED], candidates=candidates, length=captured[-1][1] + 100))
+    assert line is not None
+    assert (line.a == pytest.approx(-19_900)) is found
+
+
 def test_one_wrong_pulse_does_not_move_the_line() -> None:
     captured = [(2 * rise + 99, 2 * fall + 99) for rise, fall in SCHEDULED[:20]]
     captured[7] = (captured[7][0], captured[7][1] + 60)

@@ -92,8 +92,6 @@ def _same_start(arms: _Arms) -> bool:
     yes, no = arms.yes.instructions, arms.no.instructions
     if len(yes) < 3 or len(no) < 2 or not yes[0].same(no[0]) or not _passes(arms.test, yes[0]):
         return False
-    if yes[0].op == "CALL":
-        return False
     arms.first.instructions.insert(-1, yes[0])
     del yes[0], no[0]
     return True
@@ -166,7 +164,7 @@ def _passes(test: Instruction, ins: Instruction) -> bool:
         return False
     if isinstance(ins.f, Byte) and ins.f.symbol.volatile:
         return False
-    if ins.op == DELAY or ins.leaves:
+    if ins.op in (DELAY, "CALL") or ins.leaves:
         return False
     if test.f == STATUS:
         return ins.f != STATUS and not ins.flags

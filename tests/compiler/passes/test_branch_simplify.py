@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from servogen.compiler.passes.branch_simplify import short_branches
+from itertools import product
+
+from servogen.compiler.passes.branch_simplify import _passes, _stays, short_branches
 from servogen.errors import Location
 from tests.compiler.cases import every
-from tests.compiler.ir.assembly import check, function
+from tests.compiler.ir.assembly import Names, check, function
+from tests.compiler.passes.test_meaning import BYTES, left
 
 END = "e: RETURN"
 
@@ -278,3 +281,53 @@ def test_new_instructions_stand_where_the_test_stood() -> None:
         ins.place = Location("main.c", line) if line != 3 else None
     assert short_branches(made)
     assert [ins.place.line for ins in made.instructions() if ins.place] == [5, 1, 1, 6, 7]
+
+
+TESTS = ("C", "Z", "DC", "RP0", "ga,1", "fa,1", "va,1", "l,7", "PORTB,0", "FSR,0", "INDF,0")
+PLACES = ("ga", "fb", "va", "l", "PORTB", "FSR", "INDF", "STATUS")
+OTHERS = ("MOVLW 3", "ADDLW 1", "ANDLW 1", "IORLW 0", "CLRW", "NOP", "DELAY 3", "CALL g", "GOTO b", "RETURN")
+FORMS = (
+    "MOVWF {}",
+    "MOVF {},W",
+    "MOVF {},F",
+    "CLRF {}",
+    "INCF {},W",
+    "INCF {},F",
+    "RLF {},F",
+    "BSF {},0",
+    "BCF {},1",
+)
+
+
+def test_what_may_pass_a_test_and_after_what_it_may_be_repeated() -> None:
+    """Every test with every instruction: where it is allowed, the chip does the same in every state tried."""
+    allowed = [0, 0]
+    for flag, other in product(TESTS, [*OTHERS, *(form.format(place) for form in FORMS for place in PLACES)]):
+        names = Names()
+        for name in BYTES:
+            names[name]
+        test, ins = function(f"BTFSC {flag}; {other}", names).instructions()
+        passes, stays = _passes(test, ins), _stays(test, ins)
+        assert isinstance(passes, bool) and isinstance(stays, bool)
+        allowed[0] += passes
+        allowed[1] += stays
+        same = []
+        if passes:
+            same.append(
+                (
+                    f"BTFSC {flag}; GOTO a; {other}; CALL g; RETURN; a: {other}; RETURN",
+                    f"{other}; BTFSC {flag}; GOTO a; CALL g; a: RETURN",
+                )
+            )
+        if stays:
+            same.append(
+                (
+                    f"BTFSC {flag}; GOTO a; {other}; CALL g; a: RETURN",
+                    f"BTFSC {flag}; GOTO a; {other}; BTFSC {flag}; GOTO a; CALL g; a: RETURN",
+                )
+            )
+        for texts in same:
+            for seed in range(3):
+                one, two = (left(text, function(text, names), names, seed, "W") for text in texts)
+                assert one == two, texts
+    assert min(allowed) > 100
