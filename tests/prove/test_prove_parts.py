@@ -687,6 +687,42 @@ def test_edges_before_the_first_pulse_fix_when_the_first_frame_begins() -> None:
     )
 
 
+def test_a_pulse_is_the_schedule_s_for_every_value_of_its_byte() -> None:
+    """Of frame 2, which the run begins 70 cycles before: 1200 cycles on RB0 and the trim in byte 7."""
+    longer = np.array([trim_cycles(byte) for byte in range(256)])
+    rows, rise = np.arange(256), np.full(256, 70)
+    one = trim_proof()
+
+    def judged(edges: dict[tuple[int, int], Any], state: _State, cycles: int = 1500) -> Any:
+        ways: Any = SimpleNamespace(edges=edges)
+        return one._judged(state, ways, rows, (7,), cycles, cycles)
+
+    due = {(RB0, 1): rise, (RB0, 0): rise + 1200 + longer}
+    assert judged(due, at(2, -70)) == {"frame": 2, "time": 1430, "done": {0}} and one._byte_of == {0: 7}
+    # In the frame before the one in which it is.
+    ahead = {key: column + PERIOD - 70 for key, column in due.items()}
+    assert judged(ahead, at(3), PERIOD + 1500) == {"frame": 2, "time": 1500, "done": {0}}
+    late = rise.copy()
+    late[5] += 1
+    for edges, content in (
+        ({**due, (RB0, 1): late}, {7: 5}),
+        ({(RB0, 1): rise}, {7: 0}),
+        ({(RB0, 0): rise}, {7: 0}),
+        ({(RB0, 1): rise + 1, (RB0, 0): rise + 1201 + longer}, {7: 0}),
+        ({(RB1, 1): rise, (RB1, 0): rise + 1200}, {7: 0}),
+    ):
+        with pytest.raises(WrongEdge) as wrong:
+            judged(edges, at(2, -70))
+        pin = "RB1" if (RB1, 1) in edges else "RB0"
+        message = f"a pulse on {pin} is not the schedule's"
+        assert (wrong.value.message, wrong.value.content, wrong.value.frame) == (message, content, 2)
+    fall = due[RB0, 0].copy()
+    fall[9] += 1
+    with pytest.raises(WrongEdge) as wrong:
+        judged({**due, (RB0, 0): fall}, at(2, -70))
+    assert wrong.value.content == {7: 9}
+
+
 def test_phi_is_the_first_byte_that_moves_with_the_timer() -> None:
     phased = layout.PHASED
     beside = rest(PC=9, TMR0=5, TMR0_UNKNOWN=phased, W=9, W_UNKNOWN=phased, FSR=9)
@@ -998,6 +1034,19 @@ def test_what_tables_say_is_numbered_and_run_once(monkeypatch: pytest.MonkeyPatc
     for c3 in (50, 90, 50):
         assert cycles(four + 4, c3=c3) == (14 + c3 + four).tolist()
     assert seen == [90, 50, 90]
+    # If something decides on the way, the rest is not run.
+    monkeypatch.setattr(trims, "CHUNK", 3)
+    deciding = running()
+
+    def stopped(start: ChipState, places: Any, values: Any, stops: Any, limit: int) -> Any:
+        found = reading(start, places, values, stops, limit)
+        found.fit[-1] = False
+        return found
+
+    deciding._chip.run_lanes = stopped
+    for _ in range(2):
+        ways, _, _ = deciding._ways(at(0, tables={1: COUNTED}), frozenset({1}))
+        assert not ways.fit and deciding._runs == 3
     three: Any = {n: ByteTable((n,), four) for n in (1, 2, 3)}
     text = "3 bytes of the EEPROM decide together (address 0x009, frame 0)"
     assert why(lambda: one._ways(at(0, tables=three), frozenset(three))) == text
