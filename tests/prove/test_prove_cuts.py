@@ -18,6 +18,7 @@ from servogen.prove.specification import Specification
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
+from servogen.simulator import layout
 from servogen.simulator.abstract import AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.units import Clock, Cycles
 from tests.prove.chip_states import ram, rest
@@ -257,6 +258,28 @@ def test_an_unknown_bit_is_chosen_as_the_schedule_holds_it() -> None:
         spec = Specification(schedule(pulse(0, 1000)), None)
         assert cuts._walk(program, transitions, spec, {9}, frozenset({0}), {RA4: level}, 3) is not None
     assert chosen == [(AssumedBits("PINS", 1 << RA4, level << RA4),) for level in (0, 1)]
+
+
+def test_what_decides_on_the_way_is_chosen_where_it_decides() -> None:
+    """Seven cycles after the cut W decides, whose bit 0 is unknown; then it decides once more, for bit 1."""
+    program = PreparedProgram(Image({5: encode("ADDLW", k=1)}))
+    one, both = (AssumedBits("W", 1, 0),), (AssumedBits("W", 1, 0), AssumedBits("W", 2, 0))
+    use = Use(layout.USE_JUMP, 0, 5)
+    unknown = rest(PC=5, W_UNKNOWN=3)
+    last = frame(cycles=19_993, edges=((943, RB0, 0), (19_943, RB0, 1)), read=(1,), written=((2, 3),))
+    table = {
+        (0, ()): FIRST,
+        (9, ()): frame(cycles=7, edges=(), reason=Reason.USE, rest=unknown, use=use),
+        (5, one): frame(cycles=0, edges=(), reason=Reason.USE, rest=unknown, use=use, read=(), written=()),
+        (5, both): last,
+    }
+
+    def run(state: ChipState, stops: Any, limit: int, choices: Any) -> RunOutcome:
+        return table[state["PC"], choices]
+
+    walk = walked(run, program, 3)
+    assert walk is not None and walk.pcs == [9] * 4
+    assert walk.reads == [{3, 4, 1}] * 3 + [NOTHING] and walk.writes == [{4, 2}] * 3 + [NOTHING]
 
 
 def test_what_decides_and_is_not_known_ends_the_walk() -> None:
