@@ -257,6 +257,9 @@ def test_a_phase_is_what_the_timer_reads_now() -> None:
     # 7 is 253 behind 10; what is unknown stays so, and what does not follow TMR0 stays as it is.
     assert cells == ram(c3=253 | CELL_PHASED, c4=ALL_UNKNOWN, c5=9)
     assert fields(general, "INTCON", "INTCON_UNKNOWN") == [0, 4]
+    # TMR0 may read 0; 255 is the largest byte that is known, and of 256 bit 0 is not.
+    cells, _ = generalised(guess, ram(c3=255, c4=256), rest(PC=9))
+    assert cells == ram(c3=255 | CELL_PHASED, c4=256)
     # Phased already: everything relative to φ moves by what TMR0 differs from it.
     beside = rest(PC=9, TMR0=6, TMR0_UNKNOWN=layout.PHASED, W=1, W_UNKNOWN=layout.PHASED, FSR=1)
     cells, general = generalised(guess, ram(c3=5 | CELL_PHASED, c9=250 | CELL_PHASED), beside)
@@ -310,6 +313,7 @@ def test_what_decides_anyway_blames_nothing_and_is_looked_into_five_times() -> N
     # At sixty addresses; from then on, nothing general is to blame.
     for address in range(61):
         generaliser.blamed(node, (), 0, Use(layout.USE_SKIP, 0, 0x100 + address))
+    assert len(generaliser._innocent) == 61
     before = transitions.runs
     decisions = (Decision(0, (AssumedBits("W", 1, 99),)),)
     assert not generaliser.blamed(node, decisions, 0, Use(layout.USE_SKIP, 0, 0x200))
@@ -340,21 +344,24 @@ def test_only_what_is_named_is_as_it_was_before_it_was_general() -> None:
         "STATUS_UNKNOWN": 7, "INTCON": 0x90, "INTCON_UNKNOWN": 3, "TMR0": 0,
         "TMR0_UNKNOWN": layout.PHASED, "PRESCALER_UNKNOWN": 7,
     }  # fmt: skip
-    cells = ram(c1=ALL_UNKNOWN, c2=ALL_UNKNOWN, c3=4 | CELL_PHASED)
-    node = node_of(transitions, cells, rest(**vague), (ram(c1=5, c2=6, c3=7), rest(**known)))
+    cells = ram(c1=ALL_UNKNOWN, c20=ALL_UNKNOWN, c3=4 | CELL_PHASED)
+    node = node_of(transitions, cells, rest(**vague), (ram(c1=5, c20=6, c3=7), rest(**known)))
 
     def restored(*places: str) -> tuple[Any, Any]:
         return generaliser._restored(node, [*places])
 
     assert restored() == (cells, rest(**vague)) == restored("TIMER", "PRESCALER")
-    assert restored("0x02") == (ram(c1=ALL_UNKNOWN, c2=6, c3=4 | CELL_PHASED), rest(**vague))
+    assert restored("0x14") == (ram(c1=ALL_UNKNOWN, c20=6, c3=4 | CELL_PHASED), rest(**vague))
     assert restored("W") == (cells, rest(**vague | {"W": 7, "W_UNKNOWN": 0}))
     assert restored("FLAGS") == (cells, rest(**vague | {"STATUS": 0x1B, "STATUS_UNKNOWN": 0}))
     assert restored("PIN_FLAGS") == (cells, rest(**vague | {"INTCON": 0x93, "INTCON_UNKNOWN": 0}))
     # Some phase: φ is 0.
-    assert restored(PHASE) == (ram(c1=ALL_UNKNOWN, c2=ALL_UNKNOWN, c3=4), rest(**vague | {"TMR0_UNKNOWN": 0}))
+    assert restored(PHASE) == (
+        ram(c1=ALL_UNKNOWN, c20=ALL_UNKNOWN, c3=4),
+        rest(**vague | {"TMR0_UNKNOWN": 0}),
+    )
     assert restored("FSR", "0x01") == (
-        ram(c1=5, c2=ALL_UNKNOWN, c3=4 | CELL_PHASED), rest(**vague | {"FSR": 8, "FSR_UNKNOWN": 0})
+        ram(c1=5, c20=ALL_UNKNOWN, c3=4 | CELL_PHASED), rest(**vague | {"FSR": 8, "FSR_UNKNOWN": 0})
     )  # fmt: skip
 
 
