@@ -76,6 +76,9 @@ def test_of_each_kind_the_smallest_change_that_fits_is_proposed(
     assert tried(slow, "frame-too-short", monkeypatch)[:2] == LONGER[4:]
     pair = plan_job(loads(job_text(1, poses([[30], [60]], 1)), "job.toml"))
     assert tried(pair, "does-not-fit", monkeypatch) == ["only the first 1 pose", *LARGER]
+    eight = plan_job(loads(job_text(1, poses([[30], [60]] * 4, 1)), "job.toml"))
+    three_quarters = ["only the first 6 poses", "only the first 4 poses"]
+    assert tried(eight, "does-not-fit", monkeypatch) == [*three_quarters, *LARGER]
 
 
 def test_changes_of_a_walk_are_slower_cycles_lower_lifts_and_the_tripod(
