@@ -1,0 +1,97 @@
+"""What a page is proven by, and which part of a capture it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen.build import reporting
+from servogen.build.reporting import ReportPage, capture_facts
+from servogen.edges import EdgeTrace
+from servogen.plan_error import PlanError
+from servogen.traces.captures import Capture
+from servogen.units import Clock, Cycles
+
+CAPTURE = Capture(EdgeTrace(Clock(4_000_000), (), Cycles(10)), sample=1.0)
+
+
+def judged(proven: bool, text: str = "") -> Any:
+    return SimpleNamespace(proven=proven, to_json=lambda: text)
+
+
+def test_a_page_is_proven_by_its_programs_and_by_its_capture_if_it_has_one() -> None:
+    for programs, capture, proven in (
+        (True, None, True),
+        (False, None, False),
+        (True, judged(True), True),
+        (True, judged(False), False),
+        (False, judged(True), False),
+    ):
+        assert ReportPage("", programs, None, capture=capture).proven is proven
+    bare = ReportPage("", True, None)
+    assert bare.to_json() == {"proven": True, "plan_error": None}
+    error = PlanError(0.5)
+    full = ReportPage("", True, None, error, judged(True, "of the capture"), judged(True, "of the twin"))
+    assert full.to_json() == {
+        "proven": True,
+        "plan_error": error.to_json(),
+        "capture": "of the capture",
+        "twin": "of the twin",
+    }
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The verdict on a capture of pieces with so many frames."""
+
+    pieces: tuple[Any, ...] = ()
+    first_frame: int = 0
+
+
+def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def sampled_at(capture: Capture, rate: int) -> Capture:
+        asked.append(rate)
+        return replace(capture, sample=1e6 / rate)
+
+    monkeypatch.setattr(reporting, "read_capture", lambda path: CAPTURE)
+    monkeypatch.setattr(reporting, "sampled_at", sampled_at)
+    monkeypatch.setattr(reporting, "split", lambda trace, pieces: ["first", "second", "third"])
+    pieces = tuple(SimpleNamespace(frames=frames, first_frame=10 * frames) for frames in (2, 5, 3))
+    schedule: Any = "schedule"
+    for verdict, name, trace, first in (
+        (Judged(pieces), "run.vcd, piece 2 of 3", "second", 50),
+        (Judged(pieces[:1]), "run.vcd, piece 1 of 1", "first", 20),
+    ):
+        monkeypatch.setattr(reporting, "_verdict", lambda *given, verdict=verdict: verdict)
+        found: Any = capture_facts(schedule, Path("a/run.vcd"))
+        assert (found.name, found.trace, found.verdict.first_frame) == (name, trace, first)
+    assert asked == []
+    monkeypatch.setattr(reporting, "_verdict", lambda schedule, capture, path: Judged((), capture.sample))
+    found = capture_facts(schedule, Path("a/run.vcd"), 500_000)
+    assert (found.name, found.trace.end, found.verdict.first_frame) == ("run.vcd", 10, 2.0)
+    assert asked == [500_000]
+
+
+def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    verdict = SimpleNamespace(but=lambda reason: f"but {reason}")
+    exact = SimpleNamespace(agrees=True, reasons=("RB0 rises late", "more"))
+    monkeypatch.setattr(reporting, "prove_capture", lambda schedule, capture: verdict)
+    monkeypatch.setattr(reporting, "read_vcd", lambda path, clock: clock)
+    monkeypatch.setattr(
+        reporting, "prove_file", lambda schedule, trace, tells_end: exact if tells_end else None
+    )
+    schedule: Any = SimpleNamespace(clock=Clock(4_000_000))
+    for of_analyser, agrees, expected in (
+        (True, False, verdict),
+        (False, True, verdict),
+        (False, False, "but RB0 rises late"),
+    ):
+        exact.agrees = agrees
+        monkeypatch.setattr(reporting, "is_capture", lambda path, found=of_analyser: found)
+        assert reporting._verdict(schedule, CAPTURE, Path("run.vcd")) == expected
