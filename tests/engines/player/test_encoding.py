@@ -56,6 +56,35 @@ def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
     assert len(made.data) < 2 * len([*lead, *loop])
 
 
+def test_random_scripts_with_repetitions_play_their_steps() -> None:
+    """Bodies of one to six steps, made up to seven times, of rows that follow each other or do not."""
+    random = np.random.default_rng(5)
+
+    def some() -> list[ScriptStep]:
+        steps: list[ScriptStep] = []
+        for _ in range(random.integers(1, 4)):
+            first = int(random.integers(0, 5))
+            body = [
+                ScriptStep(
+                    first + index if random.random() < 0.7 else int(random.integers(0, 9)),
+                    (SLOW, FAST)[random.integers(0, 2)],
+                )
+                for index in range(random.integers(1, 7))
+            ]
+            steps += body * int(random.integers(1, 8))
+        return steps
+
+    for _ in range(60):
+        lead, loop = some(), some()
+        made = script(lead, loop, 2, legs=False)
+        timings = list(made.timings)
+        steps = [*lead, *loop, *loop, *loop]
+        assert [(row, how) for row, how, _ in played(made, 2, len(steps))] == [
+            (step.row, timings.index(step.timing)) for step in steps
+        ]
+        assert len(made.data) <= 3 * len([*lead, *loop])
+
+
 def test_every_byte_belongs_to_the_first_step_that_needs_it() -> None:
     """The bytes of a repetition belong to the last step of its first round."""
     lead = [ScriptStep(0, SLOW), ScriptStep(0, SLOW), *[ScriptStep(row, FAST) for row in (2, 3, 4)] * 5]

@@ -584,6 +584,10 @@ def test_the_pieces_are_the_cheapest_that_keep_the_limit() -> None:
         ((0, 100, 0, 104.5, 0), (3, 2)),
         ((0, 2, 0, 2, 0), (0, 0)),  # a law within 1 of both: no turn
         ((0, 2.1, 0, 2.1, 0), (1, 1)),
+        ((0, 3, 1), (0, 0)),
+        ((0, 2, -1), (0, 0)),
+        ((0, 3, 0.9), (1, 0)),
+        ((0, 2.1, -1), (1, 0)),
         ((0, 10, 20, 30, 40), (0, 0)),  # one straight step
         ((0, 10, 10, 20, 20, 30, 30, 40), (3, 2)),  # a rest between two jumps
         ((0, 4, 4, 8, 8, 12, 12, 16), (0, 0)),  # not farther than laws may be apart
@@ -644,6 +648,10 @@ def test_nodes_are_all_frames_or_where_the_motion_changes() -> None:
     # Every fourth frame, and all frames about the jump.
     assert nodes[:3] == [0, 4, 8] and nodes[-1] == 2400
     assert set(range(1197, 1203)) <= set(nodes) and len(nodes) < 620
+    # A parabola c t² is 4 c away from its chord over four frames.
+    for curve, every in ((0.12, 4), (0.13, 1)):
+        found = poses._nodes(curve * np.arange(2401.0)[:, None] ** 2, 0.5).tolist()
+        assert found == list(range(0, 2401, every))
 
 
 def test_poses_and_moves_beyond_the_tables_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
