@@ -439,7 +439,6 @@ class TimedProgram:
         changed = True
         while changed:
             changed = False
-            returned = at_return
             for address, followers, returns, uses, kills in facts:
                 after = at_return if returns else 0
                 for follower in followers:
@@ -451,7 +450,6 @@ class TimedProgram:
                 if before != live[address]:
                     live[address] = before
                     changed = True
-            changed |= returned != at_return
         return live
 
     def _live_fact(self, address: int) -> tuple[Sequence[int], bool | None, int, int] | None:

@@ -446,6 +446,30 @@ def test_the_program_counter_wraps_around_behind_the_last_word() -> None:
     assert program.between(1023, {1}) == Times(2, 1 + 1)
 
 
+def test_values_that_decide_no_time_do_not_keep_paths_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight branches that leave 1 or 2 in a byte: 256 combinations, if all were remembered.
+
+    Nobody reads the bytes, or they are read but count nothing: then the function is explored once more with
+    its counter alone. BTFSC 1, GOTO 2 and two to write, or BTFSC 2, two to write and GOTO 2.
+    """
+    branches = "".join(
+        f" btfsc PORTB, 0\n goto a{n}\n movlw 1\n movwf 0x2{n}\n goto b{n}\n"
+        f"a{n}\n movlw 2\n movwf 0x2{n}\nb{n}\n"
+        for n in range(8)
+    )
+    reads = "".join(f" movf 0x2{n}, w\n" for n in range(8))
+    loop = " movlw 3\n movwf 0x30\nturn\n decfsz 0x30, f\n goto turn\n"
+    rest = 2 + 2 * 3 + 2
+    monkeypatch.setattr(wcet, "MAX_STATES", 60)
+    monkeypatch.setattr(wcet, "MAX_FUNCTION_STATES", 60)
+    program, labels = with_functions(f"main\n{branches}{loop}done\n return")
+    assert program.between(0, {labels["done"]}) == Times(8 * 5 + rest, 8 * 6 + rest)
+    assert program.times(0) == Times(8 * 5 + rest + 2, 8 * 6 + rest + 2)
+    program, labels = with_functions(f"main\n{branches}{loop}{reads}done\n return")
+    assert program.times(0) == Times(8 * 5 + rest + 8 + 2, 8 * 6 + rest + 8 + 2)
+    assert program.between(0, {labels["done"]}).longest is None, "without a second try"
+
+
 @pytest.mark.parametrize("limit", (1, 2, 5, 7, 8, 9))
 def test_a_search_that_is_given_up_gives_a_lower_bound(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of the eight instructions before `done` begins a state: paths part or meet there."""
@@ -463,3 +487,15 @@ def test_a_search_that_is_given_up_gives_a_lower_bound(limit: int, monkeypatch: 
         assert program.longest(0, {labels["done"]}) is None
     else:
         assert found == Times(shortest, longest)
+
+
+@pytest.mark.parametrize("jump", ["GOTO", "CALL"])
+def test_a_jump_to_address_255_is_no_addition_of_255(jump: str) -> None:
+    """MOVLW 1, the jump and the return 2 each; what follows it looks like the end of a loop that counts."""
+    words = {
+        0: encode("MOVLW", k=3), 1: encode(jump, k=255), 2: encode("BTFSS", f=3, b=2), 3: encode("GOTO", k=1),
+        255: encode("RETURN"),
+    }  # fmt: skip
+    functions = [ListedFunction("f", 0, 255), ListedFunction("g", 255, 256)]
+    program = TimedProgram(words, functions)
+    assert program.between(0, {255}) == Times(1 + 2, 1 + 2)
