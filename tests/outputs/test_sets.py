@@ -229,3 +229,12 @@ def test_a_part_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
 def test_a_lone_surrogate_does_not_stop_a_file(tmp_path: Path) -> None:
     write_text(tmp_path / "a.txt", "of \udcff.c\n")
     assert (tmp_path / "a.txt").read_text() == "of \\udcff.c\n"
+
+
+def test_a_folder_beside_which_nothing_can_be_written_says_why(tmp_path: Path) -> None:
+    """A part's name is fifteen characters longer than that of its folder; file systems allow 255."""
+    folder = tmp_path / ("a" * 245)
+    with pytest.raises(InputError) as caught:
+        write_set(folder, "new")
+    assert str(caught.value) == f"{folder}: error: cannot be written: File name too long [unwritable-file]"
+    assert list(tmp_path.iterdir()) == []
