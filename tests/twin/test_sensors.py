@@ -11,7 +11,7 @@ from servogen.build.twinning import twin_of
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.simulator import Levels, Stimuli
-from servogen.twin import Ground, TwinSettings, TwinVerdict
+from servogen.twin import Ground, TwinSettings, TwinVerdict, run
 from servogen.twin.bodies import bodies
 from servogen.twin.run import standing
 
@@ -118,9 +118,19 @@ def test_without_the_switch_the_foot_is_pressed_on(bench: Path) -> None:
     assert pressed.target[-1, 1] > stopped.target[-1, 1] + np.radians(20)
 
 
-def test_lock_step_is_repeatable_and_does_not_depend_on_the_chunk(bench: Path) -> None:
+def test_lock_step_is_repeatable_and_reads_the_sensors_in_every_millisecond(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    levels, read = run._Run._levels, []
+
+    def reading(made: run._Run, step: int) -> None:
+        read.append(step)
+        levels(made, step)
+
+    monkeypatch.setattr(run._Run, "_levels", reading)
     one, other = (lowered(bench, ON_A_STEP).record for _ in range(2))
     assert one.digest() == other.digest() and one.changes == other.changes
+    assert read == [*range(1201), *range(1201)]
 
 
 @pytest.mark.parametrize(

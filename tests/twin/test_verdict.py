@@ -131,6 +131,11 @@ def test_the_way_is_seen_from_the_pose_in_which_the_motion_begins() -> None:
     assert late.done == (0, 0, 0)  # a motion after the end begins with the last sample
 
 
+def test_a_motion_begins_with_the_sample_at_its_time_and_at_the_latest_with_the_last() -> None:
+    for begins, first in ((0.1, 20), (0.1 + 5e-10, 20), (0.1001, 21), (0.0, 0), (9.0, SAMPLES - 1)):
+        assert record(motion=(begins, 10.0)).first == first
+
+
 def test_the_drag_is_the_longest_way_of_a_foot_in_one_stance() -> None:
     made = record()
     feet, force = made.feet.copy(), made.force.copy()
