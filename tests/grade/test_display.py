@@ -1,5 +1,6 @@
 """Names and messages of strangers stay text, wherever they are shown; pages never overwrite each other."""
 
+import hashlib
 import json
 import os
 import subprocess
@@ -207,3 +208,29 @@ def test_a_shell_takes_a_name_for_one_argument_and_nothing_else() -> None:
     done = subprocess.run(command, capture_output=True, check=True)
     wanted = [name if name[0] != "-" else f"./{name}" for name in names]
     assert done.stdout == b"".join(os.fsencode(name) + b"\0" for name in wanted)
+
+
+def test_a_message_may_have_sixty_lines_of_five_hundred_columns() -> None:
+    whole = "\n".join(["x" * 500] * 60)
+    assert message(whole) == whole
+    assert message(whole + "\nlast") == whole + "\n… and 1 more lines"
+    assert message("x" * 501) == "x" * 500 + " …"
+    assert message("\n".join("abc")) == "a\nb\nc"
+
+
+def test_a_page_s_name_may_have_two_hundred_bytes() -> None:
+    """An é has two bytes of UTF-8; what is shortened ends in a digest of the whole name."""
+    fits, longer = "é" * 100, "é" * 100 + "a"
+    assert page_names([fits]) == [f"{fits}.md"]
+    (shortened,) = page_names([longer])
+    digest = hashlib.sha256(longer.encode()).hexdigest()[:32]
+    assert shortened == f"{'é' * 50}~{digest}.md"
+    assert page_names(["a b/c$.c"]) == ["a%20b+c%24.c.md"]
+    one, other = page_names(["A.c", "a.c"])  # one file where capitals make no difference
+    assert one.startswith("A.c~") and other.startswith("a.c~") and one.lower() != other.lower()
+
+
+def test_what_cannot_be_printed_has_as_many_digits_as_it_needs() -> None:
+    assert visible("\x1b\x9f\u202e\U000e0001\udcff") == "\\x1b\\x9f\\u202e\\U000e0001\\xff"
+    assert visible("\u0100 a\n\tb") == "\u0100 a\n\tb"
+    assert shown_name("a\\b\nc\td") == "a\\\\b\\x0ac\\x09d"
