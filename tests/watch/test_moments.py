@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace
+from servogen.errors import InputError
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import LevelChange, Recorded, Stimuli
@@ -140,6 +142,41 @@ def test_another_version_is_shown_at_the_same_moment() -> None:
     assert (fresh.subject, fresh.now, fresh.speed, fresh.running) == (other, 45, 2.0, True)
     assert fresh.shown()["widths"][RB0] == 14 and fresh.live is None and fresh.bodies is None
     assert of.now == 45 and of.shown()["widths"][RB0] == 15, "the session before is as it was"
+
+
+def test_bodies_that_cannot_be_followed_are_shown_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Bodies:
+        def __init__(self, subject: Subject, place: Any) -> None:
+            if subject.title == "none":
+                raise InputError("no-robot", "this version has no robot")
+            self.of = subject, place
+
+        def model(self) -> str:
+            return "a model"
+
+        def follow(self) -> Iterator[dict[str, Any]]:
+            yield {"is": "bodies"}
+            raise InputError("too-fast", "the robot has fallen")
+
+    monkeypatch.setattr(session_module, "LiveBodies", Bodies)
+    of = session(ROWS, 100)
+    assert answer(of, do="bodies", on=True) == {"is": "bodies-model", "model": "a model"}
+    bodies: Any = of.bodies
+    assert bodies.of == (of.subject, of._place) and of.model()["bodies"] == "a model"
+    answer(of, do="bodies", on=True)
+    assert of.bodies is bodies, "they are followed already"
+    # Another version has its own, if it has any.
+    fresh = of.continued(session(ROWS, 90).subject)
+    follower: Any = fresh.bodies
+    assert follower.of == (fresh.subject, fresh._place)
+    without = session(ROWS, 90, title="none")
+    assert of.continued(without.subject).bodies is None
+    refused = answer(without, do="bodies", on=True)
+    assert (refused["model"], without.bodies) == (None, None) and "has no robot" in refused["text"]
+    first, last = of.tick(0.1)
+    assert first == {"is": "bodies"} and (last["is"], last["model"]) == ("bodies-model", None)
+    assert "the robot has fallen" in last["text"] and of.bodies is None and list(of.tick(0.1)) == []
+    assert list(fresh.handle({"do": "bodies", "on": False})) == [] and fresh.bodies is None
 
 
 def test_parts_of_a_cycle_add_up() -> None:
