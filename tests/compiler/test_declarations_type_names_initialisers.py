@@ -96,6 +96,12 @@ ERRORS = [
         "typedef struct { char ‸a[1024]; char b; } x;",
         ["error program-too-large: a structure of 1025 bytes is larger than the chip's memory"],
     ),
+    ("long double x; double long y; double z; ", []),
+    *[
+        (f"‸{kind} x;", ["error c-unsupported: 64-bit integers are not supported // "
+            "the widest type is 32 bits"])
+        for kind in ("long long", "unsigned long long", "long long int", "int64_t", "uint_least64_t")
+    ],
     ("enum { A = 65535 } x;", []),
     ("enum { A = -32768, B = 32767 } x;", []),
     (

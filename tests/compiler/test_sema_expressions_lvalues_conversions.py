@@ -113,6 +113,7 @@ union { int i; unsigned char c[2]; } un;
 const unsigned char ten = 10; const int table[3] = {1, 2, -3}; const float half = 0.5;
 const struct { unsigned w : 9; unsigned r : 7; signed m : 10; } wide[2] = {{300, 5, -2}, {1, 2, 3}};
 const unsigned char spot = (unsigned char)&b, spots[2] = {7, (unsigned char)&b}; char *const nowhere = 0;
+const int begun[3] = {5}; const unsigned char empty;
 enum { RED, GREEN = 5, MIDDLE = 32767, NEXT, LARGE = 40000 }; enum { LOWEST = -32768 };
 int g(char m, long n) { return m + n; } void h(void) { } int (*fp)(char, long);
 volatile unsigned char v; unsigned char where @ 0x30;
@@ -156,6 +157,8 @@ ROWS: list[tuple[str, str]] = [
     ("LOWEST", "-32768:s16"),
     ("ten", "10:u8"),
     ("table[2]", "-3:s16"),
+    ("begun[0] + begun[2]", "5:s16"),
+    ("empty", "0:u8"),
     ("spots[0]", "7:u8"),
     # an address is known only when the variables have their places
     ("spots[1]", "spots+1"),
