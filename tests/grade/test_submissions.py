@@ -342,6 +342,9 @@ def test_a_folder_that_cannot_be_searched_has_one_warning(
     found = find(classroom)
     assert said(found) == [(f"{classroom}/ana", "not searched: Permission denied")]
     assert names(found) == ["dan/main.c", "eva/main.asm"]
+    (classroom / "ana" / "main.c").write_text("")
+    (given,) = find(classroom / "ana" / "main.c").submissions
+    assert given.folder is None  # whatever may lie beside it
 
 
 def test_as_many_programs_folders_and_files_as_are_allowed_are_all_found(
