@@ -367,6 +367,15 @@ def test_a_capture_may_stop_short(options: dict[str, int], sent: int, gone: bool
     assert (len(analyser.outgoing), analyser.reset) == (0, True)
 
 
+def test_a_reset_ends_a_capture_that_waits_for_its_trigger() -> None:
+    chip = StandIn()
+    analyser = VirtualAnalyser(cast(VirtualChip, chip))
+    analyser.received(long(0xC0, 1) + long(0xC1, 1) + long(0xC2, 1 << 27) + b"\x01")
+    assert (analyser.working, chip.watched) == (True, True)
+    analyser.received(b"\x00")
+    assert (analyser.working, chip.watched) == (False, False)
+
+
 def test_a_trigger_that_never_comes_is_given_up_after_half_an_hour() -> None:
     chip = StandIn()
     analyser = VirtualAnalyser(cast(VirtualChip, chip))
@@ -390,4 +399,5 @@ def test_noise_flips_one_channel_of_as_many_samples_as_it_should(seed: int) -> N
     samples = np.repeat(noisy.value, np.diff([*noisy.start, 13]))
     flipped = [int(one ^ other).bit_count() for one, other in zip(samples, plain, strict=True)]
     assert flipped == [0] * 3 + [1] * 9 + [0]
+    assert max(one ^ other for one, other in zip(samples, plain, strict=True)) < 1 << len(PINS)
     assert _noisy(runs, 3, 0.0, random.Random(seed)) is runs
