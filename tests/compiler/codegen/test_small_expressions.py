@@ -13,10 +13,12 @@ from types import SimpleNamespace
 from typing import Any
 
 from servogen.compiler.ast.nodes import (
+    GREATER,
     AddressByte,
     Assign,
     Binary,
     BlockStatement,
+    Builtin,
     CaseLabel,
     Cast,
     Choice,
@@ -33,8 +35,22 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import BIT, BOOL, S8, S16, S32, U8, U16, U32, ArrayType, IntType, PointerType
+from servogen.compiler.ast.types import (
+    BIT,
+    BOOL,
+    S8,
+    S16,
+    S32,
+    U8,
+    U16,
+    U32,
+    ArrayType,
+    FloatType,
+    IntType,
+    PointerType,
+)
 from servogen.compiler.codegen.expressions import effect, into
+from servogen.compiler.codegen.float_routines import FLOAT_ROUTINES, build_float
 from servogen.compiler.codegen.generator import Context, FunctionGenerator
 from servogen.compiler.codegen.program import _LOWERING
 from servogen.compiler.codegen.routines import Routines
@@ -46,6 +62,7 @@ from servogen.compiler.ir.instruction import FSR, INDF, Byte, Instruction, Loc
 from servogen.errors import Location
 from tests.compiler.cases import every
 from tests.compiler.codegen.routines import Library
+from tests.compiler.float_reference import binary, from_integer, square_root, to_integer
 from tests.compiler.ir.assembly import Chip
 
 AT = Location("main.c", 1)
@@ -110,12 +127,17 @@ def variable(name: str, kind: IntType) -> Ref:
     return Ref(Symbol(name, kind, "global"), 0, None, kind, AT)
 
 
+def _build(kind: str, *given: Any) -> None:
+    """Write a routine of either kind."""
+    (build_float if kind in FLOAT_ROUTINES else build)(kind, *given)
+
+
 class Code:
     """What a generator emits for an expression of variables, with the routines that it calls."""
 
     def __init__(self, emit: Callable[[FunctionGenerator], object]) -> None:
         self.function = Function("f")
-        self.library = Library(build)
+        self.library = Library(_build)
         context = Context(
             signature=lambda name: self.function,
             symbol_map=lambda symbol: symbol,
@@ -545,3 +567,76 @@ def test_a_variable_is_assigned_what_reads_it(kind: IntType, volatile: bool) -> 
             found = made.run({x.symbol: a, y.symbol: b})
             assert found.number(x.symbol, kind.size) == exact & (1 << 8 * kind.size) - 1, (name, a, b)
             assert found.number(y.symbol, kind.size) == b & (1 << 8 * kind.size) - 1
+
+
+@every("size", [1, 2, 3, 4])
+def test_products_that_are_shifts_and_one_sum_need_no_routine(size: int) -> None:
+    """A power of two, or two bits of the lowest four; of wider values, shifts would be longer than a call."""
+    x, result = variable("x", U32), variable("result", U32)
+    for factor in range(1, 40):
+        short = factor.bit_count() == 1 or (factor.bit_count() == 2 and factor <= 12 and size <= 2)
+        for swapped in (False, True):
+            number = Num(factor, U32, AT)
+            left, right = (number, x) if swapped else (x, number)
+            made = stored(Binary("*", left, right, U32, AT), result, size)
+            assert (not made.library.functions) == short, factor
+            found = made.run({x.symbol: 0x12345678, result.symbol: 0})
+            assert found.number(result.symbol, size) == 0x12345678 * factor & (1 << 8 * size) - 1
+
+
+FLOATS = {"+": "float_add", "-": "float_subtract", "*": "float_multiply", "/": "float_divide"}
+
+
+@every("size", [3, 4])
+def test_operations_on_floats_in_every_order(size: int) -> None:
+    """An operand may lie where the next routine wants it, at the other place, or come from a routine."""
+    kind, width = FloatType(size), 8 * size
+    stored_bits = width - 9
+    names = {name: Ref(Symbol(name, kind, "global"), 0, None, kind, AT) for name in "xyz"}
+    a, b, result = variable("a", U8), variable("b", U8), variable("result", U32)
+    times = Binary("*", Cast(a, S16, AT), Cast(b, S16, AT), S16, AT)
+    whole = Builtin("float_from_integer", [times], kind, AT, data=True)
+    bits = {
+        "x": 127 << stored_bits,
+        "y": 129 << stored_bits | 0x155,
+        "z": 1 << width - 1 | 130 << stored_bits,
+    }
+    integer = from_integer(200 * 7, width)
+
+    def node(op: str, left: Expr, right: Expr) -> Expr:
+        return Builtin(FLOATS[op], [left, right], kind, AT)
+
+    def law(op: str, left: int, right: int) -> int:
+        found = binary(op, left, right, width)
+        assert found is not None
+        return found
+
+    x, y, z = names["x"], names["y"], names["z"]
+    vx, vy, vz = bits["x"], bits["y"], bits["z"]
+    for one, two in product(FLOATS, repeat=2):
+        forms: list[tuple[Expr, int]] = [
+            (node(two, node(one, x, y), z), law(two, law(one, vx, vy), vz)),
+            (node(two, z, node(one, x, y)), law(two, vz, law(one, vx, vy))),
+            (node(two, node(one, x, y), node(one, z, y)), law(two, law(one, vx, vy), law(one, vz, vy))),
+            (node(two, whole, node(one, y, z)), law(two, integer, law(one, vy, vz))),
+            (node(two, node(one, y, z), whole), law(two, law(one, vy, vz), integer)),
+            (node(two, node(one, whole, x), whole), law(two, law(one, integer, vx), integer)),
+        ]
+        for number, (expr, expected) in enumerate(forms):
+            made = stored(expr, result, size)
+            given = {names[name].symbol: each for name, each in bits.items()}
+            found = made.run(given | {a.symbol: 200, b.symbol: 7, result.symbol: 0})
+            assert found.number(result.symbol, size) == expected, (one, two, number)
+    root = Builtin("float_square_root", [node("*", y, y)], kind, AT)
+    to_int = Builtin("float_to_integer", [node("-", whole, y)], S32, AT)
+    order = Builtin("float_compare", [node("-", x, y), z], U8, AT)
+    given = {names[name].symbol: each for name, each in bits.items()}
+    given |= {a.symbol: 200, b.symbol: 7, result.symbol: 0x55555555}
+    squared = square_root(law("*", vy, vy), width)
+    assert stored(root, result, size).run(given).number(result.symbol, size) == squared
+    exact = to_integer(law("-", integer, vy), width)
+    for length in (1, 2, 4):
+        found = stored(to_int, result, length).run(given)
+        assert found.number(result.symbol, length) == exact & (1 << 8 * length) - 1
+    # 1 - 4.04 is greater than -8: the outcome is in W, and extended with zeros
+    assert stored(order, result, 2).run(given).number(result.symbol, 2) == GREATER
