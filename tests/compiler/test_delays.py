@@ -102,14 +102,13 @@ UNITS = {"delay_us": 1, "delay_10us": 10, "delay_ms": 1000, "delay_s": 1_000_000
 
 @pytest.mark.parametrize("clock", [4_000_000, 8_000_000, 20_000_000])
 @pytest.mark.parametrize("function", ["delay_us", "delay_10us", "delay_ms"])
-@pytest.mark.parametrize("start", range(0, 256, 64))
-def test_every_argument_of_the_units(function: str, clock: int, start: int) -> None:
-    arguments = range(start, start + 64)
+def test_the_arguments_of_the_units(function: str, clock: int) -> None:
+    arguments = sorted({*range(5), *range(0, 256, 5), *range(252, 256)})
     counts = [argument * UNITS[function] * clock // 4_000_000 for argument in arguments]
     check(counts, [f"{function}({argument})" for argument in arguments], "c2c", clock)
 
 
-@pytest.mark.parametrize("argument", [1, 2, 100, 255])
+@pytest.mark.parametrize("argument", [1, 2, 255])
 def test_seconds(argument: int) -> None:
     check([argument * 1_000_000], [f"delay_s({argument})"], "c2c", 4_000_000)
 

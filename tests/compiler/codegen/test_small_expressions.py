@@ -638,5 +638,10 @@ def test_operations_on_floats_in_every_order(size: int) -> None:
     for length in (1, 2, 4):
         found = stored(to_int, result, length).run(given)
         assert found.number(result.symbol, length) == exact & (1 << 8 * length) - 1
+    long = variable("long", S32)
+    for number in (0x12345678, -70_000, 5, -(1 << 31)):
+        converted = Builtin("float_from_integer", [long], kind, AT, data=True)
+        found = stored(converted, result, size).run({long.symbol: number, result.symbol: 0})
+        assert found.number(result.symbol, size) == from_integer(number, width)
     # 1 - 4.04 is greater than -8: the outcome is in W, and extended with zeros
     assert stored(order, result, 2).run(given).number(result.symbol, 2) == GREATER

@@ -113,6 +113,10 @@ u += a;
     MOVF a,W; ADDWF u,F; BTFSC C; INCF u+1,F
 u += v;
     MOVF v,W; ADDWF u,F; MOVF v+1,W; BTFSC C; INCFSZ v+1,W; ADDWF u+1,F
+u = v + u;
+    MOVF v,W; ADDWF u,F; MOVF v+1,W; BTFSC C; INCFSZ v+1,W; ADDWF u+1,F
+u = v ^ u;
+    MOVF v,W; XORWF u,F; MOVF v+1,W; XORWF u+1,F
 u = u + 256;
     INCF u+1,F
 u <<= 1;
@@ -229,4 +233,4 @@ MOST_WORDS = {
     "f.hi++;": 11,
     "k |= 0;": 2,
 }
-AS_GENERATED = 495
+AS_GENERATED = 505
