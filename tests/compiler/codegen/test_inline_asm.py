@@ -5,7 +5,7 @@ from __future__ import annotations
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8, U16
 from servogen.compiler.codegen.inline_asm import assemble_line, program_label, source_label
-from servogen.compiler.ir.instruction import Instruction
+from servogen.compiler.ir.instruction import Instruction, Reg
 from servogen.errors import InputError, Location
 from tests.compiler.cases import every
 from tests.compiler.ir.assembly import texts
@@ -143,6 +143,12 @@ def test_variables_that_assembly_names_stay_where_they_are() -> None:
         assert isinstance(made, Instruction)
         assert (made.k.offset, made.k.part) == place  # type: ignore[union-attr]
         assert other.symbols["_x"].volatile
+
+
+def test_every_address_of_both_banks_is_a_register() -> None:
+    for address in (0, 0x7F, 0x80, 0xFF):
+        (made,) = assemble_line(f"movwf {address}", PLACE, Program().symbols.get, str)
+        assert isinstance(made, Instruction) and made.f == Reg(address)
 
 
 def test_the_names_of_labels() -> None:
