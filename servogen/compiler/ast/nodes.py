@@ -30,8 +30,6 @@ class Symbol:
     volatile: bool = False
     initial: dict[int, Data] | None = None
     """What it starts with: a byte each, by offset."""
-    read: bool = False
-    written: bool = False
     asm_name: str = ""
 
     @property

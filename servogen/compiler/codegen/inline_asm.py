@@ -164,7 +164,7 @@ def _with_offset(expression: Expression, names: Names) -> tuple[Symbol, int] | N
 
 def _used(symbol: Symbol) -> Symbol:
     """Return a symbol that assembly accesses, which the compiler leaves where it is."""
-    symbol.pinned = symbol.read = symbol.written = symbol.volatile = True
+    symbol.pinned = symbol.volatile = True
     return symbol
 
 

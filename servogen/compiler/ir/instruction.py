@@ -198,3 +198,10 @@ def assembly(ins: Instruction) -> str:
         else:
             parts.append(ins.target or operand_text(ins.k))
     return f"{ins.op} {', '.join(parts)}".strip()
+
+
+def is_observable_read(ins: Instruction) -> bool:
+    """Return whether an instruction reads a register other than the flags, or a volatile variable, so that it
+    must be kept.
+    """
+    return ins.reads_f and ins.f != STATUS and exposed(ins.f)

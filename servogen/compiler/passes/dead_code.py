@@ -17,7 +17,7 @@ from servogen.compiler.ir.instruction import (
     Byte,
     Instruction,
     Label,
-    exposed,
+    is_observable_read,
 )
 from servogen.compiler.passes.liveness import FLAG_LETTERS, W_BIT, Liveness, is_private
 
@@ -97,13 +97,6 @@ def _writes_dead(ins: Instruction, live: Liveness) -> bool:
     if ins.writes_f:
         return isinstance(ins.f, Byte) and is_private(ins.f) and not needed & live.bit(ins.f)
     return ins.writes_w and not needed & W_BIT
-
-
-def is_observable_read(ins: Instruction) -> bool:
-    """Return whether an instruction reads a register other than the flags, or a volatile variable, so that it
-    must be kept.
-    """
-    return ins.reads_f and ins.f != STATUS and exposed(ins.f)
 
 
 def remove(function: Function, dead: Collection[Instruction], live: Liveness) -> bool:

@@ -6,8 +6,7 @@ In: a `Function`. Out: fewer jumps between the same blocks.
 from __future__ import annotations
 
 from servogen.compiler.ir.function import Block, Function
-from servogen.compiler.ir.instruction import DELAY, RETURNS, Instruction
-from servogen.compiler.passes.dead_code import is_observable_read
+from servogen.compiler.ir.instruction import DELAY, RETURNS, Instruction, is_observable_read
 
 INVERSE = {"BTFSC": "BTFSS", "BTFSS": "BTFSC"}
 """The opposite of each skip that only tests."""

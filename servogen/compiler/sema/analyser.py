@@ -183,7 +183,7 @@ class Analyser:
         key = tuple(values)
         if key not in self.strings:
             kind = ArrayType(U8_CONST, len(values))
-            symbol = Symbol(f"string{len(self.strings)}", kind, "flash", place, pinned=True, read=True)
+            symbol = Symbol(f"string{len(self.strings)}", kind, "flash", place, pinned=True)
             symbol.initial = dict[int, Data](enumerate(values))
             self.strings[key] = symbol
             self.program.symbols.append(symbol)

@@ -66,7 +66,6 @@ def decay(analyser: Analyser, expr: Expr) -> Expr:
 def address(target: Ref, kind: PointerType) -> Expr:
     """Return the address of an object, which from now on may be accessed through pointers."""
     target.symbol.pinned = True
-    target.symbol.read = target.symbol.written = True
     return AddressOf(target, kind, target.place)
 
 

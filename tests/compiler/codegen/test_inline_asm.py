@@ -131,7 +131,7 @@ def test_variables_that_assembly_names_stay_where_they_are() -> None:
     program = Program()
     program.shown("movwf _x")
     symbol = program.symbols["_x"]
-    assert symbol.pinned and symbol.read and symbol.written and symbol.volatile
+    assert symbol.pinned and symbol.volatile
     for text, place in (
         ("movlw _x", (0, 0)),
         ("movlw low(_x)", (0, 0)),
