@@ -241,6 +241,9 @@ def results_behind_arguments(functions: Iterable[Function]) -> set[Symbol]:
 
 
 def _results_behind_arguments(caller: Function) -> Iterator[Symbol]:
+    """Follow the caller's blocks forwards, with the functions that are about to be called; yield the results,
+    some more than once.
+    """
     following = dict(zip(caller.blocks, caller.successors(), strict=True))
     # for each block, the functions of which an argument has been stored on some path to it
     prepared: dict[Block, set[str | None]] = {block: set() for block in caller.blocks}
