@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 import serial
 
-from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, command_of, modem_lines_library
+from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, capture, command_of, modem_lines_library
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.errors import ToolError
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, Run, Serve
@@ -119,6 +120,27 @@ def test_a_device_that_sigrok_does_not_find_leaves_no_file(run: Run, tmp_path: P
     assert done.code == 3
     assert "captured nothing" in done.err
     assert not (tmp_path / "run.sr").exists()
+
+
+def test_the_hint_is_what_sigrok_cli_said_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last three lines of standard error, or of standard output where there is nothing else."""
+    cli = tmp_path / "sigrok-cli"
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    look = SigrokLook("fx2lafw", 1_000_000, 1, (("D0", "RB0"),))
+    for script, hint in (
+        ("echo busy >&2; exit 1", "busy"),
+        ("echo busy; exit 1", "busy"),
+        (
+            "echo out; echo one >&2; echo two >&2; echo three >&2; echo four >&2; exit 1",
+            "two\n  three\n  four",
+        ),
+        ("exit 0", None),
+    ):
+        cli.write_text(f"#!/bin/sh\n{script}\n")
+        cli.chmod(0o755)
+        with pytest.raises(ToolError, match="sigrok-cli captured nothing with 'fx2lafw'") as refused:
+            capture(look, tmp_path / "run.sr")
+        assert refused.value.diagnostics[0].hint == hint, script
 
 
 @pytest.mark.parametrize("options", [(), ("--wire", "D0=RC0"), ("--wire", "=RB0")])
