@@ -381,12 +381,15 @@ class PathExplorer:
         return parts
 
     def _run(self, address: int, stack: tuple[int, ...], state: AbstractState) -> None:
-        """Execute instructions up to where paths part or meet."""
+        """Execute instructions up to where paths part or meet, or up to one that was executed already."""
+        passed: set[int] = set()
         while True:
+            passed.add(address)
             followers = self._step(address, stack, state)
             if self._plan is None:
                 self._visit(address, stack, state, followers)
-            if len(followers) != 1 or followers[0][0] in self._heads:
+            # A computed jump may lead back, even to itself, to an address that no GOTO or CALL names.
+            if len(followers) != 1 or followers[0][0] in self._heads or followers[0][0] in passed:
                 for follower in followers:
                     self._reach(*follower)
                 return

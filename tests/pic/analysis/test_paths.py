@@ -92,6 +92,22 @@ def test_a_table_a_computed_jump_and_one_beyond_its_table() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("text", "computed"),
+    [
+        (" movlw 0xFF\n addwf PCL, f", {1: {1}}),  # 1 + 1 + 255 = 1 modulo 256
+        (" movlw 1\n addwf PCL, f\n nop\n nop\n movlw 2\n movwf PCL", {1: {3}, 5: {2}}),
+    ],
+)
+def test_computed_jumps_that_lead_back_are_followed_once_round(
+    text: str, computed: dict[int, set[int]]
+) -> None:
+    explorer = PathExplorer(assembled(text).image.program)
+    assert explorer.explore().computed == computed
+    assert explorer.steps < 20
+    assert not explorer.gave_up
+
+
 def test_where_paths_are_lost() -> None:
     nothing = paths("main\n movf PORTB, w\n movwf PCL\n nop")
     assert_are(nothing, executed={0, 1}, lost={1: "a computed jump"})
