@@ -13,6 +13,7 @@ standard streams are /dev/null, and it cannot write files.
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import pickle
@@ -256,6 +257,8 @@ def _be_child(work: Callable[[], object], limits: WorkLimits, writing: int) -> N
         writing = _shut_off(writing)
         answer = _OUT_OF_MEMORY
         _set_limits(limits)
+        # What the parent holds is not this process's to collect: looking through it takes time and memory.
+        gc.freeze()
         # Once memory has run out, there is none left to build an answer; this one is ready.
         with suppress(MemoryError):
             answer = _answer(work)
