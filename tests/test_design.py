@@ -96,11 +96,7 @@ def first_imported(name: str, named: Iterable[tuple[int, str]], graph: Collectio
 
 
 def test_no_class_is_a_chapter_of_another() -> None:
-    """At most one of our own classes above another; a class with a single heir is also used itself.
-
-    A TOML table that only adds keys to those of another may stand below it and `Table`: the keys are flat in
-    the file, pydantic collects them from models only, and without methods there is nothing to continue.
-    """
+    """At most one of our own classes above another; a class with a single heir is also used itself."""
     trees = {file: ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
     assert chapters(list(trees.values())) == []
 
@@ -112,22 +108,14 @@ def test_a_chapter_is_seen() -> None:
     assert chapters([ast.parse(cut)]) == ["Base is only the beginning of Whole"]
     kinds = "class Base:\n pass\nclass One(Base):\n pass\nclass Two(Base):\n pass"
     assert chapters([ast.parse(kinds)]) == []
-    keys = "class Table:\n pass\nclass A(Table):\n a: int\nclass B(A):\n b: int"
-    assert chapters([ast.parse(keys)]) == []
-    methods = f"{keys}\n def c(self):\n  pass\nx = Table(), A()"
-    assert chapters([ast.parse(methods)]) == ["B is the third of Table, A, B"]
-    deeper = f"{keys}\nclass C(B):\n c: int"
-    assert chapters([ast.parse(deeper)]) == ["C is the fourth of Table, A, B, C"]
-
-
-TABLE = "Table"
-"""The class that tables of TOML inherit from."""
+    beside = "class A:\n pass\nclass B:\n pass\nclass C(A, B):\n pass\nx = A(), B()"
+    assert chapters([ast.parse(beside)]) == []
 
 
 def chapters(trees: list[ast.Module]) -> list[str]:
     """The classes that continue, or only begin, another one, in sentences."""
     bases: dict[str, list[str]] = {}
-    called, active = set(), set()
+    called = set()
     for tree in trees:
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
@@ -135,23 +123,18 @@ def chapters(trees: list[ast.Module]) -> list[str]:
                 bases.setdefault(node.name, []).extend(
                     each.id for each in found if isinstance(each, ast.Name)
                 )
-                if any(isinstance(each, ast.FunctionDef) for each in node.body):
-                    active.add(node.name)
             elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 called.add(node.func.id)
     own = {name: [each for each in above if each in bases] for name, above in bases.items()}
-    lines = {name: {name, *ancestors(name, own)} for name in own}
-    exempt = {name for name, line in lines.items() if TABLE in line and not line & active}
     problems = []
     for name, above in own.items():
         line = longest(name, own)
-        if len(line) > (2 if name in exempt else 1):
-            place = "fourth" if name in exempt else "third"
-            problems.append(f"{name} is the {place} of {', '.join([*reversed(line), name])}")
+        if len(line) > 1:
+            problems.append(f"{name} is the third of {', '.join([*reversed(line), name])}")
         for base in above:
             heirs = [each for each, bases_of in own.items() if base in bases_of]
             used = base in called or {"ABC", "Protocol"} & set(bases[base])
-            if base not in exempt and heirs == [name] and not used:
+            if heirs == [name] and not used:
                 problems.append(f"{base} is only the beginning of {name}")
     return problems
 
@@ -162,16 +145,10 @@ def longest(name: str, own: dict[str, list[str]]) -> list[str]:
     return max(chains, key=len, default=[])
 
 
-def ancestors(name: str, own: dict[str, list[str]]) -> list[str]:
-    """Our own classes above a class, nearest first."""
-    return [each for base in own[name] if base != name for each in (base, *ancestors(base, own))]
-
-
 SAME_NAME = {
     "DirectionButtons": "the checker reads schedules with classes of its own",
     "StepButton": "the checker reads schedules with classes of its own",
     "FrameTable": "[frame] of a job, a fixed frame of a robot's file: the tables' names in TOML",
-    "RobotTable": "[robot] of a job, a robot's own file: the tables' names in TOML",
     "SupplyTable": "[supply] of a job, [[supply]] of a servo's file: the tables' names in TOML",
 }
 """Public classes that share a name, and why."""

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field
 
 from servogen.edges import PINS
 from servogen.engines.registry import ENGINES
-from servogen.robot.servo_models import FactTable
+from servogen.robot.servo_models import FactKeys
 from servogen.toml.file import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
@@ -42,7 +42,7 @@ class ChipTable(Table):
     clock_hz: int = Field(gt=0)
 
 
-class ServoTable(FactTable):
+class ServoTable(FactKeys, Table):
     """[[servo]], which can override any fact of its model."""
 
     name: str = Field(pattern=NAME)

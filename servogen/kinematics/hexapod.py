@@ -32,7 +32,7 @@ from servogen.robot.arm_file import (
     Find,
     LengthsMm,
     Name,
-    RobotTable,
+    RobotKeys,
     check_unique,
     find_robot,
     kilograms,
@@ -350,7 +350,7 @@ class MountTable(Table):
     mirrored: bool = False
 
 
-class HexapodTable(RobotTable):
+class HexapodTable(RobotKeys, Table):
     """The file of a hexapod."""
 
     like: str | None = None

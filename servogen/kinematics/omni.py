@@ -37,9 +37,9 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.mobility import IN_PLANE, Mobility, manoeuvrability
 from servogen.kinematics.protocol import Answer, Directions, RobotKind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
-from servogen.robot.arm_file import MAX_GRAMS, Find, RobotTable, kilograms
+from servogen.robot.arm_file import MAX_GRAMS, Find, RobotKeys, kilograms
 from servogen.robot.model import Dimensions, Limb
-from servogen.toml.file import Document
+from servogen.toml.file import Document, Table
 
 _HALF_ROOT = float(np.sqrt(3) / 2)
 SIGN_NAMES: Mapping[int, str] = MappingProxyType({1: "clockwise", 0: "stop", -1: "counter-clockwise"})
@@ -417,7 +417,7 @@ def _motion_named(routine: Routine, turning: int) -> OmniMotion:
     )
 
 
-class OmniTable(RobotTable):
+class OmniTable(RobotKeys, Table):
     """The file of an omni base."""
 
     wheel_diameter_mm: float = Field(gt=0)

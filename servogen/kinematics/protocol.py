@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 
 from servogen.kinematics.mobility import Mobility
 from servogen.kinematics.transforms import Complexes, Floats
-from servogen.robot.arm_file import Find, RobotTable
+from servogen.robot.arm_file import Find
 from servogen.robot.model import Mount, Robot
-from servogen.toml.file import Document
+from servogen.toml.file import Document, Table
 
 Answer = dict[str, Any]
 """A value that JSON can hold, in metres and radians."""
@@ -33,12 +33,13 @@ Directions = Literal["any", "six"]
 class RobotKind:
     """A kind of robot: the keys of its files, how they are read, and its facts for `servogen robots`.
 
-    `read` returns the robot of a validated file; its last argument finds the robots that the file refers to.
+    `table` has the keys of its files, with those of `RobotKeys`. `read` returns the robot of a validated
+    file; its last argument finds the robots that the file refers to.
     `wheel_details` returns what wheel speeds in rad/s mean for this kind alone, such as an encoder's counts.
     """
 
     name: str
-    table: type[RobotTable]
+    table: type[Table]
     read: Callable[[Document, Any, Find], Robot]
     details: Callable[[Any], Answer]
     mobility: Callable[[Any], Mobility]

@@ -12,7 +12,7 @@ from dataclasses import replace
 from math import inf, radians
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field
 
 from servogen.errors import InputError, did_you_mean
 from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length, Robot
@@ -83,7 +83,7 @@ class FrameTable(Table):
     rz_deg: float = 0.0
 
 
-class RobotTable(Table):
+class RobotKeys(BaseModel):
     """The keys that the files of all kinds of robots have."""
 
     name: Name
@@ -94,7 +94,7 @@ class RobotTable(Table):
     source: str = ""
 
 
-class ArmTable(RobotTable):
+class ArmTable(RobotKeys, Table):
     """The file of an arm."""
 
     like: str | None = None

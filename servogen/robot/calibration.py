@@ -21,7 +21,7 @@ from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import read_input
 from servogen.outputs import write_text
 from servogen.robot.servo import Calibration, Servo
-from servogen.robot.servo_models import PointTable, points_of
+from servogen.robot.servo_models import MAX_US, MIN_US, PointTable, points_of
 from servogen.toml import file as toml_file
 from servogen.toml.file import Table
 
@@ -275,11 +275,14 @@ class LineTable(Table):
     worst_deg: float
 
 
-class ReadingTable(PointTable):
+class ReadingTable(Table):
     """[[reading]]: the width sent and the angle measured, for the servo as mounted, and its distance from the
     line.
     """
 
+    angle_deg: float | None = None
+    speed_deg_s: float | None = None
+    width_us: float = Field(ge=MIN_US, le=MAX_US)
     residual_deg: float
 
 

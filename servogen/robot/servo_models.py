@@ -13,7 +13,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.robot.servo import Calibration, Motor, ServoModel, calibration
@@ -35,8 +35,8 @@ class PointTable(Table):
     width_us: float = Field(ge=MIN_US, le=MAX_US)
 
 
-class FactTable(Table):
-    """The facts of a servo that a job may specify in place of the catalogue."""
+class FactKeys(BaseModel):
+    """The facts of a servo that its model's file has, and that a job may specify in its place."""
 
     travel_deg: tuple[float, float] | None = None
     points: tuple[PointTable, ...] | None = Field(default=None, min_length=2)
@@ -77,7 +77,7 @@ class MotorTable(Table):
     assumed: tuple[str, ...] = ()
 
 
-class ModelTable(FactTable):
+class ModelTable(FactKeys, Table):
     """A servo model's file. Without [[supply]], its speed and torque are valid at any voltage."""
 
     title: str
@@ -96,7 +96,7 @@ def names() -> tuple[str, ...]:
 def servo_model(
     name: str,
     supply_v: float | None = None,
-    overrides: FactTable | None = None,
+    overrides: FactKeys | None = None,
     place: Location | None = None,
 ) -> ServoModel:
     """Return the model at `supply_v` (its lowest if None), with `overrides` facts taking precedence; `name`
@@ -105,7 +105,7 @@ def servo_model(
     Raises InputError located at `place` for the request, and in the file for errors in a user's file.
     """
     document, table = _model(name, place)
-    overrides = overrides or FactTable()
+    overrides = overrides or FactKeys()
     # Points are not facts of the model: they belong to one servo.
     facts = table.model_copy(update=overrides.model_dump(exclude_none=True, exclude={"points"}))
     speed, torque_ncm = _at(table, supply_v, place)
@@ -139,7 +139,7 @@ def _voltage(table: ModelTable, supply_v: float | None) -> float | None:
 def _motor(document: Document, table: ModelTable) -> Motor:
     """Return the motor's facts. Raises InputError for an assumption about a missing key."""
     motor = table.motor or MotorTable()
-    keys = [*MotorTable.model_fields, *FactTable.model_fields]
+    keys = [*MotorTable.model_fields, *FactKeys.model_fields]
     for index, key in enumerate(motor.assumed):
         if key not in keys:
             raise InputError(

@@ -104,10 +104,10 @@ RANGES: list[tuple[type[Table], str, Ends, Ends]] = [
     (schema.ExpectTable, "within_s", ABOVE_0, up_to(DAYS)),
     (servo_models.PointTable, "width_us", down_to(100.0), up_to(10_000.0)),
     *(
-        (servo_models.FactTable, key, ABOVE_0, NONE)
+        (servo_models.FactKeys, key, ABOVE_0, NONE)
         for key in ("speed_deg_s", "acceleration_deg_s2", "torque_ncm", "max_ma", "mass_g")
     ),
-    (servo_models.FactTable, "idle_ma", FROM_0, NONE),
+    (servo_models.FactKeys, "idle_ma", FROM_0, NONE),
     *(
         (servo_models.SupplyTable, key, ABOVE_0, NONE)
         for key in ("supply_v", "speed_deg_s", "speed_rad_s", "torque_ncm")
@@ -160,7 +160,7 @@ WHOLE: list[tuple[type[Table], str, object, object]] = [
     (schema.DriveTable, "routines", ({"name": "turn"},), ()),
     (schema.DriveTable, "wheels", ("a",), ()),
     (schema.MotionTable, "poses", ({},), ()),
-    (servo_models.FactTable, "points", ({"width_us": 1e3},) * 2, ({"width_us": 1e3},)),
+    (servo_models.FactKeys, "points", ({"width_us": 1e3},) * 2, ({"width_us": 1e3},)),
     (arm_file.JointTable, "centre_of_mass_mm", (METRES, -METRES, 0.0), (0.0, METRES + 1e-6, 0.0)),
     (arm_file.JointTable, "centre_of_mass_mm", (-METRES, 0.0, 0.0), (-METRES - 1e-6, 0.0, 0.0)),
     (arm_file.ArmTable, "lengths_mm", {"l1": 0.0, "l2": METRES}, {"l1": -TINY}),

@@ -16,7 +16,7 @@ from servogen.pulse.lint import check_unknown
 from servogen.pulse.quantise import NO_PULSE, channel_error, error_of_rows, largest, quantise
 from servogen.pulse.slots import rises
 from servogen.robot.servo import Servo, calibration, servo
-from servogen.robot.servo_models import FactTable, servo_model
+from servogen.robot.servo_models import FactKeys, servo_model
 from servogen.units import Clock, Cycles
 
 S3001 = servo("arm", "RB0", servo_model("futaba-s3001"))
@@ -104,7 +104,7 @@ def test_a_calibration_may_differ_by_a_tenth_of_the_range(
 
 
 def at_speed(degrees_a_second: float) -> Servo:
-    return servo("x", "RB0", servo_model("futaba-s3001", overrides=FactTable(speed_deg_s=degrees_a_second)))
+    return servo("x", "RB0", servo_model("futaba-s3001", overrides=FactKeys(speed_deg_s=degrees_a_second)))
 
 
 def motion(angles: list[float], frames: list[int], loop_start: int = 0, speed: float = 100.0) -> list[str]:

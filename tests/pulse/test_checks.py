@@ -9,7 +9,7 @@ from servogen.errors import Diagnostic
 from servogen.pulse import check_calibration, check_measured, check_motion, check_period, check_periods
 from servogen.pulse import check_widths as check
 from servogen.robot.servo import calibration, servo
-from servogen.robot.servo_models import FactTable, servo_model
+from servogen.robot.servo_models import FactKeys, servo_model
 from servogen.units import Clock
 
 S3001 = servo("arm", "RB0", servo_model("futaba-s3001"))
@@ -105,7 +105,7 @@ def test_frames_without_pulses_give_a_servo_no_time() -> None:
 
 
 def test_a_model_without_a_stated_speed_is_not_judged() -> None:
-    own = servo("x", "RB0", servo_model("mpx-tiny-s", overrides=FactTable(speed_deg_s=1.0)))
+    own = servo("x", "RB0", servo_model("mpx-tiny-s", overrides=FactKeys(speed_deg_s=1.0)))
     assert codes(check_motion(own, steps((0.0, 2), (90.0, 2)), 0, FRAME_S)) == ["frames-few"]
 
 

@@ -7,7 +7,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.pulse.lint import check_motion, check_widths
 from servogen.robot.servo import Servo, servo
-from servogen.robot.servo_models import FactTable, PointTable, points_of, servo_model
+from servogen.robot.servo_models import FactKeys, PointTable, points_of, servo_model
 
 MODEL = servo_model("continuous")
 
@@ -60,7 +60,7 @@ def test_points_of_the_other_kind_are_refused(continuous: bool) -> None:
 
 def test_it_has_no_travel() -> None:
     with pytest.raises(InputError, match="it turns continuously and has no travel"):
-        servo_model("continuous", overrides=FactTable(travel_deg=(0, 180)))
+        servo_model("continuous", overrides=FactKeys(travel_deg=(0, 180)))
 
 
 def test_the_catalogue_says_that_its_speeds_are_an_example() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.robot.servo import Servo, calibration, servo
-from servogen.robot.servo_models import FactTable, PointTable, names, servo_model
+from servogen.robot.servo_models import FactKeys, PointTable, names, servo_model
 
 S3001 = servo_model("futaba-s3001")
 TINY_S = servo_model("mpx-tiny-s")
@@ -61,7 +61,7 @@ def test_an_unknown_model_is_refused_with_the_nearest() -> None:
 
 
 def test_own_facts_go_before_the_catalogues() -> None:
-    own = FactTable(travel_deg=(10.0, 170.0), speed_deg_s=90.0, max_ma=500.0)
+    own = FactKeys(travel_deg=(10.0, 170.0), speed_deg_s=90.0, max_ma=500.0)
     model = servo_model("futaba-s3001", overrides=own)
     assert model.travel == pytest.approx((math.radians(10), math.radians(170)))
     assert model.speed == pytest.approx(math.pi / 2)

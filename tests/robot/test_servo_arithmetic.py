@@ -13,7 +13,7 @@ from servogen.errors import InputError, Location
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length, Limb, Mount
 from servogen.robot.servo import Calibration, Motor, Servo, calibration, servo
-from servogen.robot.servo_models import FactTable, servo_model
+from servogen.robot.servo_models import FactKeys, servo_model
 
 S3001 = servo_model("futaba-s3001")  # 0° 1000 µs, 90° 1500 µs, 180° 2000 µs
 NANO = 1e-9
@@ -141,7 +141,7 @@ def test_neutral_is_the_middle_of_the_travel_or_the_nearest_limit() -> None:
 
 
 def test_neutral_of_a_travel_that_does_not_begin_at_zero_is_its_middle() -> None:
-    model = servo_model("futaba-s3001", overrides=FactTable(travel_deg=(20.0, 140.0)))
+    model = servo_model("futaba-s3001", overrides=FactKeys(travel_deg=(20.0, 140.0)))
     assert servo("arm", "RB0", model).neutral == pytest.approx(math.radians(80))
     mirrored = servo("arm", "RB0", model, reverse=True)
     # 30° from one end of the travel is 30° from the other
@@ -253,7 +253,7 @@ def test_a_fact_that_one_voltage_lacks_is_not_known_between_the_two(tmp_path: Pa
 def test_the_fact_of_the_file_goes_before_that_of_a_voltage_and_the_job_s_before_both(tmp_path: Path) -> None:
     name = described(tmp_path, more="speed_deg_s = 90\ntorque_ncm = 7")
     assert (servo_model(name).speed, servo_model(name).torque_nm) == pytest.approx((math.pi / 2, 0.07))
-    own = FactTable(speed_deg_s=45.0, torque_ncm=9.0, idle_ma=0.0)
+    own = FactKeys(speed_deg_s=45.0, torque_ncm=9.0, idle_ma=0.0)
     model = servo_model(name, overrides=own)
     assert (model.speed, model.torque_nm, model.idle_a) == pytest.approx((math.pi / 4, 0.09, 0.0))
 
@@ -261,7 +261,7 @@ def test_the_fact_of_the_file_goes_before_that_of_a_voltage_and_the_job_s_before
 @pytest.mark.parametrize("travel", [(90.0, 90.0), (90.0, 80.0)])
 def test_a_travel_rises(travel: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="travel_deg does not rise") as caught:
-        servo_model("futaba-s3001", overrides=FactTable(travel_deg=travel), place=Location("job", 3))
+        servo_model("futaba-s3001", overrides=FactKeys(travel_deg=travel), place=Location("job", 3))
     assert caught.value.location == Location("job", 3)
 
 

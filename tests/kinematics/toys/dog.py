@@ -19,9 +19,9 @@ from servogen.kinematics.arm import arm_details
 from servogen.kinematics.mobility import Mobility, manoeuvrability, of_arm
 from servogen.kinematics.protocol import Answer, BodyMotion, Posture, RobotKind
 from servogen.kinematics.transforms import Complexes, Floats, to_body, to_leg
-from servogen.robot.arm_file import Find, RobotTable, find_robot
+from servogen.robot.arm_file import Find, RobotKeys, find_robot
 from servogen.robot.model import Arm, Dimensions, Limb, Mount
-from servogen.toml.file import Document
+from servogen.toml.file import Document, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class DogStance:
         return np.stack([np.arctan2(y, x), thigh, knee], axis=1)
 
 
-class DogTable(RobotTable):
+class DogTable(RobotKeys, Table):
     leg: str
     length_mm: float = Field(gt=0)
     width_mm: float = Field(gt=0)

@@ -22,9 +22,9 @@ from servogen.errors import InputError
 from servogen.kinematics.mobility import Mobility, manoeuvrability
 from servogen.kinematics.protocol import Answer, Directions, RobotKind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
-from servogen.robot.arm_file import Find, RobotTable
+from servogen.robot.arm_file import Find, RobotKeys
 from servogen.robot.model import Dimensions, Limb
-from servogen.toml.file import Document
+from servogen.toml.file import Document, Table
 
 SMALL = 1e-12
 
@@ -97,7 +97,7 @@ class Rover:
         )
 
 
-class RoverTable(RobotTable):
+class RoverTable(RobotKeys, Table):
     wheel_diameter_mm: float = Field(gt=0)
     track_mm: float = Field(gt=0)
 
