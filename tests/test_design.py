@@ -4,7 +4,10 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
+from functools import cache
 from pathlib import Path
+
+import pytest
 
 from servogen.graph import components
 from servogen.pic.isa import by_mnemonic
@@ -12,6 +15,25 @@ from servogen.pic.isa import by_mnemonic
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "servogen"
 EVERYTHING = "everything"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _trees_are_forgotten() -> Iterator[None]:
+    """Once this module's tests have read them: there are a million nodes."""
+    yield
+    tree_of.cache_clear()
+    nodes_of.cache_clear()
+
+
+@cache
+def tree_of(file: Path) -> ast.Module:
+    return ast.parse(file.read_text())
+
+
+@cache
+def nodes_of(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """The nodes of a module, which several tests look through."""
+    return (*ast.walk(tree),)
 
 
 def test_no_package_imports_what_the_design_does_not_allow() -> None:
@@ -97,8 +119,7 @@ def first_imported(name: str, named: Iterable[tuple[int, str]], graph: Collectio
 
 def test_no_class_is_a_chapter_of_another() -> None:
     """At most one of our own classes above another; a class with a single heir is also used itself."""
-    trees = {file: ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
-    assert chapters(list(trees.values())) == []
+    assert chapters([tree_of(file) for file in sorted(PACKAGE.rglob("*.py"))]) == []
 
 
 def test_a_chapter_is_seen() -> None:
@@ -117,7 +138,7 @@ def chapters(trees: list[ast.Module]) -> list[str]:
     bases: dict[str, list[str]] = {}
     called = set()
     for tree in trees:
-        for node in ast.walk(tree):
+        for node in nodes_of(tree):
             if isinstance(node, ast.ClassDef):
                 found = [each.value if isinstance(each, ast.Subscript) else each for each in node.bases]
                 bases.setdefault(node.name, []).extend(
@@ -156,9 +177,7 @@ SAME_NAME = {
 
 def test_one_name_means_one_class() -> None:
     """Otherwise a reader who searches for a name finds several things."""
-    definitions = [
-        name for file in PACKAGE.rglob("*.py") for name in public_classes(ast.parse(file.read_text()))
-    ]
+    definitions = [name for file in PACKAGE.rglob("*.py") for name in public_classes(tree_of(file))]
     assert {name for name, count in Counter(definitions).items() if count > 1} == set(SAME_NAME)
 
 
@@ -170,7 +189,7 @@ def public_classes(tree: ast.Module) -> list[str]:
     """Return the names of the classes that do not begin with an underscore."""
     return [
         node.name
-        for node in ast.walk(tree)
+        for node in nodes_of(tree)
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     ]
 
@@ -179,7 +198,7 @@ def test_there_is_no_stub_and_no_dispatch_by_computed_names() -> None:
     problems = [
         f"{file.relative_to(ROOT)}:{line} {what}"
         for file in sorted(PACKAGE.rglob("*.py"))
-        for line, what in stubs(ast.parse(file.read_text()))
+        for line, what in stubs(tree_of(file))
     ]
     assert problems == []
 
@@ -199,7 +218,7 @@ def test_stubs_and_dispatch_by_computed_names_are_seen() -> None:
 def stubs(tree: ast.Module) -> list[tuple[int, str]]:
     """(line, what) of each method that is left out, and of each that is found by a name that is computed."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         match node:
             case ast.Name("NotImplementedError"):
                 found.append((node.lineno, "NotImplementedError"))
@@ -235,7 +254,7 @@ def test_imports_stand_at_the_top_unless_a_reason_is_given() -> None:
         name if not name.startswith("cli/") else "cli/"
         for file in PACKAGE.rglob("*.py")
         for name in [file.relative_to(PACKAGE).as_posix()]
-        if late_imports(ast.parse(file.read_text()))
+        if late_imports(tree_of(file))
     }
     assert late == set(LATE_IMPORTS)
 
@@ -248,7 +267,7 @@ def test_a_late_import_is_seen() -> None:
 
 def late_imports(tree: ast.Module) -> list[tuple[int, str]]:
     """(line, module) of each import inside a function."""
-    functions = [each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef)]
+    functions = [each for each in nodes_of(tree) if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef)]
     found = {}
     for node in (inner for function in functions for inner in ast.walk(function)):
         if isinstance(node, ast.ImportFrom):
@@ -287,7 +306,7 @@ def test_no_module_types_a_fact_about_instructions_again() -> None:
     found = {
         str(file.relative_to(PACKAGE))
         for file in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(file.read_text()))
+        for node in nodes_of(tree_of(file))
         if len(mnemonics_in(node)) > 1
     }
     assert found == set(TABLES_OF_MNEMONICS)
@@ -313,7 +332,7 @@ def modules_of(file: Path, *, for_types: bool = True) -> list[tuple[int, str]]:
     """(line, module) of each import of servogen's modules; those that only a type checker executes are left
     out unless `for_types`.
     """
-    nodes = [*ast.walk(ast.parse(file.read_text()))]
+    nodes = nodes_of(tree_of(file))
     guards = [
         node for node in nodes if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
     ]
@@ -362,7 +381,7 @@ def room_of(file: Path) -> str:
 def imports_of(file: Path) -> list[tuple[int, str]]:
     """(line, package of servogen) of each import, wherever it stands in the file."""
     found = []
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in nodes_of(tree_of(file)):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "servogen":
             parts = node.module.split(".")
             names = [parts[1]] if len(parts) > 1 else [alias.name for alias in node.names]
