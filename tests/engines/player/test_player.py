@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build import build, prove, running
+from servogen.build import planned, prove, running
 from servogen.edges import PINS, join
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.engine import play
@@ -14,12 +14,12 @@ from servogen.simulator import Machine
 from servogen.units import Cycles
 from tests.engines.player.player_jobs import (
     ROOT,
-    THIRTEEN,
     built,
     built_text,
     crossings,
     job_text,
     poses,
+    sweep,
     trimmed,
     widths,
 )
@@ -91,12 +91,12 @@ def test_after_power_up_no_pin_is_high_before_its_first_pulse_and_none_is_short(
 
 def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
     # Ten minutes of the same: python -m tests.engines.player.player_jobs.
-    done = built_text(THIRTEEN)
+    done = built_text(job_text(13, sweep(13, 2.56), firmware="soft_start_s = 0.32"))
     assert done.proven
     assert len(crossings(done)) == 6 and min(crossings(done).values()) >= 2
     most = dict.fromkeys(range(13), 127)
     schedule = trimmed(done.plan.schedule, most)
-    span = Cycles(300 * schedule.period)
+    span = Cycles(150 * schedule.period)
     for program in done.programs:
         assert program.verdict.worst_edge_error == 0
         # The slots have room for the longest pulse with the longest trim, in every frame.
@@ -121,7 +121,7 @@ def test_held_poses_between_two_steps_are_held() -> None:
 def test_a_motion_with_too_many_poses_is_refused_with_its_bytes() -> None:
     long = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace("forward_mm = 40, cycles = 4", WAYS)
     with pytest.raises(ResourceError, match=r"the motion's poses have \d+ bytes: their table holds 256"):
-        build(plan_job(loads(long, "long.toml")))
+        planned(plan_job(loads(long, "long.toml")))
 
 
 WAYS = " }, { ".join(
