@@ -146,10 +146,14 @@ def test_the_bit_is_set_from_the_first_cycle_that_is_too_late() -> None:
     reference = run(found, found.image)
     spare = found.slots.same_edges - reference[2]
     in_time, late = [], []
-    for more in range(spare, spare + 300):
+    delays = {*range(spare, spare + 300, 15)}
+    while delays:
+        more = delays.pop()
         for gap in gaps(found, delayed(found, more), 1):
             following = layout.slots[(gap.slot + 1) % len(layout.slots)]
             left = following.ticks * layout.tick - 1 - (gap.check - gap.rise + to_rise)
+            if more == spare:  # each slot at its last cycle that is in time, and at the next
+                delays |= {spare + left, spare + left + 1}
             assert gap.overrun == (left < 0)
             (late if left < 0 else in_time).append(left)
     assert max(late) == -1
@@ -188,10 +192,10 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
 
 
 def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:
-    found = Counter(outcome(seed) for seed in range(40))
+    found = Counter(outcome(seed) for seed in range(16))
     assert not [result for result in found if result.isupper() or result.startswith("FAULT")]
-    assert found["exact"] >= 10
-    assert found["overrun"] >= 5
+    assert found["exact"] >= 4
+    assert found["overrun"] >= 2
 
 
 def test_build_prints_both_bounds() -> None:
