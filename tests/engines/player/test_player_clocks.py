@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.build import prove, running
+from servogen.build import planned, prove, running
 from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -144,7 +144,7 @@ def test_with_max_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> None
     assert done.proven
     rises = sorted(pulse.rise for pulse in done.plan.schedule.lead_in[0].pulses if pulse)
     assert min(b - a for a, b in pairwise(rises)) == 32
-    together = built_text(text(mhz, 8))
+    together = planned(plan_job(loads(text(mhz, 8), "job.toml")))
     assert len({pulse.rise for pulse in together.plan.schedule.lead_in[0].pulses if pulse}) == 4
 
 
