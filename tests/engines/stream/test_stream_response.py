@@ -3,6 +3,7 @@
 import random
 import re
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,13 +24,15 @@ from tests.engines.stream.stream_soak import JOBS, firmware_of, line_of
 ROUND = 256
 
 
+@cache
 def made(name: str):  # type: ignore[no-untyped-def]
     return firmware_of(plan_job(loads((JOBS / f"{name}.toml").read_text(), name)))
 
 
-def firmware(name: str) -> Firmware:
+@cache
+def firmware(name: str, dialect: str = "c2c") -> Firmware:
     job = plan_job(loads((JOBS / f"{name}.toml").read_text(), name))
-    return compiled(job, made(name).streamed, "c2c")
+    return compiled(job, made(name).streamed, dialect)
 
 
 @pytest.mark.parametrize(
@@ -111,8 +114,7 @@ def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: 
 @pytest.mark.parametrize("dialect", ["c2c", "xc8", "sdcc"])
 @pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
 def test_every_pulse_is_prepared_in_time_for_every_line(name: str, dialect: str) -> None:
-    job = plan_job(loads((JOBS / f"{name}.toml").read_text(), name))
-    budgets = compiled(job, made(name).streamed, dialect).timing_budgets
+    budgets = firmware(name, dialect).timing_budgets
     assert len(budgets) == 2
     assert all(budget.left is not None and budget.left >= 0 for budget in budgets)
 
