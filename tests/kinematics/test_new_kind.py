@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +84,48 @@ per_slot = 2
 )
 
 
+COMMANDS = """
+import json, os, sys
+import servogen.build, servogen.drive.controller, servogen.kinematics.registry
+import servogen.motion, servogen.simulator
+from servogen.cli import main
+
+for line in iter(sys.stdin.readline, ""):
+    arguments = json.loads(line)
+    child = os.fork()
+    if not child:
+        for number, name in enumerate(("stdin", "stdout", "stderr")):
+            os.dup2(os.open(name, os.O_RDONLY if number == 0 else os.O_WRONLY), number)
+        sys.stdin = open(0, closefd=False)
+        sys.argv = ["servogen", *arguments]
+        code = 1
+        try:
+            main()
+        except SystemExit as ended:
+            code = ended.code or 0
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+"""A process that has loaded the library, and runs each command in a copy of itself."""
+
+
+@cache
+def commands(folder: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", COMMANDS],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A copy of servogen with the toys' modules, their lines in the registry and their catalogue files."""
     folder = tmp_path_factory.mktemp("kinds")
     shutil.copytree(ROOT / "servogen", folder / "servogen")
@@ -102,20 +144,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     registry.write_text(text)
     (folder / "rover-job.toml").write_text(ROVER_JOB)
     (folder / "dog-job.toml").write_text(DOG_JOB)
-    return folder
+    with commands(folder) as process:
+        yield folder
+        assert process.stdin
+        process.stdin.close()
+    commands.cache_clear()
 
 
 def ran(folder: Path, *arguments: str, text: str = "", status: int = 0) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "servogen", *arguments],
-        cwd=folder,
-        input=text,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == status, done.stdout + done.stderr
-    return done.stderr if status else done.stdout
+    process = commands(folder)
+    assert process.stdin and process.stdout
+    for name, given in (("stdin", text), ("stdout", ""), ("stderr", "")):
+        (folder / name).write_text(given)
+    process.stdin.write(json.dumps(arguments) + "\n")
+    process.stdin.flush()
+    code = process.stdout.readline().strip()
+    out, err = ((folder / name).read_text() for name in ("stdout", "stderr"))
+    assert code == str(status), out + err
+    return err if status else out
 
 
 def answer(folder: Path, *arguments: str) -> Any:
