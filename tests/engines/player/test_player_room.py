@@ -38,6 +38,7 @@ def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
     done = built(name)
     schedule = done.plan.schedule
     played = play(done.job)[1]
+    frames = 150 if name == "scara-pick" else 60  # which have one of nearly the longest
     for program in done.programs:
         listing = program.firmware.compilation.listing
         check, end = listing.label(CHECK), listing.label(DONE)
@@ -46,7 +47,7 @@ def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
         machine.run_until(pc=end, limit=100_000)
         worst = {False: 0, True: 0}
         machine.breakpoints = {begin, check}
-        for _ in range(150 * len(played.layout.slots)):
+        for _ in range(frames * len(played.layout.slots)):
             since, frame = machine.cycles, False
             machine.run(100_000)
             while machine.pc == begin:
