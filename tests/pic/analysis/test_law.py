@@ -1,6 +1,7 @@
 """The law: whatever a random program does on the simulator under random inputs, the analysis allows."""
 
 import random
+from functools import cache
 
 import numpy as np
 import pytest
@@ -32,9 +33,10 @@ class Noise:
         yield CYCLES, self._rows
 
 
-def observed(facts_of: str, seed: int) -> tuple[Facts, Machine, Packed]:
-    """Return the answers about a program, the chip after a run, and its (cycle, address) rows."""
-    made = assembled(facts_of)
+@cache
+def observed(seed: int) -> tuple[Facts, Machine, Packed]:
+    """Return the answers about a random program, the chip after a run, and its (cycle, address) rows."""
+    made = assembled(random_program(seed))
     machine = Machine(made.image, CLOCK, SimulatorOptions(start_seed=seed), stimulus=Noise(seed))
     rows = np.concatenate(
         [rows for _, rows in machine.observe(CYCLES, Observation(trace=np.zeros((4096, 4), dtype=np.int64)))]
@@ -56,9 +58,8 @@ def spans(rows: Packed, start: int, end: int) -> list[int]:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> None:
-    text = random_program(seed)
-    _, _, rows = observed(text, seed)
-    words = assembled(text).image.program
+    _, _, rows = observed(seed)
+    words = assembled(random_program(seed)).image.program
     first = PathExplorer(words)
     first.explore()
     graph = Graph(first.words, first.visits)
@@ -68,8 +69,7 @@ def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> N
 
 @pytest.mark.parametrize("seed", range(60))
 def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
-    text = random_program(seed)
-    facts, machine, rows = observed(text, seed)
+    facts, machine, rows = observed(seed)
     state = machine.state()
     levels = dict(facts.stack().numbers)["levels"]
     assert levels is not None
@@ -91,7 +91,7 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
     """A law of loose bounds proves little: some run must reach each of them exactly."""
     stack = least = most = unwritten = decided = 0
     for seed in range(60):
-        facts, machine, rows = observed(random_program(seed), seed)
+        facts, machine, rows = observed(seed)
         levels = dict(facts.stack().numbers)["levels"]
         stack += machine.state().deepest_stack == levels
         allowed = {place for _, place in facts.paths.unwritten_reads if place >= 0x0C}
@@ -108,7 +108,7 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
     assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
 
 
-@pytest.mark.parametrize(("seed", "decided"), [(0, True), (1, False), (4, True)])
+@pytest.mark.parametrize(("seed", "decided"), [(0, True), (1, False)])
 def test_every_state_of_a_player_s_run_is_one_that_the_analysis_allows(seed: int, decided: bool) -> None:
     """The script of the second leads beyond its table."""
     run = compared(random_player(seed), seed, 250)
