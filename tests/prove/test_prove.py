@@ -83,7 +83,7 @@ def test_one_changed_word_is_never_proven_unless_it_does_nothing() -> None:
     image = read_program(FIRMWARE / "lab9-program" / "main.hex").image
     rng = random.Random(13)
     wrong = shown = 0
-    for _ in range(40):
+    for _ in range(20):
         address = rng.choice(sorted(image.program))
         changed = image.program[address] ^ 1 << rng.randrange(14)
         mutant = replace(image, program={**image.program, address: changed})
@@ -95,8 +95,8 @@ def test_one_changed_word_is_never_proven_unless_it_does_nothing() -> None:
         if found.counterexample is not None and found.counterexample.clock_hz is None:
             shown += 1
             assert is_wrong(mutant, schedule, found.counterexample)
-    assert wrong >= 25
-    assert shown >= 20
+    assert wrong >= 13
+    assert shown >= 10
 
 
 def follows(image: Image, schedule: PulseSchedule) -> bool:
