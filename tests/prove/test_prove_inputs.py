@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.build import BuiltProgram
+from servogen.build import planned
 from servogen.edges import EdgeChunk
+from servogen.engines.firmware import Firmware
+from servogen.job import loads, plan_job
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
@@ -19,7 +21,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import Machine, parse_stimuli
 from servogen.units import Clock, Cycles
-from tests.engines.player.player_jobs import built_text, job_text, sweep
+from tests.engines.player.player_jobs import job_text, sweep
 
 SOFT = "soft_start_s = 0.16\n"
 START, STOP = 'start_pin = "RA4"\n', 'stop_pin = "RB7"\n'
@@ -28,30 +30,32 @@ CLOCK = Clock(4_000_000)
 
 
 @cache
-def built(firmware: str) -> tuple[PulseSchedule, BuiltProgram]:
-    done = built_text(job_text(3, sweep(3, 0.24), firmware=SOFT + firmware))
-    return done.plan.schedule, done.programs[0]
+def built(firmware: str) -> tuple[PulseSchedule, Firmware]:
+    job = planned(plan_job(loads(job_text(3, sweep(3, 0.16), firmware=SOFT + firmware), "job.toml")))
+    return job.plan.schedule, job.make("c2c")
 
 
 @pytest.mark.parametrize("firmware", [STOP, STOP + HOLD, START, START + STOP, START + STOP + HOLD])
 def test_a_player_with_buttons_is_proven_for_every_press(firmware: str) -> None:
     schedule, program = built(firmware)
     assert schedule.buttons is not None
-    found = prove_for_all(program.image, schedule)
+    found = prove_for_all(program.compilation.image, schedule)
     assert found.proven, found.reason
     assert found.states > 2 * (schedule.lead_in_frames + schedule.loop_frames)
 
 
 def test_held_as_the_schedule_says_there_are_fewer_states() -> None:
     schedule, program = built(START + STOP)
-    every, held = (prove_for_all(program.image, schedule, Quantifiers(inputs=each)) for each in (True, False))
+    every, held = (
+        prove_for_all(program.compilation.image, schedule, Quantifiers(inputs=each)) for each in (True, False)
+    )
     assert held.proven
     assert held.states < every.states / 4
     assert any("RB7 is held at 1" in each for each in held.assumptions)
 
 
-def changed(program: BuiltProgram, old: str, new: str, tmp_path: Path) -> Image:
-    text = program.firmware.text
+def changed(program: Firmware, old: str, new: str, tmp_path: Path) -> Image:
+    text = program.text
     assert text.count(old) == 1, old
     file = tmp_path / "changed.c"
     file.write_text(text.replace(old, new))
@@ -81,7 +85,7 @@ def test_a_fault_that_needs_a_press_at_the_right_time_is_found(
     assert not found.proven
     assert found.counterexample is not None, found.reason
     assert edges(image, schedule, found.counterexample) != edges(
-        program.image, schedule, found.counterexample
+        program.compilation.image, schedule, found.counterexample
     )
 
 
@@ -200,7 +204,7 @@ rest    decfsz 0x21, f
 def test_a_pin_that_is_read_twice_in_a_frame_is_not_decided_but_never_proven() -> None:
     schedule, program = built(STOP)
     rule = replace(schedule.buttons, pressed_frames=4) if schedule.buttons else None
-    found = prove_for_all(program.image, replace(schedule, buttons=rule))
+    found = prove_for_all(program.compilation.image, replace(schedule, buttons=rule))
     assert not found.proven
 
 
