@@ -11,16 +11,18 @@ import random
 import pytest
 
 from servogen.pic.device import RAM_FIRST
+from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, encode
 from servogen.simulator import Machine, layout
 from servogen.simulator.layout import PHASED
-from tests.simulator.helpers import CLOCK, image
+from tests.simulator.helpers import CLOCK
 
 BYTES = range(RAM_FIRST, RAM_FIRST + 5)
 TMR0_ADDRESS, STATUS_ADDRESS = 1, 3
 ON_FILES = [row.mnemonic for row in INSTRUCTIONS if "f" in row.operands and row.flow == "next"]
 ON_W = [row.mnemonic for row in INSTRUCTIONS if row.operands == "k" and row.flow == "next"]
 LENGTH = 12
+WATCHDOG_OFF = 0x3FF9
 
 
 def random_words(rng: random.Random) -> list[int]:
@@ -44,8 +46,9 @@ def random_words(rng: random.Random) -> list[int]:
 
 
 def prepared(words: list[int], *, tracked: bool) -> Machine:
-    source = " movlw 0x84\n option\n" + "".join(f" dw {word}\n" for word in words) + "stand goto stand\n"
-    chip = Machine(image(source), CLOCK, tracked=tracked)
+    program = [encode("MOVLW", k=0x84), encode("OPTION"), *words]
+    program.append(encode("GOTO", k=len(program)))
+    chip = Machine(Image(dict(enumerate(program)), WATCHDOG_OFF), CLOCK, tracked=tracked)
     chip.run(2)
     return chip
 
@@ -66,9 +69,11 @@ def test_every_phase_lies_in_what_the_tracked_chip_says(seed: int) -> None:
     tracked[layout.TMR0], tracked[layout.TMR0_UNKNOWN] = cells[layout.TMR0]
     tracked[layout.STATUS_UNKNOWN] = 0
     chip.run(LENGTH)
+    plain = prepared(words, tracked=False)
+    start = plain.snapshot()
     for _ in range(12):
         phase = rng.choice((0, 1, 0xFF, rng.randrange(256)))
-        plain = prepared(words, tracked=False)
+        plain.restore(start)
         for slot, (value, unknown) in cells.items():
             chosen = value + phase if unknown == PHASED else value ^ rng.randrange(256) & unknown & 0xFF
             plain._s[slot] = chosen & 0xFF
