@@ -81,18 +81,32 @@ def test_the_rules_machine_does_what_the_simulator_does(ins: RuleInstruction) ->
     """A skip is followed by an instruction that shows whether it was taken."""
     sequence = (ins, RuleInstruction.parse("MOVWF b")) if ins in SKIPS else (ins,)
     dice = np.random.default_rng(len(str(ins)))
+    starts = []
     for _ in range(12):
         values = {name: int(dice.integers(0, 2 if name in FLAGS else 256)) for name in NAMES}
         if dice.random() < 0.4:
             values["a"] = int(dice.choice([0, 1, 0xFF]))
+        starts.append(values)
+    for values, found in zip(starts, simulated(sequence, starts), strict=True):
         expected = run(sequence, {name: np.array([value], np.uint8) for name, value in values.items()})
-        assert simulated(sequence, values) == {name: int(expected[name][0]) for name in NAMES}
+        assert found == {name: int(expected[name][0]) for name in NAMES}
 
 
-def simulated(sequence: tuple[RuleInstruction, ...], values: dict[str, int]) -> dict[str, int]:
-    """What the simulator's registers hold after a sequence that begins with these."""
+def simulated(sequence: tuple[RuleInstruction, ...], starts: list[dict[str, int]]) -> list[dict[str, int]]:
+    """What the simulator's registers hold after a sequence that begins with each of these, in one program."""
+    words: list[int] = []
+    ends = []
+    for values in starts:
+        words += [*setup(values), *map(word, sequence)]
+        ends.append(len(words))
+    words.append(encode("GOTO", k=len(words)))
+    machine = Machine(Image(dict(enumerate(words))), Clock(4_000_000))
+    return [registers(machine, end) for end in ends]
+
+
+def setup(values: dict[str, int]) -> list[int]:
     flags = sum(values[name] << bit for name, bit in FLAGS.items())
-    setup = [
+    return [
         *(
             code
             for f, name in ((A, "a"), (B, "b"))
@@ -102,10 +116,10 @@ def simulated(sequence: tuple[RuleInstruction, ...], values: dict[str, int]) -> 
         encode("MOVWF", f=STATUS),
         encode("MOVLW", k=values["W"]),
     ]
-    words = [*setup, *map(word, sequence)]
-    words.append(encode("GOTO", k=len(words)))
-    machine = Machine(Image(dict(enumerate(words))), Clock(4_000_000))
-    machine.run(len(words) + 4)
+
+
+def registers(machine: Machine, end: int) -> dict[str, int]:
+    assert machine.run_until(pc=end, limit=1000)
     state = machine.state()
     found = {"W": state.w, "a": state.ram[0], "b": state.ram[1]}
     return found | {name: state.status >> bit & 1 for name, bit in FLAGS.items()}
