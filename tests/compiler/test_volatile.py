@@ -19,6 +19,15 @@ from tests.compiler.bus import Bus
 EVERYWHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]
 PORTA, PORTB, TRISB, MARK = 0x05, 0x06, 0x86, 0x09
 HEADS = {"c2c": "", "xc8": "#include <xc.h>\n", "sdcc": "#include <pic14/pic16f84a.h>\n"}
+ADDRESSES = {
+    "PORTB": PORTB,
+    "TRISB": TRISB,
+    "v": 0x40,
+    "va[i]": 0x4A,
+    "va[1]": 0x4A,
+    "(*pv)": 0x4A,
+    "part.first": 0x4E,
+}
 NAMES = """
 struct fields { unsigned lo : 3; unsigned hi : 5; };
 struct bits { unsigned k : 1; unsigned rest : 7; };
@@ -119,6 +128,20 @@ volatile unsigned char *pv;
 """
 
 
+def rotated(targets: Iterable[str]) -> list[tuple[str, tuple[str, str]]]:
+    """Each target at every level and in every dialect, which changes from target to target."""
+    dialects = list(DIALECTS)
+    return [
+        (target, (dialects[(number + shift) % len(dialects)], level))
+        for number, target in enumerate(targets)
+        for shift, level in enumerate(LEVELS)
+    ]
+
+
+def shown(value: str | tuple[str, str]) -> str:
+    return value if isinstance(value, str) else "-".join(value)
+
+
 @lru_cache(maxsize=1)
 def image_of(text: str, dialect: str, level: str) -> Image:
     """Return the program: a test that watches one address after another compiles it once."""
@@ -155,16 +178,12 @@ def split(values: Mapping[str, int]) -> list[list[str]]:
     return [names[: len(names) // 2], names[len(names) // 2 :]]
 
 
-@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
 @pytest.mark.parametrize(
-    ("target", "address"),
-    [("PORTB", PORTB), ("TRISB", TRISB), ("v", 0x40), ("va[i]", 0x4A), ("(*pv)", 0x4A), ("part.first", 0x4E)],
+    ("target", "where"), rotated(["PORTB", "TRISB", "v", "va[i]", "(*pv)", "part.first"]), ids=shown
 )
-def test_a_volatile_byte_is_stored_once_with_the_value(
-    target: str, address: int, where: tuple[str, str]
-) -> None:
+def test_a_volatile_byte_is_stored_once_with_the_value(target: str, where: tuple[str, str]) -> None:
     for names in split(VALUES):
-        found = seen([f"{target} = {each}" for each in names], where, [address])
+        found = seen([f"{target} = {each}" for each in names], where, [ADDRESSES[target]])
         assert found == [[("store", VALUES[each])] for each in names]
 
 
@@ -262,17 +281,13 @@ CHANGES = {
 """Values of a byte that was 0x5A."""
 
 
-@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
 @pytest.mark.parametrize(
-    ("target", "address"),
-    [("PORTB", PORTB), ("v", 0x40), ("va[i]", 0x4A), ("(*pv)", 0x4A), ("part.first", 0x4E)],
+    ("target", "where"), rotated(["PORTB", "v", "va[i]", "(*pv)", "part.first"]), ids=shown
 )
-def test_a_compound_assignment_loads_once_and_stores_once(
-    target: str, address: int, where: tuple[str, str]
-) -> None:
+def test_a_compound_assignment_loads_once_and_stores_once(target: str, where: tuple[str, str]) -> None:
     for names in split(CHANGES):
         steps = [step for each in names for step in (f"{target} = 0x5A", f"{target} {each}")]
-        found = seen(steps, where, [address])[1::2]
+        found = seen(steps, where, [ADDRESSES[target]])[1::2]
         assert found == [[("load", 0x5A), ("store", CHANGES[each])] for each in names]
 
 
@@ -291,21 +306,19 @@ VALUES_OF_CHANGES = {
 """The value of an expression on a byte that was 0x5A, what it stores, how often it loads."""
 
 
-@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
 @pytest.mark.parametrize(
-    ("target", "address"),
-    [("PORTB", PORTB), ("v", 0x40), ("va[i]", 0x4A), ("(*pv)", 0x4A), ("part.first", 0x4E)],
+    ("target", "where"), rotated(["PORTB", "v", "va[i]", "(*pv)", "part.first"]), ids=shown
 )
-def test_the_value_of_an_assignment_is_not_read_back(
-    target: str, address: int, where: tuple[str, str]
-) -> None:
+def test_the_value_of_an_assignment_is_not_read_back(target: str, where: tuple[str, str]) -> None:
     steps = []
     for expression in VALUES_OF_CHANGES:
         used = expression.replace("v", target)
         start = f"{target} = 0x5A"
         steps += [start, f"c = ({used})", "PORTA = c", start, f"if ({used}) PORTA = 0; else PORTA = 1"]
     half = len(steps) // 2
-    found = seen(steps[:half], where, [address, PORTA]) + seen(steps[half:], where, [address, PORTA])
+    found = seen(steps[:half], where, [ADDRESSES[target], PORTA]) + seen(
+        steps[half:], where, [ADDRESSES[target], PORTA]
+    )
     for number, (value, stored, loads) in enumerate(VALUES_OF_CHANGES.values()):
         expected = [("load", 0x5A)] * loads + ([] if stored is None else [("store", stored)])
         _, change, shown, _, condition = found[5 * number : 5 * number + 5]
@@ -450,14 +463,11 @@ IDENTITIES = [
 """Values that are `x` again once they are converted to its type of eight bits."""
 
 
-@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
-@pytest.mark.parametrize(
-    ("target", "address"), [("v", 0x40), ("PORTB", PORTB), ("va[1]", 0x4A), ("(*pv)", 0x4A)]
-)
+@pytest.mark.parametrize(("target", "where"), rotated(["v", "PORTB", "va[1]", "(*pv)"]), ids=shown)
 def test_an_assignment_that_changes_nothing_is_a_load_and_a_store(
-    target: str, address: int, where: tuple[str, str]
+    target: str, where: tuple[str, str]
 ) -> None:
-    found = seen([f"{target} = {each.format(x=target)}" for each in IDENTITIES], where, [address])
+    found = seen([f"{target} = {each.format(x=target)}" for each in IDENTITIES], where, [ADDRESSES[target]])
     kinds = [[kind for kind, _ in accesses] for accesses in found]
     assert kinds == [["load", "store"]] * len(IDENTITIES)
     assert all(accesses[0][1] == accesses[1][1] for accesses in found)
