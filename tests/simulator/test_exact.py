@@ -19,7 +19,7 @@ from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, timed_image, wild_image
 from tests.simulator.reference import Chip, number
 
-IMAGES = int(os.environ.get("SERVOGEN_SIMULATOR_IMAGES", "160"))
+IMAGES = int(os.environ.get("SERVOGEN_SIMULATOR_IMAGES", "80"))
 BATCH = 20
 CYCLES = 2500
 EEPROM_CYCLES = 50

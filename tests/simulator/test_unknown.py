@@ -23,7 +23,7 @@ from tests.simulator.test_exact import Edges, rows
 
 OUTPUTS = " clrf PORTB\n clrf PORTA\n bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n"
 CYCLES = 3000
-IMAGES = 60
+IMAGES = 30
 PULLED_UP_FOR_A_WHILE = (1201, 2465)
 """Seeds whose programs turn port B's pull-ups on, and off again."""
 
