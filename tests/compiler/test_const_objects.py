@@ -166,8 +166,17 @@ DECLARED = {
 }
 
 
-@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
-@pytest.mark.parametrize("form", DECLARED)
+def rotated() -> list[tuple[str, tuple[str, str]]]:
+    """Each form at every level and in every dialect, which changes from form to form."""
+    dialects = list(DIALECTS)
+    return [
+        (form, (dialects[(number + shift) % len(dialects)], level))
+        for number, form in enumerate(DECLARED)
+        for shift, level in enumerate(LEVELS)
+    ]
+
+
+@pytest.mark.parametrize(("form", "where"), rotated())
 def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: tuple[str, str]) -> None:
     extern, definition, use = DECLARED[form]
     for texts in (
