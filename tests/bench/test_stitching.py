@@ -137,19 +137,20 @@ def test_an_analyser_that_goes_away_leaves_a_stitched_capture_that_is_not_whole(
     assert "the capture is incomplete: the analyser disappeared after 3001 of" in done.out
 
 
-@pytest.mark.parametrize("frame", [220, 344])
 def test_a_pulse_that_is_two_microseconds_too_long_is_caught_in_whatever_piece_it_is(
-    run: Run, serve: Serve, tmp_path: Path, frame: int
+    run: Run, serve: Serve, tmp_path: Path
 ) -> None:
     port = serve(device(HEXAPOD)).paths["analyser"]
     against = tmp_path / "schedule.json"
-    against.write_text(shorter_in(HEXAPOD, frame))
-    done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", against)
-    assert done.code == 0, done.err
-    done = run("verify", tmp_path / "run.vcd", "--against", against)
-    assert done.code == 1
-    where = rf"- first at [0-9.]+ s \(piece \d\), RB0 \(L1-turn\), frame {frame} "
-    assert re.search(where, done.out), done.out
+    for frame in (220, 344):
+        against.write_text(shorter_in(HEXAPOD, frame))
+        if frame == 220:
+            done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", against)
+            assert done.code == 0, done.err
+        done = run("verify", tmp_path / "run.vcd", "--against", against)
+        assert done.code == 1
+        where = rf"- first at [0-9.]+ s \(piece \d\), RB0 \(L1-turn\), frame {frame} "
+        assert re.search(where, done.out), done.out
 
 
 def test_a_look_that_fails_leaves_those_before_it() -> None:
