@@ -192,10 +192,10 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
 
 
 def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:
-    found = Counter(outcome(seed) for seed in range(16))
+    found = Counter(outcome(seed) for seed in range(40))
     assert not [result for result in found if result.isupper() or result.startswith("FAULT")]
-    assert found["exact"] >= 4
-    assert found["overrun"] >= 2
+    assert found["exact"] >= 10
+    assert found["overrun"] >= 5
 
 
 def test_build_prints_both_bounds() -> None:
