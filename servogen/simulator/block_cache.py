@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,8 @@ from servogen.simulator.program import (
 
 LONGEST_WAIT = 64
 """The maximum number of words of a wait."""
+PROGRAMS_KEPT = 16
+"""The search for a counterexample starts one program thousands of times."""
 FLAG_BITS = 0b111
 POLLED = (PORTA_ADDRESS, PORTB_ADDRESS, EEDATA_ADDRESS, INTCON_ADDRESS)
 """Registers that stay the same until an event: ports, EECON1 (and, in the other bank, TRIS and EEDATA),
@@ -98,8 +101,13 @@ class _Region:
 
 
 def fast_code(plain: Code) -> FastCode:
-    """Return the program with every region and wait marked."""
-    words = [int(word) for word in plain]
+    """Return the program with every region and wait marked, in arrays that cannot be written."""
+    return _fast_code(plain.tobytes())
+
+
+@lru_cache(maxsize=PROGRAMS_KEPT)
+def _fast_code(plain: bytes) -> FastCode:
+    words: list[int] = np.frombuffer(plain, dtype=np.int64).tolist()
     waits = _waits(words)
     pure = {address for address in range(_N) if _is_pure(words[address])} - set(waits)
     graph = {address: _successors(words, address) for address in range(_N)}
@@ -116,7 +124,10 @@ def fast_code(plain: Code) -> FastCode:
     for n, region in enumerate(regions):
         table[n, 0] = len(region.ram)
         table[n, 1 : 1 + len(region.ram)] = region.ram
-    return FastCode(np.array(rows, dtype=np.int64).reshape(-1), table.reshape(-1))
+    fast = FastCode(np.array(rows, dtype=np.int64).reshape(-1), table.reshape(-1))
+    for shared in (fast.code, fast.regions):
+        shared.setflags(write=False)
+    return fast
 
 
 def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
