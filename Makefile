@@ -10,6 +10,9 @@ BIN    := $(VENV)/bin
 JOBS   := $(wildcard jobs/*.toml)
 READY  := $(VENV)/.installed
 
+# Where compiled modules may not be kept, each of the hundreds of commands that the tests start compiles all of them.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test check docs docs-tools prove bench firmware constraints flash clean help
 
 help:
