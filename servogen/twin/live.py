@@ -163,8 +163,8 @@ class LiveTwin:
                 count += 1
             world.advance()
         del self._waiting[:count]
-        if not np.isfinite(world.data.qpos).all():
-            raise InputError("unstable", f"the physics diverged at {world.seconds:g} s")
+        if world.diverged:
+            raise InputError("unstable", f"the physics diverged before {world.seconds:g} s")
 
     def _keep(self) -> None:
         snapshot = _Kept(self._world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))

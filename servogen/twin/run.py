@@ -253,12 +253,13 @@ class _Run:
                     self._sample(step)
                 self.world.advance()
             del waiting[:count]
+            if self.world.diverged:
+                message = f"the physics diverged before {self.world.seconds:g} s"
+                raise InputError("unstable", f"{self.job.name}: {message}")
             step = until
             self._levels(step)
             if self.first_pulse is not None:
                 end = self._end(self.first_pulse)
-        if not np.isfinite(self.world.data.qpos).all():
-            raise InputError("unstable", f"{self.job.name}: the physics diverged")
         if self.world.energies:
             self.world.energies.gained = self.world.energy() - before
         return self._record()

@@ -124,6 +124,11 @@ class World:
         self._any_continuous = bool(self._continuous.any())
         self._top = np.array([wiring.drive.no_load_speed for wiring in wirings])
         self.duty = np.zeros(count)
+        # MuJoCo would put bodies that diverged back where they started and go on, with a warning on standard
+        # output and in a file; `diverged` tells the callers instead.
+        self.model.opt.disableflags |= int(engine.mjtDisableBit.mjDSBL_AUTORESET)
+        engine.set_mju_user_warning(lambda text: None)
+        self._largest = float(engine.mjMAXVAL)
         if not contacts:
             self.model.opt.disableflags |= int(engine.mjtDisableBit.mjDSBL_CONTACT)
         b = self._bank
@@ -259,6 +264,12 @@ class World:
     def seconds(self) -> float:
         """Return the time since the start."""
         return self.step * self.step_s
+
+    @property
+    def diverged(self) -> bool:
+        """Whether a position or speed is no number, or beyond mjMAXVAL, up to which MuJoCo calculates."""
+        state = np.concatenate((self._position, self._motion))
+        return not bool((np.abs(state) <= self._largest).all())
 
     def energy(self) -> float:
         """Return kinetic and potential energy of the bodies, J."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from servogen.edges import EdgeChunk, edge_chunk
@@ -27,7 +25,7 @@ class World:
     def __init__(self) -> None:
         self.step = 0
         self.heard: tuple[tuple[int, ReceivedPulse], ...] = ()
-        self.data = SimpleNamespace(qpos=np.zeros(2))
+        self.diverged = False
         self.restored: list[int] = []
         self.advanced = 0
 
@@ -169,7 +167,7 @@ def test_old_snapshots_are_thinned_out_to_three_quarters(monkeypatch: pytest.Mon
 
 def test_physics_that_diverges_is_an_error() -> None:
     made, world, _ = twin([])
-    world.data.qpos[1] = np.nan
-    with pytest.raises(InputError, match=r"the physics diverged at 0\.02 s") as error:
+    world.diverged = True
+    with pytest.raises(InputError, match=r"the physics diverged before 0\.02 s") as error:
         made.follow(50_000)
     assert error.value.code == "unstable"

@@ -12,6 +12,7 @@ pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip insta
 from servogen.errors import InputError
 from servogen.twin import Ground, TwinSettings, TwinVerdict
 from servogen.twin.causes import EventKind
+from servogen.twin.world import World
 from tests.twin.walking import AHEAD, SUPPLIED, walking
 
 
@@ -166,6 +167,21 @@ def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
     seen = walking(AHEAD, height=140, extra="\n[expect]\nrobot_within_mm = 4\n").twin()
     assert not seen.passed and seen.events == ()
     assert seen.reasons()[-1].startswith("the plan warned: the legs stand at their full height")
+
+
+def test_a_run_ends_where_the_physics_diverges(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 95 ms, and chunks have 20 ms: no job was found that gets there by its own numbers."""
+    step_on = World.advance
+
+    def advance(world: World) -> None:
+        if world.step == 95:
+            world.data.qvel[7] = math.nan
+        step_on(world)
+
+    monkeypatch.setattr(World, "advance", advance)
+    with pytest.raises(InputError, match=r": the physics diverged before 0\.1 s ") as error:
+        walking(AHEAD).twin()
+    assert error.value.code == "unstable"
 
 
 def test_a_slope_and_rough_ground_cost_way() -> None:

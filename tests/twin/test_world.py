@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -92,6 +93,30 @@ def test_a_wheel_is_driven_in_proportion_to_its_speed_and_no_more_than_fully() -
         world.pulse(ReceivedPulse(world.step, 1, width))  # 1000 of it are 1 rad/s, 250 its standstill
         world.advance()
         assert world.duty.tolist() == [0.0, pytest.approx(duty)]
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 1e10 + 1e4])
+@pytest.mark.parametrize("what", ["qpos", "qvel"])
+def test_bodies_that_diverged_do_not_start_again_in_silence(
+    what: str,
+    value: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """As MuJoCo would let them; ten steps later it can still be seen, and nothing else was written."""
+    monkeypatch.chdir(tmp_path)
+    world = two()
+    world.data.qvel[0] = 0.9e10
+    assert not world.diverged
+    world.data.qvel[0] = 0.0
+    getattr(world.data, what)[1] = value
+    assert world.diverged
+    for _ in range(10):
+        world.advance()
+    assert world.diverged
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_broken_gear_turns_nothing_and_a_servo_without_pulses_is_open() -> None:
