@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from servogen.bench.ports import Unplugged, open_port
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.errors import Location
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, Run, Serve
@@ -142,6 +144,18 @@ def test_a_file_is_no_port(run: Run, tmp_path: Path) -> None:
     done = run("capture", "--port", tmp_path / "file", "-o", tmp_path / "run.vcd")
     assert done.code == 3
     assert "cannot be opened as a serial port" in done.err
+
+
+def test_a_port_whose_device_is_gone_cannot_be_cleared() -> None:
+    master, slave = os.openpty()
+    path = os.ttyname(slave)
+    with open_port(path, 115_200) as port:
+        port.clear()
+        os.close(master)
+        with pytest.raises(Unplugged, match="the device disappeared while it was in use") as lost:
+            port.clear()
+    os.close(slave)
+    assert (lost.value.code, lost.value.first.location) == ("port-lost", Location(path))
 
 
 def test_two_processes_cannot_have_one_port(run: Run, serve: Serve, lab8: Image, tmp_path: Path) -> None:

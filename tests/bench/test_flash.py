@@ -1,17 +1,23 @@
 """`servogen flash`: the real picpro against the virtual K150, and stand-ins that say what others do."""
 
+import errno
 import fcntl
+import importlib.util
 import json
 import os
 import random
+import signal
+import subprocess
 import sys
+from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 from intelhex import IntelHex
 
-from servogen.bench.programmers.flash import command_of
+from servogen.bench.programmers.flash import command_of, flash
+from servogen.bench.programmers.picpro import tolerant
 from servogen.bench.programmers.table import PROGRAMMERS, InstalledProgrammer, ProgrammingRequest, find
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
@@ -134,6 +140,17 @@ def test_of_a_protected_chip_the_configuration_word_is_compared(
     assert "read back and compared: configuration word" in done.out
 
 
+@pytest.mark.parametrize("code", [errno.ENOTTY, errno.EINVAL, errno.EIO])
+def test_picpro_may_lack_a_modem_line_but_no_port(code: int) -> None:
+    """A pseudo-terminal answers ENOTTY or EINVAL; EIO is a programmer that was unplugged."""
+
+    def update(line: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    with nullcontext() if code != errno.EIO else pytest.raises(OSError, match=os.strerror(code)):
+        tolerant(update)(None)
+
+
 @picpro
 def test_an_empty_socket_is_told(run: Run, program: Path, serve: Serve) -> None:
     port = serve({"programmer": programmer(no_chip=True)}).paths["programmer"]
@@ -190,6 +207,36 @@ def test_a_missing_port_is_named(run: Run, program: Path) -> None:
     done = run("flash", program, "--programmer", "picpro", "--port", "/dev/ttyNONE")
     assert done.code == 3
     assert "/dev/ttyNONE: error: there is no such port" in done.err
+
+
+@picpro
+def test_a_file_is_no_port(run: Run, program: Path, tmp_path: Path) -> None:
+    port = tmp_path / "port"
+    port.write_text("")
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 3
+    assert f"{port}: error: is not a serial port" in done.err
+    assert port.read_text() == ""
+
+
+def test_an_interrupt_ends_the_programmers_program_too(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while its output is awaited: nothing goes on programming the chip behind the user's back."""
+    started: list[subprocess.Popen[str]] = []
+
+    def interrupted(self: subprocess.Popen[str], timeout: float) -> None:
+        started.append(self)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(subprocess.Popen, "communicate", interrupted)
+    pk2cmd = next(each for each in PROGRAMMERS if each.name == "pk2cmd")
+    tool = InstalledProgrammer(pk2cmd, (sys.executable, "-c", "import time; time.sleep(60)"))
+    order = ProgrammingRequest(program, device("16F84"), None)
+    with pytest.raises(KeyboardInterrupt):
+        flash(tool, order, image_of(BUILT))
+    (process,) = started
+    assert process.wait(10) == -signal.SIGKILL
 
 
 # What the others say, as far as it is published, else assumed.
@@ -409,6 +456,18 @@ def test_doctor_finds_what_flash_finds(run: Run, tmp_path: Path, monkeypatch: py
         else:
             assert told[programmer.name], programmer.name
     assert told["ipecmd"] == told["pickit3"] == str(tmp_path / "ipecmd")
+
+
+def test_without_any_programmers_program_all_that_would_do_are_named(
+    run: Run, program: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    done = run("flash", program)
+    assert done.code == 3
+    assert "error: no program for a programmer is installed" in done.err
+    for each in PROGRAMMERS:
+        assert f"{each.name} ({each.hardware})" in done.err
 
 
 def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: Path) -> None:

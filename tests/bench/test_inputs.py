@@ -287,6 +287,28 @@ def test_a_contact_connects_two_pins_while_it_is_closed() -> None:
     assert len(edges(rig.chip, RB4, 200)) <= 1
 
 
+def test_a_short_circuit_pulls_what_it_is_connected_to_low() -> None:
+    """RB0 drives 1 and RB1 drives 0; RB4, which the board holds high, touches both, and RB5 does not."""
+    body = " movlw 0xFC\n bsf STATUS, RP0\n movwf TRISB\n bcf STATUS, RP0\n bsf PORTB, 0\n bcf PORTB, 1\n"
+    rig = Rig(program(body + IDLE))
+    rig.chip.run(100)
+    rb1, rb5 = (PINS.index(name) for name in ("RB1", "RB5"))
+    rig.chip.drive(RB4, 1)
+    rig.chip.drive(rb5, 1)
+
+    def levels() -> list[int]:
+        return [rig.chip.word >> pin & 1 for pin in (RB0, rb1, RB4, rb5)]
+
+    assert levels() == [1, 0, 1, 1]
+    wires = [frozenset((RB0, RB4)), frozenset((rb1, RB4))]
+    rig.chip.connect(wires[0], True)
+    assert levels() == [1, 0, 1, 1]
+    rig.chip.connect(wires[1], True)
+    assert levels() == [1, 0, 0, 1]
+    rig.chip.connect(wires[1], False)
+    assert levels() == [1, 0, 1, 1]
+
+
 def test_mclr_holds_the_chip_in_reset_and_vdd_switches_it_off() -> None:
     rig = Rig(program(COUNTER), ["VDD=17"])
     mclr, vdd = rig.wiring.pins["MCLR"], rig.wiring.pins["VDD"]

@@ -9,12 +9,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from servogen.bench.virtual.rig import RigOptions
-from servogen.errors import ToolError
+from servogen.bench.virtual.rig import RigOptions, with_fault
+from servogen.errors import InputError, ToolError
 from servogen.simulator.sources import pin_number
 from tests.bench.conftest import LAB8, ROOT, Bench, Run, running
 
@@ -85,6 +86,32 @@ def test_a_fault_that_is_none_is_refused(run: Run) -> None:
     done = run("rig", JOB, "--fault", "analyser:silence")
     assert done.code == 2
     assert "did you mean 'analyser:silent'?" in done.err
+
+
+@pytest.mark.parametrize(
+    ("text", "device", "change"),
+    [
+        ("analyser:silent", "analyser", {"silent": True}),
+        ("analyser:stop-after=7", "analyser", {"stop_after": 7}),
+        ("inputs:garbage", "board", {"garbage": True}),
+        ("inputs:late=3", "board", {"late_ms": 3}),
+        ("programmer:no-chip", "programmer", {"no_chip": True}),
+        ("programmer:wrong-bit-at=0x12", "programmer", {"wrong_bit_at": 18}),
+    ],
+)
+def test_a_fault_is_one_property_of_one_device(text: str, device: str, change: dict[str, object]) -> None:
+    sound = RigOptions()
+    faulty = replace(getattr(sound, device), **change)
+    assert faulty != getattr(sound, device)
+    assert with_fault(sound, text) == replace(sound, **{device: faulty})
+
+
+@pytest.mark.parametrize("number", ["", "7x", "1.5"])
+def test_a_fault_with_a_number_needs_a_whole_one(number: str) -> None:
+    text = f"analyser:stop-after={number}"
+    with pytest.raises(InputError, match=rf"'{number}' in '{text}' is not a whole number") as refused:
+        with_fault(RigOptions(), text)
+    assert refused.value.code == "bad-option"
 
 
 def test_of_two_processes_on_one_port_the_second_is_refused(run: Run, bench: Rig, tmp_path: Path) -> None:

@@ -4,16 +4,18 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 import serial
 
+from servogen.bench.analysers import sigrok as sigrok_module
 from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, capture, command_of, modem_lines_library
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
-from servogen.errors import ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, Run, Serve
@@ -96,6 +98,82 @@ def test_without_a_compiler_a_pseudo_terminal_is_refused_with_the_reason(
     done = run("capture", "--sigrok", "ols:conn=/dev/pts/3", "--wire", "0=RB0", "-o", tmp_path / "run.sr")
     assert done.code == 3
     assert "a pseudo-terminal has no modem lines" in done.err
+
+
+def tool(folder: Path, name: str, script: str, interpreter: str = "/bin/sh") -> None:
+    """Write a stand-in for a tool."""
+    path = folder / name
+    path.write_text(f"#!{interpreter}\n{script}\n")
+    path.chmod(0o755)
+
+
+ASKS = """\
+import array, fcntl, os, sys, termios
+assert os.readlink("/sys/class/tty/pts/0") == "../../devices/virtual/tty/pts"
+master, slave = os.openpty()
+lines = array.array("i", [termios.TIOCM_CTS])
+fcntl.ioctl(slave, termios.TIOCMGET, lines)
+assert list(lines) == [0]
+fcntl.ioctl(slave, termios.TIOCMSET, lines)
+open(sys.argv[-1], "w").close()
+"""
+"""What libserialport does with a pseudo-terminal, in the place of sigrok-cli."""
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="needs a C compiler: apt-get install gcc")
+def test_on_a_pseudo_terminal_sigrok_cli_finds_a_link_and_modem_lines_that_are_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On any other port there is no library, and Linux refuses what the stand-in asks."""
+    tool(tmp_path, "sigrok-cli", ASKS, sys.executable)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    channels = (("0", "RB0"),)
+    capture(SigrokLook("ols:conn=/dev/pts/7", 1000, 1, channels), tmp_path / "run.sr")
+    assert (tmp_path / "run.sr").exists()
+    with pytest.raises(ToolError, match="captured nothing with 'ols:conn=/dev/ttyACM0'"):
+        capture(SigrokLook("ols:conn=/dev/ttyACM0", 1000, 1, channels), tmp_path / "run.sr")
+    assert not (tmp_path / "run.sr").exists()
+
+
+def test_a_compiler_that_fails_says_why_before_sigrok_cli_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool(tmp_path, "sigrok-cli", ": > run")
+    tool(tmp_path, "cc", "echo 'dlfcn.h: no such file' >&2; exit 1")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ToolError, match="the library that adds modem lines cannot be compiled") as refused:
+        capture(SigrokLook("ols:conn=/dev/pts/7", 1000, 1, (("0", "RB0"),)), tmp_path / "run.sr")
+    assert (refused.value.code, refused.value.first.hint) == ("tool-failed", "dlfcn.h: no such file")
+    assert not (tmp_path / "run").exists()
+
+
+def test_sigrok_cli_that_does_not_end_is_ended_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sample at 1 kHz takes 1 ms: it has twice that, and the slack, here of 0.1 s."""
+    tool(tmp_path, "sigrok-cli", 'for last; do :; done; : > "$last"; exec sleep 60')
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(sigrok_module, "SLACK_S", 0.1)
+    with pytest.raises(ToolError, match=r"sigrok-cli did not end within 0\.102 s") as refused:
+        capture(SigrokLook("fx2lafw", 1000, 1, (("D0", "RB0"),)), tmp_path / "run.sr")
+    assert refused.value.code == "tool-failed"
+    assert not (tmp_path / "run.sr").exists()
+
+
+def test_a_session_has_its_own_suffix_in_whatever_capitals(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool(tmp_path, "sigrok-cli", 'for last; do :; done; : > "$last"')
+    monkeypatch.setenv("PATH", str(tmp_path))
+    look = SigrokLook("fx2lafw", 1000, 1, (("D0", "RB0"),))
+    capture(look, tmp_path / "run.SR")
+    path = tmp_path / "run.vcd"
+    with pytest.raises(InputError, match=r"'\.vcd' is not the suffix of a sigrok session") as refused:
+        capture(look, path)
+    told = refused.value.first
+    assert (told.code, told.location, told.hint) == ("unknown-suffix", Location(str(path)), ".sr")
+    assert not path.exists()
 
 
 def test_the_command_names_the_channels_by_their_pins() -> None:

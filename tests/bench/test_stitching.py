@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.bench.analysers.memory import CaptureNeeds, CapturePlan, plan
-from servogen.bench.analysers.recording import stitch
+from servogen.bench.analysers.recording import Stitched, stitch
 from servogen.bench.analysers.sump import Runs
 from servogen.bench.analysers.sump_client import ReceivedSamples
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
@@ -153,15 +153,25 @@ def test_a_pulse_that_is_two_microseconds_too_long_is_caught_in_whatever_piece_i
         assert re.search(where, done.out), done.out
 
 
-def test_a_look_that_fails_leaves_those_before_it() -> None:
+def stitched_until(failing: int) -> Stitched:
+    """What is left of looks at a pin at rest, of which one fails, by its number from 1 on."""
     schedule = from_json((LAB8 / "schedule.json").read_text(), "schedule.json")
     one = CaptureNeeds(Fraction(1, 50), Fraction(2), 5, Fraction(2), 2)
     silence = Runs(np.zeros(1, dtype=np.uint32), np.zeros(1, dtype=np.int64), 200_000)
 
     def look(planned: CapturePlan, number: int) -> ReceivedSamples:
-        if number == 2:
+        if number == failing:
             raise ToolError("no-answer", "nothing rose on channel 0")
         return ReceivedSamples(silence)
 
-    found = stitch(look, plan(SMALL, 1_000_000, True, one), 50, False, expected(schedule), {0: 5})
+    return stitch(look, plan(SMALL, 1_000_000, True, one), 50, False, expected(schedule), {0: 5})
+
+
+def test_a_look_that_fails_leaves_those_before_it() -> None:
+    found = stitched_until(failing=2)
     assert (len(found.records), found.missing) == (1, "nothing rose on channel 0")
+
+
+def test_a_first_look_that_fails_is_the_error_itself() -> None:
+    with pytest.raises(ToolError, match="nothing rose on channel 0"):
+        stitched_until(failing=1)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
+import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from fractions import Fraction
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +20,9 @@ from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser, _noisy
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.terminals import Openings, terminals
 from servogen.edges import PINS
+from servogen.errors import ToolError
 from tests.bench.seven_bits import packed
 
 RA0, RB0, RB1, RB4 = (PINS.index(name) for name in ("RA0", "RB0", "RB1", "RB4"))
@@ -137,6 +144,29 @@ def test_levels_go_to_the_pins_that_are_outputs() -> None:
     standard.answer("F4 02 00")
     standard.answer("F5 02 01 F4 02 01")
     assert standard.done() == [("drive", RB0, 2), ("drive", RB0, 0)]
+
+
+def test_a_reset_makes_every_pin_what_it_was_at_the_beginning() -> None:
+    """SYSTEM_RESET is FF (protocol.md); StandardFirmata's pins are then outputs that are low."""
+    rig = Rig()
+    rig.answer("F4 02 01 F5 02 01 F4 16 0B D2 01")
+    rig.done()
+    assert rig.answer("FF F0 6D 02 F7 F0 6D 16 F7") == "f0 6e 02 00 00 f7 f0 6e 16 00 00 f7"
+    assert ("drive", RB0, 2) in rig.done()
+    standard = Rig(scheduler=False)
+    standard.answer("F5 02 01 F4 03 00")
+    standard.done()
+    assert standard.answer("FF F0 6D 02 F7 F0 6D 03 F7") == "f0 6e 02 01 00 f7 f0 6e 03 01 00 f7"
+    assert {("drive", RB0, 0), ("drive", RB1, 0)} <= set(standard.done())
+
+
+def test_a_pull_up_holds_a_pin_high_that_nothing_is_wired_to() -> None:
+    """Pins 20 and 23 are bits 4 and 7 of port 2, whose eighth bit has a byte of its own (protocol.md)."""
+    rig = Rig()
+    assert rig.answer("D2 01") == "92 00 00"
+    assert rig.answer("F4 14 0B") == "92 10 00"
+    assert rig.answer("F4 17 0B") == "92 10 01"
+    assert rig.answer("F4 14 00") == "92 00 01"
 
 
 def test_contacts_mclr_supply_and_the_mark_have_their_own_effects() -> None:
@@ -401,3 +431,57 @@ def test_noise_flips_one_channel_of_as_many_samples_as_it_should(seed: int) -> N
     assert flipped == [0] * 3 + [1] * 9 + [0]
     assert max(one ^ other for one, other in zip(samples, plain, strict=True)) < 1 << len(PINS)
     assert _noisy(runs, 3, 0.0, random.Random(seed)) is runs
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux has inotify")
+def test_a_terminal_that_cannot_be_watched_is_said(tmp_path: Path) -> None:
+    openings = Openings()
+    try:
+        with pytest.raises(ToolError, match="inotify: No such file or directory") as refused:
+            openings.watch(str(tmp_path / "none"))
+    finally:
+        openings.close()
+    assert refused.value.code == "tool-failed"
+
+
+class Silence:
+    """A device of which it is known what it received."""
+
+    gone = reset = working = False
+
+    def __init__(self) -> None:
+        self.outgoing = bytearray()
+        self.heard = b""
+
+    def received(self, data: bytes) -> None:
+        self.heard += data
+
+    def work(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("code", [errno.EIO, errno.EAGAIN, errno.ENOMEM])
+def test_a_terminal_may_have_nothing_to_read_but_no_other_fault(
+    code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Linux answers EIO where no client has it open."""
+    device, turns, read = Silence(), iter([False, True]), os.read
+
+    def failing(handle: int, most: int) -> bytes:
+        if not os.isatty(handle):  # inotify
+            return read(handle, most)
+        raise OSError(code, os.strerror(code))
+
+    with (
+        terminals({"device": device}) as opened,
+        Path(opened.paths["device"]).open("wb", buffering=0) as client,
+    ):
+        client.write(b"x")
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "read", failing)
+            with nullcontext() if code != errno.ENOMEM else pytest.raises(OSError, match=os.strerror(code)):
+                opened.serve(lambda: next(turns))
+        assert device.heard == b""
+        turns = iter([False, True])
+        opened.serve(lambda: next(turns))
+        assert device.heard == b"x"
