@@ -1,7 +1,9 @@
 """A file is whole or not there."""
 
 import errno
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -113,6 +115,19 @@ def test_standard_output_and_error_are_written_behind_earlier_output(
     write_text("/dev/stderr", "err\n")
     print("later")
     assert capfd.readouterr() == ("earlier\nout\nlater\n", "err\n")
+
+
+def test_earlier_output_that_nobody_reads_is_not_an_error_of_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """`servogen ... | head`: what was printed before is flushed first, into a pipe that is closed."""
+
+    def closed() -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(flush=closed))
+    with pytest.raises(BrokenPipeError):
+        write_text("/dev/stdout", "text")
 
 
 def test_a_descriptor_that_is_not_open_and_a_name_that_no_file_can_have_say_why(tmp_path: Path) -> None:

@@ -5,13 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from servogen import outputs
-from servogen.errors import InputError
+from servogen.errors import InputError, Location, ToolError
 from servogen.outputs import atomic_write, replaced_files, write_text
 
 NAMES = frozenset(f"f{number}" for number in range(8))
@@ -123,6 +124,47 @@ def test_a_system_that_cannot_exchange_folders_says_so(
     write_set(tmp_path / "out", "old")
     write_set(tmp_path / "out", "new")
     assert set(contents(tmp_path / "out").values()) == {"new"}
+
+
+@pytest.mark.parametrize("result", [0, -1])
+@pytest.mark.parametrize("call", ["renameat2", "renamex_np"])
+def test_an_exchange_is_asked_for_in_the_words_of_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, result: int
+) -> None:
+    """RENAME_EXCHANGE (linux/fs.h) and RENAME_SWAP (sys/stdio.h of macOS) are both 2, AT_FDCWD is -100."""
+    asked: list[tuple[object, ...]] = []
+    library = SimpleNamespace(**{call: lambda *given: asked.append(given) or result})
+    monkeypatch.setattr(outputs.ctypes, "CDLL", lambda *_args, **_options: library)
+    monkeypatch.setattr(outputs.ctypes, "get_errno", lambda: errno.EXDEV)
+    first, second = tmp_path / "a", tmp_path / "b"
+    with nullcontext() if result == 0 else pytest.raises(OSError, match=os.strerror(errno.EXDEV)) as failed:
+        outputs._exchange(first, second)
+    assert result == 0 or failed.value.errno == errno.EXDEV
+    names = os.fsencode(first), os.fsencode(second)
+    assert asked == [(-100, names[0], -100, names[1], 2) if call == "renameat2" else (*names, 2)]
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root gives files away")
+def test_a_folder_stays_its_owners_whoever_builds(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_set(folder, "old")
+    os.chown(folder, 1234, 5678)
+    inode = folder.stat().st_ino
+    write_set(folder, "new")
+    found = folder.stat()
+    assert (found.st_uid, found.st_gid) == (1234, 5678)
+    assert found.st_ino != inode, "exchanged"
+
+
+def test_a_set_that_cannot_be_replaced_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder has the name of a file of the set, and the system does not exchange folders."""
+    monkeypatch.setattr(outputs, "_exchange", no_exchange)
+    folder = tmp_path / "out"
+    (folder / "f1").mkdir(parents=True)
+    with pytest.raises(ToolError, match="could not be written: ") as failed:
+        write_set(folder, "new")
+    assert (failed.value.code, failed.value.first.location) == ("write-failed", Location(str(folder)))
+    assert list(tmp_path.iterdir()) == [folder]
 
 
 def test_the_same_set_again_leaves_the_folder_alone(tmp_path: Path) -> None:
