@@ -74,6 +74,15 @@ def test_jsonl(tmp_path: Path, line: str, message: str) -> None:
         join(read(tmp_path, "a.jsonl", GOOD_JSONL + line + "\n").chunks)
 
 
+def test_jsonl_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+    """In a further key as well, which is not looked at."""
+    path = tmp_path / "a.jsonl"
+    path.write_bytes(b'{"cycle":5,"pin":"RB0","level":1,"note":"caf\xe9"}\n' + GOOD_JSONL.encode())
+    with pytest.raises(InputError, match=r"a\.jsonl:1: error: .*JSON") as refused:
+        join(read_edges(path, MHZ4).chunks)
+    assert refused.value.code == "json-syntax"
+
+
 @pytest.mark.parametrize(("letters", "shown"), [(38, "'" + 38 * "x" + "'"), (39, "'" + 36 * "x" + "…")])
 def test_a_long_value_is_shown_by_its_first_characters(tmp_path: Path, letters: int, shown: str) -> None:
     """40 at most, the quotes and the ellipsis among them."""

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
-from servogen.errors import InputError
+from servogen.errors import InputError, Location
 from servogen.traces import SUFFIXES, edge_writer, read_edges, recorded, write_edges
 from servogen.traces.vcd import vcd_times
 from servogen.units import Clock, Cycles
@@ -154,6 +154,16 @@ def test_an_unknown_ending_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=r"'\.txt' is not the suffix.*\n.*\.csv, \.jsonl, \.vcd"):
             call()
+
+
+@pytest.mark.parametrize("wires", [{}, {"D0": "RB0"}])
+@pytest.mark.parametrize("suffix", [".csv", ".JSONL"])
+def test_only_a_vcd_file_has_wires_to_be_named(tmp_path: Path, suffix: str, wires: dict[str, str]) -> None:
+    path = tmp_path / f"a{suffix}"
+    with pytest.raises(InputError, match="wires are named in VCD files only") as refused:
+        read_edges(path, MHZ4, wires=wires)
+    told = refused.value.first
+    assert (told.code, told.location) == ("conflicting-options", Location(str(path)))
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
