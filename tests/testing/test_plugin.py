@@ -620,3 +620,8 @@ def test_the_lines_of_servogen_are_removed_from_what_a_chip_reports_and_from_not
     assert Path(servogen.__file__).parent == plugin.PACKAGE
     assert frames(lambda: pin_index("RB9")) == ["frames", "<lambda>"]
     assert frames(lambda: pin_index(cast(Any, 7))) == ["frames", "<lambda>", "pin_index"]
+
+
+@pytest.mark.servogen(JOB / "main.hex")
+def test_a_test_gets_the_words_of_its_program(servogen_image: Image) -> None:
+    assert servogen_image.flash() == image_of(JOB / "main.hex").flash()

@@ -18,6 +18,7 @@ from servogen.edges import EdgeTrace
 from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Levels, Periodic, Serial, Stimuli
+from servogen.simulator.layout import MCLR_PIN
 from servogen.testing import seen_chip
 from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip, stimulus_inputs
 from servogen.testing.signals import Signals
@@ -517,6 +518,25 @@ def test_the_stimulus_of_a_chip_is_there_from_the_beginning() -> None:
         chip_on(Bench(wiring=None), stimuli=stimuli)
     with pytest.raises(InputError, match="a level of RA0 is 0 or 1, not 2"):
         chip_on(Bench(), inputs={"RA0": 2})
+
+
+def test_a_stimulus_that_the_bench_cannot_play_skips_the_test_with_what_is_missing() -> None:
+    """MCLR needs an input board, of whatever wiring; bytes need a serial line to their pin."""
+    reset = Stimuli((Levels(MCLR_PIN, ((0, 1), (2000, 0))),))
+    with pytest.raises(Skipped, match=r"chip\.stimulus; nothing drives the chip's inputs here$"):
+        chip_on(Bench(wiring=None), stimuli=reset)
+    chip = chip_on(board := Bench(), stimuli=reset)
+    chip.run_ms(3)
+    chip.pieces()
+    assert (2, DrivePin("MCLR", 0)) in played(board)
+    sent = Stimuli((Serial(RB0 + 1, b"A", Fraction(1000)),))
+    why = r"chip\.stimulus; no serial line goes to RB1: --servogen-input=RB1=TX1$"
+    for without in (Bench(wiring=None), Bench(wiring=input_wiring(["RB2=TX1"])), Bench(None, "RB2")):
+        with pytest.raises(Skipped, match=why):
+            chip_on(without, stimuli=sent)
+    for having in (Bench(wiring=input_wiring(["RB1=TX1"])), Bench(None, "RB1")):
+        chip_on(having, stimuli=sent).pin("RB0")
+        assert played(having)[-1] == (0, Send("RB1", b"A", 1000))
 
 
 @pytest.mark.parametrize(
