@@ -375,3 +375,19 @@ def test_which_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept_at(10_000) == [*range(0, 4801, 800), *range(5900, 8301, 800), *range(9100, 10_001, 100)]
     # In the thinned past, all of the 1000 cycles before the moment are kept again.
     assert kept_at(2300)[:12] == [0, 800, *range(1600, 2301, 100), 2400, 3200]
+    # Instructions before these 1000 cycles are looked for in steps that are as short again.
+    assert [tuple(row[:2]) for row in chip.executed(400).tolist()] == [(at, 0) for at in range(1500, 2300, 2)]
+    assert chip._at[:17] == [0, *range(800, 2301, 100)]
+
+
+@pytest.mark.parametrize(("most", "found"), [(2, False), (3000, True)])
+def test_the_beginning_of_a_long_line_is_not_looked_for_in_every_snapshot(
+    most: int, found: bool, short: TimeMachine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The program stays in its last line, the loop at address 10, and has a snapshot every 7 cycles there."""
+    monkeypatch.setattr(time_machine, "BACK_SNAPSHOTS", most)
+    begun = next(cycle for cycle, address in SHORT_TRACE if address == 10)
+    short.seek(begun + 100)
+    assert short.step_line(forwards=False)
+    assert (short.now == begun) == found
+    assert found or short.now >= begun + 100 - 5 * 7
