@@ -116,6 +116,21 @@ def test_each_change_is_announced_and_none_is_tried_once_time_is_up() -> None:
     assert found.details["advice"]["stopped_early"] is True  # type: ignore[index]
 
 
+def test_once_time_is_up_no_segment_of_a_route_is_tried_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two segments, only the first begins in time; the hint says so, and so do the details."""
+    route = "route = [{ forward_mm = 40, cycles = 1 }, { turn_deg = 20, cycles = 1 }]"
+    job = plan_job(loads(TRIPOD.replace(ROUTE, route), "job.toml"))
+    monkeypatch.setattr(advice, "_groups", lambda *_: [])
+    monkeypatch.setattr(advice, "_shares", lambda *_: None)
+    monkeypatch.setattr(advice, "_fit", lambda *_: None)
+    told: list[str] = []
+    clock = iter([0.0, advice.MAX_S, *[advice.MAX_S + 0.1] * 9])
+    found = advice.advised(job, ResourceError("does-not-fit", "no"), told.append, lambda: next(clock))
+    assert told == ["trying segment 1 alone"]
+    assert found.hint is not None and "no further changes were tried" in found.hint
+    assert found.details["advice"]["stopped_early"] is True  # type: ignore[index]
+
+
 @pytest.mark.parametrize("name", ["hexapod-turn", "hexapod-command", "scara-pick"])
 def test_the_shares_of_all_parts_are_the_bytes_of_the_tables_in_the_c(name: str) -> None:
     """Counted in the committed C: two tables, the laws, and three bytes for each timing."""

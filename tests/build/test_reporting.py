@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from servogen.build import reporting
-from servogen.build.reporting import ReportPage, capture_facts
+from servogen.build.reporting import ReportPage, capture_facts, page_of
 from servogen.edges import EdgeTrace
+from servogen.errors import ToolError
 from servogen.plan_error import PlanError
 from servogen.traces.captures import Capture
 from servogen.units import Clock, Cycles
@@ -95,3 +96,18 @@ def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch:
         exact.agrees = agrees
         monkeypatch.setattr(reporting, "is_capture", lambda path, found=of_analyser: found)
         assert reporting._verdict(schedule, CAPTURE, Path("run.vcd")) == expected
+
+
+def test_that_the_robot_is_moved_is_said_before_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes long, and fails without MuJoCo."""
+    told: list[str] = []
+
+    def twin_of_build(job: object, result: object) -> None:
+        raise ToolError("tool-missing", f"no MuJoCo for {job} and {result}")
+
+    monkeypatch.setattr(reporting, "build", lambda job, progress: "build")
+    monkeypatch.setattr(reporting, "twin_of_build", twin_of_build)
+    job: Any = "job"
+    with pytest.raises(ToolError, match="no MuJoCo for job and build"):
+        page_of(job, progress=told.append, twin=True)
+    assert told == ["moving the robot"]

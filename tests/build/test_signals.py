@@ -13,10 +13,13 @@ from servogen.build.signals import (
     is_program,
     program_for,
     scheduled_edges,
+    servos_named,
     unscheduled_edges,
 )
-from servogen.errors import InputError
+from servogen.edges import PINS
+from servogen.errors import InputError, Location
 from servogen.programs import Program, clock_of, read_program, read_schedule
+from servogen.robot.servo_models import servo_model
 from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 
@@ -101,3 +104,18 @@ def test_a_clock_that_is_asked_for_comes_before_the_programs_own() -> None:
     assert clock_of(own, 8_000_000) == Clock(8_000_000)
     assert clock_of(own) == Clock(10_000_000)
     assert clock_of(Program(image)) == clock_of(None) == Clock(4_000_000)
+
+
+def test_servo_models_are_named_for_a_pin_or_for_all() -> None:
+    models = servos_named(["futaba-s3001", "RA2=mpx-tiny-s"])
+    assert set(models) == set(PINS)
+    assert models.pop("RA2") == servo_model("mpx-tiny-s")
+    assert set(models.values()) == {servo_model("futaba-s3001")}
+
+
+def test_a_servo_model_of_a_pin_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(InputError, match="unknown pin 'RB8'") as refused:
+        servos_named(["RB8=futaba-s3001"])
+    told = refused.value.first
+    assert (told.code, told.location) == ("unknown-pin", Location(key="--servo"))
+    assert told.hint is not None and "RB" in told.hint

@@ -1,8 +1,8 @@
 """A drive sends what the motion asks for, as fast as the line carries it, and stops the robot at its end."""
 
 import math
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from servogen.drive.controller import REFRESH_S, ControllerChannel, ServoControl
 from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
 from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
 from servogen.drive.session import DriveSession, Summary
-from servogen.errors import InputError, ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
 from tests.drive.mini_ssc import Robot
@@ -136,6 +136,30 @@ def test_a_pose_that_was_torn_is_sent_whole_when_the_port_is_back() -> None:
     robot = Robot(2400, faults=[(0.02, 1.0)])
     driven(job, Limited(Still(pose_of(job, "low")), 0.0), robot)
     assert [number for _, number, _ in robot.arrived] == [0, 1, 0, 1, 2, 3]
+
+
+class TakenRobot(Robot):
+    """Its port is back at once, but another program has it for as long as the line is away."""
+
+    @contextmanager
+    def open(self) -> Iterator[Robot]:
+        if self._away():
+            raise ToolError("port-busy", "is in use by another program", Location("/dev/robot"))
+        with super().open() as opened:
+            yield opened
+
+
+def test_why_a_port_that_is_there_cannot_be_opened_is_in_the_log_once() -> None:
+    """One that is missing needs no reason: that the line is lost says as much."""
+    job = servos(1)
+    motion = Limited(Played(job.trajectory), 2.0)
+    _, missing = driven(job, motion, Robot(9600, faults=[(1.0, 2.3)]))
+    _, taken = driven(job, motion, TakenRobot(9600, faults=[(1.0, 2.3)]))
+    assert [entry["event"] for entry in missing if "event" in entry] == ["lost", "back"]
+    events = [entry for entry in taken if "event" in entry]
+    assert [entry["event"] for entry in events] == ["lost", "waiting", "back"]
+    assert "/dev/robot: error: is in use by another program" in str(events[1]["text"])
+    assert events[1]["s"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_port_that_stays_away_is_an_error_and_what_could_not_be_done_is_said() -> None:
