@@ -212,16 +212,23 @@ def test_a_table_that_no_function_reads_is_judged_by_the_tests_that_read_it(
     assert record.tests_of(changed) == [f"{reader}::test_it"]
 
 
-def test_a_line_that_is_compiled_runs_in_all_tests_of_the_simulator(toy: Path, tmp_path: Path) -> None:
-    """The lines of numba's functions are never seen, whether they have a decorator or not."""
+def test_a_line_that_is_not_seen_runs_in_all_tests_of_its_package(toy: Path, tmp_path: Path) -> None:
+    """Those of numba's functions never are, whether they have a decorator or not."""
     record = Record(tmp_path, toy)
     tests = [f"tests/{name}/test_it.py::test" for name in ("simulator", "pic", "checker", "report")]
+    tests.append("tests/test_isolation.py::test")
     record.seconds = dict.fromkeys(tests, 1.0)
     source = "def loop():\n    def run(n):\n        return n + 1\n    return run\n"
-    for package, expected in (("simulator", tests[:2]), ("checker", tests[2:3]), ("report", [])):
-        (toy / "servogen" / package).mkdir()
-        (toy / "servogen" / package / "core.py").write_text(source)
-        mutants = mutants_of(source, f"servogen/{package}/core.py")
+    for module, expected in (
+        ("simulator/core.py", tests[:2]),
+        ("checker/core.py", tests[2:3]),
+        ("isolation.py", tests[4:]),
+        ("report/core.py", []),
+    ):
+        file = toy / "servogen" / module
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(source)
+        mutants = mutants_of(source, f"servogen/{module}")
         added = next(each for each in mutants if each.old == "n + 1")
         assert record.tests_of(added) == expected
 

@@ -80,8 +80,13 @@ NO_TESTS = 5
 COMPILED = ("simulator", "pic")
 """The packages from which the simulator's loops are compiled."""
 
-TESTED_IN = {"simulator": COMPILED, "pic": COMPILED, "checker": ("checker",)}
-"""The folders with the tests of packages that numba compiles."""
+TESTED_IN = {
+    "simulator": ("simulator/", "pic/"),
+    "pic": ("simulator/", "pic/"),
+    "checker": ("checker/",),
+    "isolation": ("test_isolation.py",),
+}
+"""The tests of what coverage.py does not see: numba's code, and processes that may write no file."""
 
 POLL_S = 0.1
 PYTEST = ("-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
@@ -359,8 +364,7 @@ class Record:
         place = place_of(source, mutant.line)
         if place.lines:
             found = self._executing(mutant.file, place.lines)
-            # What numba compiles is not seen line by line: it runs where the packages' tests run.
-            return found or self._of_folders(TESTED_IN.get(mutant.package, ()))
+            return found or self._beginning_with(TESTED_IN.get(mutant.package, ()))
         names = _derived(source, place.names)
         reading = self._reading(mutant.file, names)
         for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
@@ -386,8 +390,8 @@ class Record:
                     found |= {tests[each] for each in contexts & tests.keys()}
         return found
 
-    def _of_folders(self, folders: Sequence[str]) -> set[str]:
-        starts = tuple(f"tests/{folder}/" for folder in folders)
+    def _beginning_with(self, names: Sequence[str]) -> set[str]:
+        starts = tuple(f"tests/{name}" for name in names)
         return {test for test in self.seconds if test.startswith(starts)}
 
 

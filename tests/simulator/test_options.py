@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from servogen.errors import InputError
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator.options import START_VALUES, start_value
+from servogen.simulator.reset_state import power_up
 from servogen.units import Clock
 from tests.simulator.helpers import CLOCK, image
 
@@ -40,6 +42,14 @@ def test_the_defaults_are_the_data_sheets_typical_values() -> None:
     assert SimulatorOptions(device="PIC16F84A", eeprom_write_us=7).eeprom_us == 7
     assert (options.ra4_pull_up, options.power_up, options.oscillator_start_up) == (False, False, True)
     assert (options.tmr0_phase, options.floating, options.start_seed, options.start) == (0, 0, None, ())
+
+
+def test_a_start_value_of_the_ram_is_that_of_its_68_bytes_alone() -> None:
+    """DS35007 figure 2-2: 0x0C to 0x4F."""
+    nothing = image("GOTO $")
+    filled = SimulatorOptions(start=(("ram", 0xAA),))
+    states = [power_up(nothing, CLOCK, options, tracked=False) for options in (SimulatorOptions(), filled)]
+    assert np.flatnonzero(states[0] != states[1]).tolist() == list(range(0x0C, 0x50))
 
 
 LARGEST = {"ram": 0xFF, "w": 0xFF, "flags": 7, "fsr": 0xFF, "tmr0": 0xFF, "eedata": 0xFF, "eeadr": 0xFF,

@@ -146,3 +146,9 @@ def test_what_is_new_stands_where_the_first_instruction_stood() -> None:
         ins.place = Location("main.c", number)
     assert superoptimise(made)
     assert [ins.place.line for ins in made.instructions() if ins.place] == [1, 3, 4]
+
+
+def test_a_function_may_end_within_what_a_rule_replaces() -> None:
+    """As it does where its last instruction does not come back."""
+    made = function("a: GOTO a; MOVWF ga", Names())
+    assert superoptimise(made) is False
