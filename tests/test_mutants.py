@@ -194,11 +194,17 @@ def register(app):
     assert (place.lines, place.names) == (lines, names)
 
 
+@pytest.mark.parametrize(
+    "source",
+    [
+        "ROWS = (1, 2)\nTABLE = {row: row for row in ROWS}\n",
+        "class Row:\n    key: int = 1\n\nclass TABLE:\n    rows: list[Row]\n",
+    ],
+)
 def test_a_table_that_no_function_reads_is_judged_by_the_tests_that_read_it(
-    toy: Path, tmp_path: Path
+    toy: Path, tmp_path: Path, source: str
 ) -> None:
-    """Or one that is made from it; a test of another package may use the same name for something else."""
-    source = "ROWS = (1, 2)\nTABLE = {row: row for row in ROWS}\n"
+    """Or what is made from it; a test of another package may use the same name for something else."""
     (toy / "servogen" / "tables").mkdir()
     (toy / "servogen" / "tables" / "table.py").write_text(source)
     reader, other = (f"tests/test_{name}.py" for name in ("reader", "other"))

@@ -441,19 +441,17 @@ def _word(names: Iterable[str]) -> re.Pattern[str]:
 
 
 def _derived(source: str, names: set[str]) -> set[str]:
-    """Return names of a module and those to which it assigns values that are made from them."""
-    assigned = [each for each in ast.parse(source).body if isinstance(each, ast.Assign | ast.AnnAssign)]
+    """Return names of a module, those to which it assigns values made from them, and classes with them."""
+    made: list[tuple[set[str], set[str]]] = []
+    for each in ast.parse(source).body:
+        if isinstance(each, ast.ClassDef):
+            made.append(({each.name}, _names(each, ast.Load)))
+        elif isinstance(each, ast.Assign | ast.AnnAssign):
+            made.append((_names(each, ast.Store), _names(each, ast.Load)))
     derived = set(names)
-    while True:
-        more = {
-            name
-            for statement in assigned
-            if derived & _names(statement, ast.Load)
-            for name in _names(statement, ast.Store)
-        }
-        if more <= derived:
-            return derived
+    while more := set().union(*(stored for stored, used in made if derived & used)) - derived:
         derived |= more
+    return derived
 
 
 def _names(statement: ast.stmt, context: type[ast.expr_context]) -> set[str]:

@@ -269,8 +269,9 @@ def test_a_pin_is_held_from_the_next_cycle_on_until_it_is_let_go() -> None:
 @pytest.mark.parametrize(("baud", "bit"), [(50, 20_000), (115_200, 1e6 / 115_200)])
 def test_bytes_are_sent_from_the_next_cycle_on_one_after_the_other(baud: int, bit: float) -> None:
     of = copying()
-    answer(of, do="serial", pin="RA1", baud=baud, bytes=[0x00])
-    answer(of, do="serial", pin="RA1", baud=baud, bytes=[0xFF])
+    for byte in (0x00, 0xFF):
+        shown = answer(of, do="serial", pin="RA1", baud=baud, bytes=[byte])
+        assert shown["cycle"] == 0 and "chip" not in shown, "what the chip has in it is the same as before"
     found = [(cycle, level) for cycle, pin, level in inputs(of, round(25 * bit)) if pin == 1]
     falls = [cycle for cycle, level in found if level == 0]
     rises = [cycle for cycle, level in found if level == 1 and cycle > falls[0]]

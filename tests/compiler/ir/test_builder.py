@@ -52,6 +52,21 @@ def test_the_last_instruction_and_whether_it_may_be_skipped() -> None:
     assert gen.last is None and not gen.last_may_be_skipped
 
 
+def test_only_the_last_two_blocks_say_whether_the_last_instruction_may_be_skipped() -> None:
+    gen, names = builder()
+    gen.emit("NOP")
+    for _ in range(2):
+        gen.label(gen.new_label())
+        gen.emit("CLRF", names.loc("g"))
+        gen.emit("MOVF", names.loc("g"))
+        assert not gen.last_may_be_skipped
+        gen.skip_if(2, True)
+        gen.emit("CLRF", names.loc("g"))
+        assert gen.last_may_be_skipped
+        gen.emit("CLRF", names.loc("g"))
+        assert not gen.last_may_be_skipped
+
+
 def test_jumps_and_skips() -> None:
     gen, names = builder()
     gen.skip_if(0, True)
