@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import subprocess
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,12 +12,15 @@ from typing import Any, cast
 
 import pytest
 
+from servogen import isolation
 from servogen.build import grading
 from servogen.build.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
+from servogen.edges import PINS
 from servogen.errors import ToolError
-from servogen.grade import ChipFacts, Submission, load_lab
+from servogen.grade import ChipFacts, Grade, Submission, load_lab
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.pic.listing import Listing, ListingRow
+from servogen.programs import read_submission
 from servogen.units import Clock
 
 LAB = load_lab("lab8-exercise")
@@ -178,3 +182,127 @@ def test_facts_of_the_chip_at_the_end_of_the_watch(clock: Clock | None, hz: int 
     program.image.config = 0x3FF1
     facts = grading._facts(state, program)
     assert (facts.lost, facts.configured) == (False, True)
+
+
+SMALL_LAB = """
+title = "Two positions"
+task = "10° to and fro."
+clock_hz = 4_000_000
+watch_s = 1
+rounds = 2
+longest_move_s = 0.1
+period = { range_ms = [4, 6], spread_us = 250 }
+servo = [
+    { name = "arm", model = "futaba-s3001", pin = "RB0", other_pins = ["RB3"] },
+    { name = "leg", model = "futaba-s3001", pin = "RB1" },
+]
+[[solution]]
+positions = [
+    { name = "low", angles_deg = { arm = [88, 92], leg = [88, 92] } },
+    { name = "high", angles_deg = { arm = [98, 102], leg = [98, 102] } },
+]
+"""
+LOW_US, HIGH_US, FAR_US = 1500, 1556, 1750
+"""An S3001's widths at 90°, 100° and 135°: 1000 µs are 180°."""
+
+
+def both(*widths_us: int, pins: Sequence[int] = (0, 1), frames: int = 40) -> str:
+    """A program that sends each pulse to both servos, one after the other, so many times; then the next."""
+    lines = [
+        "#include <xc.h>",
+        "#pragma config FOSC = XT, WDTE = OFF",
+        "#define _XTAL_FREQ 4000000",
+        "unsigned char n;",
+        "void main(void) {",
+        "TRISB = 0; PORTB = 0;",
+        "while (1) {",
+    ]
+    for width in widths_us:
+        pulses = " ".join(f"RB{pin} = 1; __delay_us({width}); RB{pin} = 0;" for pin in pins)
+        lines.append(f"for (n = 0; n < {frames}; n++) {{ {pulses} __delay_ms(2); }}")
+    return "\n".join([*lines, "}", "}", ""])
+
+
+@pytest.fixture
+def grade_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Grade]:
+    """`grade_of(text)`: the grade of a C program, which is compiled and run in this process."""
+    monkeypatch.setattr(isolation, "can_fork", lambda: False)
+    lab, source = tmp_path / "lab.toml", tmp_path / "main.c"
+    lab.write_text(SMALL_LAB)
+
+    def graded(text: str) -> Grade:
+        source.write_text(text)
+        task = GradingTask(load_lab(str(lab)), read_submission)
+        (done,) = grade_submissions([Submission("main.c", source, tmp_path)], task)
+        assert not done.defect, done.defect
+        return done.grade
+
+    return graded
+
+
+def lines_at_work(grade: Grade) -> tuple[float, str]:
+    """The moment of the film in ms, and the source line that is at work then."""
+    assert grade.film is not None and grade.film.source is not None
+    source = grade.film.source
+    return grade.film.moment_us / 1000, source.lines[source.line - source.first]
+
+
+def test_a_right_program_passes_and_repeats_if_the_whole_chip_does(grade_of: Callable[[str], Grade]) -> None:
+    """A counter of 16 bits that counts rounds of 0.4 s is never twice the same in the second of the watch."""
+    right = both(LOW_US, HIGH_US)
+    grade = grade_of(right)
+    assert (grade.reasons, grade.repeats, grade.film) == ((), True, None)
+    assert grade.pins == (("arm", "RB0"), ("leg", "RB1"))
+    counting = right.replace("unsigned char n;", "unsigned char n; unsigned k;").replace(
+        "while (1) {", "while (1) { k++;"
+    )
+    grade = grade_of(counting)
+    assert (grade.reasons, grade.repeats, grade.film) == ((), False, None)
+
+
+def test_a_right_program_is_remarked_for_what_other_chips_may_do(grade_of: Callable[[str], Grade]) -> None:
+    """The latches are not known at power-up; here the pins are driven to them for 100 µs."""
+    grade = grade_of(both(LOW_US, HIGH_US).replace(" PORTB", " __delay_us(100); PORTB", 1))
+    assert grade.reasons == ()
+    remarks = [each.message for each in grade.remarks]
+    assert any(each.startswith("other chips may behave differently: RB0, RB1") for each in remarks), remarks
+
+
+def test_the_film_of_a_wrong_position_begins_with_its_first_pulse(grade_of: Callable[[str], Grade]) -> None:
+    wrong = both(LOW_US, HIGH_US, FAR_US, HIGH_US)
+    grade = grade_of(wrong)
+    assert not grade.passed
+    moment, line = lines_at_work(grade)
+    assert line == wrong.splitlines()[9] and "1750" in line
+    # 40 frames of two pulses and 2 ms each; up to 50 µs for the instructions around them.
+    assert moment == pytest.approx(40 * (2 * 1.5 + 2) + 40 * (2 * 1.556 + 2), abs=40 * 2 * 0.05)
+
+
+def test_the_film_of_a_servo_without_pulses_begins_with_the_first_pulse_of_the_other(
+    grade_of: Callable[[str], Grade],
+) -> None:
+    """There is no wrong moment, but there are pulses; other pins than the servos' do not count."""
+    text = both(LOW_US, HIGH_US, pins=[1]).replace(
+        "PORTB = 0;", "PORTB = 0; __delay_ms(100); RB5 = 1; RB5 = 0;"
+    )
+    text = text.replace("while (1) {", "__delay_ms(200);\nwhile (1) {")
+    grade = grade_of(text)
+    assert any("there are no pulses for the servo 'arm' on RB0" in each for each in grade.reasons)
+    moment, line = lines_at_work(grade)
+    assert "RB1 = 1; __delay_us(1500)" in line
+    assert moment == pytest.approx(300, abs=1)
+    assert grade.film is not None
+    assert [row.pin for row in grade.film.rows] == [PINS.index("RB0"), PINS.index("RB1")]
+    assert grade.film.rows[0].rise_us == () and grade.film.rows[1].rise_us[0] / 1000 == moment
+
+
+def test_the_film_of_a_program_without_pulses_begins_at_reset_with_the_line_in_which_it_ends(
+    grade_of: Callable[[str], Grade],
+) -> None:
+    """What it does at the end of the watch is what it hangs in."""
+    hung = both(LOW_US).replace("while (1) {", "while (RB7 == 0)\n  ;\nwhile (1) {", 1)
+    grade = grade_of(hung)
+    assert any("there are no pulses for the servo 'arm' on RB0" in each for each in grade.reasons)
+    moment, line = lines_at_work(grade)
+    assert (moment, line) in ((0, "while (RB7 == 0)"), (0, "  ;"))
+    assert grade.film is not None and grade.film.end_us == 1e6
