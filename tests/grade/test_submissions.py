@@ -1,5 +1,6 @@
 """A student's program includes only regular files of the student's own; what lies elsewhere stays unread."""
 
+import errno
 import os
 import socket
 from collections.abc import Callable
@@ -9,8 +10,8 @@ import pytest
 
 from servogen.build.grading import GradingTask, grade_submissions
 from servogen.cli.grade_commands import IMAGES, SOURCES
-from servogen.errors import InputError
-from servogen.grade import Submissions, find_submissions, load_lab, submissions
+from servogen.errors import Diagnostic, InputError, Location
+from servogen.grade import Submission, Submissions, find_submissions, load_lab, submissions
 from servogen.isolation import WorkLimits
 from servogen.programs import read_submission
 
@@ -399,3 +400,58 @@ def test_an_included_name_is_found_as_it_is_written_or_in_other_capitals(tmp_pat
     (tmp_path / "FAR.INC").symlink_to("/etc/passwd")
     with pytest.raises(InputError, match=OUTSIDE):
         program.included("far.inc", main, in_any_case=True)
+
+
+def refusal(program: Submission, name: str) -> Diagnostic:
+    """Why the program must not include a file."""
+    with pytest.raises(InputError) as refused:
+        program.included(name, str(program.file))
+    return refused.value.first
+
+
+def test_a_program_without_a_folder_of_its_own_is_told_how_to_get_one(classroom: Path) -> None:
+    """What is not there is not found, for whoever asks; a link that leads nowhere is there."""
+    (classroom / "eva.c").write_text(SOLUTION)
+    (classroom / "gone.h").symlink_to("nowhere")
+    program = Submission("ana.c", classroom / "ana.c", None)
+    assert program.included("missing.h", str(program.file)) is None
+    for name in ("eva.c", "gone.h"):
+        told = refusal(program, name)
+        assert (told.code, told.location) == ("include-refused", Location(f"{classroom}/{name}"))
+        assert told.message.startswith("is not included: other programs lie beside this one")
+        assert told.hint is not None and "--level 0" in told.hint
+
+
+@pytest.mark.parametrize("make", [fifo, unix_socket, Path.mkdir], ids=["fifo", "socket", "dir"])
+def test_what_is_not_a_regular_file_is_not_opened(classroom: Path, make: Callable[[Path], None]) -> None:
+    odd = classroom / "ana" / "odd.h"
+    make(odd)
+    told = refusal(Submission("main.c", classroom / "ana" / "main.c", classroom / "ana"), "odd.h")
+    assert (told.code, told.message, told.location) == ("not-a-file", NOT_REGULAR, Location(str(odd)))
+    with pytest.raises(InputError, match=NOT_REGULAR):
+        Submission("odd.h", odd, classroom / "ana").require_readable()
+
+
+def test_a_file_that_cannot_be_looked_at_says_why(classroom: Path) -> None:
+    """255 bytes are the longest name on Linux; of a shorter one that is not there nothing is said."""
+    program = Submission("main.c", classroom / "ana" / "main.c", classroom / "ana")
+    assert program.included("a" * 255, str(program.file)) is None
+    told = refusal(program, "a" * 256)
+    assert (told.code, told.message) == ("unreadable-file", "cannot be read: File name too long")
+    assert told.location == Location(f"{classroom}/ana/{'a' * 256}")
+
+
+def test_a_link_that_cannot_be_followed_is_no_folder(
+    classroom: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as one to a device that fails: the search goes on, and the link is judged as a program."""
+    is_dir, link = Path.is_dir, classroom / "ana" / "main.c"
+    link.symlink_to("../dan/main.c")
+
+    def failing(self: Path) -> bool:
+        if self == link:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return is_dir(self)
+
+    monkeypatch.setattr(Path, "is_dir", failing)
+    assert names(find(classroom)) == ["ana/main.c", "dan/main.c", "eva/main.asm"]

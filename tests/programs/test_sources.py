@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
+from servogen.grade import Submission
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import ListedFunction, Listing
@@ -28,6 +29,7 @@ from servogen.programs import (
     read_program,
     read_schedule,
     read_source,
+    read_submission,
 )
 from servogen.units import Clock
 
@@ -183,3 +185,32 @@ def test_a_schedule_of_more_than_16_mib_is_not_read(tmp_path: Path) -> None:
     os.truncate(file, (16 << 20) + 1)
     with pytest.raises(InputError, match=r"schedule\.json: error: is larger than 16 MiB"):
         read_schedule(file)
+
+
+def test_a_submission_includes_what_its_folder_holds_in_c_as_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "own.h").write_text("#define FIVE 5\n")
+    (tmp_path / "inc").mkdir()
+    (tmp_path / "inc" / "deep.h").write_text('#include "../own.h"\n')
+    main = tmp_path / "main.c"
+    main.write_text('#include "inc/deep.h"\nvoid main(void) { PORTB = FIVE; while (1) ; }\n')
+    program = Submission("main.c", main, tmp_path)
+    assert read_submission(program).image == compile_program(main).image
+    assert 0x3005 in read_submission(program).image.program.values(), "MOVLW 5"
+    assert read_submission(program).listing is not None
+    for name, reason in (("OWN.H", "'OWN.H' was not found"), ("gone.h", "'gone.h' was not found")):
+        main.write_text(f'#include "{name}"\nvoid main(void) {{ while (1) ; }}\n')
+        with pytest.raises(InputError, match=rf"main\.c:1:1: error: .*{reason}"):
+            read_submission(program)
+
+
+def test_a_submission_in_assembly_includes_names_as_dos_writes_them(tmp_path: Path) -> None:
+    (tmp_path / "inc").mkdir()
+    (tmp_path / "inc" / "Own.inc").write_text("five equ 5\n")
+    main = tmp_path / "main.asm"
+    for name in ("inc/Own.inc", "inc/OWN.INC", "inc\\own.inc"):
+        main.write_text(f' include "{name}"\n movlw five\n end\n')
+        program = read_submission(Submission("main.asm", main, tmp_path))
+        assert dict(program.image.program) == {0: 0x3005}
+    main.write_text(' include "gone.inc"\n end\n')
+    with pytest.raises(InputError, match=r"main\.asm:1:.*'gone\.inc' not found"):
+        read_submission(Submission("main.asm", main, tmp_path))
