@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -375,9 +377,28 @@ def test_which_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept_at(10_000) == [*range(0, 4801, 800), *range(5900, 8301, 800), *range(9100, 10_001, 100)]
     # In the thinned past, all of the 1000 cycles before the moment are kept again.
     assert kept_at(2300)[:12] == [0, 800, *range(1600, 2301, 100), 2400, 3200]
-    # Instructions before these 1000 cycles are looked for in steps that are as short again.
-    assert [tuple(row[:2]) for row in chip.executed(400).tolist()] == [(at, 0) for at in range(1500, 2300, 2)]
-    assert chip._at[:17] == [0, *range(800, 2301, 100)]
+
+
+def test_instructions_of_the_thinned_past_are_run_again_a_short_way_at_a_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A snapshot each 100 cycles, of older ones than 1000 cycles fewer. Each GOTO takes two cycles."""
+    for name, value in (("SPACING_S", Fraction(1, 10_000)), ("RECENT_S", Fraction(1, 1000))):
+        monkeypatch.setattr(time_machine, name, value)
+    monkeypatch.setattr(time_machine, "MAX_SNAPSHOTS", 40)
+    chip = TimeMachine(image("end_ goto end_\n"), CLOCK)
+    chip.seek(20_000)
+    chip.seek(next(after for before, after in pairwise(chip._at) if after - before > 200))
+    end, observe, begun = int(chip.now), Machine.observe, list[int]()
+
+    def observed(machine: Machine, *given: Any) -> Any:
+        begun.append(int(machine.cycles))
+        return observe(machine, *given)
+
+    monkeypatch.setattr(Machine, "observe", observed)
+    rows = chip.executed(10)[:, :2].tolist()
+    assert rows == [[at, 0] for at in range(end - 20, end, 2)]
+    assert min(begun) >= end - 200
 
 
 @pytest.mark.parametrize(("most", "found"), [(2, False), (3000, True)])
