@@ -12,6 +12,7 @@ from servogen.pulse.plan import plan
 
 JOBS = Path(__file__).parents[2] / "jobs"
 TEXT = (JOBS / "omni-square.toml").read_text("utf-8")
+CORNERS = next(line for line in TEXT.splitlines() if line.startswith("corners_mm"))
 
 
 def made(*replacements: tuple[str, str]) -> PlannedJob:
@@ -133,6 +134,24 @@ def test_a_drive_that_is_too_fast_says_how_fast_it_may_be() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("keys", "key"),
+    [
+        (CORNERS, "corners_mm"),
+        ('routines = [{ name = "translation", direction_deg = 0, distance_mm = 300 }]', "routines"),
+    ],
+)
+def test_a_drive_of_too_many_frames_is_refused_at_the_key_that_says_where_it_goes(
+    keys: str, key: str
+) -> None:
+    """At 0.02 mm/s and 20 ms a frame 300 mm take 750,000 frames."""
+    line = TEXT.splitlines().index(CORNERS) + 1
+    assert error_of((CORNERS, keys), ("speed_mm_s = 100", "speed_mm_s = 0.02")) == (
+        f"job.toml:{line}:1: error: drive.{key}: the drive is more than 500000 frames long "
+        "[too-many-frames]\n  raise its speed"
+    )
+
+
 def test_poses_give_a_wheel_its_speed() -> None:
     text = (
         TEXT.split("[drive]")[0]
@@ -143,9 +162,6 @@ def test_poses_give_a_wheel_its_speed() -> None:
     assert [pulse.width for pulse in run.pulses if pulse] == [1600, 1500, 1450]
     with pytest.raises(InputError, match="'wheel1_deg' is not given in deg: write wheel1_deg_s"):
         plan_job(loads(text.replace("wheel1_deg_s", "wheel1_deg"), "job.toml"))
-
-
-CORNERS = next(line for line in TEXT.splitlines() if line.startswith("corners_mm"))
 
 
 def by_routines(*rows: str, more: str = "") -> PlannedJob:
