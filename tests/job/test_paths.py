@@ -150,6 +150,54 @@ def test_a_line_that_closes_a_loop_on_another_branch_is_refused_at_its_end() -> 
     assert "at its end, (500.000, 0.000, 400.000) mm" in said
 
 
+def test_the_pose_at_the_end_of_a_line_keeps_the_elbow_that_the_line_has() -> None:
+    """The line takes q1 from 60° to -30° with the elbow at 30° at both ends. With the elbow at -30° the last
+    point would be nearer: q1 would go to -30° + 2 atan2(300 sin 30°, 400 + 300 cos 30°) = -4.4°.
+    """
+    tip = 400 * np.exp(1j * math.radians(-30)) + 300
+    job = made(
+        read(
+            "sc-job.toml",
+            ('name = "sc.toml"', 'name = "scara"'),
+            ("s1_deg = 160, s2_deg = 230", "s1_deg = 240, s2_deg = 210"),
+            (
+                "{ tip_mm = [300, 100, 350],",
+                f"{{ tip_mm = [{tip.real:.9f}, {tip.imag:.9f}, 350],",
+            ),
+            ("move_s = 2 },\n", "move_s = 2 },\n{ s3_deg = 60, move_s = 0.1 },\n"),
+        )
+    )
+    angles = np.degrees(job.trajectory.angles)
+    assert angles[99] == pytest.approx([150, 210, 100, 180], abs=1e-6)
+    assert angles[-1] == pytest.approx([150, 210, 60, 180], abs=1e-6)
+    assert (angles[:, 1] > 209.9).all()
+
+
+def test_a_point_that_is_reached_in_too_many_ways_is_refused_at_its_key(tmp_path: Path) -> None:
+    """Two elbows, and 150 turns of each of two joints: 45,000 ways."""
+    (tmp_path / "turns.toml").write_text(
+        'name = "turns"\nlike = "theta1-theta2"\n'
+        + "".join(f'[[joint]]\nname = "q{n}"\nlower_deg = 0\nupper_deg = 54_000\n' for n in (1, 2))
+    )
+    (tmp_path / "far.toml").write_text(read("big.toml", ("angle_deg = 360", "angle_deg = 54_000")))
+    servos = "".join(
+        f'[[servo]]\nname = "s{n}"\npin = "RB{n}"\nmodel = "far.toml"\njoint = "q{n}"\nzero_deg = 0\n'
+        for n in (1, 2)
+    )
+    with pytest.raises(ServogenError) as caught:
+        plan_job(
+            loads(
+                f'[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n[robot]\nname = "turns.toml"\n{servos}'
+                "[motion]\nposes = [\n    { tip_mm = [300, 100, 0] },\n]\n",
+                str(tmp_path / "job.toml"),
+            )
+        )
+    assert str(caught.value).replace(f"{tmp_path}/", "") == (
+        "job.toml:20:7: error: motion.poses[1].tip_mm: turns reaches this target in more than 10000 ways: "
+        "its joints have so many turns of travel [out-of-reach]\n  narrow the limits of its joints"
+    )
+
+
 def test_a_path_too_steep_for_the_joints_limits_is_given_up_with_a_true_hint(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
