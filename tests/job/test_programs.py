@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, plan_job
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk_position
 from servogen.pulse.plan import plan
@@ -103,6 +103,11 @@ def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
             "program.hand.servo: there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'",
         ),
         ('servo = "hand"', 'servo = "roll"', "program.hand.servo: 'roll' already turns a joint of the arm"),
+        (
+            'model = "mpx-tiny-s"',
+            'model = "continuous"',
+            "program.hand.servo: 'hand' turns continuously: a hand needs angles [wrong-servo-kind]",
+        ),
         ("closed_deg = 110", "closed_deg = 210", "program.hand.closed_deg: hand cannot go to 210°"),
         ('joint = "q5"\nzero_deg = 0', "", "program: no servo turns the joint 'q5'"),
         (
@@ -128,6 +133,63 @@ def test_what_is_wrong_in_the_job_is_said_with_its_key(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     assert message in error_of(tmp_path, "10 TI 5", (old, new))
+
+
+@pytest.mark.parametrize("robot", ["", '[robot]\nname = "omni"\n'])
+def test_a_program_without_an_arm_is_refused(tmp_path: Path, robot: str) -> None:
+    model = "continuous" if robot else "futaba-s3001"
+    head = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
+    servo = f'[[servo]]\nname = "waist"\npin = "RB0"\nmodel = "{model}"\n'
+    with pytest.raises(InputError) as caught:
+        plan_job(loads(f'{head}{servo}{robot}[program]\nfile = "p.rvm"\n', str(tmp_path / "job.toml")))
+    assert str(caught.value) == (
+        f"{tmp_path}/job.toml:{10 if robot else 8}:1: error: program: a program moves an arm "
+        '[missing-robot]\n  add [robot] name = "rv-m1"'
+    )
+
+
+@pytest.mark.parametrize(
+    ("speed", "tool", "message"),
+    [
+        ("speed_deg_s = 9", "z_mm = 1", ""),
+        (
+            "speed_deg_s = 9",
+            "x_mm = 1",
+            "own's tool is not on its approach axis: TL sets a length along it [wrong-robot-kind]",
+        ),
+        (
+            "",
+            "z_mm = 1",
+            "the maximum speed of own's joint turn is not known [no-speed]\n"
+            "  state its speed_deg_s in the robot's file, or bind it to a servo with a known speed",
+        ),
+    ],
+)
+def test_an_arm_that_the_language_cannot_move_is_refused_at_the_program(
+    tmp_path: Path, speed: str, tool: str, message: str
+) -> None:
+    (tmp_path / "own.toml").write_text(
+        'name = "own"\nconvention = "standard"\n'
+        f'[[joint]]\nname = "turn"\nlower_deg = 0\nupper_deg = 90\n{speed}\n'
+        f'[[row]]\njoint = "turn"\na_mm = 100\n[tool]\n{tool}\n'
+    )
+    (tmp_path / "slow.toml").write_text(
+        'title = "no speed"\n'
+        "points = [{ angle_deg = 0, width_us = 600 }, { angle_deg = 90, width_us = 2400 }]\n"
+    )
+    (tmp_path / "p.rvm").write_text("10 ED\n")
+    text = (
+        '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n[robot]\nname = "own.toml"\n'
+        '[[servo]]\nname = "s"\npin = "RB0"\nmodel = "slow.toml"\njoint = "turn"\nzero_deg = 0\n'
+        '[program]\nfile = "p.rvm"\n'
+    )
+    job = loads(text, str(tmp_path / "job.toml"))
+    if not message:
+        assert plan_job(job).trajectory.joints == ("s",)
+        return
+    with pytest.raises(InputError) as caught:
+        plan_job(job)
+    assert str(caught.value) == f"{tmp_path}/job.toml:12:1: error: program: {message}"
 
 
 def test_a_job_has_one_kind_of_motion(tmp_path: Path) -> None:
