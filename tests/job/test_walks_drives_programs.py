@@ -200,6 +200,50 @@ def test_a_walk_that_cannot_be_is_refused(text: str, said: str) -> None:
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("leg", "legs", "message"),
+    [
+        (
+            "",
+            LEGS[:5],
+            "no servo turns the joint 'R3_alpha' [joint-binding]\n  add joint = \"R3_alpha\" to a servo",
+        ),
+        (
+            'leg = "L2"\n',
+            ("L3",),
+            "no servo turns the joint 'L2_alpha' [joint-binding]\n  add joint = \"L2_alpha\" to a servo",
+        ),
+        (
+            'leg = "L2"\n',
+            ("L2", "L3"),
+            "the motion does not move a joint 'L3_alpha' [unknown-joint]\n  did you mean 'L2_alpha'?",
+        ),
+    ],
+)
+def test_the_servos_of_a_walk_are_those_of_its_legs(leg: str, legs: tuple[str, ...], message: str) -> None:
+    line = len((HEAD + servos("", legs) + "[robot]\nname\n").splitlines()) + 1
+    with pytest.raises(InputError) as caught:
+        walk(f"{leg}body_height_mm = 130\ncycle_s = 0.5\nroute = [{{ cycles = 1 }}]", legs=legs)
+    assert str(caught.value) == f"job.toml:{line}:1: error: walk: {message}"
+
+
+def test_a_walk_on_command_that_no_walk_of_whole_cycles_stops_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One cycle is enough for this gait; none is not."""
+    text = 'leg = "L2"\nbody_height_mm = 130\ncycle_s = 0.48\ncommands = { forward_mm = 20 }'
+    monkeypatch.setattr("servogen.job.walks.MAX_COMMANDED_CYCLES", 2)
+    assert len(walk(text, legs=("L2",)).directions) == 2
+    monkeypatch.setattr("servogen.job.walks.MAX_COMMANDED_CYCLES", 1)
+    line = len((HEAD + servos("", ("L2",)) + "[robot]\nname\n[walk]\n" + text).splitlines())
+    with pytest.raises(InputError) as caught:
+        walk(text, legs=("L2",))
+    assert str(caught.value) == (
+        f"job.toml:{line}:1: error: walk.commands: the walk cannot be stopped: its gait leaves a leg behind "
+        "[endless-motion]"
+    )
+
+
 def test_a_walk_on_command_has_two_directions_for_each_step_and_notes_their_frames() -> None:
     planned = walk(
         "body_height_mm = 130\ncycle_s = 0.48\ncompensate = false\n"
