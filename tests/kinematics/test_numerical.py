@@ -12,6 +12,7 @@ from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.numerical import NumericalSolution, improved, limits, search
+from servogen.kinematics.inverse.solve import solutions_near
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.orientation import rotation_vector
 from servogen.kinematics.transforms import wrapped
@@ -56,6 +57,23 @@ def test_a_target_out_of_reach_is_given_up_after_forty_starts(monkeypatch: pytes
     rows.clear()
     search(SCARA, np.tile([9.0, 0.0, 0.0], (600, 1)), starts=3)
     assert rows == [600, 600, 600]
+
+
+def test_the_solution_near_a_configuration_is_searched_from_there_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In the turn of the start, with the elbow on its side; one search, even for a target out of reach."""
+    waist, *others = SCARA.joints
+    robot = replace(SCARA, closed_form=None, joints=(replace(waist, lower=-9.0, upper=9.0), *others))
+    wanted = np.array([[0.4, 0.8, 0.1, 0.0], [0.4 + 2 * np.pi, -0.8, 0.1, 0.0]])
+    near = wanted + np.array([0.05, -0.1, 0.01, 0.0])
+    found = solutions_near(robot, fk_position(robot, wanted), None, near)
+    assert found.shape == (2, 1, 4)
+    assert found[:, 0, :3] == pytest.approx(wanted[:, :3], abs=1e-6)
+    monkeypatch.setattr(numerical, "_descend", lambda robot, q, *rest: q)  # no descent could help
+    rows = counted(monkeypatch, "_descend")
+    assert np.isnan(solutions_near(robot, [[9.0, 0.0, 0.0]], None, near[:1])).all()
+    assert rows == [1]
 
 
 def test_all_starts_but_the_first_are_random(monkeypatch: pytest.MonkeyPatch) -> None:

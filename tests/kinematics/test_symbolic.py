@@ -1,5 +1,6 @@
 """Symbolic kinematics: the table's forms, and the numeric code against it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from servogen.kinematics.symbolic import (
     symbolic_jacobian,
     text_of,
 )
+from servogen.robot.model import DHRow, Length
 
 # what the specification prints, with the joints' and lengths' names
 POSITIONS = {
@@ -101,6 +103,20 @@ def test_the_numeric_jacobian_is_the_symbolic_one(any_arm, configurations, frame
         np.testing.assert_allclose(jacobian(any_arm, q, 0 if frame == "0" else "n"), expected, atol=1e-14)
 
 
+def test_a_row_without_a_joint_moves_nothing() -> None:
+    """A link of l1 with 50 mm at a right angle at its end: the tool's x axis is across the link."""
+    plain = arm("theta1-theta2")
+    bend = DHRow(theta=np.pi / 2, d=Length((), 0.02), a=Length((), 0.05), alpha=0.0, joint=None)
+    robot = replace(plain, joints=plain.joints[:1], rows=(plain.rows[0], bend), closed_form=None)
+    across, along = "-l1*sin(q1) - cos(q1)/20", "l1*cos(q1) - sin(q1)/20"
+    column = sympy.Matrix([real(across), real(along), 0, 0, 0, 1])
+    assert sympy.simplify(symbolic_jacobian(robot) - column) == sympy.zeros(6, 1)
+    assert list(symbolic_jacobian(robot, "n")) == [real("l1"), real("1/20"), 0, 0, 0, 1]
+    q1 = 0.4
+    expected = [-0.3 * np.sin(q1) - 0.05 * np.cos(q1), 0.3 * np.cos(q1) - 0.05 * np.sin(q1), 0, 0, 0, 1]
+    assert jacobian(robot, [q1])[:, 0] == pytest.approx(expected)
+
+
 def test_lab_7_in_its_own_end_frame() -> None:
     expected = [
         ["0", "l2*sin(q3)", "0"],
@@ -145,5 +161,6 @@ def test_text_latex_and_c() -> None:
     product = symbolic_fk(arm("theta-r")).product
     assert text_of(product, "c").splitlines()[1] == "T[0][1] = -cos(q1);"
     assert text_of(position[0], "c", "x") == "x = q2*sin(q1);"
+    assert text_of(position[0]) == "q2*sin(q1)"
     with pytest.raises(InputError, match="is not a style"):
         text_of(position, "html")

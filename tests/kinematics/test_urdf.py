@@ -1,6 +1,7 @@
 """URDF: out and back gives the same arm; what is no serial chain is refused."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,14 @@ def test_every_arm_and_the_leg_come_back(any_arm, configurations) -> None:
         assert (other.lower, other.upper) == pytest.approx((joint.lower, joint.upper))
     q = configurations(any_arm, 100)
     np.testing.assert_allclose(fk(again, q), fk(any_arm, q), atol=1e-11)
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(b"<robot name='\xff'/>")
+    with pytest.raises(InputError) as caught:
+        arm(str(path))
+    assert str(caught.value) == f"{path}: error: is not UTF-8 text [not-utf8]"
 
 
 LINKS = '<link name="base"/><link name="upper"/><link name="hand"/>'
