@@ -6,14 +6,17 @@ d5 c234), K = a2 c2 + a3 c23 + d5 s234, with d1 300, a2 250, a3 160, d5 72 mm.
 
 import re
 from collections.abc import Callable
-from math import acos, cos, degrees, radians, sin
+from dataclasses import replace
+from math import acos, cos, degrees, radians, sin, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import ProgramRun
+from servogen.kinematics.inverse.solve import solutions_near
+from servogen.movemaster import ProgramRun, manipulator
 from servogen.movemaster import arm as movemaster_arm
 from tests.movemaster.conftest import full_turns
 
@@ -160,6 +163,31 @@ def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -
         "(0.000, 146.833, 350.000) mm: "
     )
     assert "but not in this orientation" in said  # the hand would have to point another way
+
+
+def test_ms_ends_where_the_branch_does_that_a_numerical_method_follows(
+    refused: Refused, ran: Ran, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The elbow bends to 60°: there the tool is √(300² + 200² + 2 · 300 · 200 cos 60°) mm from the axis. Bent
+    the other way it would reach farther in.
+    """
+
+    def one_elbow(*asked: Any) -> np.ndarray:
+        found = solutions_near(*asked)
+        return np.where(found[..., 1:] > 0, found, np.nan)
+
+    monkeypatch.setattr(movemaster_arm, "solutions_near", one_elbow)
+    plain = arm("theta1-theta2")
+    shoulder, elbow = plain.joints
+    elbow = replace(elbow, lower=-2.0, upper=radians(60), home=radians(40))
+    robot = manipulator(replace(plain, joints=(shoulder, elbow)), (1.0, 1.0))
+    text = "PD 1, 470, 0, 0, 0, 0\nPD 2, 400, 0, 0, 0, 0\n10 MO 1\n20 {}"
+    assert refused(text.format("MS 2, 7"), robot=robot) == (
+        "a.rvm:4:4: error: program line 20: the straight line to position 2 leaves what the arm reaches at "
+        f"({sqrt(300**2 + 200**2 + 300 * 200):.3f}, 0.000, 0.000) mm: the arm is at the limit of its reach "
+        "[leaves-reach]\n  MO goes to position 2 through joint space"
+    )
+    assert ran(text.format("MO 2"), robot=robot).trajectory.angles[-1, 1] < 0
 
 
 def test_ms_that_would_change_the_branch_is_refused_at_the_place(refused: Refused) -> None:

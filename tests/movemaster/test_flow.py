@@ -6,7 +6,11 @@ from fractions import Fraction
 import pytest
 
 from servogen.errors import InputError
-from servogen.movemaster import Budget, PortInput, ProgramRun, input_of
+from servogen.kinematics.catalogue import arm
+from servogen.movemaster import Budget, PortInput, ProgramRun, input_of, manipulator
+from servogen.movemaster.arm import Mover
+from servogen.movemaster.interpreter import Controller
+from servogen.movemaster.memory import InputPort
 
 Ran = Callable[..., ProgramRun]
 Refused = Callable[..., str]
@@ -142,6 +146,12 @@ def test_rn_runs_from_a_line_up_to_not_including_another(ran: Ran) -> None:
     assert ran(program + "RN 20, 40").counters == {2: 1, 3: 1}
     assert ran(program + "RN 30").counters == {3: 1, 4: 1}
     assert ran(program + "RN 10, 20\nRN 10, 20").counters == {1: 2}
+
+
+def test_no_program_runs_before_rn() -> None:
+    mover = Mover(manipulator(arm("rv-m1")), None, Fraction(1, 50), Fraction(10))
+    with pytest.raises(InputError, match=r"no program is running \[no-program\]$"):
+        _ = Controller(mover, InputPort((), Fraction(1, 50)), 10).flow
 
 
 def test_direct_lines_are_carried_out_in_order(ran: Ran) -> None:
