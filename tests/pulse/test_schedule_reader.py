@@ -288,3 +288,13 @@ def test_a_text_that_is_not_a_schedule(text: str, message: str, line: int | None
     place = caught.value.location
     assert place is not None
     assert (place.file, place.line, place.column) == ("s.json", line, column)
+
+
+def test_a_number_of_more_digits_than_python_reads_is_an_error_of_the_file() -> None:
+    with pytest.raises(
+        InputError, match=r"^s\.json: error: JSON syntax: Exceeds the limit \(4300 digits\)"
+    ) as caught:
+        from_json(f'{{"version": {"1" * 4301}}}', "s.json")
+    assert caught.value.code == "json-syntax"
+    with pytest.raises(InputError, match="'clock_hz' is missing"):
+        from_json(f'{{"version": {"1" * 4300}}}', "s.json")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from servogen.errors import InputError
+from servogen.errors import InputError, ToolError
 from servogen.job import load, plan_job
 from servogen.robot.calibration import Fit, Reading, calibration_text, fit, write_calibration
 
@@ -85,6 +85,14 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
         (
             [(1000, 0), (1250, 54), (1500, 90), (1750, 135), (2000, 180)],
             r"reading 2 \(54° at 1250 µs\) is 9.0° off the line of the others",
+        ),
+        (
+            [(1000, 90), (1500, 90), (2000, 90), (2500, 150)],
+            r"reading 2 \(90° at 1500 µs\) does not rise from reading 1 \(90° at 1000 µs\), as the others do",
+        ),
+        (
+            [(1000, 0), (1500, 20), (2000, 0)],
+            r"reading 3 \(0° at 2000 µs\) does not rise from reading 2 \(20° at 1500 µs\)",
         ),
         ([(w, (w - 1000) ** 2 / 5555) for w in (1000, 1250, 1500, 1750, 2000)], "not on a straight line"),
     ],
@@ -167,6 +175,18 @@ def test_old_files_are_kept_each_under_a_name_of_its_own(tmp_path: Path) -> None
     assert kept == [None, tmp_path / "arm.toml.1.bak", tmp_path / "arm.toml.2.bak"]
     found = {file.name: file.read_text() for file in tmp_path.iterdir()}
     assert found == {"arm.toml": "three\n", "arm.toml.1.bak": "one\n", "arm.toml.2.bak": "two\n"}
+
+
+def test_a_file_whose_old_contents_cannot_be_kept_is_not_overwritten(tmp_path: Path) -> None:
+    """The longest name of a file is 255 bytes, so NAME.1.bak has two too many."""
+    path = tmp_path / ("n" * 251)
+    path.write_text("old\n")
+    with pytest.raises(ToolError) as caught:
+        write_calibration(path, "new\n")
+    assert str(caught.value) == (
+        f"{path}.1.bak: error: the old file cannot be kept: File name too long [write-failed]"
+    )
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {path.name: "old\n"}
 
 
 def test_a_failing_disk_leaves_the_old_file_and_nothing_else(

@@ -109,6 +109,16 @@ def test_what_a_check_of_the_model_says_is_said() -> None:
     assert validate(parse("number = 4\n", "r.toml"), Even).number == 4
 
 
+def test_a_rule_without_words_of_its_own_is_said_in_those_of_pydantic() -> None:
+    class Fives(Table):
+        number: int = Field(multiple_of=5)
+
+    assert refused("number = 7\n", Fives) == (
+        "1:1: error: number: 7: Input should be a multiple of 5 [not-allowed]"
+    )
+    assert validate(parse("number = 10\n", "r.toml"), Fives).number == 10
+
+
 def test_a_dictionary_takes_any_names_and_checks_their_values() -> None:
     assert (
         refused("[robot]\n[labels]\na = 1.5\n")
