@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -40,6 +42,31 @@ def test_the_tool_of_an_arm_is_where_forward_kinematics_has_it(name: str) -> Non
         data.qpos[:] = rng.uniform(low, high)
         mujoco.mj_kinematics(model, data)
         assert data.site("tool").xpos == pytest.approx(fk_position(chosen, data.qpos), abs=1e-8)
+
+
+def test_a_row_that_follows_a_joint_is_a_joint_that_is_held_to_it() -> None:
+    """The slider mechanism of the leg turns its foot part back by what β turns."""
+    chosen = arm("leg")
+    text = bodies(chosen).text.replace("<compiler ", '<compiler boundmass="1e-6" boundinertia="1e-9" ')
+    model, data = loaded(text)
+    assert [model.joint(index).name for index in range(model.njnt)] == ["alpha", "beta", "beta_3"]
+    assert model.jnt_limited.tolist() == [1, 1, 0]
+    for alpha, beta, off in ((0.3, 0.5, 0.0), (-0.8, -0.4, 0.0), (0.2, 0.6, 0.1)):
+        data.qpos[:] = [alpha, beta, off - beta]
+        mujoco.mj_forward(model, data)
+        assert (data.ne, data.efc_pos[0]) == (1, pytest.approx(off))
+        if not off:
+            assert data.site("tool").xpos == pytest.approx(fk_position(chosen, [alpha, beta]), abs=1e-8)
+
+
+def test_a_robot_of_another_kind_is_refused_with_the_kinds_that_are_modelled() -> None:
+    rails = cast(Any, SimpleNamespace(name="tram", kind="rails"))
+    with pytest.raises(InputError) as caught:
+        bodies(rails)
+    assert str(caught.value) == (
+        "servogen: error: tram is of the kind 'rails': its bodies are not modelled [wrong-robot-kind]\n"
+        "  bodies are modelled for the kinds arm, hexapod, omni"
+    )
 
 
 @pytest.mark.parametrize("name", ["scara", "rv-m1", "anthropomorphic"])

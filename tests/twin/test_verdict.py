@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,8 +15,12 @@ import pytest
 from servogen.edges import edge_chunk
 from servogen.errors import Diagnostic, InputError
 from servogen.job.schema import ExpectTable
+from servogen.kinematics.catalogue import robot
+from servogen.kinematics.protocol import DrivingRobot
+from servogen.report.drawing import PALETTE
 from servogen.simulator import Levels, Stimuli
 from servogen.simulator.layout import PACK_CYCLE, PACK_PIN
+from servogen.twin import pictures
 from servogen.twin.causes import Event, EventKind, brown_out, events_of, fallen_at
 from servogen.twin.ground import Ground
 from servogen.twin.pictures import (
@@ -25,6 +30,7 @@ from servogen.twin.pictures import (
     lines_through,
     page_facts,
     servo_rows,
+    twin_plot,
     twin_scene,
 )
 from servogen.twin.planned import PlannedRoute
@@ -34,6 +40,10 @@ from servogen.twin.sensors import Feed
 from servogen.twin.supply import Supply
 from servogen.twin.verdict import ExpectationCheck, TwinVerdict, verdict_of
 from servogen.units import Clock
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SAMPLES, STEP_S = 100, 0.005
 FIRST = 20  # the motion begins at 0.1 s
@@ -617,6 +627,96 @@ def test_an_arm_is_one_line_from_its_base_to_its_tool() -> None:
     places = {"one": np.array([[1.0, 0.0, 0.0]]), "two": np.array([[2.0, 0.0, 0.0]])}
     (line,) = lines_through(arm, places, np.zeros((1, 0, 3)), np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)))
     assert np.asarray(line.frames[0])[:, 0].tolist() == [0, 1, 2, 3]
+
+
+def test_a_base_on_wheels_is_its_outline_at_its_pose() -> None:
+    """At (1, 2) m, turned by 90°: what was ahead is to the left."""
+    base = robot("omni")
+    assert isinstance(base, DrivingRobot)
+    parts = lines_through(
+        base, {}, np.zeros((1, 0, 3)), np.zeros((1, 0)), np.array([[1.0, 2.0, math.pi / 2]])
+    )
+    for part, shape in zip(parts, base.outline(), strict=True):
+        assert (part.colour, part.marks) == ("tab:blue", False)
+        ((x, y, z),) = (np.asarray(frame).T for frame in part.frames)
+        assert np.stack([x, y, z]) == pytest.approx(
+            np.stack([1 - shape.imag, 2 + shape.real, np.zeros(len(shape))])
+        )
+
+
+def drawn(made: TwinVerdict, monkeypatch: pytest.MonkeyPatch) -> dict[str, Axes]:
+    """Return the charts of a picture by the labels of their vertical axes."""
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    figures: list[Figure] = []
+    monkeypatch.setattr(pictures, "save", lambda figure, path: figures.append(figure))
+    twin_plot(made, "arm", Path("arm.svg"))
+    return {axes.get_ylabel(): axes for axes in figures[0].axes}
+
+
+def curves(axes: Axes) -> dict[str, Any]:
+    """Return the lines of a chart by their names, but not those across it."""
+    return {str(line.get_label()): line for line in axes.get_lines() if line.get_linestyle() != ":"}
+
+
+ARM_TOOL = np.random.default_rng(3).uniform(-0.3, 0.3, (SAMPLES, 3))
+
+
+def arm_verdict(planned: np.ndarray | None, continuous: tuple[bool, bool] = (False, False)) -> TwinVerdict:
+    chain = SimpleNamespace(limbs=[SimpleNamespace(name="arm", mount=None)])
+    drives = [
+        SimpleNamespace(**(vars(each) | {"continuous": on}))
+        for each, on in zip(rig().drives, continuous, strict=True)
+    ]
+    made = record(
+        rig=rig(robot=chain, drives=drives),
+        angle=np.tile([0.1, 0.2], (SAMPLES, 1)),
+        target=np.tile([0.3, -0.2], (SAMPLES, 1)),
+        feet=np.zeros((SAMPLES, 0, 3)),
+        force=np.zeros((SAMPLES, 0)),
+        tool=ARM_TOOL,
+        floating=False,
+    )
+    found = verdict(made, planned=PlannedRoute(0.02, tool=planned))
+    events = tuple(Event(seconds, EventKind.SATURATED, "it is weak") for seconds in (0.25, 0.35))
+    return replace(found, events=events)
+
+
+def check_lags(charts: dict[str, Axes], shown: tuple[int, ...]) -> None:
+    lags = curves(charts["target - angle, °"])
+    assert list(lags) == [SERVOS[index] for index in shown]
+    for index in shown:
+        line = lags[SERVOS[index]]
+        assert line.get_color() == PALETTE[index]
+        assert line.get_ydata() == pytest.approx(np.full(SAMPLES, math.degrees((0.2, -0.4)[index])))
+
+
+def test_the_picture_of_an_arm_has_its_tool_from_above_and_over_time_and_its_lags(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    planned = np.random.default_rng(4).uniform(-0.3, 0.3, (30, 3))
+    charts = drawn(arm_verdict(planned), monkeypatch)
+    path = curves(charts["y, mm"])
+    assert np.stack(path["planned"].get_data()) == pytest.approx(1000 * planned.T[:2])
+    assert np.stack(path["simulated"].get_data()) == pytest.approx(1000 * ARM_TOOL[FIRST:].T[:2])
+    for label, column in (("tool, y, mm", 1), ("tool, z, mm", 2)):
+        (line,) = curves(charts[label]).values()
+        assert np.stack(line.get_data()) == pytest.approx(
+            np.stack([STEP_S * np.arange(SAMPLES), 1000 * ARM_TOOL[:, column]])
+        )
+    check_lags(charts, (0, 1))
+
+
+@pytest.mark.filterwarnings("ignore:No artists with labels")
+def test_the_first_event_is_a_line_across_each_chart_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wheel has no angle to lag behind, and a tool without a plan no path to be compared with."""
+    charts = drawn(arm_verdict(None, (True, False)), monkeypatch)
+    check_lags(charts, (1,))
+    assert not charts.pop("y, mm").get_lines()
+    assert len(charts) == 6
+    for axes in charts.values():
+        (event,) = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
+        assert list(event.get_xdata()) == [0.25, 0.25]
+        assert max(line.get_linewidth() for line in axes.get_lines()) <= 1
 
 
 # What goes in
