@@ -151,6 +151,26 @@ def test_visits_are_of_the_positions_that_the_servos_are_commanded_to() -> None:
     assert found[0].cycles == 40_000
 
 
+@pytest.mark.parametrize(("late", "between"), [(0, []), (1, [(41_000, 41_001, set())])])
+def test_two_servos_that_change_in_the_same_cycle_are_at_no_place_between(
+    late: int, between: list[tuple[int, int, set[int]]]
+) -> None:
+    """Both go from 30° to 90° in the third frame, the second one `late` cycles after the first."""
+    widths = np.array([1167, 1167, 1500, 1500])
+    first = np.array([1000, 21_000, 41_000, 61_000])
+    second = first + np.array([0, 0, late, late])
+    pins = [PinPulses(rise, rise + widths) for rise in (first, second)]
+    positions = [
+        TaskPosition(each.name, 2 * each.ranges, None) for each in TASK.positions if each.name in "AB"
+    ]
+    found = visits(watched(end=81_000), pins, [SERVO.servo, SERVO.servo], positions)
+    assert [(each.begin, each.end, set(each.places)) for each in found] == [
+        (1000, 41_000, {0}),
+        *between,
+        (41_000 + late, 81_000, {1}),
+    ]
+
+
 def test_a_ramp_between_two_positions_is_no_visit_if_it_is_short_enough() -> None:
     stops = [visit(0, 100, [0], 30), visit(100, 200, [], 60), visit(200, 300, [1], 90)]
     assert without_moves(stops, 100) == [stops[0], stops[2]]
