@@ -78,6 +78,23 @@ def test_a_wiring_that_cannot_be_is_refused(text: str, message: str) -> None:
     assert message in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("last", "beyond", "number"),
+    [("RB0=127", "RB0=128", 128), ("RB0-RB4=127", "RB0-RB4=128", 128), ("RA1=TX7", "RA1=TX8", 8)],
+)
+def test_a_firmata_board_has_pins_up_to_127_and_ports_up_to_7(last: str, beyond: str, number: int) -> None:
+    """A pin is one byte of seven bits (protocol.md), a port three bits (serial-1.0.md)."""
+    wiring = input_wiring([last])
+    assert number - 1 in (*wiring.outputs, *wiring.lines.values())
+    with pytest.raises(InputError) as refused:
+        input_wiring([beyond])
+    told = refused.value.first
+    assert (told.code, told.message) == (
+        "out-of-range",
+        f"'{beyond}': {number} is not a pin or port of a Firmata board",
+    )
+
+
 def test_the_default_wiring_uses_pins_2_to_16_and_texts_change_it() -> None:
     assert sorted(input_wiring().outputs) == list(range(2, 17))
     wiring = input_wiring(["RB3=-", "rb0-rb4=22", "RA1=TX1", "RB7=5"])
