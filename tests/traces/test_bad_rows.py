@@ -78,7 +78,7 @@ def test_jsonl_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
     """In a further key as well, which is not looked at."""
     path = tmp_path / "a.jsonl"
     path.write_bytes(b'{"cycle":5,"pin":"RB0","level":1,"note":"caf\xe9"}\n' + GOOD_JSONL.encode())
-    with pytest.raises(InputError, match=r"a\.jsonl:1: error: .*JSON") as refused:
+    with pytest.raises(InputError, match=r"a\.jsonl:1: error: ") as refused:
         join(read_edges(path, MHZ4).chunks)
     assert refused.value.code == "json-syntax"
 
