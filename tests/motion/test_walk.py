@@ -267,6 +267,18 @@ def test_a_way_of_nothing_is_stood() -> None:
     assert np.ptp(made.trajectory.angles, axis=0) == pytest.approx(np.zeros(12))
 
 
+@pytest.mark.parametrize(("name", "frames"), [("tripod", 8), ("ripple", 12), ("wave", 24)])
+def test_a_swing_takes_four_frames_at_least(name: str, frames: int) -> None:
+    """A foot swings for a half, a third or a sixth of the cycle."""
+    assert walked(name, Segment(0.01, cycles=1), frames=frames).frames_per_cycle == frames
+    with pytest.raises(InputError) as caught:
+        walked(name, Segment(0.01, cycles=1), frames=frames - 1)
+    assert str(caught.value) == (
+        f"servogen: error: a cycle of {frames - 1} frames is too short for the gait '{name}' [cycle-time]\n"
+        f"  at least {frames} frames: each swing takes 4 or more"
+    )
+
+
 def test_a_walk_that_is_too_long_to_be_meant_is_refused() -> None:
     with pytest.raises(InputError, match="more than 500000 frames long"):
         walked("tripod", Segment(0.04, cycles=1e7))

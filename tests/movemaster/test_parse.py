@@ -209,6 +209,14 @@ def test_what_is_wrong_is_said_with_its_place(text: str, message: str) -> None:
     assert refusal(text) == message
 
 
+def test_a_line_has_up_to_a_thousand_characters() -> None:
+    longest = "NT '" + 996 * "x"
+    assert len(parse(f"10 TI 1\n{longest}", "a.rvm").statements) == 2
+    assert refusal(f"10 TI 1\n{longest}x") == (
+        "a.rvm:2: error: the line has more than 1000 characters [file-too-large]"
+    )
+
+
 def test_the_line_of_an_error_is_the_file_s() -> None:
     assert refusal("NT\n\n10 MO 1\n20 MO 999\n").startswith("a.rvm:4:7: error: program line 20: ")
 
