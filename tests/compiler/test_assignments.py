@@ -32,3 +32,16 @@ def test_a_bit_field_of_bool_is_true_for_every_value_but_0(level: str) -> None:
         "s.b = z & 1; s.u = z + 1; seen |= s.b << 2 | s.u << 3; while (1); }\n"
     )
     assert value(HEAD + text, "seen", "sdcc", level) == 0b1001
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_one_bit_of_a_structure_behind_a_pointer_or_an_index_is_set_and_cleared_alone(level: str) -> None:
+    text = (
+        "struct bits { unsigned char low : 3, one : 1, two : 1; } s[3], *p = &s[1];\n"
+        "unsigned char n = 2, seen;\n"
+        "void main(void) { s[1].low = 5; s[1].two = 1; s[2].low = 2; s[2].one = 1;\n"
+        "p->one = 1; p->two = 0; s[n].one = 0; s[n].two = 1;\n"
+        "seen = s[1].low | s[1].one << 3; seen |= s[1].two << 4; seen ^= (s[2].low | s[2].one << 3) << 4;\n"
+        "seen ^= s[2].two << 7; while (1); }\n"
+    )
+    assert value(HEAD + text, "seen", "sdcc", level) == 0b0000_1101 ^ 0b0010_0000 ^ 0b1000_0000

@@ -488,6 +488,18 @@ def test_assembly_outside_and_inside_functions() -> None:
     ]
 
 
+def test_asm_made_by_a_macro_is_assembly_only_with_parentheses() -> None:
+    made = "#define MADE(start) start##m\nvoid f(void) {\n MADE(as)"
+    assert Read(f'{made}("nop");\n}}').plain() == "void f ( void ) { __servogen_asm ( 0 ) ; }"
+    assert Read(f"{made} nop;\n}}").plain() == "void f ( void ) { asm nop ; }"
+
+
+def test_an_interrupt_word_behind_a_stray_parenthesis_names_no_function() -> None:
+    read = Read("void f(void)) __interrupt(0) { }")
+    assert read.plain() == "void f ( void ) ) { }"
+    assert "f" not in read.rewritten().interrupts
+
+
 def test_an_address_that_is_not_a_number() -> None:
     read = Read("char a @ here;")
     read.rewritten()

@@ -60,6 +60,14 @@ def test_equ_set_and_assignments(asm: Any) -> None:
     assert asm.words("c = 3\nc--\n movlw c\nc |= 8\nc *= 2\nc ^= 1\n movlw c") == [0x3002, 0x3015]
 
 
+def test_an_assignment_changes_only_a_name_that_has_a_value_before_it(asm: Any) -> None:
+    """The condition is false in pass 1, in which `late` is not known yet, and true in pass 2."""
+    for assignment in ("none += 1", "none++", "none--"):
+        assert asm.errors(f" if late\n{assignment}\n endif\nlate equ 1\n end") == [
+            "2:1 113 symbol not previously defined: 'none'"
+        ]
+
+
 def test_variable_and_constant(asm: Any) -> None:
     source = " variable i=2, j\n constant k=5, m=k+1\n movlw i\n movlw j\n movlw m\ni = 9\n movlw i"
     assert asm.words(source) == [0x3002, 0x3000, 0x3006, 0x3009]

@@ -152,6 +152,7 @@ CUT = "warning asm-argument-truncated"
         ("m macro\n endm\nm macro\n endm",
          ["3:1 error asm-duplicate-symbol: macro 'm' is defined already"]),
         ("m macro 5\n endm", ["1:9 error asm-bad-argument: '5' is not a name for a parameter"]),
+        ("i = 0\n while i < 1\ni++\n end\n endw", ["4:2 error asm-unclosed-block: END within a WHILE"]),
         (" exitm", ["1:2 error asm-unexpected-directive: EXITM outside a macro"]),
         ("m macro a\n endm\n m", ["3:2 error asm-macro-arguments: macro 'm' takes 1 argument, not 0"]),
         # settings
@@ -174,6 +175,9 @@ CUT = "warning asm-argument-truncated"
         (" movlw [1)", ["1:8 error asm-parenthesis: unmatched ["]),
         (" movlw 1 +", ["1:11 error asm-missing-argument: an operand is missing here"]),
         (' dt "a" + 1', []),
+        # a word in front of a quote is a name where it is no radix, and where the quote is not closed
+        (" movlw abc'1'", ["1:11 error asm-syntax: ''1'' is not expected here"]),
+        (" movlw d'12", ["1:9 error asm-syntax: the quote ' is not closed"]),
         (" movlw $$", ["1:9 error asm-syntax: '$' is not expected here"]),
     ],
 )  # fmt: skip

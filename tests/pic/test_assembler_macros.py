@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from servogen.errors import InputError
+from servogen.errors import InputError, Location
 from servogen.pic.assembler import assemble, beside
 from servogen.pic.device import REGISTERS, device
 
@@ -185,6 +185,15 @@ def test_files_beside_the_source_are_found_in_any_case(tmp_path: Path) -> None:
     include = beside(tmp_path)
     assert include("macros.inc") == "two equ 2\n"
     assert include("other.inc") is None
+
+
+def test_an_include_file_that_cannot_be_read_is_an_error_of_the_line_that_names_it(tmp_path: Path) -> None:
+    (tmp_path / "folder.inc").mkdir()
+    with pytest.raises(InputError) as error:
+        assemble(" nop\n include folder.inc\n end", "t.asm", None, beside(tmp_path))
+    (found,) = error.value.diagnostics
+    assert (found.code, found.location) == ("asm-include", Location("t.asm", 2, 10))
+    assert found.message == "include file 'folder.inc' is a directory: only regular files are read"
 
 
 def test_a_file_that_includes_itself_without_end_is_an_error() -> None:

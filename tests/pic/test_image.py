@@ -128,6 +128,9 @@ GOOD = record(0, 0x01, 0x30)
         (GOOD + ":0200020001300000CB\n" + END, 2, "too long: it announces 2 data bytes and has 4"),
         (GOOD + ":02000200G130CB\n" + END, 2, "'G' in column 10 is not a hexadecimal digit"),
         (GOOD + record(0, 1, kind=9) + END, 2, "record type 09 is unknown"),
+        # an extended linear address has two bytes, a start segment address four
+        (GOOD + record(0, 0, kind=4) + END, 2, "not an Intel HEX record: Invalid Extended Linear Address"),
+        (GOOD + record(0, 0, 0, kind=3) + END, 2, "not an Intel HEX record: Invalid Start Segment Address"),
         (GOOD, None, "truncated: it has no end-of-file record"),
         ("", None, "truncated: it has no end-of-file record"),
         (GOOD + END + GOOD, 3, "a record after the end-of-file record"),

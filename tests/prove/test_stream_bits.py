@@ -219,6 +219,10 @@ def test_truths_that_are_known_decide_without_terms() -> None:
     assert x.equals(x).known is True and x.equals(unknown("x")).known is None
 
 
+def test_a_truth_that_is_known_has_the_term_of_its_value() -> None:
+    assert [str(Truth(known).term) for known in (True, False)] == ["true", "false"]
+
+
 def test_the_solver_answers_and_counts_its_questions() -> None:
     needs_the_solver()
     solver, x = Solver(), unknown("x")

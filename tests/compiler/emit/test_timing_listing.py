@@ -65,6 +65,18 @@ def test_rows_name_their_place_and_labels_of_assembly_are_sorted_by_address() ->
     assert found.labels == (("b", 1), ("a", 2), ("c", 2))
 
 
+def test_an_address_without_a_register_is_a_number_within_the_bank() -> None:
+    """DS35007 figure 2-2: 0x07 is not implemented in either bank, 0x50 to 0x7F neither."""
+    assembly = "".join(f'asm("clrf {place}"); ' for place in ("0x07", "0x87", "0x50", "0x85"))
+    found = compile_sources([Source(f"void main(void) {{ {assembly} }}", "main.c")], Options(dialect="xc8"))
+    assert [row.assembly for row in found.listing.rows[:4]] == [
+        "CLRF 0x07",
+        "CLRF 0x07",
+        "CLRF 0x50",
+        "CLRF TRISA",
+    ]
+
+
 def test_the_programs_variables_come_first_then_runs_of_others() -> None:
     memory = MemoryMap(
         {

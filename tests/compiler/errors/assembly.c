@@ -23,6 +23,8 @@ void main(void) {
   asm movwf 256
   // error: assembly: '_n * 2' is not a number from 0 to 255
   asm movlw _n * 2
+  // error: assembly: '"two"' is not a number from 0 to 255
+  asm movlw "two"
   // error: assembly: '7' is not a label
   asm goto 7
   // error: assembly: unmatched (

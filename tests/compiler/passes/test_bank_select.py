@@ -37,6 +37,9 @@ def test_variables_and_literals_need_no_bank() -> None:
     [
         ("MOVWF TRISB; RETURN", "BSF RP0; MOVWF TRISB; BCF RP0; RETURN"),
         ("MOVWF PORTB; CLRF ga; MOVWF FSR; RETURN", None),
+        # at the end of the lines nothing follows that would switch back instead
+        ("MOVWF TRISB", "BSF RP0; MOVWF TRISB; BCF RP0"),
+        ("MOVWF TRISB; CLRF ga", "BSF RP0; MOVWF TRISB; BCF RP0; CLRF ga"),
         # one pair for several accesses, with what needs no bank between them
         ("MOVWF TRISB; MOVWF TRISA; RETURN", "BSF RP0; MOVWF TRISB; MOVWF TRISA; BCF RP0; RETURN"),
         (

@@ -112,6 +112,11 @@ TO_END = "BTFSC ga,0; GOTO o; {one}; GOTO e; o: {two}; e: RETURN"
             "CLRF gb; GOTO e; MOVLW 1; CLRF gb; e: RETURN",
             "GOTO f.tail0; MOVLW 1; f.tail0: CLRF gb; e: RETURN",
         ),
+        # from the first instruction on, with a register: no delay leads into it
+        (
+            "CLRF PORTB; GOTO e; o: CLRF PORTB; e: BTFSC ga,0; GOTO o; RETURN",
+            "GOTO f.tail0; o: f.tail0: CLRF PORTB; e: BTFSC ga,0; GOTO o; RETURN",
+        ),
         # jumped backwards: the end stands in front
         (
             "CLRF gb; e: RETURN; MOVLW 1; CLRF gb; GOTO e",

@@ -45,6 +45,8 @@ TEST_Z = "BTFSC Z; INCF gz,F; RETURN"
         ("ANDLW 3; CLRF STATUS; IORLW 0; " + TEST_Z, None),
         ("CLRF ga; MOVLW 0; MOVWF ga; RETURN", "CLRF ga; MOVLW 0; RETURN"),
         ("CLRF ga; CLRF ga; RETURN", "CLRF ga; RETURN"),
+        ("CLRW; MOVWF ga; MOVLW 0; MOVWF gb; RETURN", "CLRW; MOVWF ga; MOVWF gb; RETURN"),
+        ("CLRW; MOVWF ga; MOVLW 1; MOVWF gb; RETURN", None),
         ("CLRF ga; CLRF ga; " + TEST_Z, None),
         ("CLRF ga; INCF gb,F; CLRF ga; RETURN", "CLRF ga; INCF gb,F; RETURN"),
         ("CLRF va; CLRF va; RETURN", None),

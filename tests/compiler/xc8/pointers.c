@@ -10,13 +10,15 @@
 // expect: before == 20
 // expect: far_before == 10
 // expect: word_before == 0x34
+// expect: null == 0
+// expect: either == 3
 #include <xc.h>
 struct point { unsigned char x; int y; };
 const unsigned char segments[] = { 0x3F, 0x06, 0x5B };
 const char *text = "Hello";
 unsigned char data[3] = { 10, 20, 30 };
 unsigned int sum, word, total;
-unsigned char len, second, diff, last, back, before, far_before, word_before;
+unsigned char len, second, diff, last, back, before, far_before, word_before, null, either;
 int words[3] = { 1, 0x1234, 3 };
 struct point points[2];
 unsigned char length(const char *s) {
@@ -49,6 +51,9 @@ void main(void) {
   q = &data[2] - 2;
   far_before = *q;
   word_before = *(unsigned char *)(&words[2] - 1);
+  // the address of an object is never null
+  if (!&data[1]) null = 1;
+  either = null || &pair[1] ? 3 : 4;
   second = 'x';
   if (*p != 10) second = 0;
 }

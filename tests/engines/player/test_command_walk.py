@@ -159,6 +159,14 @@ def test_a_job_with_wrong_commands_is_refused(old: str, new: str, message: str) 
     assert "job.toml:" in str(refused.value)
 
 
+def test_a_soft_start_of_more_than_256_frames_before_a_walk_on_command_is_refused() -> None:
+    """256 frames of 20 ms are 5.12 s."""
+    job = plan_job(loads(TEXT.replace("[firmware]", "[firmware]\nsoft_start_s = 5.14"), "job.toml"))
+    with pytest.raises(InputError, match="a soft start of more than 256 frames") as refused:
+        planned(job)
+    assert (refused.value.code, refused.value.hint) == ("engine-unsupported", "shorten it")
+
+
 def test_a_walk_forward_and_back_alone_has_two_directions() -> None:
     """Another gait, too: six swings, one after the other, of even numbers of frames."""
     text = TEXT.replace(COMMANDS, "commands = { forward_mm = 40 }").replace('"tripod"', '"ripple"')

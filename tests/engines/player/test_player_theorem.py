@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import pytest
+
 from servogen.build import report
 from servogen.edges import HIGH, EdgeChunk
 from servogen.engines.board import machine_of
@@ -189,6 +191,16 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
         )
         assert not overrun
         assert all((one == other).all() for one, other in zip(edges, found.edges, strict=True))
+
+
+def test_a_kernel_that_takes_every_slot_for_late_has_no_theorem() -> None:
+    listing = simple().compilation.listing
+    _, played = _played()
+    check = listing.label("pl_check")  # SUBWF, ADDWF, BTFSS C, BSF overrun
+    early = changed(listing, lambda words: words.update({check + 2: encode("BTFSC", f=3, b=0)}))
+    ticks = played.layout.slots[1].ticks  # type: ignore[attr-defined]
+    with pytest.raises(KernelChanged, match=rf"^\d+ of {ticks} ticks are taken for too many$"):
+        allowances(early, played.layout)  # type: ignore[attr-defined]
 
 
 def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:

@@ -143,16 +143,19 @@ def test_the_c_says_each_width_and_names_no_day_or_host(dialect: str) -> None:
     assert not [line for line in text.splitlines() if line != line.rstrip()]
 
 
-def test_a_name_that_a_template_does_not_know_is_an_error_with_its_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("wrong", "message"), [("{{ nobody }}", "'nobody' is undefined"), ("{% iff %}", ".*unknown tag 'iff'")]
+)
+def test_an_error_in_a_template_has_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: str, message: str
 ) -> None:
     schedule = schedule_of([], [(1, [1500])])
     (tmp_path / "sequence").mkdir()
-    (tmp_path / "sequence" / "main.c.j2").write_text("/* {{ title }} */\n{{ nobody }}\n")
+    (tmp_path / "sequence" / "main.c.j2").write_text(f"/* {{{{ title }}}} */\n{wrong}\n")
     monkeypatch.setattr("servogen.engines.c_text.template_folder", lambda: tmp_path)
     _environment.cache_clear()
     try:
-        with pytest.raises(RenderError, match=r"sequence/main\.c\.j2:2: error: 'nobody' is undefined"):
+        with pytest.raises(RenderError, match=rf"sequence/main\.c\.j2:2: error: {message}"):
             render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "t")
     finally:
         _environment.cache_clear()

@@ -78,6 +78,14 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "after the rise",
         ),
         ("movwf   _value", "movwf   _next_lo", "not the interrupt's"),
+        # There is no wait for the cycle of an edge.
+        ("call    st_exactly", "nop", "the interrupt's parts are not there"),
+        # Two pins are written beside the edges.
+        (
+            "bcf     INTCON, 2           ; T0IF",
+            "bcf     INTCON, 2\n    bsf     PORTA, 2\n    bsf     PORTA, 3",
+            "^the interrupt writes more than one pin bit by bit$",
+        ),
         # The pin is not the one that the C prepared.
         ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
     ],

@@ -474,6 +474,14 @@ def test_every_outcome_of_a_look_has_its_times() -> None:
     assert {look.cycles for look in looks if look.kind == BIT} == {6 + 2 + 6 + 2 + 2 + 2}
 
 
+def test_an_interrupt_that_stands_still_has_no_look_and_no_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(theorem, "MAX_STATES", 50)
+    with pytest.raises(InterruptChanged, match=r"^a look at the line does not end$"):
+        _looks(round_of(encode("GOTO", k=0x60), at=0x60), 0x60, 0x80)
+    with pytest.raises(LookupError, match=r"^the interrupt makes no edge$"):
+        round_of(encode("GOTO", k=4), at=4, edge=0x70).rise()
+
+
 # gaps
 
 

@@ -122,6 +122,53 @@ def test_where_paths_are_lost() -> None:
     assert_are(pointer, executed=set(range(4)), pointers={2})
 
 
+def test_the_analysis_is_given_up_beyond_a_number_of_instructions() -> None:
+    """Three instructions; the last one leads to itself with nothing new."""
+    words = assembled(" movlw 1\n movlw 2\nhere\n goto here").image.program
+    whole = PathExplorer(words, max_steps=3)
+    assert whole.explore().lost == {}
+    assert not whole.gave_up
+    short = PathExplorer(words, max_steps=2)
+    assert short.explore().lost == {0: "more than 2 instructions to follow"}
+    assert short.gave_up
+
+
+@pytest.mark.parametrize("limit", [0, 5])
+def test_what_the_first_exploration_found_stands_where_the_next_takes_too_long(
+    monkeypatch: pytest.MonkeyPatch, limit: int
+) -> None:
+    words = assembled(MADE).image.program
+    first = PathExplorer(words)
+    first.explore()
+    assert first.undecided
+    monkeypatch.setattr("servogen.pic.analysis.paths.MAX_JUMP_STEPS", limit)
+    assert explore(words) == first.paths
+
+
+@pytest.mark.parametrize(
+    ("masks", "decided"), [((0x0F, 0), True), ((0x1F, 0), False), ((3, 3), True), ((3, 7), False)]
+)
+def test_a_state_is_split_into_at_most_sixteen_parts(masks: tuple[int, int], decided: bool) -> None:
+    """In each part `x - (x + 1) + 1` is 0, so that the computed jump can only go to the next word."""
+    one, other = (f" movf PORTB, w\n andlw {mask}\n movwf 0x2{at}\n" for at, mask in enumerate(masks))
+    words = assembled(
+        one + other + "head\n incf 0x20, w\n subwf 0x20, w\n addlw 1\n movwf 0x22\n"
+        " incf 0x21, w\n subwf 0x21, w\n addlw 1\n iorwf 0x22, w\n addwf PCL, f\n goto head"
+    ).image.program
+    plan = SplitPlan({(14, ()): bit(W)}, False, {(6, ()): (0x20, 0x21)}, {})
+    explorer = PathExplorer(words, plan)
+    assert explorer.explore().computed == {14: {15}}
+    assert (not explorer.undecided) == decided
+
+
+def test_an_interrupt_with_an_unknown_pointer_may_change_all_of_ram_and_nothing_above() -> None:
+    """DS35007 figure 2-2: RAM is 0x0C to 0x4F."""
+    work = " movf PORTB, w\n iorlw 0x80\n movwf FSR\n clrf INDF"
+    main = "main\n movlw 0xA0\n movwf INTCON\nwait\n goto wait"
+    changes = paths(INTERRUPT.format(work=work) + main).interrupt_changes
+    assert {place for place in changes if 0x0C <= place <= 0xFF} == set(range(0x0C, 0x50))
+
+
 def test_an_interrupt_that_restores_what_it_uses() -> None:
     main = "main\n movlw 0xA0\n movwf INTCON\nwait\n call f\n goto wait\nf\n return"
     found = paths(INTERRUPT.format(work=" incf 0x42, f") + main)
@@ -225,6 +272,12 @@ def test_the_bytes_that_an_index_is_made_from_are_demanded_where_they_are_needed
     assert plan.apart[3, ()] == (0x20, 0x21, 0x22)
     assert (plan.pins, plan.uses, plan.kept[5, ()]) == (True, {jump: bit(W)}, both)
     assert (W, *range(0x0C, 0x50)) == APART
+
+
+@pytest.mark.parametrize("rotate", ["rlf", "rrf"])
+def test_an_index_that_is_rotated_is_made_from_the_carry_too(rotate: str) -> None:
+    made = graph(f"main\n {rotate} 0x20, w\n call t\n goto main\nt\n addwf PCL, f\n retlw 1\n retlw 2\n")
+    assert made.demanded(made.indices())[0, ()] == bits((0x20, CARRY))
 
 
 def test_instructions_that_write_the_same_operand_on_the_same_path_are_alike() -> None:
