@@ -148,11 +148,12 @@ def test_a_compiler_that_fails_says_why_before_sigrok_cli_is_run(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("begun", ['for last; do :; done; : > "$last"', ":"])
 def test_sigrok_cli_that_does_not_end_is_ended_and_leaves_no_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begun: str
 ) -> None:
     """A sample at 1 kHz takes 1 ms: it has twice that, and the slack, here of 0.1 s."""
-    tool(tmp_path, "sigrok-cli", 'for last; do :; done; : > "$last"; exec sleep 60')
+    tool(tmp_path, "sigrok-cli", f"{begun}; exec sleep 60")
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setattr(sigrok_module, "SLACK_S", 0.1)
     with pytest.raises(ToolError, match=r"sigrok-cli did not end within 0\.102 s") as refused:
