@@ -163,7 +163,7 @@ def test_a_state_is_split_into_at_most_sixteen_parts(masks: tuple[int, int], dec
 
 def test_an_interrupt_with_an_unknown_pointer_may_change_all_of_ram_and_nothing_above() -> None:
     """DS35007 figure 2-2: RAM is 0x0C to 0x4F."""
-    work = " movf PORTB, w\n iorlw 0x80\n movwf FSR\n clrf INDF"
+    work = " movf PORTB, w\n movwf FSR\n clrf INDF"
     main = "main\n movlw 0xA0\n movwf INTCON\nwait\n goto wait"
     changes = paths(INTERRUPT.format(work=work) + main).interrupt_changes
     assert {place for place in changes if 0x0C <= place <= 0xFF} == set(range(0x0C, 0x50))
