@@ -177,6 +177,15 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
         )
+    widths = [reading.width_us for reading in readings]
+    turned = (max(widths) - min(widths)) / abs(line.us_per_rad)
+    if turned <= off:
+        raise InputError(
+            "bad-readings",
+            f"the servo hardly moved: by {math.degrees(turned):z.1f}{unit} over all widths, and "
+            f"{_named(readings, line.worst, unit)} is {math.degrees(off):z.1f}{unit} off that line",
+            hint="is it powered, and on that pin?",
+        )
     return line
 
 

@@ -142,7 +142,7 @@ def _keep(name: str, code: bytes) -> None:
         return
 
 
-def compile_loop(observed: bool = False, tracked: bool = False, visits: bool = False) -> bytes:
+def compile_loop(observed: bool, tracked: bool, visits: bool) -> bytes:
     """Return an object file with the loop as ENTRY, in numba's calling convention: (result, error,
     arguments).
     """

@@ -223,7 +223,10 @@ def _leg(
 
 
 def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
-    """Add an arm on its base; where any of its joints has a servo, those without one are held."""
+    """Add an arm on its base; where any of its joints has a servo, those without one are held.
+
+    Raises InputError for a joint whose first row does not move as far as the joint.
+    """
     payload = scene.variation.payload
     zeros = np.zeros(len(arm.joints))
     axes, tool = row_axes(arm, zeros)
@@ -245,6 +248,8 @@ def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
         body = xml.SubElement(
             parent, "body", {"name": f"link{number + 1}", "pos": numbers(*(axis.point - here))}
         )
+        end = axes[number + 1].point if number + 1 < len(axes) else tool[:3, 3]
+        centre, mass = (axis.point + end) / 2, ASSUMED_LINK_KG
         if index in owned:
             name = f"{joint.name}_{number + 1}"
             add_joint(scene, body, name, axis.direction.tolist(), 1.0, 0.0, kind)
@@ -253,8 +258,17 @@ def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
                 "joint",
                 {"joint1": name, "joint2": joint.name, "polycoef": f"0 {axis.row.ratio:g} 0 0 0", **STIFF},
             )
+            assumptions.append(
+                f"the link that follows {joint.name} has {1000 * ASSUMED_LINK_KG:g} g in addition"
+            )
         else:
             owned.add(index)
+            if abs(axis.row.ratio) != 1:  # MuJoCo's axes have no length
+                raise InputError(
+                    "wrong-robot-kind",
+                    f"{arm.name}: {joint.name} moves its first row by {axis.row.ratio:g} times its position: "
+                    "bodies are modelled for 1 and -1",
+                )
             direction = (axis.direction * axis.row.ratio).tolist()
             add_joint(scene, body, joint.name, direction, joint.lower, joint.upper, kind)
             if scene.actuators and scene.servo_of(joint.name) is None:
@@ -264,14 +278,11 @@ def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
                     {"joint1": joint.name, "polycoef": f"{joint.home:.9g} 0 0 0 0", **STIFF},
                 )
                 assumptions.append(f"{joint.name} has no servo and is held at its home position")
-            end = axes[number + 1].point if number + 1 < len(axes) else tool[:3, 3]
-            centre = (axis.point + end) / 2
-            mass = ASSUMED_LINK_KG
             if joint.mass:
                 mass = joint.mass
                 centre = frames[row + 1, :3, :3] @ np.array(joint.centre) + frames[row + 1, :3, 3]
-            _lump(body, centre - axis.point, mass)
-            total += mass
+        _lump(body, centre - axis.point, mass)
+        total += mass
         parent, here = body, axis.point
     carried = arm.payload if payload is None else payload
     xml.SubElement(parent, "site", {"name": "tool", "pos": numbers(*(tool[:3, 3] - here))})

@@ -260,7 +260,8 @@ def _path(axes: Axes, verdict: TwinVerdict) -> None:
         axes.plot(*(1000 * verdict.planned.tool[:, :2].T), "--", color="0.5", label="planned")
         axes.plot(*(1000 * record.tool[record.first :, :2].T), color="black", label="simulated")
     plane(axes, "x", "y", "from above; dots: where feet stand" if record.feet.shape[1] else "from above")
-    axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def _seen_from(pose: Floats, points: Floats) -> Floats:

@@ -94,6 +94,12 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
             [(1000, 0), (1500, 20), (2000, 0)],
             r"reading 3 \(0° at 2000 µs\) does not rise from reading 2 \(20° at 1500 µs\)",
         ),
+        (
+            [(1000, 90), (1500, 91), (2000, 90)],
+            r"the servo hardly moved: by 0\.0° over all widths, and reading 2 \(91° at 1500 µs\) is 0\.7° off",
+        ),
+        ([(1000, 0), (1500, 1), (2000, 0)], "the servo hardly moved"),
+        ([(1000, 0.0), (1200, 1.0), (1400, 0.1), (1600, 0.5)], "the servo hardly moved: by 0"),
         ([(w, (w - 1000) ** 2 / 5555) for w in (1000, 1250, 1500, 1750, 2000)], "not on a straight line"),
     ],
 )

@@ -47,8 +47,10 @@ def test_the_tool_of_an_arm_is_where_forward_kinematics_has_it(name: str) -> Non
 def test_a_row_that_follows_a_joint_is_a_joint_that_is_held_to_it() -> None:
     """The slider mechanism of the leg turns its foot part back by what β turns."""
     chosen = arm("leg")
-    text = bodies(chosen).text.replace("<compiler ", '<compiler boundmass="1e-6" boundinertia="1e-9" ')
-    model, data = loaded(text)
+    made = bodies(chosen)
+    model, data = loaded(made.text)
+    assert "the link that follows beta has 10 g in addition" in made.assumptions
+    assert made.mass == pytest.approx(sum(model.body_mass)) == pytest.approx(0.03)
     assert [model.joint(index).name for index in range(model.njnt)] == ["alpha", "beta", "beta_3"]
     assert model.jnt_limited.tolist() == [1, 1, 0]
     for alpha, beta, off in ((0.3, 0.5, 0.0), (-0.8, -0.4, 0.0), (0.2, 0.6, 0.1)):
@@ -57,6 +59,17 @@ def test_a_row_that_follows_a_joint_is_a_joint_that_is_held_to_it() -> None:
         assert (data.ne, data.efc_pos[0]) == (1, pytest.approx(off))
         if not off:
             assert data.site("tool").xpos == pytest.approx(fk_position(chosen, [alpha, beta]), abs=1e-8)
+
+
+def test_a_joint_that_turns_its_first_row_by_more_is_refused() -> None:
+    """MuJoCo's axes have no length: the row would turn as far as the joint."""
+    chosen = arm("scara")
+    rows = [replace(row, ratio=-1.0) if row.joint == 0 else row for row in chosen.rows]
+    bodies(replace(chosen, rows=tuple(rows)))
+    rows = [replace(row, ratio=2.0) if row.joint == 0 else row for row in chosen.rows]
+    with pytest.raises(InputError, match="q1 moves its first row by 2 times its position") as caught:
+        bodies(replace(chosen, rows=tuple(rows)))
+    assert caught.value.code == "wrong-robot-kind"
 
 
 def test_a_robot_of_another_kind_is_refused_with_the_kinds_that_are_modelled() -> None:

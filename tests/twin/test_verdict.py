@@ -706,7 +706,7 @@ def test_the_picture_of_an_arm_has_its_tool_from_above_and_over_time_and_its_lag
     check_lags(charts, (0, 1))
 
 
-@pytest.mark.filterwarnings("ignore:No artists with labels")
+@pytest.mark.filterwarnings("error:No artists with labels")
 def test_the_first_event_is_a_line_across_each_chart_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wheel has no angle to lag behind, and a tool without a plan no path to be compared with."""
     charts = drawn(arm_verdict(None, (True, False)), monkeypatch)
