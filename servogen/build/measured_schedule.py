@@ -38,8 +38,9 @@ def measured_schedule(
     pins = sorted(pulses)
     count = (int(observed.end) - begin) // period
     if count > MAX_FRAMES:
+        most = float(observed.clock.seconds(MAX_FRAMES * period))
         raise InputError(
-            "no-schedule", f"{count} frames are too many", Location(file), f"--seconds: at most {MAX_FRAMES}"
+            "no-schedule", f"{count} frames are too many", Location(file), f"--seconds: at most {most:g}"
         )
     rows: list[list[Pulse | None]] = [[None] * len(pins) for _ in range(count)]
     for column, pin in enumerate(pins):

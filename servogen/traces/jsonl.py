@@ -99,9 +99,14 @@ def _parse(block: bytes, last: int) -> EdgeChunk | None:
 
 def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
     """Raise InputError for the first line of `block` that `_parse` rejected."""
-    for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
+    for number, row in enumerate(block.split(b"\n"), line):
+        place = Location(str(path), number)
+        try:
+            text = row.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise InputError("not-utf8", "is not UTF-8 text", place) from error
         if text.strip():
-            last = _check(text, last, Location(str(path), number))
+            last = _check(text, last, place)
     raise InputError(
         "json-syntax", "is not one JSON object per line", Location(str(path), line), f"like {_EXAMPLE}"
     )

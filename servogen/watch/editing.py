@@ -136,7 +136,7 @@ def _time(value: object) -> str | None:
     seconds = round(float(str(value)), SECONDS)
     if not 0 <= seconds <= MAX_S:
         raise ValueError(f"{value} is not a time between 0 and {MAX_S} s")
-    return f"{seconds:g}"
+    return f"{seconds:.10g}"  # MAX_S, and SECONDS decimals
 
 
 def _degrees(job: Job, angles: Sequence[float]) -> Iterator[tuple[str, str]]:

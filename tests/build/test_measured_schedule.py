@@ -144,7 +144,7 @@ def test_more_frames_than_a_schedule_has_are_refused(monkeypatch: pytest.MonkeyP
     assert measured_schedule(edges(*pulses, end=506), "edges", {}).period == 100
     with pytest.raises(InputError, match="5 frames are too many") as error:
         measured_schedule(edges(*pulses, end=507), "edges", {})
-    assert error.value.hint == "--seconds: at most 4"
+    assert error.value.hint == "--seconds: at most 0.0004", "four frames of 100 cycles"
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
         ),
         (
             [(1000, 90), (1500, 91), (2000, 90)],
-            r"the servo hardly moved: by 0\.0° over all widths, and reading 2 \(91° at 1500 µs\) is 0\.7° off",
+            r"hardly moved: by 0\.0° over all widths, and reading 2 \(91° at 1500 µs\) is 0\.7° off",
         ),
         ([(1000, 0), (1500, 1), (2000, 0)], "the servo hardly moved"),
         ([(1000, 0.0), (1200, 1.0), (1400, 0.1), (1600, 0.5)], "the servo hardly moved: by 0"),

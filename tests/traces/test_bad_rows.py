@@ -74,13 +74,13 @@ def test_jsonl(tmp_path: Path, line: str, message: str) -> None:
         join(read(tmp_path, "a.jsonl", GOOD_JSONL + line + "\n").chunks)
 
 
-def test_jsonl_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+def test_jsonl_that_is_not_utf_8_is_refused_at_its_line(tmp_path: Path) -> None:
     """In a further key as well, which is not looked at."""
     path = tmp_path / "a.jsonl"
-    path.write_bytes(b'{"cycle":5,"pin":"RB0","level":1,"note":"caf\xe9"}\n' + GOOD_JSONL.encode())
-    with pytest.raises(InputError, match=r"a\.jsonl:1: error: ") as refused:
+    path.write_bytes(GOOD_JSONL.encode() + b'{"cycle":12,"pin":"RB0","level":1,"note":"caf\xe9"}\n')
+    with pytest.raises(InputError, match=r"a\.jsonl:3: error: is not UTF-8 text") as refused:
         join(read_edges(path, MHZ4).chunks)
-    assert refused.value.code == "json-syntax"
+    assert refused.value.code == "not-utf8"
 
 
 @pytest.mark.parametrize(("letters", "shown"), [(38, "'" + 38 * "x" + "'"), (39, "'" + 36 * "x" + "…")])

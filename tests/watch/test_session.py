@@ -693,7 +693,9 @@ def test_poses_are_changed_in_their_text_and_nothing_else(tmp_path: Path) -> Non
     assert paused["text"] == text.replace("hold_s = 2 }", "hold_s = 2, pause_s = 0.5 }")
     assert changed(editor, paused["text"], kind="time", index=0, key="pause_s", seconds=None)["text"] == text
     # Times have three decimals; the longest one is 100 000 s.
-    for seconds, written in ((0, "0"), (1.23456, "1.235"), (0.0004, "0"), (100_000, "100000")):
+    for seconds, written in (
+        (0, "0"), (1.23456, "1.235"), (0.0004, "0"), (99_999.9994, "99999.999"), (100_000, "100000")
+    ):  # fmt: skip
         found = changed(editor, text, kind="time", index=1, key="hold_s", seconds=seconds)
         assert found["text"] == text.replace("hold_s = 5 }", f"hold_s = {written} }}")
     assert changed(editor, text, kind="time", index=1, key="hold_s", seconds=100_001)["is"] == "problem"
