@@ -522,6 +522,7 @@ def test_a_chain_of_via_poses_has_times_and_no_paths() -> None:
     made = planned(start, Pose((1.0,), move_s=step, via=True), last, repeat=False)
     up = law("cubic").share(np.arange(11) / 10)
     assert made.trajectory.angles[:21, 0] == pytest.approx(np.concatenate((up, up[-2::-1])))
+    assert made.parts == (Part("pose 1", 0), Part("pose 3", 1)), "a way through poses is its last one's"
     wrong = [
         Pose((1.0,), move_s=None, via=True),
         Pose((1.0,), move_s=Fraction(0), via=True),

@@ -102,6 +102,8 @@ def test_a_short_press_bounces_within_itself() -> None:
         press = [each for each in found if 50 <= each[0] < 50 + length]
         assert len(press) == 1 + (length - 1) // 2 * 2
         assert press[-1][2] == LOW
+    # docs/simulator.md has these numbers: 5 bounces within 5000 µs at each end
+    assert len(changes(BouncingButton(RB0, 10_000, 90_000))) == 1 + 2 * (1 + 2 * 5)
     assert changes(BouncingButton(RB0, 0, 9, bounces=0)) == [(0, RB0, LOW), (9, RB0, HIGH)]
     assert len(changes(BouncingButton(RB0, 0, 9, bounces=2, bounce=1))) == 2  # no room for two flips
 
