@@ -95,6 +95,7 @@ def test_a_wheel_is_driven_in_proportion_to_its_speed_and_no_more_than_fully() -
         assert world.duty.tolist() == [0.0, pytest.approx(duty)]
 
 
+@pytest.mark.filterwarnings("ignore:invalid value encountered")
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 1e10 + 1e4])
 @pytest.mark.parametrize("what", ["qpos", "qvel"])
 def test_bodies_that_diverged_do_not_start_again_in_silence(
