@@ -10,6 +10,11 @@ from servogen.simulator.aot_cache import loop
 os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Return one more than there are processors: many tests wait for a port or another process."""
+    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _the_simulator_is_compiled() -> None:
     """After a change of its sources the first command would say on standard error that it compiles it."""
