@@ -61,6 +61,7 @@ WRITTEN_BY_INTERRUPT = (
     *("todo", "value", "due", "mask", "port"),
 )
 T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
+NOT_FOLLOWED = ("SLEEP", "OPTION", "TRIS")
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
@@ -253,10 +254,10 @@ class _Interrupt:
                 ends.add(self._end(now + 2, known, last))
                 continue
             if address == code.edge:
-                self._check_edge(known)
+                self._check_edge(word, known)
                 self.edges.add(now)
                 known[CLEARED] = 0
-            elif writes_port(word, known):
+            elif word.writes_f and word.f in (*PORTS, INDF):
                 self._check_answer(address, word)
             following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
             if word.flow == "call" and word.k in self.looks:
@@ -303,8 +304,10 @@ class _Interrupt:
             now, ahead, cleared, known.get(ram["ticks"]), known.get(ram["rest"]), known.get(ram["fine"]), last
         )
 
-    def _check_edge(self, known: Known) -> None:
-        """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins."""
+    def _check_edge(self, word: DecodedWord, known: Known) -> None:
+        """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins, to a port."""
+        if word.f not in PORTS and (word.f != INDF or known.get(FSR) not in PORTS):
+            raise InterruptChanged("an edge is not written to a port")
         rest, value = known.get(self.code.ram["rest"]), known.get(W)
         if rest is None or (rest and value != 0):
             raise InterruptChanged("a fall does not clear the port")
@@ -331,13 +334,6 @@ class _Interrupt:
             self.starts.add((look[2] % ROUND, look[2] - look[1], gap))
         elif kinds[0] in (START, WAIT, BIT) and kinds[1] in (WAIT, BIT):
             self.waits.add((last[2] % ROUND, look[2] - last[2]))
-
-
-def writes_port(word: DecodedWord, known: Known) -> bool:
-    """Return whether an instruction of the interrupt may write a port; an unknown pointer may be one."""
-    if not word.writes_f:
-        return False
-    return word.f in PORTS or (word.f == INDF and known.get(FSR, PORTS[0]) in PORTS)
 
 
 def guarantee(
@@ -555,18 +551,29 @@ def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listi
         if name.endswith("(temporary)"):
             own |= set(range(first, first + count))  # the context, kept by the compiler
     for address, word in ((address, word_of(ran[address])) for address in ran):
+        if word.name in NOT_FOLLOWED:
+            raise InterruptChanged(f"{word.name} at 0x{address:03X} is not followed")
         if not word.writes_f or word.f in PORTS or word.f in (TMR0, INDF):
             continue  # these are checked where they are executed
-        bit = word.name in ("BSF", "BCF")
         allowed = {
             INTCON: word.name == "BCF" and word.b == T0IF,
-            STATUS: not bit or word.b == 0 or (word.name == "BCF" and word.b in BANK_BITS),
+            STATUS: _keeps_bank(ran, address, word),
             FSR_ADDRESS: word.name == "MOVWF",
             ram["due"]: word.name == "BSF",
             ram["mask"]: _is_unprepared(ran, address, ram),
         }.get(word.f, word.f in own)
         if not allowed:
             raise InterruptChanged(f"the word at 0x{address:03X} writes what is not the interrupt's")
+
+
+def _keeps_bank(ran: Mapping[int, int], address: int, word: DecodedWord) -> bool:
+    """Return whether a write of STATUS leaves bank 0 selected, or returns to the bank of the C at the end."""
+    if word.name in ("BSF", "BCF"):
+        return word.b == 0 or (word.name == "BCF" and word.b in BANK_BITS)
+    following = address + 1
+    while following in ran and word_of(ran[following]).name == "SWAPF":  # W is restored, and no flag changes
+        following += 1
+    return word.name == "CLRF" or (word.name == "MOVWF" and ran.get(following) == encode("RETFIE"))
 
 
 def _is_unprepared(ran: Mapping[int, int], address: int, ram: Mapping[str, int]) -> bool:

@@ -12,11 +12,12 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
 from servogen.engines.stream.theorem import InterruptChanged, guarantee
-from servogen.job import load, plan_job
+from servogen.job import load, loads, plan_job
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-eight.toml"))
 STREAMED = stream(JOB)[1]
+TWO_PORTS = (JOBS / "stream-arm.toml").read_text().replace('"RB2"', '"RA0"').replace("transmit_pin", "# ")
 FINES = (255,)
 NONE = ()
 
@@ -47,6 +48,21 @@ def test_a_fall_late_in_the_last_round_but_one_keeps_samples_away_but_not_out_of
     # With twice the gaps the stop bit would be over.
     far = replace(found, starts=frozenset((at, since, 2 * gap) for at, since, gap in found.starts))
     assert far.latest_sample(9, STREAMED.first_units, STREAMED.bit_units) > 10 * bit / Fraction(102, 100)
+
+
+def test_servos_on_two_ports_have_the_same_edges_a_pointer_later() -> None:
+    job = plan_job(loads(TWO_PORTS, "job.toml"))
+    found = guarantee(listing_of(compiled(job, streamed := stream(job)[1], "c2c").text), streamed, FINES)
+    assert found.rise == 152 + 11
+    assert found.start_gap <= START_GAP + 9
+
+
+def test_a_program_without_a_word_of_its_interrupt_is_refused(text: str) -> None:
+    listing = listing_of(text)
+    gone = listing.label("st_exactly")
+    rows = tuple(row for row in listing.rows if row.address != gone)
+    with pytest.raises(InterruptChanged, match=f"^the interrupt leaves its words at 0x{gone:03X}$"):
+        guarantee(replace(listing, rows=rows), STREAMED, NONE)
 
 
 def listing_of(text: str):  # type: ignore[no-untyped-def]
@@ -85,6 +101,14 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "bcf     INTCON, 2           ; T0IF",
             "bcf     INTCON, 2\n    bsf     PORTA, 2\n    bsf     PORTA, 3",
             "^the interrupt writes more than one pin bit by bit$",
+        ),
+        # The oscillator stops; pins are turned round; the rest of the interrupt is executed in bank 1.
+        ("bcf     INTCON, 2           ; T0IF", "sleep", "SLEEP at 0x008 is not followed"),
+        ("bcf     INTCON, 2           ; T0IF", "tris    PORTB", "TRIS at 0x008 is not followed"),
+        (
+            "bcf     INTCON, 2           ; T0IF",
+            "movlw   0x20\n    movwf   STATUS",
+            "the word at 0x009 writes what is not the interrupt's",
         ),
         # The pin is not the one that the C prepared.
         ("movf    _mask, W", "movf    _value, W", "does not write the pin"),

@@ -37,7 +37,6 @@ from servogen.engines.stream.theorem import (
     _Interrupt,
     _Look,
     _looks,
-    writes_port,
 )
 from servogen.pic.isa import encode
 from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, W, word_of
@@ -316,7 +315,7 @@ def test_of_the_registers_only_some_bits_are_the_interrupt_s() -> None:
         assert refused(encode("BCF", f=STATUS, b=b)) == (b not in (0, 5, 6)), "the carry and the bank"
         assert refused(encode("BSF", f=STATUS, b=b)) == (b != 0)
         assert refused(encode("BCF", f=RAM["due"], b=b)) and not refused(encode("BSF", f=RAM["due"], b=b))
-    assert not refused(encode("MOVWF", f=STATUS)) and refused(encode("MOVWF", f=INTCON))
+    assert not refused(encode("CLRF", f=STATUS)) and refused(encode("MOVWF", f=INTCON))
     assert not refused(encode("MOVWF", f=FSR_FILE)) and refused(encode("INCF", f=FSR_FILE, d=1))
 
 
@@ -333,18 +332,30 @@ def test_a_pin_is_cleared_only_where_the_c_is_late() -> None:
         assert refused(clear, words=late | {at: encode("BTFSS", f=RAM["due"], b=2)})
 
 
-def test_a_write_through_an_unknown_pointer_may_be_one_to_a_port() -> None:
-    for word, known, writes in (
-        (encode("MOVWF", f=PORTA), {}, True),
-        (encode("BSF", f=PORTB, b=0), {}, True),
-        (encode("MOVF", f=PORTB, d=0), {}, False),
-        (encode("MOVWF", f=7), {}, False),
-        (encode("MOVWF", f=INDF), {}, True),
-        (encode("MOVWF", f=INDF), {FSR: PORTB}, True),
-        (encode("MOVWF", f=INDF), {FSR: 0x20}, False),
-        (encode("MOVF", f=INDF, d=0), {FSR: PORTB}, False),
-    ):
-        assert writes_port(word_of(word), known) == writes
+def test_another_bank_is_selected_only_where_the_c_goes_on() -> None:
+    """All addresses are of bank 0: in bank 1, PORTB is TRISB, and TMR0 is OPTION_REG (DS35007 figure 2-2)."""
+    swap, end = encode("SWAPF", f=0x44, d=0), encode("RETFIE")
+    restore = encode("MOVWF", f=STATUS)
+    for after in ([end], [swap, end], [swap, swap, end]):
+        assert not refused(restore, words=dict(enumerate(after, 0x51)))
+    for after in ([], [swap], [swap, encode("RETURN")], [encode("MOVF", f=TMR0, d=0), end]):
+        assert refused(restore, words=dict(enumerate(after, 0x51)))
+    for name in ("ANDWF", "IORWF", "COMF", "SWAPF"):
+        assert refused(encode(name, f=STATUS, d=1), words={0x51: end})
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [(0x0063, "SLEEP"), (0x0062, "OPTION"), (0x0065, "TRIS"), (0x0066, "TRIS"), (encode("CLRWDT"), None)],
+)
+def test_words_that_stop_the_chip_or_turn_its_pins_round_are_refused(word: int, name: str | None) -> None:
+    """Their codes are those of DS35007 table 9-2, and of DS30561, section 4."""
+    run = {0x50: word}
+    if name is None:
+        _check_writes(run, RAM, listing(run))
+    else:
+        with pytest.raises(InterruptChanged, match=f"^{name} at 0x050 is not followed$"):
+            _check_writes(run, RAM, listing(run))
 
 
 # the receiver's words
@@ -528,18 +539,25 @@ def test_gaps_are_those_before_a_start_and_within_a_byte() -> None:
 
 def test_an_edge_clears_the_port_or_writes_what_the_c_prepared() -> None:
     mask = encode("MOVF", f=RAM["mask"], d=0)
+    edge, through = word_of(encode("MOVWF", f=PORTB)), word_of(encode("MOVWF", f=INDF))
     code = round_of(mask, encode("MOVWF", f=PORTB), at=0x6F, edge=0x70)
     one = _Interrupt(code, {}, None, False, 160, 61)
     rest = RAM["rest"]
-    one._check_edge({rest: 0})
-    one._check_edge({rest: 5, W: 0})
+    one._check_edge(edge, {rest: 0})
+    one._check_edge(edge, {rest: 5, W: 0})
+    one._check_edge(through, {rest: 0, FSR: PORTA})
     for known in ({}, {W: 0}, {rest: 5}, {rest: 5, W: 1}):
         with pytest.raises(InterruptChanged, match=r"^a fall does not clear the port$"):
-            one._check_edge(known)
+            one._check_edge(edge, known)
+    for word, pointer in ((word_of(encode("MOVWF", f=7)), PORTB), (through, 0x20), (through, 0x86)):
+        with pytest.raises(InterruptChanged, match=r"^an edge is not written to a port$"):
+            one._check_edge(word, {rest: 0, FSR: pointer})
+    with pytest.raises(InterruptChanged, match=r"^an edge is not written to a port$"):
+        one._check_edge(through, {rest: 0})
     other = _Interrupt(round_of(NOP, NOP, at=0x6F, edge=0x70), {}, None, False, 160, 61)
-    other._check_edge({rest: 5, W: 0})
+    other._check_edge(edge, {rest: 5, W: 0})
     with pytest.raises(InterruptChanged, match=r"^a rise does not write the pin that the C prepared$"):
-        other._check_edge({rest: 0})
+        other._check_edge(edge, {rest: 0})
 
 
 def test_only_the_transmit_pin_is_written_beside_the_edges() -> None:
