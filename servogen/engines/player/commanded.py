@@ -165,13 +165,9 @@ def encoded_directions(
     if walk is None or any(event % 2 for event in walk.events) or not {*wanted} <= {*walk.events}:
         raise InputError(
             "engine-unsupported",
-            "the player walks on command only where feet lift and land together: a leg of this gait lifts or "
-            "lands during the swing of another one",
-            hint='gait = "tripod"',
-        )
-    if soft and max(soft[0], soft[-1] - soft[0]) > LONGEST:
-        raise InputError(
-            "engine-unsupported", f"a soft start of more than {LONGEST} frames", hint="shorten it"
+            "the player walks on command only if legs that are in the air together lift and land together, "
+            f"within {2 * LONGEST} frames",
+            hint='write gait = "tripod", or a shorter cycle_s',
         )
     smallest: tuple[Encoded, DirectionPlaces] | None = None
     for near in NEAR:

@@ -6,7 +6,7 @@ one slot until the kernel reads the timer for the next, over all paths of the pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -15,6 +15,7 @@ from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, com
 from servogen.engines.player import Playing, SlotLayout, playing
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.commanded import commanded
+from servogen.engines.player.legs import LONGEST
 from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.soft_start import with_soft_start
@@ -50,6 +51,7 @@ def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing,
     buttons = job.firmware.buttons
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
     if job.firmware.commands is not None:
+        _check_soft_start(job, ends)
         line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES + more_bytes
         played, tour = commanded(
             begun, job.directions, line, job.servos, job.bindings, job.frame, ends, maximum
@@ -68,6 +70,18 @@ def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing,
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
     plan = replace(played.plan, schedule=schedule)
     return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
+
+
+def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:
+    """Raise InputError if a part of the soft start lasts longer than a step of a walk."""
+    if ends and ends[0] > LONGEST:
+        period_s = job.clock.seconds(job.trajectory.period)
+        raise InputError(
+            "out-of-range",
+            f"a soft start of {float(job.firmware.soft_start_s):g} s is {ends[0]} frames",
+            job.firmware.soft_start_place,
+            f"before a walk on command it has at most {LONGEST} frames, {float(LONGEST * period_s):.4g} s",
+        )
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:

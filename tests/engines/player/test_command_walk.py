@@ -13,6 +13,7 @@ from servogen.build.engines import planned
 from servogen.checker.plan import Line, read_plan
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import ResourceError
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pic.image import Image
@@ -161,10 +162,46 @@ def test_a_job_with_wrong_commands_is_refused(old: str, new: str, message: str) 
 
 def test_a_soft_start_of_more_than_256_frames_before_a_walk_on_command_is_refused() -> None:
     """256 frames of 20 ms are 5.12 s."""
-    job = plan_job(loads(TEXT.replace("[firmware]", "[firmware]\nsoft_start_s = 5.14"), "job.toml"))
-    with pytest.raises(InputError, match="a soft start of more than 256 frames") as refused:
+    text = TEXT.replace("[firmware]", "[firmware]\nsoft_start_s = 5.14")
+    line = text[: text.index("soft_start_s")].count("\n") + 1
+    with pytest.raises(InputError) as refused:
+        planned(plan_job(loads(text, "job.toml")))
+    assert str(refused.value) == (
+        f"job.toml:{line}:1: error: firmware.soft_start_s: a soft start of 5.14 s is 257 frames "
+        "[out-of-range]\n  before a walk on command it has at most 256 frames, 5.12 s"
+    )
+
+
+def test_a_swing_of_more_than_512_frames_on_command_is_refused() -> None:
+    """The feet of a tripod are in the air for half a cycle of 20 ms each."""
+    planned(plan_job(loads(TEXT.replace("cycle_s = 0.96", "cycle_s = 20"), "job.toml")))
+    job = plan_job(loads(TEXT.replace("cycle_s = 0.96", "cycle_s = 20.6"), "job.toml"))
+    with pytest.raises(InputError) as refused:
         planned(job)
-    assert (refused.value.code, refused.value.hint) == ("engine-unsupported", "shorten it")
+    assert (refused.value.code, refused.value.message, refused.value.hint) == (
+        "engine-unsupported",
+        "the player walks on command only if legs that are in the air together lift and land together, "
+        "within 512 frames",
+        'write gait = "tripod", or a shorter cycle_s',
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "holds"), [("MAX_BYTES", 55, "55 and 4"), ("LEGS_TIMINGS", 2, "256 and 3")]
+)
+def test_a_walk_that_exceeds_a_table_is_refused(
+    name: str, limit: int, holds: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its 28 steps have two bytes each and four timings."""
+    monkeypatch.setattr(f"servogen.engines.player.commanded.{name}", limit + 1)
+    job = plan_job(loads(TEXT, "job.toml"))
+    planned(job)
+    monkeypatch.setattr(f"servogen.engines.player.commanded.{name}", limit)
+    with pytest.raises(ResourceError) as refused:
+        planned(job)
+    assert refused.value.message == (
+        f"the walk on command has 56 bytes of steps with 4 timings: the player holds {holds}"
+    )
 
 
 def test_a_walk_forward_and_back_alone_has_two_directions() -> None:

@@ -9,6 +9,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import blended, weights
 from servogen.engines.player.encoding import Rows
 from servogen.engines.player.laws import lift_table, spot_table, swing_table, table_of
+from servogen.engines.player.poses import poses_encoded
 from servogen.engines.player.script import AGAIN, AT, SPOT, Script, ScriptStep, script, timing
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.laws import law
@@ -182,3 +183,13 @@ def test_near_poses_share_a_row_in_their_middle_and_others_do_not() -> None:
     numbers = [rows.number(np.array(pose)) for pose in ([10.0, 20], [10.9, 20], [12.0, 20], [10.2, 20.1])]
     assert numbers == [0, 0, 1, 0]
     assert rows.kept == [(10, 20), (12, 20)]
+
+
+def test_more_steps_between_few_poses_than_the_script_holds_are_refused() -> None:
+    """Twenty poses in random order, 60 ms each: the poses fit the tables, 140 steps of two bytes do not."""
+    places = np.random.default_rng(1).integers(0, 20, 140)
+    rows = np.repeat(1000.0 + 37.0 * places[:, None], 3, axis=0)
+    with pytest.raises(ResourceError, match=r"the motion's script has \d+ bytes: its table holds 255"):
+        poses_encoded(rows, [0], 0, 5.0, 0.5)
+    few = poses_encoded(rows[: 3 * 70], [0], 0, 5.0, 0.5)
+    assert few.size <= 255
