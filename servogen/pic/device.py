@@ -95,15 +95,20 @@ def masks(*names: str) -> tuple[int, ...]:
     return tuple(1 << register_bits()[name][1] for name in names)
 
 
+def register_at(address: int) -> Register | None:
+    """Return the register at an address of eight bits, bit 7 being the bank (DS35007 figure 2-2)."""
+    for register in REGISTERS:
+        if register.address in (address, address & 0x7F if register.name in BOTH_BANKS else address):
+            return register
+    return None
+
+
 def data_byte_exists(address: int) -> bool:
     """Return whether the data memory has a byte of RAM or a register at an address of both banks (DS35007
     figure 2-2).
     """
     return 0 <= address <= 0xFF and (
-        RAM_FIRST <= address & 0x7F <= RAM_LAST
-        or any(
-            row.address in (address, address & 0x7F if row.name in BOTH_BANKS else -1) for row in REGISTERS
-        )
+        RAM_FIRST <= address & 0x7F <= RAM_LAST or register_at(address) is not None
     )
 
 

@@ -80,6 +80,19 @@ def test_an_array_in_a_constant_structure_is_read_from_flash(where: tuple[str, s
         assert bytes(shown([f"{MENU}void main(void) {{ {body} }}"], where)) == expected
 
 
+@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
+def test_a_pointer_that_reads_both_memories_starts_at_a_moved_address(where: tuple[str, str]) -> None:
+    """The addresses are constants (ISO C 6.6), of RAM and flash, converted before and after they move."""
+    text = """
+    unsigned char y[5] = {1, 2, 3, 4, 5};
+    const unsigned char z[5] = {6, 7, 8, 9, 10};
+    const unsigned char *a = (const unsigned char *)y + 1, *b = (const unsigned char *)(y + 3) - 1;
+    const unsigned char *c = (const unsigned char *)&z[1] + 2, *d = z + 1;
+    void main(void) { PORTB = *a; PORTB = *b; PORTB = *c; PORTB = *d; }
+    """
+    assert shown([text], where) == [2, 3, 9, 7]
+
+
 FIELDS = {
     "PORTB = pad[i].x;": 1,
     "PORTB = pad[i].d;": 2,

@@ -15,7 +15,7 @@ from servogen.compiler.emit.timing import FunctionTimes
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import TARGETED
 from servogen.compiler.passes.call_depth import depths
-from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import RAM_FIRST, RAM_LAST, register_at
 from servogen.pic.isa import by_mnemonic
 from servogen.pic.listing import ListedFunction, Listing, ListingRow
 
@@ -118,7 +118,5 @@ def _register_name(address: int) -> str:
     """Return the name of a special function register, or the address of a variable."""
     if RAM_FIRST <= address & 0x7F <= RAM_LAST:
         return f"0x{address & 0x7F:02X}"
-    for register in registers().values():
-        if register.address == address:
-            return register.name
-    return f"0x{address & 0x7F:02X}"
+    register = register_at(address)
+    return register.name if register else f"0x{address & 0x7F:02X}"

@@ -52,7 +52,7 @@ from servogen.pic.device import (
     RAM_FIRST,
     RAM_LAST,
     data_byte_exists,
-    registers,
+    register_at,
 )
 
 
@@ -115,15 +115,10 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
         if not isinstance(byte_symbol, Symbol):
             raise analyser.fail("c-undeclared", f"'{byte}' is not declared", node)
     else:
-        byte_symbol = next(
-            (
-                analyser.scopes.register(register)
-                for register in registers().values()
-                if register.address == byte
-            ),
-            None,
-        )
-        if byte_symbol is None:
+        register = register_at(byte)
+        if register is not None:
+            byte_symbol = analyser.scopes.register(register)
+        else:
             byte_symbol = Symbol(f"0x{byte:02X}", U8, "fixed", place)
             _fix(analyser, byte_symbol, byte, place)
             analyser.program.symbols.append(byte_symbol)

@@ -25,7 +25,7 @@ from servogen.compiler.ast.nodes import (
     Symbol,
     WideField,
 )
-from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, StructType, VoidType
+from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, PointerType, StructType, VoidType
 from servogen.compiler.sema.accessors import store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
@@ -165,20 +165,23 @@ def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
         expr = expr.operand
     if isinstance(expr, Num):
         return [expr.value >> 8 * index & 0xFF for index in range(size)]
-    if isinstance(expr, Cast) and isinstance(expr.operand, AddressOf):
-        expr = expr.operand
-    if isinstance(expr, Binary) and isinstance(expr.left, AddressOf) and isinstance(expr.right, Num):
-        move = expr.right.value if expr.op == "+" else -expr.right.value
-        target = expr.left.target
-        expr = AddressOf(
-            Ref(target.symbol, target.offset + move, target.index, target.type, target.place),
-            expr.type,
-            expr.place,
-        )
-    if isinstance(expr, AddressOf) and expr.target.index is None:
-        target = expr.target
-        return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
-    raise analyser.fail("c-not-constant", "the initialiser must be a constant", node)
+    address = _address(expr)
+    if address is None:
+        raise analyser.fail("c-not-constant", "the initialiser must be a constant", node)
+    return [AddressByte(*address, part) for part in range(size)]
+
+
+def _address(expr: Expr) -> tuple[Symbol, int] | None:
+    """Return the object and the offset that an address constant points to; None if `expr` is not one."""
+    match expr:
+        case AddressOf(target) if target.index is None:
+            return target.symbol, target.offset
+        case Cast(operand) if isinstance(operand.type, PointerType):
+            return _address(operand)
+        case Binary(op, pointer, Num(bytes_)) if isinstance(expr.type, PointerType):
+            moved = _address(pointer)
+            return moved and (moved[0], moved[1] + (bytes_ if op == "+" else -bytes_))
+    return None
 
 
 def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[Leaf]) -> None:

@@ -66,14 +66,16 @@ def test_rows_name_their_place_and_labels_of_assembly_are_sorted_by_address() ->
 
 
 def test_an_address_without_a_register_is_a_number_within_the_bank() -> None:
-    """DS35007 figure 2-2: 0x07 is not implemented in either bank, 0x50 to 0x7F neither."""
-    assembly = "".join(f'asm("clrf {place}"); ' for place in ("0x07", "0x87", "0x50", "0x85"))
+    """DS35007 figure 2-2: 0x07 is not implemented in either bank, 0x50 to 0x7F neither. FSR is in both."""
+    places = "0x07", "0x87", "0x50", "0x85", "0x84"
+    assembly = "".join(f'asm("clrf {place}"); ' for place in places)
     found = compile_sources([Source(f"void main(void) {{ {assembly} }}", "main.c")], Options(dialect="xc8"))
-    assert [row.assembly for row in found.listing.rows[:4]] == [
+    assert [row.assembly for row in found.listing.rows[:5]] == [
         "CLRF 0x07",
         "CLRF 0x07",
         "CLRF 0x50",
         "CLRF TRISA",
+        "CLRF FSR",
     ]
 
 
