@@ -63,6 +63,10 @@ def test_equ_set_and_assignments(asm: Any) -> None:
 def test_an_assignment_changes_only_a_name_that_has_a_value_before_it(asm: Any) -> None:
     """The condition is false in pass 1, in which `late` is not known yet, and true in pass 2."""
     for assignment in ("none += 1", "none++", "none--"):
+        for after in ("", "\nnone set 3"):
+            assert asm.errors(f"{assignment}\n movlw none{after}\n end")[0] == (
+                "1:1 113 symbol not previously defined: 'none'"
+            )
         assert asm.errors(f" if late\n{assignment}\n endif\nlate equ 1\n end") == [
             "2:1 113 symbol not previously defined: 'none'"
         ]

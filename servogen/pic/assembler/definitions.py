@@ -34,8 +34,8 @@ def _set(state: Pass, statement: Statement) -> None:
 def _assign(state: Pass, statement: Statement) -> None:
     """Process `name op= expression`, `name++` and `name--`."""
     name = _label(statement)
-    old = state.value(name)
-    if old is None:
+    old = state.symbols.find(name)
+    if old is None or old.in_pass != state.symbols.in_pass:
         raise SourceError(
             "asm-undefined-symbol", f"symbol not previously defined: '{name}'", statement.label_column
         )
@@ -50,7 +50,7 @@ def _assign(state: Pass, statement: Statement) -> None:
     sign = statement.operation[0] if statement.operation in ("++", "--") else statement.operation[:-1]
     if sign in "/%" and step == 0:
         raise SourceError("asm-divide-by-zero", "divide by zero", statement.column)
-    state.symbols.define(name, BINARY[sign][1](old, step), "variable", statement.label_column)
+    state.symbols.define(name, BINARY[sign][1](old.value, step), "variable", statement.label_column)
 
 
 def _named_values(state: Pass, statement: Statement, kind: Kind, default: int | None) -> None:

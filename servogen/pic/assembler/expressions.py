@@ -236,9 +236,7 @@ class Parser:
         return None if self.at_end() else self._tokens[self._index]
 
     def _unexpected(self) -> SourceError:
-        token = self._peek()
-        if token is None:
-            return SourceError("asm-syntax", "the line ends too early", self._end_column)
+        token = self._tokens[self._index]
         return SourceError("asm-syntax", f"'{token.text}' is not expected here", token.column)
 
 
