@@ -322,6 +322,13 @@ def _row(
             f"no joint '{table.joint}'",
             did_you_mean(table.joint, joints),
         )
+    if table.ratio == 0:
+        raise document.error(
+            "out-of-range",
+            ("row", index, "ratio"),
+            "a joint does not move a row of ratio 0",
+            "leave out joint",
+        )
     return DHRow(
         theta=radians(table.theta_deg),
         d=_length(document, ("row", index, "d_mm"), table.d_mm, lengths),

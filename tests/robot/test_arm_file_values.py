@@ -122,6 +122,11 @@ def test_other_texts_are_not_lengths() -> None:
         assert said.startswith("row[1].d_mm: no length 'l3' in [lengths_mm]")
 
 
+def test_a_row_that_its_joint_does_not_move_is_refused() -> None:
+    said = refusal(ONE.format(joint="", row="ratio = 0.0", more=""))
+    assert said == "row[1].ratio: a joint does not move a row of ratio 0 [out-of-range]\n  leave out joint"
+
+
 def test_rows_frames_and_facts_are_in_radians_and_metres() -> None:
     text = ONE.format(
         joint="", row="theta_deg = 30\nalpha_deg = -90\nratio = -0.5", more='title = "T"\nsource = "S"'
