@@ -33,8 +33,7 @@ def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
     jacobian = np.zeros((*pose.shape[:-2], 6, len(arm.joints)))
     for axis in axes:
         joint = axis.row.joint
-        if joint is None:
-            continue
+        assert joint is not None
         if arm.joints[joint].turning:
             # `+=` and the ratio, because a row may follow a joint that moves another row too.
             lever = pose[..., :3, 3] - axis.point

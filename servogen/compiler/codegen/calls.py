@@ -197,7 +197,4 @@ def _divide_by_halving(gen: FunctionGenerator, expr: Binary, target: list[Loc], 
     add(gen, part, list(part), imms((1 << shift) - 1, size))
     gen.label(end)
     shift_right(gen, part, list(part), shift, signed=True)
-    have = min(len(target), size)
-    gen.move_all(target[:have], list(part[:have]))
-    if len(target) > have:
-        widen(gen, target, have, signed=True)
+    gen.move_all(target, list(part[: len(target)]))

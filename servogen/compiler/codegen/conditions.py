@@ -182,8 +182,7 @@ def _all_set(gen: FunctionGenerator, expr: Expr, mask: int) -> bool:
     if not isinstance(right, Num) or right.value != mask or not is_direct(stripped(left)):
         return False
     operand = operands_of(gen, left, 1)[0]
-    if isinstance(operand, Imm):
-        return False
+    assert not isinstance(operand, Imm)
     # no bit of the mask is left of the complement if all are set in the byte
     gen.emit("COMF", operand, 0)
     gen.emit("ANDLW", k=mask)

@@ -28,7 +28,7 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import IntType, StructType, VoidType
+from servogen.compiler.ast.types import IntType, VoidType
 from servogen.compiler.codegen.arithmetic import add, complement, imms, negate
 from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update
 from servogen.compiler.codegen.effects import calls_something, is_condition, touches, updated, width_of
@@ -152,9 +152,7 @@ def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
         boolean(gen, expr, target)
         return
     size = expr.type.size
-    if isinstance(expr.type, StructType):
-        into(gen, expr.operand, target)
-    elif len(target) <= size:
+    if len(target) <= size:
         if expr.operand.type.scalar:
             into(gen, expr.operand, target)
         else:

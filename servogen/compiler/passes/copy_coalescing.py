@@ -107,7 +107,7 @@ def _safe_outside(function: Function, live: Liveness, merged: Byte, representati
     """Return whether a temporary may live in another function's byte.
 
     The frames of two functions that are called one after the other overlap: while a byte of one is still
-    needed, nothing may be written to the other.
+    needed, nothing may be written to the other. What calls change is in `interference`.
     """
     own = {id(symbol) for symbol in function.own}
     others = 0
@@ -116,8 +116,6 @@ def _safe_outside(function: Function, live: Liveness, merged: Byte, representati
             others |= live.bit(byte)
     mask = live.bit(merged)
     for ins in function.instructions():
-        if ins.op == "CALL" and live.after[ins] & mask:
-            return False
         if not ins.writes_f or not isinstance(ins.f, Byte) or ins.f not in live.number:
             continue
         if ins.f == merged and live.after[ins] & others:

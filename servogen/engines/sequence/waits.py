@@ -61,10 +61,7 @@ def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[RepeatedCall, ...]:
 def _maximum(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
     """Return the largest argument of a step that lasts no longer than `cycles`; 0 if there is none."""
     multiple = (step_us / clock.cycle_us).denominator if whole_only else 1
-    count = min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple
-    while count and not 0 < clock.round_us(count * step_us).cycles <= cycles:
-        count -= multiple
-    return count
+    return min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple
 
 
 def _merged(calls: list[RepeatedCall]) -> list[RepeatedCall]:

@@ -85,7 +85,7 @@ def irb6400c(arm: Arm, target: TargetComponents) -> list[Branch]:
         for two in _cosine_sine_sum(v, -forward, z):
             c_two, s_two = cos_sin(two)
             one = direction - np.arctan2(first + across, forward * c_two + v * s_two)
-            if target.n is None or target.o is None or target.a is None:
+            if target.a is None:
                 branches.append((one, two, three, *arm.home[3:]))
                 continue
             c_one, s_one = cos_sin(one)
@@ -107,8 +107,7 @@ def _zyz(frame: Sequence[Sequence[Floats]], target: TargetComponents, home: floa
 
     Stretched (sin q5 = 0) only q4 ± q6 is determined: q4 stays at home.
     """
-    if target.n is None or target.o is None or target.a is None:
-        return []
+    assert target.n is not None and target.o is not None and target.a is not None
     x, y, _ = frame
     a = [_dot(axis, target.a) for axis in frame]
     stretched = np.hypot(a[0], a[1]) < 1e-12

@@ -514,11 +514,8 @@ class PathExplorer:
             self._leave_open(address, stack, FSR)
             paths.pointers.add(address)
         if inside:
-            changed = set(effects.changed)
-            if effects.wild:
-                changed |= set(range(RAM_FIRST, RAM_LAST + 1))
-            self._interrupt.changes |= changed
-            self._interrupt.lost |= {place for place in changed if RAM_FIRST <= place <= RAM_LAST}
+            self._interrupt.changes |= effects.changed
+            self._interrupt.lost |= {place for place in effects.changed if RAM_FIRST <= place <= RAM_LAST}
         if effects.timer_writes is not None:
             known = paths.timer_writes.get(address)
             paths.timer_writes[address] = (
