@@ -73,7 +73,7 @@ def _next_name(
 ) -> tuple[int, int] | None:
     """Return the start and end of the next known name outside strings and comments, except `but`."""
     limit = len(text.without_comment().chars)
-    spans = [span for span in text.quoted() if text.chars[span[0]] == '"' or span[1] - span[0] > 1]
+    spans = text.quoted()
     for match in _WORD.finditer(text.chars, index, limit):
         start, end = match.span()
         if match[0] in names and match[0] not in but and not any(a <= start < b for a, b in spans):
