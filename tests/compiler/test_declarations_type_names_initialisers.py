@@ -220,6 +220,8 @@ ERRORS = [
         ["error c-syntax: 'f' is not a function but has a body"]),
     ("typedef void fn(void); fn f; void g(void) { f(); ‸f(1); }",
         ["error c-argument: 'f' takes 0 arguments, 1 is given // it is declared at main.c:1:27"]),
+    ("struct { char a; ‸int; } x;", ["error c-syntax: this member has no name"]),
+    ("typedef int T; struct s { ‸T; };", ["error c-syntax: this member has no name"]),
     ("int y; struct { unsigned a : 3; } x = {‸(unsigned)&y};",
         ["error c-not-constant: the initialiser must be a constant"]),
 ]  # fmt: skip

@@ -53,7 +53,8 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
             return specified(analyser, node, node)
         case c_ast.FuncDecl():
             return FuncType(declared_type(analyser, node.type), _parameters(analyser, node))
-    raise analyser.fail("c-unsupported", "this type is not supported", node)
+    # pycparser has a type alone, an IdentifierType, only for a member (ISO C 6.7.2.1).
+    raise analyser.fail("c-syntax", "this member has no name", node)
 
 
 def _qualified(kind: CType, quals: list[str]) -> CType:
