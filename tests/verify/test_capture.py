@@ -133,6 +133,31 @@ def test_a_constant_that_is_2_us_off_in_every_repeat_is_caught() -> None:
     assert verdict.channels[1].width.wrong > 80
 
 
+def test_a_servos_pin_that_stays_high_is_caught_where_the_loop_has_no_pulses_of_it() -> None:
+    def chunks() -> Iterator[ExpectedChunk]:
+        """The leg gets pulses in the first three frames only, at the same time as the arm."""
+        for frame in range(100):
+            rise, width = frame * PERIOD, (1900, 1910, 1920)[frame] if frame < 3 else 1003 + 101 * (frame % 5)
+            edges = edges_of([(rise, width, RB0), *([(rise, 1500, RB1)] if frame < 3 else [])])
+            cycle, pin, level = zip(*edges, strict=True)
+            yield ExpectedChunk(*edge_chunk(cycle, pin, level), np.full(len(edges), frame, dtype=np.int64))
+
+    channels = (ExpectedChannel("arm", RB0), ExpectedChannel("leg", RB1))
+    shown = [
+        (int(cycle), int(pin), int(level))
+        for chunk in chunks()
+        for cycle, pin, level in zip(*chunk[:3], strict=True)
+    ]
+    looked = capture(shown, begin_us=200_000, seconds=0.5, pins=(RB0, RB1))
+    (edges,) = looked.chunks
+    text = "RB1 (leg), at the capture's beginning: it is high where no pulse is scheduled"
+    for level, reasons in ((LOW, ()), (HIGH, (f"first at 0.000000 s, {text}",))):
+        levels = np.where(edges.pin == RB1, level, edges.level)
+        held = EdgeTrace(looked.clock, (edge_chunk(edges.cycle, edges.pin, levels),), looked.end)
+        expected = Expected(MHZ4, Cycles(PERIOD), channels, 3, 5, tuple(chunks()))
+        assert verify_capture(expected, held, sample=1.0).reasons == reasons
+
+
 def test_a_missing_an_extra_pulse_and_a_glitch_are_counted_and_placed() -> None:
     missing = verdict_on(without(30))
     assert [channel.missing for channel in missing.channels] == [1, 0]

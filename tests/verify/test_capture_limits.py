@@ -65,10 +65,18 @@ def test_the_edges_of_cut_pulses_are_compared_with_the_nearest_scheduled_ones() 
     # The last rise is 480 cycles after the beginning at 540: at 1020, scheduled at 1000.
     first, last = end_errors(CutPulses(False, None, 960), ARM, np.array([540.0]), 2.0, 1000)
     assert (first.tolist(), last.tolist()) == ([0], [20])
-    # High throughout, or nothing scheduled: there is nothing to compare.
-    for cut, wanted in ((CutPulses(True, None, None), ARM), (CutPulses(False, 1, 2), pulses())):
-        errors = end_errors(cut, wanted, np.array([50.0, 60.0]), 2.0, 10)
-        assert [each.tolist() for each in errors] == [[0, 0], [0, 0]]
+    # Where nothing is scheduled, any edge is wrong.
+    errors = end_errors(CutPulses(True, 1, 2), pulses(), np.array([50.0, 60.0]), 2.0, 10)
+    assert [each.tolist() for each in errors] == [[np.inf, np.inf], [np.inf, np.inf]]
+
+
+def test_a_pin_that_is_high_throughout_must_begin_and_end_inside_a_pulse() -> None:
+    # 10 steps at 2 steps per cycle: from 50 to 55, 97 to 102, 600 to 605, 994 to 999, 3200 to 3205.
+    at = np.array([50.0, 97.0, 600.0, 994.0, 3200.0])
+    first, last = end_errors(CutPulses(True, None, None), ARM, at, 2.0, 10)
+    assert (first.tolist(), last.tolist()) == ([0, 0, 400, 6, 100], [0, 2, 395, 1, 105])
+    never = end_errors(CutPulses(True, None, None), pulses(), at[:1], 2.0, 10)
+    assert [each.tolist() for each in never] == [[np.inf], [np.inf]]
 
 
 CHANNEL = ExpectedChannel("arm", RB0)

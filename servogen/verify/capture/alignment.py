@@ -36,27 +36,31 @@ def end_errors(
 
     `begin` is in cycles of the schedule; the capture has `length` steps, at `slope` steps per cycle.
     """
-    nothing = np.zeros(len(begin))
-    if not len(wanted.rise) or (cut.high and cut.first_fall is None):
-        return nothing, nothing
     end = begin + length / slope
-    if cut.first_fall is not None:
-        fall = begin + cut.first_fall / slope
-        first = np.abs(wanted.fall[nearest(fall, wanted.fall)] - fall)
-    else:
-        first = _inside(wanted, begin)
-    if cut.last_rise is not None:
-        rise = begin + cut.last_rise / slope
-        return first, np.abs(wanted.rise[nearest(rise, wanted.rise)] - rise)
-    return first, _inside(wanted, end)
+    fall, rise = cut.first_fall, cut.last_rise
+    first = _outside(wanted, begin, cut.high) if fall is None else _away(wanted.fall, begin + fall / slope)
+    last = (
+        _outside(wanted, end, cut.high and fall is None)
+        if rise is None
+        else _away(wanted.rise, begin + rise / slope)
+    )
+    return first, last
 
 
-def _inside(wanted: Pulses, time: Floats) -> Floats:
-    """Return how far inside a pulse each time lies; 0 outside pulses."""
-    row = np.searchsorted(wanted.rise, time, side="right") - 1
-    known = row.clip(min=0)
-    inside = np.minimum(time - wanted.rise[known], wanted.fall[known] - time)
-    return np.where(row < 0, 0.0, np.maximum(inside, 0.0))
+def _away(edges: Ints, time: Floats) -> Floats:
+    """Return how far each time is from the nearest of `edges`; infinite if there is none."""
+    return np.abs(edges[nearest(time, edges)] - time) if len(edges) else np.full(len(time), np.inf)
+
+
+def _outside(wanted: Pulses, time: Floats, high: bool) -> Floats:
+    """Return how far each time is from one at which the pin is scheduled to be `high`, or to be low."""
+    row = np.searchsorted(wanted.rise, time, side="right")
+    fall = np.concatenate(([-np.inf], wanted.fall))[row]
+    since_rise = time - np.concatenate(([-np.inf], wanted.rise))[row]
+    if high:
+        until_rise = np.concatenate((wanted.rise, [np.inf]))[row] - time
+        return np.asarray(np.minimum(until_rise, np.maximum(time - fall, 0.0)))
+    return np.asarray(np.maximum(np.minimum(since_rise, fall - time), 0.0))
 
 
 ANCHORS = 3

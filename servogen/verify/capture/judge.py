@@ -231,16 +231,15 @@ def _cut(
     begin = np.array([float(line.cycles(0))])
     cut, wanted = signals.cut[number], signals.scheduled[number]
     first, last = end_errors(cut, wanted, begin, line.b, scale.end)
+    high = cut.high and cut.first_fall is None
     for error, step, edge, verb in (
         (first, 0, cut.first_fall, "ends"),
         (last, scale.end, cut.last_rise, "begins"),
     ):
         if float(error[0]) > limit:
-            text = (
-                "a pulse that it cuts is missing"
-                if edge is None
-                else f"a pulse {verb} where none is scheduled to"
-            )
+            text = f"a pulse {verb} where none is scheduled to"
+            if edge is None:
+                text = "it is high where no pulse is scheduled" if high else "a pulse that it cuts is missing"
             place = "beginning" if step == 0 else "end"
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
             time_us = (step if edge is None else edge) * scale.step_us
