@@ -96,7 +96,7 @@ def check_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str, str]]
     """Yield each expectation: its name, what was measured and is allowed, the unit, whether it fails."""
     for check in verdict.checks:
         word = "" if check.passed else "FAILS"
-        yield check.name, f"{check.measured:z.4g}", f"{check.allowed:g}", check.unit, word
+        yield check.name, check.shown, f"{check.allowed:g}", check.unit, word
 
 
 def page_facts(verdict: TwinVerdict) -> TwinFacts:

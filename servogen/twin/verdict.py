@@ -17,7 +17,7 @@ from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
 from servogen.twin.planned import PlannedRoute
-from servogen.twin.run import Record
+from servogen.twin.run import SAMPLE_S, Record
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,7 +37,8 @@ class ExpectationCheck:
     """One expectation: what was measured, in the unit of its name, what is allowed, since when it fails."""
 
     name: str
-    measured: float
+    measured: float | None
+    """None: the run does not show it; the expectation then fails."""
     allowed: float
     unit: str
     passed: bool
@@ -55,10 +56,16 @@ class ExpectationCheck:
         }
 
     @property
+    def shown(self) -> str:
+        """Return what was measured, without its unit."""
+        return "-" if self.measured is None else f"{self.measured:z.4g}"
+
+    @property
     def text(self) -> str:
         """Return the check as a sentence."""
         when = "" if self.seconds is None else f" at {self.seconds:.2f} s"
-        return f"{self.name}: {self.measured:z.4g} {self.unit}{when}, allowed {self.allowed:g} {self.unit}"
+        seen = "not measured" if self.measured is None else f"{self.shown} {self.unit}{when}"
+        return f"{self.name}: {seen}, allowed {self.allowed:g} {self.unit}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,9 +178,11 @@ def _checks(
 ) -> list[ExpectationCheck]:
     checks: list[ExpectationCheck] = []
 
-    def check(name: str, measured: float, allowed: float | None, unit: str, at: float | None = None) -> None:
+    def check(
+        name: str, measured: float | None, allowed: float | None, unit: str, at: float | None = None
+    ) -> None:
         if allowed is not None:
-            passed = bool(measured <= allowed)
+            passed = measured is not None and bool(measured <= allowed)
             checks.append(ExpectationCheck(name, measured, allowed, unit, passed, None if passed else at))
 
     if not record.pulsed.any():
@@ -184,17 +193,18 @@ def _checks(
         checks.append(
             ExpectationCheck("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen)
         )
-    if planned.way is not None:
+    complete = record.motion[1] - record.time[-1] <= 2 * SAMPLE_S
+    off = turned = None
+    if planned.way is not None and complete:
         x, y, yaw = planned.way
-        check(
-            "robot", 1000 * math.hypot(travelled[0] - x, travelled[1] - y), expect.robot_within_mm, "mm off"
-        )
-        check("turn", abs(math.degrees(travelled[2] - yaw)), expect.turn_within_deg, "° off")
-    if rest[0] is not None:
-        check("tool at rest", 1000 * rest[0], expect.end_within_mm, "mm off", rest[1])
-    if record.feet.shape[1]:
-        name = f"drag of {drag[1]}" if drag[1] else "drag"
-        check(name, 1000 * drag[0], expect.drag_mm, "mm", drag[2])
+        off = 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
+        turned = abs(math.degrees(travelled[2] - yaw))
+    check("robot", off, expect.robot_within_mm, "mm off")
+    check("turn", turned, expect.turn_within_deg, "° off")
+    resting = None if rest[0] is None else 1000 * rest[0]
+    check("tool at rest", resting, expect.end_within_mm, "mm off", rest[1])
+    dragged = 1000 * drag[0] if record.feet.shape[1] else None
+    check(f"drag of {drag[1]}" if drag[1] else "drag", dragged, expect.drag_mm, "mm", drag[2])
     torque = np.abs(record.torque)
     row, column = np.unravel_index(int(np.argmax(torque)), torque.shape)
     check(
@@ -206,7 +216,8 @@ def _checks(
     )
     peak = int(np.argmax(record.current))
     check("current", float(record.current[peak]), expect.current_a, "A", float(record.time[peak]))
-    check("time", record.motion[1], expect.within_s, "s", record.motion[1])
+    finished = record.motion[1] if complete else None
+    check("time", finished, expect.within_s, "s", finished)
     return checks
 
 
