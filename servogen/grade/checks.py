@@ -94,7 +94,7 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
     if chip.sleeping:
         return f"{text}: the chip is asleep"
     if chip.lost:
-        return f"{text}: the program runs on past its end; it needs an endless loop"
+        return f"{text}: the program {PAST_ITS_END}"
     if chip.stack_wraps:
         return f"{text}: calls are nested deeper than the chip's 8 levels"
     hangs = "" if watched.pins else "; the program hangs before that"
@@ -111,6 +111,8 @@ def clock_words(lab: Lab, chip: ChipFacts) -> str | None:
         "all its times are wrong"
     )
 
+
+PAST_ITS_END = "runs on past its end; it needs an endless loop"
 
 ROUNDED = 6
 """The decimals of a period, so that one exactly at a limit is allowed."""
@@ -356,6 +358,28 @@ def period_faults(
             yield Fault((Check.PERIOD,), f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most")
 
 
+def interruption_faults(
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], solution: Solution, stays: Sequence[Stay]
+) -> Iterator[Fault]:
+    """Yield the longest pause that is followed by pulses for the same position, if there is one.
+
+    Of several servos each may get its pulses again while another one changes, and at its first position a
+    program may wait before its endless loop.
+    """
+    later = [] if len(lab.servos) > 1 else stays[1:]
+    longest, where = max(
+        ((pins[0].interruption(stay.visit.begin, stay.visit.end), stay.position) for stay in later),
+        default=(0, 0),
+    )
+    if longest:
+        seconds = float(watched.clock.seconds(longest))
+        name = solution.positions[where].name
+        text = (
+            f"the pulses for {name} stop, and go on {seconds:.2f} s later; a pause comes after the last one"
+        )
+        yield Fault((Check.PERIOD,), text)
+
+
 def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
     """Return a note on a period that the lab allows but that is not recommended."""
     periods = [float(watched.clock.us(pin.period)) for pin in pins if pin.period]
@@ -367,10 +391,17 @@ def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
 
 
 def end_faults(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], solution: Solution
+    lab: Lab,
+    watched: Watched,
+    chip: ChipFacts,
+    pins: Sequence[PinPulses],
+    visits: Sequence[Visit],
+    solution: Solution,
 ) -> Iterator[Fault]:
-    """Yield why there are fewer complete rounds than required, if there are."""
+    """Yield why there are fewer complete rounds than required, or why they only seem to repeat endlessly."""
     text = _end_words(lab, watched, pins, visits, solution)
+    if text is None and chip.lost:
+        text = f"the program {PAST_ITS_END}"
     if text:
         yield Fault((Check.REPETITION,), text)
 

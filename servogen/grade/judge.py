@@ -21,6 +21,7 @@ from servogen.grade.checks import (
     clock_words,
     end_faults,
     first_wrong,
+    interruption_faults,
     order,
     order_faults,
     pause_faults,
@@ -176,7 +177,8 @@ def _judge_solution(
         *pause_faults(lab, solution, right),
         *travel_faults(lab, watched, pins, everything, right, solution),
         *period_faults(lab, watched, names, pins, solution, right),
-        *end_faults(lab, watched, pins, settled, solution),
+        *interruption_faults(lab, watched, pins, solution, right),
+        *end_faults(lab, watched, chip, pins, settled, solution),
     )
     clock = clock_words(lab, chip)
     if faults and clock:  # all else that is wrong is a consequence

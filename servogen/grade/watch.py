@@ -54,6 +54,11 @@ class PinPulses(NamedTuple):
         gaps = np.diff(inside)
         return gaps[gaps <= self.longest_period]
 
+    def interruption(self, begin: int, end: int) -> int:
+        """Return the longest time from rise to rise in [begin, end) that has a pause in it; else 0."""
+        gaps = np.diff(self.rise[(self.rise >= begin) & (self.rise < end)])
+        return int(gaps[gaps > self.longest_period].max(initial=0))
+
     def silence(self, begin: int, end: int) -> int:
         """Return the longest pause that begins in [begin, end), cut off at `end`; 0 if there is none."""
         fall = self.fall

@@ -19,6 +19,7 @@ from servogen.grade.checks import (
     clock_words,
     end_faults,
     first_wrong,
+    interruption_faults,
     order,
     order_faults,
     pause_faults,
@@ -416,13 +417,28 @@ def test_a_period_that_is_allowed_but_unusual_is_remarked() -> None:
     assert period_remark(watched(), [pin(7)]) is None
 
 
+def test_pulses_of_a_single_servo_go_on_without_a_pause_except_at_its_first_position() -> None:
+    steady, paused = range(0, 10_000, 1000), (*range(10_000, 15_000, 1000), 17_001, 18_000)
+    own = pin(*steady, *paused, width=100)
+    at = [Stay(0, visit(0, 10_000, [0]), 9.0, 0.0, True), Stay(1, visit(10_000, 20_000, [1]), 9.0, 0.0, True)]
+
+    def said(settled: list[Stay], lab: Lab = LAB) -> list[str]:
+        return texts(list(interruption_faults(lab, watched(), [own], TASK, settled)))
+
+    text = "the pulses for B stop, and go on 0.00 s later; a pause comes after the last one"
+    assert said(at) == [text]
+    assert said(at[1:]) == said([]) == []
+    assert said(at, replace(LAB, servos=(SERVO, SERVO))) == []
+    assert said([at[0], Stay(1, visit(10_000, 17_001, [1]), 9.0, 0.0, True)]) == []  # a pause at the end
+
+
 def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() -> None:
     """The longest pause is 4 s: twice as long without a pulse, or a move, is the end."""
     stops = [visit(1_000_000 * n, 1_000_000 * (n + 1), [n % 3]) for n in range(7)]
 
     def said(count: int, last: int, end: int) -> list[str]:
         own = pin(0, last - 1500)
-        return texts(list(end_faults(LAB, watched(end=end), [own], stops[:count], TASK)))
+        return texts(list(end_faults(LAB, watched(end=end), ChipFacts(), [own], stops[:count], TASK)))
 
     assert said(7, 7_000_000, 7_000_000) == []
     assert said(6, 6_000_000, 6_000_000) == ["only 1 complete round in 6 s instead of 2 or more"]
@@ -436,7 +452,7 @@ def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() ->
     for length, stuck in ((8_000_000, False), (8_000_001, True)):
         long = [stops[0], visit(1_000_000, 1_000_000 + length, [1])]
         end = 1_000_000 + length
-        (text,) = texts(list(end_faults(LAB, watched(end=end), [pin(0, end - 9)], long, TASK)))
+        (text,) = texts(list(end_faults(LAB, watched(end=end), ChipFacts(), [pin(0, end - 9)], long, TASK)))
         assert ("after 1.0 s nothing moves; the motion must repeat endlessly" in text) == stuck
 
 
