@@ -18,6 +18,8 @@ W, CARRY, ZERO = -1, -2, -3
 _FLAGS = {0: CARRY, 2: ZERO}
 """The bits of STATUS that are tracked."""
 _BANK_1 = 0x80
+_POINTED = frozenset({CARRY, ZERO, *range(RAM_FIRST, RAM_LAST + 1)})
+"""What a write through a pointer may change, besides FSR: a byte of RAM, or the flags in STATUS."""
 
 Known = dict[int, int]
 """Known values by place."""
@@ -198,7 +200,7 @@ def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
         if place is not None:
             _put(known, place, None if place in changing else result)
         elif word.f == INDF:
-            for other in [address for address in known if RAM_FIRST <= address <= RAM_LAST]:
+            for other in known.keys() & _POINTED:
                 del known[other]  # it may be any of them
 
 

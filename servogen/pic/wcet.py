@@ -183,6 +183,11 @@ class TimedProgram:
         return word.flow == "next" and not word.writes_pcl and word.name != "SLEEP" and not begins_counting
 
     @cached_property
+    def called(self) -> frozenset[int]:
+        """Return the addresses that calls lead to."""
+        return frozenset(word.k for word in self._defined.values() if word.flow == "call")
+
+    @cached_property
     def home(self) -> Mapping[int, int]:
         """Return the first address of the function that each address belongs to."""
         return {
@@ -412,14 +417,16 @@ class TimedProgram:
 
     def check_table(self, address: int) -> None:
         """Check that a computed jump at `address` leads to a RETLW: only RETLWs may follow it, up to the end
-        of the function. Raises _NoBound.
+        of the function, and its targets, if they are known, are RETLWs. Raises _NoBound.
 
         One that ends its function is taken to lead to a table elsewhere: that is how the compiler's routine
         reads flash through a pointer.
         """
         start = self._home_of(address)
         end = self.functions[start].end
-        if any(self.word(after).name != "RETLW" for after in range(address + 1, end)):
+        if any(
+            self.word(after).name != "RETLW" for after in (*range(address + 1, end), *self.targets(address))
+        ):
             raise _NoBound("computed jump", address)
 
     @cached_property
@@ -745,11 +752,13 @@ class _Walk:
         return (address, home, stack, known), address - first
 
     def _within(self, before: _Point, step: _Step) -> _Step:
-        """Return the edge, ended at the boundary of the function if its code runs on into another: the
-        start-up code before main.
+        """Return the edge, ended at the boundary of a function that nothing calls if its code runs on into
+        another: the start-up code before main.
         """
         minimum, maximum, after = step
         if after is None or self.returns_to_callers or after[0] not in self.program.functions:
+            return step
+        if before[1] in self.program.called:  # it returns where the other one does
             return step
         runs_on = after[0] in (before[0] + 1, before[0] + 2) and after[0] != before[1]
         return (minimum, maximum, None) if runs_on else step
@@ -782,7 +791,7 @@ class _Walk:
             unchanged = {place: value for place, value in known.items() if place not in piece.changes}
             return [(piece.cycles, piece.cycles, (piece.end, home, stack, unchanged))]
         word = self.program.decoded[address]
-        counted = _counted_loop(self.program, address, word, known)
+        counted = _counted_loop(self.program, address, word, known, self.ends | self.without)
         if counted is not None:
             cycles, after = counted
             return [(cycles, cycles, (after, home, stack, known))]
@@ -868,13 +877,13 @@ class _Walk:
         or those of a jump whose targets are known.
         """
         address, home, stack, known = point
+        execute(self.program.word(address), known, self.program.changing)
         try:
             self.program.check_table(address)
         except _NoBound:
             targets = self.program.targets(address)
             if not targets:
                 return self._no_bound("computed jump", address)
-            execute(self.program.word(address), known, self.program.changing)
             return [(2, 2, (target, self._home(target, home), stack, known)) for target in targets]
         known.pop(W, None)
         return self._return(2 + 2, point)
@@ -900,15 +909,17 @@ def _beyond(address: int, words: int) -> int:
 
 
 def _counted_loop(
-    program: TimedProgram, address: int, word: DecodedWord, known: Known
+    program: TimedProgram, address: int, word: DecodedWord, known: Known, stops: Collection[int]
 ) -> tuple[int, int] | None:
-    """Return the cycles of a loop that only counts, and the address after it; None for other code. Updates
-    `known`.
+    """Return the cycles of a loop that only counts, and the address after it; None for other code, and for a
+    loop with one of `stops` behind its first word. Updates `known`.
 
     loop DECFSZ f,F     loop DECF f,F           loop ADDLW 0xFF
          GOTO loop           BTFSS STATUS,Z          BTFSS STATUS,Z
                              GOTO loop               GOTO loop
     """
+    if address + 1 in stops:
+        return None
     if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, address + 1, address):
         # A counter of 0 is decremented to 255 first: 256 turns.
         turns = known[word.f] or 256
@@ -918,6 +929,8 @@ def _counted_loop(
         word.f if word.name == "DECF" and word.d else W if word.name == "ADDLW" and word.k == 0xFF else None
     )
     if place is None or place not in known or not _is_goto(program, address + 2, address):
+        return None
+    if address + 2 in stops:
         return None
     test = program.word(address + 1)
     if (test.name, test.f, test.b) != ("BTFSS", STATUS, 2):

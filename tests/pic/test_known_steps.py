@@ -93,10 +93,10 @@ def test_bytes_that_change_at_any_time_are_never_known() -> None:
     assert known == {W: 0, 0x20: 1}
 
 
-def test_a_write_through_an_unknown_pointer_forgets_all_of_ram_and_nothing_else() -> None:
-    known = {W: 3, CARRY: 1, 0x0C: 5, 0x4F: 5}
+def test_a_write_through_an_unknown_pointer_forgets_all_of_ram_and_the_flags_and_nothing_else() -> None:
+    known = {W: 3, FSR: 3, CARRY: 1, ZERO: 1, 0x0C: 5, 0x4F: 5}
     execute(word_of(encode("MOVWF", f=0)), known)
-    assert known == {W: 3, CARRY: 1}
+    assert known == {W: 3, FSR: 3}, "0x03 is STATUS"
     known = {W: 3, FSR: 0xA0, 0x20: 5, 0x21: 6}
     execute(word_of(encode("MOVWF", f=0)), known)
     assert known == {W: 3, FSR: 0xA0, 0x20: 3, 0x21: 6}, "0xA0 is 0x20 in bank 1"

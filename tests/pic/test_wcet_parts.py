@@ -437,6 +437,36 @@ def test_a_function_runs_on_into_the_next_where_it_ends() -> None:
     assert labels["f_next"] == 3
 
 
+def test_a_called_function_that_runs_on_into_the_next_returns_there() -> None:
+    text = "main\n call f_one\ndone\n goto main\nf_one\n nop\nf_two\n nop\n btfss PORTB, 0\n nop\n return"
+    program, labels = with_functions(text)
+    assert program.times(labels["f_one"]) == Times(1 + 1 + 2 + 2, 1 + 1 + 2 + 2)
+    assert program.between(0, {labels["done"]}) == Times(2 + 6, 2 + 6)
+
+
+@pytest.mark.parametrize(
+    ("loop", "cycles"),
+    [
+        ("decfsz 0x20, f\nin_\n goto turn", 1),
+        ("decf 0x20, f\nin_\n btfss STATUS, 2\n goto turn", 1),
+        ("decf 0x20, f\n btfss STATUS, 2\nin_\n goto turn", 2),
+    ],
+)
+def test_an_end_inside_a_loop_that_counts_is_seen(loop: str, cycles: int) -> None:
+    program, labels = with_functions(f"main\n movlw 9\n movwf 0x20\nturn\n {loop}\n goto in_")
+    assert program.between(0, {labels["in_"]}) == Times(2 + cycles, 2 + cycles)
+
+
+def test_a_computed_jump_at_the_end_of_a_function_goes_to_its_known_targets() -> None:
+    text = (
+        "main\n call f_one\ndone\n goto done\nf_one\n movwf PCL\nf_two\n nop\n nop\n return\nretlw_\n retlw 1"
+    )
+    targets = with_functions(text)[1]
+    for target, cycles in (("f_two", 2 + 2 + 2 + 2), ("retlw_", 2 + 2 + 2)):
+        program, labels = with_functions(text, targets={2: (targets[target],)})
+        assert program.between(0, {labels["done"]}) == Times(cycles, cycles)
+
+
 def test_the_program_counter_wraps_around_behind_the_last_word() -> None:
     words = {1022: encode("NOP"), 1023: encode("NOP"), 0: encode("RETURN")}
     program = TimedProgram(words, [ListedFunction("f", 1022, 1024), ListedFunction("g", 0, 1)])

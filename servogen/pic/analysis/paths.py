@@ -154,6 +154,8 @@ class Paths:
     """Registers that the interrupted program uses and the interrupt may not restore."""
     timer_writes: dict[int, Value] = field(default_factory=dict)
     """Instructions that write TMR0, and the values that they write."""
+    timer_requests: set[int] = field(default_factory=set)
+    """Instructions that may set T0IF."""
     options: Value = field(default_factory=lambda: values.constant(0xFF))
     """The values that OPTION_REG may have at any time."""
     timer_options: Value | None = None
@@ -521,6 +523,8 @@ class PathExplorer:
             paths.timer_writes[address] = (
                 effects.timer_writes if known is None else known | effects.timer_writes
             )
+        if effects.requests_timer:
+            paths.timer_requests.add(address)
         for pin in effects.driven_unwritten:
             paths.driven_unwritten.add(PinWrite(address, pin))
         for place, port in ((TRISA, PORTA), (TRISB, 6)):

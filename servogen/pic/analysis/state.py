@@ -29,7 +29,7 @@ PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
 """First pin and number of pins of each port."""
 _FIVE_BITS = (TRISA, PCLATH)
 """Registers whose upper three bits are read as 0 (DS35007 figure 2-2)."""
-GIE, T0IE = masks("GIE", "T0IE")
+GIE, T0IE, T0IF = masks("GIE", "T0IE", "T0IF")
 ENABLES = sum(masks("EEIE", "T0IE", "INTE", "RBIE"))
 """The enable bits of the four interrupts in INTCON."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
@@ -249,6 +249,8 @@ class Effects:
     """Pins that became outputs while their latch may never have been written."""
     timer_writes: Value | None = None
     """The value that it wrote to TMR0."""
+    requests_timer: bool = False
+    """Whether it may have set T0IF."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -536,6 +538,7 @@ def _write(
             if definitely:
                 state.written |= bit(TMR0)
         elif operand.special == INTCON:
+            effects.requests_timer |= _requests_timer(before, word)
             enables = values.mapped(result, lambda member: member & 0xF8)
             if before.interruptible:
                 # An interrupt during this instruction sets GIE again when it returns.
@@ -549,6 +552,14 @@ def _write(
             _write_place(state, operand.place, result, effects, definitely=definitely)
             if definitely and copied:
                 state.saved[operand.place] = copied
+
+
+def _requests_timer(before: AbstractState, word: DecodedWord) -> bool:
+    """Return whether a write of INTCON may set T0IF where it is 0."""
+    flags = _special(before, INTCON, 0)
+    clear = values.conjunction(flags, values.constant(~T0IF & 0xFF))
+    result, _, _ = computed(word, before.get(W), clear, before.get(CARRY))
+    return bool(result.may_be_1 & T0IF)
 
 
 def _pins_meant(word: DecodedWord, result: Value) -> tuple[int, int]:

@@ -63,11 +63,14 @@ class ProgramTimes:
             targets=paths.computed,
         )
 
-    def between(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> CycleSpan:
+    def between(self, starts: Collection[int], ends: Collection[int], *, interrupts: bool) -> CycleSpan:
         """Return the times from before any of `starts` to before the first of `ends`, on paths that reach
         one.
         """
-        return self._joined(starts, ends, interrupts=interrupts, must_end=False)
+        span = self._joined(starts, ends, interrupts=interrupts, must_end=False)
+        if interrupts and self._paths.interrupts and self._interrupt_may_end(starts, ends):
+            return CycleSpan(None, span.maximum, ("the interrupt may get there first",))
+        return span
 
     def without_ends(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> CycleSpan:
         """Return the times from any of `starts` to the first of `ends` if every path has to reach one."""
@@ -101,6 +104,11 @@ class ProgramTimes:
             maximum = bound
         return CycleSpan(minimum, maximum, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
 
+    def _interrupt_may_end(self, starts: Collection[int], ends: Collection[int]) -> bool:
+        """Return whether an interrupt after one of `starts` may execute one of `ends`."""
+        from_reset, by_interrupt = (self._program.reached(start) for start in (0, INTERRUPT_VECTOR))
+        return not from_reset.isdisjoint(starts) and not by_interrupt.isdisjoint(ends)
+
     def _with_interrupts(self, cycles: int) -> tuple[int | None, str]:
         """Return the response time of code that takes `cycles` undisturbed, or why it has no bound."""
         paths = self._paths
@@ -111,6 +119,8 @@ class ProgramTimes:
             return None, "the interrupt can be interrupted"
         if paths.not_restored:
             return None, "the interrupt does not restore every register that it changes"
+        if paths.timer_requests:
+            return None, "the program may set T0IF itself"
         if not self._clears_its_flag():
             return None, "the interrupt may return without clearing T0IF"
         period, why = self._overflow_period()
@@ -158,6 +168,9 @@ class ProgramTimes:
                 continue
             if word.flow == "return":
                 return False
+            if word.writes_pcl:
+                waiting += self._paths.computed.get(address, ())
+                continue
             waiting += [word.k] if word.flow in ("jump", "call") else [address + 1]
             if word.flow == "skip":
                 waiting.append(address + 2)

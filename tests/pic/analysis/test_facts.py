@@ -301,6 +301,52 @@ def test_a_time_with_a_loop_that_waits_for_a_pin_is_not_decided_and_says_where()
     assert dict(answer.numbers) == {"minimum_cycles": 3, "maximum_cycles": None}
 
 
+FILLER = " nop\n" * 5
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "spans"),
+    [
+        # A called function runs on into the next: CALL 2, NOP 1, five NOPs, RETURN 2.
+        (f"main\n call f\ndone\n call g\n goto main\nf\n nop\ng\n{FILLER} return\n", "main", (10, 10)),
+        # A computed jump is the last word before a function, and leads to no RETLW.
+        (
+            "main\n call f\ndone\n call g\n goto main\nf\n clrf PCLATH\n movlw far\n movwf PCL\ng\n return\n"
+            f"far\n{FILLER} return\n",
+            "main",
+            (2 + 2 + 2 + 5 + 2, 2 + 2 + 2 + 5 + 2),
+        ),
+        # BCF INDF, 0 clears the carry: 0x03 is STATUS.
+        (
+            "main\n bsf STATUS, 0\n movlw 3\n movwf FSR\n btfsc PORTB, 0\n bcf INDF, 0\n"
+            f" btfsc STATUS, 0\n goto done\n{FILLER}done\n goto main\n",
+            "main",
+            (3 + 2 + 1 + 2, 3 + 1 + 1 + 2 + 5),
+        ),
+        # The end is inside of a loop that counts.
+        (
+            "main\n movlw 10\n movwf 0x20\nloop\n decfsz 0x20, f\ndone\n goto loop\n goto done\n",
+            "main",
+            (3, 3),
+        ),
+        # ADDWF with PCL clears Z: after the RETLW, BTFSS 1, GOTO 2, five NOPs and GOTO 2; or 2 if it skips.
+        (
+            "main\n clrf PCLATH\n call f\n btfss STATUS, 2\n goto more\ndone\n call g\n goto main\n"
+            f"more\n{FILLER} goto done\nf\n movf PORTB, w\n andlw 1\n bsf STATUS, 2\n addwf PCL, f\n"
+            " retlw 1\n retlw 2\ng\n return\n",
+            "f",
+            (3 + 4 + 2, 3 + 4 + 1 + 2 + 5 + 2),
+        ),
+    ],
+)  # fmt: skip
+def test_times_that_what_is_known_before_would_make_too_short(
+    text: str, start: str, spans: tuple[int, int]
+) -> None:
+    answer = facts(text).time(start, "done", interrupts=True)
+    assert answer.status is Status.HOLDS
+    assert answer.text == f"{spans[0]} to {spans[1]} cycles"
+
+
 DELAY = " movlw 200\n movwf 0x20\nloop\n decfsz 0x20, f\n goto loop\ndone\n goto main\n"
 """From main to done: 2 + 199 * 3 + 2 cycles."""
 
@@ -327,6 +373,15 @@ def test_interrupts_of_tmr0_are_added_as_often_as_they_can_come() -> None:
         (("0xA0", "0x90"), "RB0/INT can come at any time"),
         (("bcf INTCON, 2", "nop"), "without clearing T0IF"),
         (("swapf 0x41, w", "nop"), "does not restore"),
+        (
+            (
+                "bcf INTCON, 2",
+                "movf PORTB, w\n andlw 1\n addwf PCL, f\n goto $ + 2\n goto $ + 2\n bcf INTCON, 2",
+            ),
+            "without clearing T0IF",
+        ),
+        (("begin\n", "begin\n bsf INTCON, 2\n"), "may set T0IF itself"),
+        (("movlw 0xA0", "movlw 0xA4"), "may set T0IF itself"),
         (("movlw 0x88", "movlw 0x28"), "counts pulses of RA4"),
         # Enabled before TMR0 has its clock: until then it counts at whatever rate RA4 has.
         (
@@ -346,6 +401,19 @@ def test_interrupts_that_are_not_bounded_leave_the_time_open(change: tuple[str, 
     answer = facts(text.replace(*change, 1)).time("begin", "done", interrupts=True)
     assert answer.status is Status.NOT_DECIDED
     assert why in answer.text
+
+
+def test_a_mark_that_the_interrupt_may_reach_first_has_no_shortest_time() -> None:
+    enable = (
+        " bsf STATUS, 5\n movlw 0x88\n movwf 0x01\n bcf STATUS, 5\n clrf TMR0\n movlw 0xA0\n movwf INTCON\n"
+    )
+    delay = DELAY.replace("done", " call mark").replace("main", "begin")
+    text = f"{INTERRUPT.format(work=' call mark')}mark\n return\nmain\n{enable}begin\n{delay}"
+    found = facts(text)
+    answer = found.time("begin", "mark", interrupts=True)
+    assert (answer.status, answer.text) == (Status.NOT_DECIDED, "the interrupt may get there first")
+    assert dict(found.time("begin", "mark", interrupts=False).numbers)["minimum_cycles"] == 603
+    assert found.time("begin", "begin", interrupts=True).status is Status.HOLDS
 
 
 WATCHDOG = "main\n clrwdt\n movlw {turns}\n movwf 0x20\n clrf 0x21\nloop\n decfsz 0x21, f\n goto loop\n"
