@@ -19,6 +19,7 @@ from servogen.pic.known_values import (
     CARRY,
     FSR,
     INDF,
+    STATUS,
     ZERO,
     DecodedWord,
     Known,
@@ -38,6 +39,8 @@ CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
 end.
 """
 TMR0, PORT = addresses("TMR0", "PORTB")
+BANK_BITS = (5, 6)
+"""RP0 and RP1 in STATUS."""
 POLL_CYCLES = 5
 """The cycles of the loop that waits for the timer: the lock has to remove as many phases."""
 APART = 34
@@ -159,11 +162,11 @@ class _Kernel:
             word = decoded(self._words[address])
             following = address + 1
             if word.flow == "skip":
-                following += bool(skipped(word, known))
+                following += self._skips(word, known, address)
             elif word.has_f and word.f == TMR0:
                 self._look(word, known, target - ahead + ticks & 0xFF, address)
             else:
-                execute(word, known)
+                self._execute(word, known, address)
             address = following
         return bool(known[overrun] & 1)
 
@@ -180,7 +183,7 @@ class _Kernel:
         """Run the kernel for two widths; it reads the timer `arrival` cycles before the latest moment."""
         tick = self._tick
         target, ahead = 200, 100
-        known: Known = dict.fromkeys((W, CARRY, ZERO, FSR, *range(0x0C, 0x50)), 0)
+        known: Known = {W: 0, CARRY: 0, ZERO: 0, FSR: 0}
         for name, value in {
             "pulse_a_lo": one & 0xFF, "pulse_a_hi": one >> 8, "pulse_b_lo": other & 0xFF,
             "pulse_b_hi": other >> 8, "mask_a": 1, "mask_b": 2, "both": 3, "port": PORT, "target": target,
@@ -201,13 +204,11 @@ class _Kernel:
             if word.flow == "jump":
                 following, cycles = word.k, 2
             elif word.flow == "skip":
-                taken = skipped(word, known)
-                if taken is None:
-                    raise KernelChanged(f"0x{address:03X} tests what is not the kernel's")
+                taken = self._skips(word, known, address)
                 following, cycles = (address + 2, 2) if taken else (address + 1, 1)
             elif word.has_f and word.f == TMR0:
                 self._look(word, known, (target + (now - begin) // tick) & 0xFF, address)
-            elif word.f == INDF and word.writes_f and known[FSR] == PORT:
+            elif word.name in ("CLRF", "MOVWF") and word.f == INDF and known.get(FSR) == PORT:
                 value = 0 if word.name == "CLRF" else known[W]
                 if value != level:
                     writes.append((now - begin, value))
@@ -215,9 +216,26 @@ class _Kernel:
                 if "Z" in word.flags:
                     known[ZERO] = int(value == 0)
             else:
-                execute(word, known)
+                self._execute(word, known, address)
             address, now = following, now + cycles
         raise KernelChanged("it does not end")
+
+    def _skips(self, word: DecodedWord, known: Known, address: int) -> bool:
+        """Return whether a skip is taken. Raises KernelChanged if that is not known."""
+        taken = skipped(word, known)
+        if taken is None:
+            raise KernelChanged(f"0x{address:03X} tests what is not the kernel's")
+        return taken
+
+    def _execute(self, word: DecodedWord, known: Known, address: int) -> None:
+        """Execute an instruction that writes W or RAM, or selects bank 0. Raises KernelChanged for another
+        one.
+        """
+        stray = word.flow != "next" or word.name in ("SLEEP", "OPTION", "TRIS")
+        bank_0 = word.name == "BCF" and word.f == STATUS and word.b in BANK_BITS
+        if stray or (word.writes_f and word.place is None and not bank_0):
+            raise KernelChanged(f"{word.name} at 0x{address:03X} is not followed")
+        execute(word, known)
 
     def _look(self, word: DecodedWord, known: Known, timer: int, address: int) -> None:
         """Execute an instruction that reads the timer into W."""

@@ -193,6 +193,30 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
         assert all((one == other).all() for one, other in zip(edges, found.edges, strict=True))
 
 
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        (encode("SLEEP"), "SLEEP at 0x{:03X} is not followed"),
+        (encode("OPTION"), "OPTION at 0x{:03X} is not followed"),
+        (encode("TRIS", f=6), "TRIS at 0x{:03X} is not followed"),
+        (encode("CALL", k=0), "CALL at 0x{:03X} is not followed"),
+        (encode("CLRF", f=6), "CLRF at 0x{:03X} is not followed"),
+        (encode("BSF", f=3, b=5), "BSF at 0x{:03X} is not followed"),
+        (encode("BSF", f=0, b=3), "BSF at 0x{:03X} is not followed"),
+        (encode("BTFSC", f=0x4F, b=0), "0x{:03X} tests what is not the kernel's"),
+    ],
+)
+def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, message: str) -> None:
+    """The NOP before the first pulse's loops, and the clearing of the watchdog before both."""
+    listing = simple().compilation.listing
+    _, played = _played()
+    assert 0x4F not in {at for at, _, _ in listing.variables}
+    for at in (listing.label("pl_loop1") - 1, listing.label("pl_loops")):
+        other = changed(listing, lambda words, at=at: words.update({at: word}))  # type: ignore[misc]
+        with pytest.raises(KernelChanged, match=f"^{message.format(at)}$"):
+            allowances(other, played.layout)  # type: ignore[attr-defined]
+
+
 def test_a_kernel_that_takes_every_slot_for_late_has_no_theorem() -> None:
     listing = simple().compilation.listing
     _, played = _played()
