@@ -81,7 +81,9 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     count, cuts, held_levels = data["count"], data["cuts"], data["held"]
     if not 0 <= count <= MAX_STATES or any(type(cut) is not int or not 0 <= cut < 1024 for cut in cuts):
         raise ValueError("count or cuts")
-    if any(pin not in PINS or level not in (0, 1) for pin, level in held_levels.items()):
+    if any(
+        pin not in PINS or type(level) is not int or level not in (0, 1) for pin, level in held_levels.items()
+    ):
         raise ValueError("held")
     places = [Place(tuple(memory), levels, sampled) for memory, levels, sampled in data["places"]]
     words = [word for place in places for word in (place.levels, place.sampled)]

@@ -262,6 +262,7 @@ def read_plan(text: bytes, file: str) -> Plan:
 
 def _plan(data: dict[str, Any]) -> Plan:
     period = _number(data["period_cycles"], 1)
+    buttons = [1 << PINS.index(entry["pin"]) for entry in _inputs(data)]
     pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
     commands = data.get("commands")
     directions = commands["directions"] if commands else []
@@ -270,6 +271,8 @@ def _plan(data: dict[str, Any]) -> Plan:
     lengths = [sum(_number(run["frames"], 1) for run in part) for part in parts]
     if not all(lengths[1:]) or len(set(pins)) < len(pins) or (commands and data.get("buttons")):
         raise ValueError("it needs frames in the loop and in all directions, and a pin for each channel")
+    if len(set(buttons)) < len(buttons):
+        raise ValueError("the inputs need different pins")
     loop, end, *turns = accumulate(lengths)
     runs = [run for part in parts for run in part]
     edges = [_edges(run["pulses"], pins, period) for run in runs]
@@ -284,7 +287,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         edges=[*edges, NO_EDGES],
         loop=loop,
         loop_end=end,
-        buttons=sum(1 << PINS.index(entry["pin"]) for entry in _inputs(data)),
+        buttons=sum(buttons),
         inputs=_commands(commands) if commands else _start_stop(data.get("buttons")),
         parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
         if commands
@@ -323,8 +326,8 @@ def _commands(data: dict[str, Any]) -> Line | StepButton | DirectionButtons:
     directions = data["directions"]
     if "pin" not in data:
         buttons = [_button(direction) for direction in directions]
-        if not 0 < len({button.pin for button in buttons}) == len(buttons):
-            raise ValueError("the directions need buttons of different pins")
+        if not buttons:
+            raise ValueError("the directions need buttons")
         return DirectionButtons(buttons, _number(data["pressed_frames"], 1))
     if "pressed_frames" in data:
         return StepButton(_button(data), _number(data["pressed_frames"], 1), _number(len(directions), 1))

@@ -112,6 +112,7 @@ def test_the_columns_are_the_registers_and_all_68_bytes_of_ram() -> None:
         ("cuts", [5], [True]),
         ("held", {"RA0": 0, "RB7": 1}, {"RA0": 2}),
         ("held", {}, {"RA0": -1}),
+        ("held", {"RA0": 1}, {"RA0": 1.0}),
         ("held", {"RA4": 1}, {"RA5": 1}),
         ("places", [[[1, 1, 0, 0], 0x1FFF, 0x1FFF]], [[[1, 1, 0, 0], 0x2000, 0]]),
         ("places", [[[1, 1, 0, 0], 0, 0]], [[[1, 1, 0, 0], 0, 0x2000]]),
