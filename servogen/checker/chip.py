@@ -478,7 +478,7 @@ def run(
                 after, cycles = pc + 2, 2
         if code[pc, TO_F] and slot == PCL:
             if m:
-                return ask(s, W, w >> 8) if w >> 8 else ask(s, source, a >> 8)
+                return ask(s, W, w >> 8) if w >> 8 else ask(s, STATUS, status >> 8 & 1)
             if s[PCLATH] >> 8 & 3:
                 return ask(s, PCLATH, s[PCLATH] >> 8 & 3)
             after, cycles = s[PCLATH] << 8 | r, 2

@@ -422,6 +422,16 @@ def run(
     return chip.run(s, used, *edges(), held, board or NOTHING._replace(limit=AT + len(words))), s, used
 
 
+def test_a_jump_by_an_unknown_carry_is_followed_both_ways() -> None:
+    """RLF PCL,F: PCL holds the next address, 0x11, and the carry becomes its bit 0 (DS35007 section 9.1)."""
+    for name, ways in (("RLF", (0x22, 0x23)), ("RRF", (0x08, 0x88))):
+        word = [encode(name, f=2, d=1)]
+        why, s, _ = run(word, at=0x10, STATUS=0x100)
+        assert (why, s[chip.ASKED], s[chip.ASKED_BIT]) == (chip.FORK, chip.STATUS, 1)
+        for carry, target in enumerate(ways):
+            assert run(word, at=0x10, STATUS=carry)[1][chip.PC] == target
+
+
 def test_option_and_tris_write_w() -> None:
     for word, slot, mask in (
         (encode("OPTION"), chip.OPTION, 0xFF),

@@ -26,7 +26,7 @@ def test_the_servo_and_a_detail_of_the_frame_are_added() -> None:
     assert found.message.startswith("one: holding shoulder ") and found.message.endswith("; <1>")
 
 
-@pytest.mark.parametrize("torque", [[0.34, 0.1], [np.nan, np.nan], [0.0]])
+@pytest.mark.parametrize("torque", [[0.34, 0.1], [0.34 * (1 + 1e-9)], [np.nan, np.nan], [0.0]])
 def test_a_torque_that_the_servo_has_is_not_a_warning(torque: list[float]) -> None:
     assert check_torque(S3001, "shoulder", np.array(torque)) == ()
 

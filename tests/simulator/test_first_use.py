@@ -160,6 +160,14 @@ def test_an_output_whose_latch_was_never_written_is_named_when_it_is_read(pin: i
     assert tracked(written).chip_dependent == ()
 
 
+@pytest.mark.parametrize("write", ["clrf STATUS", "andwf STATUS, f", "xorwf STATUS, f", "movf STATUS, f"])
+def test_a_carry_that_a_write_of_status_keeps_is_still_that_of_the_byte_it_came_from(write: str) -> None:
+    """An instruction that sets flags writes the other bits only (DS35007 section 2.3.1)."""
+    source = f" movf 0x30, w\n addlw 1\n movlw 0\n {write}\n btfsc STATUS, C\n nop\n"
+    message, address, _ = use(tracked(source))
+    assert message.startswith("RAM 0x30 ") and address == 4
+
+
 @pytest.mark.parametrize("pin", [pin for pin in range(13) if pin != 4])  # RA4 is an open drain
 def test_the_output_that_is_written_with_an_unknown_bit_is_named(pin: int) -> None:
     port, bit = ("PORTA", pin) if pin < 5 else ("PORTB", pin - 5)

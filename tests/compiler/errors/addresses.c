@@ -1,6 +1,11 @@
 // dialect: xc8
 #include <xc.h>
 struct pair { unsigned char low, high; };
+struct nothing {
+  char a;
+  // error: this member has no name
+  int;
+};
 unsigned char v;
 void main(void) {
   // error: the address 0xCA00 does not fit 'volatile unsigned char *'

@@ -112,6 +112,10 @@ def test_a_slot_holds_the_longest_pulse_and_the_frame_is_as_long_as_it_may_be() 
     assert 20_000 // 256 == 78 == made.slots * made.rounds
     every = [(slots * min(78 // slots, 19), -slots) for slots in range(3, 9) if 78 // slots >= 9]
     assert max(every) == (78, -6)
+    # 80 rounds are five slots of 16 or eight of 10: fewer slots, so that each has more time.
+    longer = replace(JOB.frame, period=CLOCK.round_us(80 * 256))
+    assert layout(JOB.servos[:1] * 5, longer, CLOCK, 2400) == RoundLayout(5, 16)
+    assert layout(JOB.servos[:1] * 6, longer, CLOCK, 2400) == RoundLayout(8, 10)
 
 
 def test_pulses_too_short_or_too_long_are_refused_with_their_numbers() -> None:
