@@ -15,7 +15,7 @@ interrupts begin are collected until no new one comes:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,7 +39,7 @@ from servogen.engines.stream.response import (
 )
 from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER, STOP_AFTER, UNIT
 from servogen.engines.stream.streaming import Streaming
-from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.device import INTERRUPT_VECTOR, registers
 from servogen.pic.isa import encode
 from servogen.pic.known_values import (
     CARRY,
@@ -56,10 +56,10 @@ from servogen.pic.known_values import (
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import TimedProgram
 
-WRITTEN_BY_INTERRUPT = (
-    *("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command"),
-    *("todo", "value", "due", "mask", "port"),
-)
+OF_TIME = ("ticks", "rest", "fine", "t", "due", "mask", "port")
+"""The interrupt's variables that looks at the line leave alone, but for `t`, whose value nothing keeps."""
+OF_RECEIVER = ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value")
+"""Its variables that nothing but looks at the line writes."""
 T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
 NOT_FOLLOWED = ("SLEEP", "OPTION", "TRIS")
 MAX_STATES = 200_000
@@ -226,6 +226,7 @@ class _Interrupt:
         followed = {W, CARRY, ZERO, FSR, AHEAD, CLEARED, WRITTEN, code.ram["rx_bits"], *known}
         followed |= {code.ram[name] for name in FOLLOWED}
         frozen = frozenset(known.items())
+        rises = known.get(code.ram["rest"]) == 0
         waiting: list[_State] = []
         seen = _Seen()
         for begin, last in begins:
@@ -257,8 +258,10 @@ class _Interrupt:
                 self._check_edge(word, known)
                 self.edges.add(now)
                 known[CLEARED] = 0
-            elif word.writes_f and word.f in (*PORTS, INDF):
-                self._check_answer(address, word)
+            elif word.writes_f and word.f == INTCON:
+                self._check_flag(now, known)
+            elif word.writes_f and word.f == code.ram["due"] and not rises:
+                raise InterruptChanged(f"the word at 0x{address:03X} asks the C for a pulse beside a rise")
             following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
             if word.flow == "call" and word.k in self.looks:
                 receiving = code.ram["rx_bits"]
@@ -312,12 +315,15 @@ class _Interrupt:
         if rest is None or (rest and value != 0):
             raise InterruptChanged("a fall does not clear the port")
         mask = encode("MOVF", f=self.code.ram["mask"], d=0)
-        if not rest and self.code.words[self.code.edge - 1] != mask:
+        if not rest and (value is not None or self.code.words[self.code.edge - 1] != mask):
             raise InterruptChanged("a rise does not write the pin that the C prepared")
 
-    def _check_answer(self, address: int, word: DecodedWord) -> None:
-        if self.out is None or word.name not in ("BSF", "BCF") or (word.f, word.b) != self.out:
-            raise InterruptChanged(f"the word at 0x{address:03X} writes a port")
+    def _check_flag(self, now: int, known: Known) -> None:
+        """Check that the flag that is cleared is that of one overflow: the one that began the interrupt, or
+        after an edge that of the next round.
+        """
+        if WRITTEN in known or now // ROUND != int(CLEARED in known):
+            raise InterruptChanged(f"T0IF is cleared in cycle {now} of a round")
 
     def _may_follow(self, last: _Last, look: _Look, stamp: int) -> bool:
         """Return whether a look can be the next one after `last`."""
@@ -512,7 +518,7 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     """Return the interrupt of a program. Raises InterruptChanged if its parts are not there."""
     words = {row.address: row.word for row in listing.rows}
     bit_units, first_units = streamed.bit_units, streamed.first_units
-    names = (*FOLLOWED, *PORT_NAMES, *WRITTEN_BY_INTERRUPT, "next_hi", "next_lo")
+    names = (*OF_TIME, *OF_RECEIVER, *PORT_NAMES, "next_hi", "next_lo")
     ram = {name: place for place, name, _ in listing.variables if name in names}
     try:
         wait = encode("CALL", k=listing.label("st_exactly"))
@@ -526,44 +532,66 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     ran = {address: words[address] for address in sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))}
     code = Round(ran, ram, subroutines[0], edge, MASKED)
     hunt = subroutines[2]
-    _check_writes(ran, ram, listing)
+    pin = streamed.stream.transmit_pin
+    out = None if pin is None else (registers()[f"PORT{pin[1]}"].address, int(pin[2]))
+    program = TimedProgram(ran, ())
+    looking = frozenset[int]().union(*map(program.reached, subroutines))
+    _check_writes(ran, ram, listing, looking, edge)
+    _check_looks(ran, ram, looking, out)
     _check_receiver(words, ram, subroutines[1], hunt, bit_units, first_units)
     looks = {address: _looks(code, address, hunt) for address in subroutines}
     _check_samples(code, subroutines[1])
-    answers = {
-        (word.f, word.b)
-        for word in map(word_of, ran.values())
-        if word.name in ("BSF", "BCF") and word.f in PORTS
-    }
-    if len(answers) > 1:
-        raise InterruptChanged("the interrupt writes more than one pin bit by bit")
     # Time stamps count modulo 64 units, so a bit is taken at most 64 units after it is due, and the next one
     # no earlier than that much less than a bit after it.
     bits_apart = UNIT * (bit_units - ROUND // UNIT)
     first_apart = UNIT * first_units + 1
-    return _Interrupt(code, looks, next(iter(answers), None), gaps, bits_apart, first_apart)
+    return _Interrupt(code, looks, out, gaps, bits_apart, first_apart)
 
 
-def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listing) -> None:
-    """Check that the interrupt writes no variable of the C, and of the registers only what it may."""
-    own = {ram[name] for name in WRITTEN_BY_INTERRUPT if name in ram}
+def _check_writes(
+    ran: Mapping[int, int], ram: Mapping[str, int], listing: Listing, looking: Collection[int], edge: int
+) -> None:
+    """Check that the interrupt without its looks at the line writes no variable of the C or of the receiver,
+    and of the registers only what it may.
+    """
+    own = {ram[name] for name in OF_TIME if name in ram}
     for first, name, count in listing.variables:
         if name.endswith("(temporary)"):
             own |= set(range(first, first + count))  # the context, kept by the compiler
     for address, word in ((address, word_of(ran[address])) for address in ran):
         if word.name in NOT_FOLLOWED:
             raise InterruptChanged(f"{word.name} at 0x{address:03X} is not followed")
-        if not word.writes_f or word.f in PORTS or word.f in (TMR0, INDF):
-            continue  # these are checked where they are executed
+        if word.flow == "jump" and word.k == edge:
+            raise InterruptChanged(f"the word at 0x{address:03X} jumps to an edge")
+        if not word.writes_f or word.f == TMR0 or address in looking or address == edge:
+            continue  # these are checked where they are executed, looks by `_check_looks`
+        if word.f in (*PORTS, INDF):
+            raise InterruptChanged(f"the word at 0x{address:03X} writes a port")
         allowed = {
             INTCON: word.name == "BCF" and word.b == T0IF,
             STATUS: _keeps_bank(ran, address, word),
             FSR_ADDRESS: word.name == "MOVWF",
             ram["due"]: word.name == "BSF",
             ram["mask"]: _is_unprepared(ran, address, ram),
-        }.get(word.f, word.f in own)
+        }.get(word.f, word.f in own or word.name == "MOVF")
         if not allowed:
             raise InterruptChanged(f"the word at 0x{address:03X} writes what is not the interrupt's")
+
+
+def _check_looks(
+    ran: Mapping[int, int], ram: Mapping[str, int], looking: Iterable[int], out: tuple[int, int] | None
+) -> None:
+    """Check that a look at the line writes the receiver's variables and the pin that answers, and that the
+    interrupt does not end in it.
+    """
+    own = {ram[name] for name in OF_RECEIVER}
+    for address, word in ((address, word_of(ran[address])) for address in sorted(looking)):
+        if word.name == "RETFIE":
+            raise InterruptChanged(f"a look at the line ends the interrupt at 0x{address:03X}")
+        answers = word.changes_bit and (word.f, word.b) == out
+        keeps = word.f == STATUS and _keeps_bank(ran, address, word)
+        if word.writes_f and not (answers or keeps or word.f in own):
+            raise InterruptChanged(f"a look at the line writes what is not its own, at 0x{address:03X}")
 
 
 def _keeps_bank(ran: Mapping[int, int], address: int, word: DecodedWord) -> bool:
