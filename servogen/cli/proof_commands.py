@@ -169,9 +169,11 @@ def prove(
         )
         times = {"watchdog_us": watchdog_us, "eeprom_write_us": eeprom_write_us}
         given = {name: value for name, value in times.items() if value is not None}
-        if any_line is not None and (certificate is not None or hold_inputs or any_eeprom):
+        if any_line is not None and (certificate is not None or hold_inputs or not over.complete):
             raise InputError(
-                "conflicting-options", "--any-line excludes --certificate, --hold-inputs and --any-eeprom"
+                "conflicting-options",
+                "--any-line is for every power-up, reset and chip: omit --certificate, --hold-inputs, "
+                "--any-eeprom, --start, --no-resets, --watchdog-us, --eeprom-write-us and --no-tmr0-phase",
             )
         request = ProofRequest(
             against=against,

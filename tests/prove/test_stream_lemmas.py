@@ -508,10 +508,14 @@ def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
             f"main uses {name}, where the interrupt keeps its registers"
         )
         assert fault(main=name, context=name, writing=False) != ""
-    # Registers that main may write in its loop: STATUS, FSR, PCLATH, those of the EEPROM, INTCON, PCL, and
-    # PORTA and TRISA, on which the chip answers.
-    for place in ("0x03", "0x04", "0x0A", "0x08", "0x09", "0x88", "0x89", "0x0B", "0x02", "0x05", "0x85"):
+    # Registers that main may write in its loop: STATUS, FSR, PCLATH, those of the EEPROM, PCL, and
+    # PORTA and TRISA, on which the chip answers; INTCON in a command only.
+    for place in ("0x03", "0x04", "0x0A", "0x08", "0x09", "0x88", "0x89", "0x02", "0x05", "0x85"):
         assert fault(preparing=place) == fault(executing=place) == ""
+    assert (fault(executing="0x0B"), fault(preparing="0x0B")) == (
+        "",
+        "main masks interrupts beside a command",
+    )
     for place, name in (("0x06", "PORTB"), ("0x86", "TRISB"), ("0x81", "OPTION_REG"), ("0x01", "TMR0")):
         text = fault(preparing=place)
         assert name in text and fault(executing=place) != ""
@@ -562,6 +566,51 @@ def changed_text(old: str, new: str) -> str:
     return text.replace(old, new)
 
 
+def listing_of(text: str) -> Listing:
+    return firmware(text, ARM, "c2c").compilation.listing
+
+
+MASKED = "asm {\n    bcf     INTCON, 7\n    nop\n    bsf     INTCON, 7\n    }"
+
+
+def test_pins_keep_their_directions_but_for_the_one_that_answers() -> None:
+    for tris, text in (("0x07", "the command FF F0: what holds"), ("0x1F", "the command FF F0: what holds")):
+        one = lemmas(listing_of(changed_text("TRISA = 0x17;", f"TRISA = {tris};")))
+        assert fault(lambda: one.execute((0xF0,))).startswith(text)  # noqa: B023
+    one = lemmas(listing_of(changed_text("TRISB = 0xF8;", "TRISB = 0xF8; TRISA = 0x0F;")))
+    assert fault(one.start).startswith("after a reset: what holds")
+
+
+def test_only_a_trim_masks_interrupts_and_nothing_else_changes_what_is_enabled() -> None:
+    from servogen.prove.stream.lemmas import Accesses
+
+    nothing = Accesses(frozenset(), frozenset())
+    one = lemmas(listing_of(changed_text("speed[n] = value;", f"{{ {MASKED} speed[n] = value; }}")))
+    assert fault(lambda: one.execute((0x42,))) == "the command FF 42: interrupts are masked"
+    one.execute((0xC3,))
+    for word in ("bcf     INTCON, 5", "clrf    INTCON", "movwf   INTCON\n    bsf     INTCON, 2"):
+        text = changed_text("bsf     0x08, 2 ", f"{word}\n    bsf     0x08, 2 ")
+        other = lemmas(listing_of(text))
+        assert fault(lambda: other.apart(nothing, nothing, nothing, frozenset())) == (  # noqa: B023
+            "main changes which interrupts are enabled"
+        )
+
+
+def test_the_line_is_looked_at_as_the_receiver_needs_it_everywhere() -> None:
+    text = changed_text("st_before\n    call    st_look", "st_before\n    call    st_take")
+    one = lemmas(listing_of(text))
+    assert fault(one.dispatch).startswith("the line is looked at in the wrong way, from 0x")
+
+
+def test_main_and_an_interrupt_together_fit_the_stack() -> None:
+    deep = "    call    deep_{0}\n    return\ndeep_{0}:\n"
+    for levels, text in ((1, ""), (4, "calls need more than 8 return addresses")):
+        more = "".join(deep.format(n) for n in range(levels))
+        words = f"void extend(void)\n{{\n    asm {{\n{more}    nop\n    }}"
+        one = lemmas(listing_of(changed_text("void extend(void)\n{", words)))
+        assert fault(one.stack) == text
+
+
 def test_a_fault_that_no_idle_line_shows_has_a_counterexample(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -589,6 +638,8 @@ def test_a_fault_that_no_idle_line_shows_has_a_counterexample(
     )
     with pytest.raises(AssertionError):  # exit code 2: a line cannot be held and have any waveform
         servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--hold-inputs")
+    with pytest.raises(AssertionError):  # exit code 2: the answer is about every power-up
+        servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--no-resets")
     with pytest.raises(AssertionError):  # exit code 2: another job's schedule
         servogen(*prove, "--any-line", JOBS / "stream-eight.toml")
 

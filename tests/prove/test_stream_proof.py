@@ -131,6 +131,20 @@ def test_c_that_may_be_late_is_not_proven(
     assert times(Bound(1500, 0, 1500), monkeypatch), "as long as there is is in time"
 
 
+def test_interrupts_are_masked_as_briefly_as_the_edges_are_proven_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bound = Bound(900, 100, 1500)
+    for masked, text in ((9, ""), (10, "the C masks interrupts for 10 cycles, not for 9 at most")):
+        bound.response = replace(bound.response, masked=masked)
+        try:
+            times(bound, monkeypatch)
+        except UndecidedPart as error:
+            assert str(error) == text
+        else:
+            assert not text
+
+
 def test_a_command_is_executed_before_the_next_one_can_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands are 11 412 cycles apart, of which a slot may pass until the request: two slots of supply."""
     # The second slot begins 500 cycles late, and its pulse is prepared in cycle 600; 1400 more are 2000.

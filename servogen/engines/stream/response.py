@@ -84,6 +84,8 @@ class Response:
     """The minimum cycles that the interrupts leave the C in a slot."""
     commands_apart: int
     """The minimum number of slots between two commands."""
+    masked: int = 0
+    """The maximum cycles for which the C masks interrupts."""
 
     @property
     def after_command(self) -> Cycles | None:
@@ -125,7 +127,7 @@ def response(listing: Listing, rounds: int, max_travel: int, min_command: int) -
     """
     prepare, command, masked = _demand(listing, max_travel)
     supply = _supply(listing, rounds, masked)
-    return Response(prepare, command, supply, max(1, min_command // (rounds * ROUND)))
+    return Response(prepare, command, supply, max(1, min_command // (rounds * ROUND)), masked)
 
 
 def _addresses(listing: Listing) -> Mapping[str, int]:
@@ -155,13 +157,14 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
     back = program.longest(clear + 1, {head})
     masked = 0
     for begin, end in zip(mask, unmask, strict=True):
-        repeat = [address for address in range(begin, end) if word_of(words[address]).flow == "jump"]
-        longest = program.longest(begin, {end + 1}, without=set(repeat))
+        repeat = {address for address in range(begin, end) if words[address] == encode("GOTO", k=begin)}
+        longest = program.longest(begin, {end + 1}, without=repeat)
         masked = max(masked, longest or MAX_END)
-    if poll is None or until_cleared is None or back is None or turn.longest is None:
+    missed = program.longest(test, {head}, without={test + 2})
+    if poll is None or missed is None or until_cleared is None or back is None or turn.longest is None:
         return None, None, masked
-    # The request may come just after the loop has tested for it: one turn of four cycles more.
-    prepare = poll + 4 + until_cleared + max_travel // ROUND * turn.longest
+    # The request may come just after the loop has tested for it: the rest of that turn, and a cycle more.
+    prepare = poll + 1 + missed + until_cleared + max_travel // ROUND * turn.longest
     return Cycles(prepare), back, masked
 
 
@@ -377,7 +380,7 @@ class Round:
         timer = (now + known.get(AHEAD, 0)) % ROUND
         if word.writes_f:
             added = known.get(W)
-            if word.name != "ADDWF" or added is None:
+            if word.name != "ADDWF" or added is None or WRITTEN in known:
                 raise LookupError("TMR0 is written by an instruction that is not followed")
             # It would set T0IF too early: an interrupt that no time accounts for.
             if timer + added >= ROUND:

@@ -15,9 +15,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, fields
 
+from servogen.engines.stream.protocol import CommandKind
 from servogen.engines.stream.settings import HOLD
 from servogen.engines.stream.streaming import Streaming
-from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, STACK_LEVELS, registers
+from servogen.pic.isa import encode
 from servogen.pic.known_values import word_of
 from servogen.pic.wcet import TimedProgram
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, all_of, byte, choose, unknown
@@ -30,6 +32,7 @@ from servogen.prove.stream.execution import (
     EEDATA,
     EEPROM,
     FSR,
+    GIE,
     INTCON,
     OPTION,
     PCL,
@@ -233,6 +236,7 @@ class Lemmas:
         names = self.names
         one = self._execution()
         known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
+        known |= {registers()[name].address: byte(0xFF) for name in ("TRISA", "TRISB")}
         ends = one.run(one.state(0, known), {names.head})
         for end in ends:
             trims = [one.at_first(EEPROM + n) for n in range(names.servos)]
@@ -245,7 +249,8 @@ class Lemmas:
             wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
             wanted |= {INTCON: byte(ENABLED), OPTION: byte(TMR0_COUNTS_CYCLES)}
             tris_bits = [one.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
-            self._compare("after a reset", one, end, wanted, chip.valid() & all_of(~bit for bit in tris_bits))
+            directions = all_of(~bit for bit in tris_bits) & self._directions(one, end, FALSE)
+            self._compare("after a reset", one, end, wanted, chip.valid() & directions)
         if not ends:
             raise Fails("after a reset the main loop is not reached")
         return Accesses(frozenset(one.reads), frozenset(one.writes))
@@ -313,7 +318,7 @@ class Lemmas:
             raise Fails(f"{where}: the end is not reached{self._shown(one)}")
         return ends
 
-    def idle(self) -> None:
+    def idle(self) -> Accesses:
         """Check that main does nothing in a turn of its loop without a request."""
         names = self.names
         one = self._execution()
@@ -322,6 +327,7 @@ class Lemmas:
         wanted = self._unchanged(one) | {EEPROM + n: one.at_first(EEPROM + n) for n in range(names.servos)}
         for end in self._ends(one, begin, {names.head}, "without a request"):
             self._compare("without a request", one, end, wanted)
+        return Accesses(frozenset(one.reads), frozenset(one.writes))
 
     def execute(self, seconds: Iterable[int] = range(256)) -> Accesses:
         """Check every command with one of these second bytes, and any third one that a receiver takes."""
@@ -342,6 +348,8 @@ class Lemmas:
             one.given = one.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
             ends = self._ends(one, begin, {names.head}, where)
+            if INTCON in one.writes and second - CommandKind.TRIM.value not in range(names.servos):
+                raise Fails(f"{where}: interrupts are masked")
             # A command waits while the EEPROM is being written. The words test this once; both answers are
             # followed.
             if len(one.busy) != 1:
@@ -349,6 +357,7 @@ class Lemmas:
             runs = copied.bit(COMMAND) & ~one.busy[0]
             chip = self._chip(one.at_first)
             chip.execute(second, value)
+            answers = runs if chip.answer is not None else FALSE
             wanted = self._unchanged(one)
             for place, changed in bytes_of(names, chip, slot & SLOT).items():
                 wanted[place] = choose(runs, changed, one.at_first(place))
@@ -362,10 +371,23 @@ class Lemmas:
             for end in ends:
                 value_kept = runs | one.byte(end, names.at("value")).equals(value)
                 after = self._chip(lambda place: one.byte(end, place))  # noqa: B023 - used in this turn only
-                self._compare(where, one, end, wanted, value_kept & after.valid())
+                self._compare(
+                    where, one, end, wanted, value_kept & after.valid() & self._directions(one, end, answers)
+                )
             reads |= one.reads
             writes |= one.writes
         return Accesses(frozenset(reads), frozenset(writes))
+
+    def _directions(self, one: Execution, end: SymbolicState, answers: Truth) -> Truth:
+        """Return whether the receive pin is an input as before, and the transmit pin an output if the chip
+        answers.
+        """
+        port, bit = self.names.line
+        kept = one.byte(end, port | BANK_1).bit(bit) | ~one.at_first(port | BANK_1).bit(bit)
+        pin = self.names.streamed.stream.transmit_pin
+        if pin is None:
+            return kept
+        return kept & (~answers | ~one.byte(end, self.names.port(pin) | BANK_1).bit(int(pin[2])))
 
     # the interrupt
 
@@ -457,15 +479,21 @@ class Lemmas:
         """Check that a bit is taken only while a byte is being received, a start bit looked for only else."""
         names = self.names
         take, hunt, late = (names.listing.label(name) for name in ("st_take", "st_hunt", "st_late"))
+        checked: set[int] = set()
         for label in (names.body, names.listing.label("st_plain_quiet")):
             one = self._execution()
             begin = one.state(label, {})
             ends = one.run(begin, {take, hunt, late, names.listing.label("st_out")}, anywhere=True)
             for end in ends:
+                checked |= {back - 1 for back in end.stack}
                 idle = one.byte(end, names.at("rx_bits")).equals(0)
                 wrong = {take: idle, hunt: ~idle}.get(end.pc, FALSE)
                 if self.solver.possible(end.path & wrong):
                     raise Fails(f"the line is looked at in the wrong way, from 0x{label:03X}")
+        calls = {encode("CALL", k=label) for label in (take, hunt)}
+        for address in names.of_interrupt:
+            if names.words[address] in calls and address not in checked:
+                raise Fails(f"the line is looked at in the wrong way, from 0x{address:03X}")
 
     def context(self) -> frozenset[int]:
         """Check that an interrupt leaves the C its registers, and return where it keeps them."""
@@ -539,6 +567,12 @@ class Lemmas:
         late = addresses("mask", "next_lo", "next_hi", "next_port", "due")
         for place in sorted((executing.writes & late) | (executing.reads & addresses("due"))):
             raise Fails(f"main uses {self._name(place)} after the request is cleared")
+        if INTCON in preparing.writes:
+            raise Fails("main masks interrupts beside a command")
+        others = {word_of(names.words[address]) for address in names.words.keys() - set(names.of_interrupt)}
+        enabling = [word for word in others if word.writes_f and word.f == INTCON and word.b != GIE]
+        if [word.name for word in enabling] != ["MOVWF"]:
+            raise Fails("main changes which interrupts are enabled")
         early = (preparing.writes & addresses("todo", "value")) | (preparing.writes & sent)
         for place in sorted(early):
             raise Fails(f"main writes {self._name(place)} before the request is cleared")
@@ -548,3 +582,17 @@ class Lemmas:
         for place in sorted((preparing.writes | executing.writes) - allowed):
             if not RAM_FIRST <= place <= RAM_LAST:
                 raise Fails(f"main writes {self._name(place)} in its loop")
+
+    def stack(self) -> None:
+        """Check that the chip has the return addresses that main and an interrupt in it need together."""
+        program = TimedProgram(self.names.words, ())
+
+        def calls(start: int, left: int) -> int:
+            if left < 0:
+                raise Fails(f"calls need more than {STACK_LEVELS} return addresses")
+            words = map(program.word, program.reached(start))
+            called = {word.k for word in words if word.flow == "call"}
+            return max((1 + calls(begin, left - 1) for begin in called), default=0)
+
+        main = calls(0, STACK_LEVELS)
+        calls(INTERRUPT_VECTOR, STACK_LEVELS - main - 1)

@@ -15,7 +15,7 @@ from servogen.engines.stream.engine import TRIMS, compiled
 from servogen.engines.stream.layout import LATEST, ROUND
 from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.response import Response, response
-from servogen.engines.stream.settings import BAUD_ERROR, HOLD, UNIT
+from servogen.engines.stream.settings import BAUD_ERROR, HOLD, MASKED, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarantee
 from servogen.pic.image import Image
@@ -163,6 +163,8 @@ class _Proof:
         byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
         travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
         bound = response(self.listing, rounds, travel, BYTES * byte)
+        if bound.masked > MASKED:
+            raise UndecidedPart(f"the C masks interrupts for {bound.masked} cycles, not for {MASKED} at most")
         worst = bound.after_command
         if worst is None or bound.supply is None or bound.execute is None or worst > bound.supply:
             raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {bound.supply} cycles")
@@ -207,10 +209,12 @@ class _Proof:
         lemmas.rise()
         lemmas.receive()
         main = lemmas.start()
-        lemmas.idle()
+        idle = lemmas.idle()
         executing = lemmas.execute()
         preparing = lemmas.prepare()
         lemmas.apart(main, preparing, executing, context)
+        lemmas.apart(main, idle, executing, context)
+        lemmas.stack()
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
             f"{lemmas.solver.questions} questions to the solver"

@@ -145,6 +145,29 @@ def test_a_cycle_more_of_c_is_a_cycle_more_of_the_bound_and_a_round_more_its_cyc
     assert streamed.layout.rounds == 43
 
 
+def bound_of(before: str, after: str) -> Response:
+    built = firmware("stream-arm")
+    assert built.text.count(before) == 1
+    text = built.text.replace(before, after)
+    listing = compile_sources([Source(text, built.file)], Options()).listing
+    return response(listing, 13, 1256, 11_412)
+
+
+def test_a_request_may_come_at_the_beginning_of_a_long_turn_without_one() -> None:
+    usual = bound_of("execute();\n        }", "execute();\n        }")
+    long = bound_of("execute();\n        }", "execute();\n        } else { asm {\n" + "nop\n" * 50 + "} }")
+    assert usual.prepare is not None and long.prepare is not None
+    assert 50 <= long.prepare - usual.prepare <= 52
+
+
+def test_every_way_through_masked_interrupts_counts() -> None:
+    end = "bsf     0x08, 1             ; WR\n"
+    assert bound_of(end, end).masked == 9
+    assert bound_of(end, end + "    nop\n" * 3).masked == 12
+    longer = "    btfsc   INTCON, 2\n    goto    $+1\n    nop\n"
+    assert bound_of(end, end + longer).masked == 13
+
+
 def test_the_page_has_the_figures_of_the_jobs() -> None:
     page = (Path(__file__).parents[3] / "docs" / "firmware.md").read_text()
     row = r"^\| `(stream-\w+)` \| (\d+) rounds \| (\d+) \| (\d+) \| \d+ \| (proven|not proven) \|$"
