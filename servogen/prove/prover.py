@@ -283,6 +283,11 @@ class _Prover:
         assumptions += held_assumptions(self._held, self._schedule)
         if not self._quantifiers.tmr0_phase:
             assumptions.append("TMR0 counts from the cycle after OPTION_REG is written")
+        assumptions += [
+            f"{channel.pin} is low while the program makes it an input"
+            for channel in self._schedule.channels
+            if PINS.index(channel.pin) in self._chip.released
+        ]
         return tuple(assumptions)
 
 

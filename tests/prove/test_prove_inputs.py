@@ -132,6 +132,33 @@ def assembled(text: str, isr: str = "        retfie") -> Image:
     return assemble(source, "test.asm", device("PIC16F84")).image
 
 
+@pytest.mark.parametrize("released", [True, False])
+def test_a_servo_s_pin_that_is_an_input_between_pulses_is_assumed_to_be_low(released: bool) -> None:
+    """Nothing drives it then: a pull-up would make another pulse of it."""
+    change = "bsf" if released else "nop\n;"
+    body = f"""
+        bcf PORTB, 1
+frame   bsf PORTB, 1
+        movlw 98
+        movwf 0x21
+wait    decfsz 0x21, f
+        goto wait
+        nop
+        nop
+        nop
+        bcf PORTB, 1
+        bsf STATUS, RP0
+        {change} TRISB, 1
+        bcf TRISB, 1
+        bcf STATUS, RP0
+        goto frame
+"""
+    found = prove_for_all(assembled(body), schedule_of(299 + 7, 299))
+    assert found.proven, found.reason
+    assumed = "RB1 is low while the program makes it an input"
+    assert (assumed in found.assumptions) == released
+
+
 def test_a_program_that_polls_tmr0_absolutely_is_not_reduced() -> None:
     """Its phase counts: a pulse that is a cycle longer when TMR0 is 65 is found; without it, it is proven.
 
