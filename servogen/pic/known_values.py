@@ -21,6 +21,9 @@ _BANK_1 = 0x80
 _POINTED = frozenset({CARRY, ZERO, *range(RAM_FIRST, RAM_LAST + 1)})
 """What a write through a pointer may change, besides FSR: a byte of RAM, or the flags in STATUS."""
 
+NOT_FOLLOWED = ("SLEEP", "OPTION", "TRIS")
+"""Instructions that stop the chip, or write a register without its address: `execute` does nothing of it."""
+
 Known = dict[int, int]
 """Known values by place."""
 

@@ -28,13 +28,23 @@ from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import EEPROM, NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas, between_steps, bytes_of, receiver_counts
 from servogen.prove.stream.names import Names
-from servogen.prove.stream.proof import LineProof, UndecidedPart, _assumptions, _listing, _Proof, _unlike
+from servogen.prove.stream.proof import (
+    LineProof,
+    UndecidedPart,
+    _assumptions,
+    _listing,
+    _Proof,
+    _proof,
+    _unlike,
+)
 from servogen.units import Cycles
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-arm.toml"))
 ARM = stream(JOB)[1]
 EMPTY = Listing(())
+WATCHDOG_OFF = 0x3FF1
+"""A configuration word: the crystal XT, bit 2 (WDTE) clear (DS35007 register 6-1)."""
 
 
 def changed(**changes: Any) -> Any:
@@ -206,10 +216,35 @@ def test_a_trim_is_written_before_the_next_command_ends(monkeypatch: pytest.Monk
     most = (25_000 - JOB.device.max_eeprom_write_us + 3 * BYTE) // 512
     bound = Bound(1, 1, 15_000)
     monkeypatch.setattr(_Proof, "_command_in_time", lambda *arguments: None)
+    silent = replace(ARM.stream, transmit_pin=None)
+    assert times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most), stream=silent))
+    with pytest.raises(UndecidedPart) as error:
+        times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most + 1), stream=silent))
+    assert str(error.value) == "a command may end while a trim is still being written to the EEPROM"
+
+
+def test_an_answer_is_sent_before_a_byte_begins_that_ends_20_ms_after_the_query(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two slots and a round until the query is executed, up to a bit until its answer of ten bits begins."""
+    most = (20_000 - BYTE - 11 * 104 * 4 - 256) // 512
+    bound = Bound(1, 1, 15_000)
+    monkeypatch.setattr(_Proof, "_command_in_time", lambda *arguments: None)
     assert times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most)))
     with pytest.raises(UndecidedPart) as error:
         times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most + 1)))
-    assert str(error.value) == "a command may end while a trim is still being written to the EEPROM"
+    assert str(error.value) == "a byte that ends 20 ms after a query may begin during the answer"
+
+
+@pytest.mark.parametrize("config", [0x3FF5, None])
+def test_with_a_watchdog_nothing_is_proven_of_a_busy_line(config: int | None) -> None:
+    """Bit 2 of the configuration word; an erased one, 0x3FFF, has it set (DS35007 register 6-1)."""
+    found, _ = _proof(Image({}, config), EMPTY, JOB, ARM, lambda what: None)  # type: ignore[arg-type]
+    assert found.reason == (
+        "the watchdog is on: whether it is cleared while the line is busy is not examined"
+    )
+    found, _ = _proof(Image({}, WATCHDOG_OFF), EMPTY, JOB, ARM, lambda what: None)  # type: ignore[arg-type]
+    assert "watchdog" not in found.reason and not found.proven
 
 
 # samples
@@ -378,7 +413,7 @@ def answer_of(monkeypatch: pytest.MonkeyPatch, search: Search, outcome: Exceptio
     monkeypatch.setattr(proof, "CounterexampleSearch", search)
     monkeypatch.setattr(_Proof, "prove", prove)
     words = {0: 0}
-    return proof.prove_line(Image(words), listing_of(words), JOB, ARM, lambda what: None)
+    return proof.prove_line(Image(words, WATCHDOG_OFF), listing_of(words), JOB, ARM, lambda what: None)
 
 
 def test_a_proof_has_its_findings_and_assumptions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -424,7 +459,8 @@ def test_without_names_nothing_is_suspected(monkeypatch: pytest.MonkeyPatch) -> 
     search = Search()
     monkeypatch.setattr(proof, "CounterexampleSearch", search)
     words = dict.fromkeys(range(25), 0)
-    found = proof.prove_line(Image(dict.fromkeys(words, 1)), listing_of(words), JOB, ARM, lambda what: None)
+    image = Image(dict.fromkeys(words, 1), WATCHDOG_OFF)
+    found = proof.prove_line(image, listing_of(words), JOB, ARM, lambda what: None)
     assert found.reason.startswith("the names of its variables are not known")
     assert search.suspects == [NOBODY]
 

@@ -19,6 +19,7 @@ from servogen.pic.known_values import (
     CARRY,
     FSR,
     INDF,
+    NOT_FOLLOWED,
     STATUS,
     ZERO,
     DecodedWord,
@@ -208,7 +209,7 @@ class _Kernel:
                 following, cycles = (address + 2, 2) if taken else (address + 1, 1)
             elif word.has_f and word.f == TMR0:
                 self._look(word, known, (target + (now - begin) // tick) & 0xFF, address)
-            elif word.name in ("CLRF", "MOVWF") and word.f == INDF and known.get(FSR) == PORT:
+            elif word.f == INDF and word.writes_f and "f" not in word.reads and known.get(FSR) == PORT:
                 value = 0 if word.name == "CLRF" else known[W]
                 if value != level:
                     writes.append((now - begin, value))
@@ -231,7 +232,7 @@ class _Kernel:
         """Execute an instruction that writes W or RAM, or selects bank 0. Raises KernelChanged for another
         one.
         """
-        stray = word.flow != "next" or word.name in ("SLEEP", "OPTION", "TRIS")
+        stray = word.flow != "next" or word.name in NOT_FOLLOWED
         bank_0 = word.name == "BCF" and word.f == STATUS and word.b in BANK_BITS
         if stray or (word.writes_f and word.place is None and not bank_0):
             raise KernelChanged(f"{word.name} at 0x{address:03X} is not followed")

@@ -45,6 +45,7 @@ from servogen.pic.known_values import (
     CARRY,
     FSR,
     INDF,
+    NOT_FOLLOWED,
     STATUS,
     ZERO,
     DecodedWord,
@@ -61,7 +62,6 @@ OF_TIME = ("ticks", "rest", "fine", "t", "due", "mask", "port")
 OF_RECEIVER = ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value")
 """Its variables that nothing but looks at the line writes."""
 T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
-NOT_FOLLOWED = ("SLEEP", "OPTION", "TRIS")
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF

@@ -14,7 +14,7 @@ from itertools import count
 
 from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, addresses, registers
 from servogen.pic.isa import encode
-from servogen.pic.known_values import DecodedWord, Undefined, word_of
+from servogen.pic.known_values import NOT_FOLLOWED, DecodedWord, Undefined, word_of
 from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
 from servogen.simulator.layout import ROWS
 
@@ -292,7 +292,7 @@ class Execution:
             raise NotFollowed(f"there is no instruction at 0x{state.pc:03X}") from None
         if word.flow in ("jump", "call", "return"):
             yield self._jump(state, word)
-        elif word.name in ("SLEEP", "TRIS", "OPTION"):
+        elif word.name in NOT_FOLLOWED:
             raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
         elif word.has_f:
             for one, place in self._place(self._copied(state), word.f):

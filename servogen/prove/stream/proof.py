@@ -18,6 +18,7 @@ from servogen.engines.stream.response import Response, response
 from servogen.engines.stream.settings import BAUD_ERROR, HOLD, MASKED, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarantee
+from servogen.pic.device import CONFIG_WATCHDOG_ON
 from servogen.pic.image import Image
 from servogen.pic.known_values import Undefined
 from servogen.pic.listing import Listing
@@ -28,6 +29,7 @@ from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, S
 from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.names import Names
+from servogen.simulator.reset_state import UNPROGRAMMED_CONFIG
 from servogen.units import Cycles
 
 DIALECTS = ("c2c", "xc8", "sdcc")
@@ -79,6 +81,10 @@ def _proof(
     """Return what the lemmas say, and what is suspected if one fails."""
     lemmas = None
     try:
+        if (UNPROGRAMMED_CONFIG if image.config is None else image.config) & CONFIG_WATCHDOG_ON:
+            raise UndecidedPart(
+                "the watchdog is on: whether it is cleared while the line is busy is not examined"
+            )
         names = Names(_listing(image, listing, job, streamed, tell), streamed)
         lemmas = Lemmas(names, Solver(), lambda task, count, of: tell(f"{task}: {count} of {of}"))
         findings = _Proof(names.listing, job, streamed, lemmas, tell).prove()
@@ -175,6 +181,13 @@ class _Proof:
             silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
             if silent_us < written:
                 raise UndecidedPart("the fail-safe may read the EEPROM while it is written")
+        # A query is executed within two slots and a round, and its answer begins up to a bit later.
+        answered = (2 * rounds + 1) * ROUND + (BITS + 1) * streamed.bit_units * UNIT
+        answers = streamed.stream.transmit_pin is not None
+        if answers and clock.us(Cycles(answered + byte)) > 1000 * AFTER_QUERY_MS:
+            raise UndecidedPart(
+                f"a byte that ends {AFTER_QUERY_MS} ms after a query may begin during the answer"
+            )
         # A trim is executed within two slots; another command takes its time after the pause.
         if clock.us(Cycles(2 * rounds * ROUND - BYTES * byte)) + written > 1000 * AFTER_TRIM_MS:
             raise UndecidedPart("a command may end while a trim is still being written to the EEPROM")
