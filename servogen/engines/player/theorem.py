@@ -42,6 +42,8 @@ end.
 TMR0, PORT = addresses("TMR0", "PORTB")
 BANK_BITS = (5, 6)
 """RP0 and RP1 in STATUS."""
+LAST_WORDS = 3
+"""The kernel's words behind its end: the watchdog is cleared, `target` goes back to where the lock began."""
 POLL_CYCLES = 5
 """The cycles of the loop that waits for the timer: the lock has to remove as many phases."""
 APART = 34
@@ -199,6 +201,7 @@ class _Kernel:
             if address == self._check:
                 begin = now + 1 + arrival
             if address == self._done:
+                self._check_end(known, target)
                 return _Pulses(tuple(writes), now - begin)
             word = decoded(self._words[address])
             following, cycles = address + 1, 1
@@ -220,6 +223,17 @@ class _Kernel:
                 self._execute(word, known, address)
             address, now = following, now + cycles
         raise KernelChanged("it does not end")
+
+    def _check_end(self, known: Known, target: int) -> None:
+        """Check that the kernel's last words restore `target` and leave `overrun` alone. Raises
+        KernelChanged.
+        """
+        wanted = {self._ram["target"]: target, self._ram["overrun"]: 1}
+        known |= {self._ram["overrun"]: 1}
+        for address in range(self._done, self._done + LAST_WORDS):
+            self._execute(decoded(self._words[address]), known, address)
+        if any(known.get(place) != value for place, value in wanted.items()):
+            raise KernelChanged("the end changes what the next slot needs")
 
     def _skips(self, word: DecodedWord, known: Known, address: int) -> bool:
         """Return whether a skip is taken. Raises KernelChanged if that is not known."""

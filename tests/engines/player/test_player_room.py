@@ -10,6 +10,7 @@ from servogen.build.proof import checked_cycles
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, play
+from servogen.engines.player.theorem import LAST_WORDS
 from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
@@ -25,7 +26,7 @@ def slower(cycles: int) -> Build:
     turns, rest = divmod(cycles - 1, 3)
     wait = [f"movlw {turns}", "movwf _count", "waste:", "decfsz _count, F", "goto waste", *["nop"] * rest]
     lines = done.programs[0].firmware.text.splitlines(keepends=True)
-    last = 1 + lines.index(f"{DONE}:\n")
+    last = lines.index(f"{DONE}:\n") + 1 + LAST_WORDS
     text = "".join([*lines[:last], *(f"{each}\n" for each in wait), *lines[last:]])
     played = play(done.job)[1]
     made = firmware(text, done.job, played.layout, "c2c")

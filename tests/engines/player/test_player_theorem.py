@@ -217,6 +217,21 @@ def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, mes
             allowances(other, played.layout)  # type: ignore[attr-defined]
 
 
+def test_the_words_behind_the_pulses_restore_what_the_next_slot_needs() -> None:
+    """`target` was moved by 3 while the kernel waited; `overrun` is for the C."""
+    listing = simple().compilation.listing
+    _, played = _played()
+    done = listing.label("pl_done")
+    words = {row.address: row.word for row in listing.rows}
+    assert [words[done + n] for n in (0, 1)] == [encode("CLRWDT"), encode("MOVLW", k=3)]
+    overrun = listing.variable("overrun")
+    for at, word in ((1, encode("MOVLW", k=2)), (2, encode("NOP")), (0, encode("CLRF", f=overrun))):
+        changes = {done + at: word}
+        other = changed(listing, lambda words, changes=changes: words.update(changes))  # type: ignore[misc]
+        with pytest.raises(KernelChanged, match=r"^the end changes what the next slot needs$"):
+            allowances(other, played.layout)  # type: ignore[attr-defined]
+
+
 def test_a_kernel_that_takes_every_slot_for_late_has_no_theorem() -> None:
     listing = simple().compilation.listing
     _, played = _played()
