@@ -63,6 +63,7 @@ class Transitions:
 
 class Chip:
     watchdog = False
+    released: frozenset[int] = frozenset()
 
     def power_on(self) -> Any:
         return "power-on"

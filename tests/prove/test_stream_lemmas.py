@@ -179,8 +179,9 @@ def test_each_lemma_begins_in_every_state_of_its_step(
         run()
         return [(pc, shown) for pc, shown, _ in begun]
 
-    # DS35007 table 6-2: PCLATH, INTCON and EECON1 are 0 after a reset, OPTION_REG is 0xFF.
-    assert states(one.start) == [(0, {10: "0" * 8, 11: "0" * 8, 0x81: "1" * 8, 0x88: "0" * 8})]
+    # DS35007 table 6-2: PCLATH, INTCON and EECON1 are 0 after a reset, OPTION_REG and TRIS are 0xFF.
+    ones = dict.fromkeys((0x81, 0x85, 0x86), "1" * 8)
+    assert states(one.start) == [(0, {10: "0" * 8, 11: "0" * 8, 0x88: "0" * 8, **ones})]
     # Between two steps GIE and T0IE are set, and neither RD, WR nor WREN is.
     between = {11: "10100000", 0x88: "uuuuu000"}
     # Of `due`, bit 0 says that a pulse was late, once; bit 1 requests one; bit 2: a command came before it.
@@ -676,7 +677,7 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     monkeypatch.setattr("servogen.prove.stream.counterexample.MORE_LINES", 2)
     # The watchdog, which is off, would have another prescaler.
     other = swapped(listing, encode("MOVLW", k=0x8F), -1)
-    image = Image({row.address: row.word for row in other.rows})
+    image = Image({row.address: row.word for row in other.rows}, 0x3FF1)
     proof = prove_line(image, other, ARM, STREAMED, lambda what: None)
     assert not proof.proven and proof.counterexample is None
     assert "OPTION_REG becomes 142, not 143" in proof.reason

@@ -31,7 +31,7 @@ from servogen.engines.player.legs import (
 )
 from servogen.engines.player.rendering import _button, _chain, _rows, _Slots, kernel
 from servogen.engines.player.script import SILENT, STAY, STRAIGHT, ScriptStep, StepTiming, timing
-from servogen.engines.player.theorem import Allowance, KernelChanged, _Kernel, _Pulses, _smallest
+from servogen.engines.player.theorem import LAST_WORDS, Allowance, KernelChanged, _Kernel, _Pulses, _smallest
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.pic.device import addresses
 from servogen.pic.isa import encode
@@ -406,6 +406,7 @@ VARIABLES = (
     "ahead",
 )  # fmt: skip
 AT = {name: 0x20 + number for number, name in enumerate(VARIABLES)}
+OVERRUN = 0x3F
 INDF, TMR0, STATUS, FSR, PORTA, PORTB = addresses("INDF", "TMR0", "STATUS", "FSR", "PORTA", "PORTB")
 TO_THE_PORT = [encode("MOVLW", k=PORTB), encode("MOVWF", f=FSR)]
 
@@ -413,10 +414,11 @@ TO_THE_PORT = [encode("MOVLW", k=PORTB), encode("MOVWF", f=FSR)]
 def kernel_of(*words: int, check: int = 0, tick: int = 4) -> _Kernel:
     """A kernel of these words behind the two that point to the port; its end is behind the last."""
     program = [*TO_THE_PORT, *words]
+    end = [encode("NOP")] * LAST_WORDS
     labels = {"pl_check": check, "pl_poll": check, "pl_done": len(program)}
     listing: Any = SimpleNamespace(
-        rows=[SimpleNamespace(address=at, word=word) for at, word in enumerate(program)],
-        variables=[(at, name, 1) for name, at in AT.items()],
+        rows=[SimpleNamespace(address=at, word=word) for at, word in enumerate([*program, *end])],
+        variables=[(at, name, 1) for name, at in (AT | {"overrun": OVERRUN}).items()],
         functions=[SimpleNamespace(name="pulses", start=0)],
         label=labels.__getitem__,
     )

@@ -29,6 +29,7 @@ from servogen.engines.stream.theorem import (
     START,
     WAIT,
     InterruptChanged,
+    _check_looks,
     _check_receiver,
     _check_samples,
     _check_writes,
@@ -46,6 +47,7 @@ TMR0, STATUS, FSR_FILE, PORTA, PORTB, INTCON = 1, 3, 4, 5, 6, 11
 OWN = ("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last")
 RAM = {name: 0x20 + n for n, name in enumerate(OWN)}
 RAM |= {"due": 0x30, "mask": 0x31, "next_hi": 0x32, "next_lo": 0x33}
+RAM |= {"rx_byte": 0x34, "command": 0x35, "todo": 0x36, "value": 0x37}
 
 
 def round_of(*words: int, at: int = 4, look: int = 0x60, edge: int = 0x70, masked: int = 9) -> Round:
@@ -281,7 +283,12 @@ def test_the_main_loop_is_found_by_what_it_clears() -> None:
 # what the interrupt may write
 
 
-def refused(word: int, *, at: int = 0x50, words: dict[int, int] | None = None) -> bool:
+EDGE = 0x70
+
+
+def refused(
+    word: int, *, at: int = 0x50, words: dict[int, int] | None = None, looking: tuple[int, ...] = ()
+) -> bool:
     variables = (
         (0x40, "goal_low", 2),
         (0x44, "W (temporary)", 2),
@@ -289,23 +296,35 @@ def refused(word: int, *, at: int = 0x50, words: dict[int, int] | None = None) -
     )
     ran = (words or {}) | {at: word}
     try:
-        _check_writes(ran, RAM, listing(ran, variables=variables))
+        _check_writes(ran, RAM, listing(ran, variables=variables), looking, EDGE)
     except InterruptChanged as error:
         assert str(error) == f"the word at 0x{at:03X} writes what is not the interrupt's"
         return True
     return False
 
 
+def check_writes(ran: dict[int, int]) -> None:
+    _check_writes(ran, RAM, listing(ran), (), EDGE)
+
+
 def test_the_interrupt_writes_its_own_variables_and_no_others() -> None:
-    for name in OWN:
+    for name in ("ticks", "rest", "fine", "t"):
         assert not refused(encode("MOVWF", f=RAM[name])), name
+    for name in ("rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value"):
+        assert refused(encode("MOVWF", f=RAM[name])), name
+        assert not refused(encode("MOVWF", f=RAM[name]), looking=(0x50,)), "by a look, which is checked apart"
     for f in (0x44, 0x45):
         assert not refused(encode("MOVWF", f=f)), "the context, which the compiler keeps"
     for f in (0x40, 0x41, 0x46, RAM["next_hi"], RAM["next_lo"], 10, 2, 8):
         assert refused(encode("MOVWF", f=f)), hex(f)
         assert not refused(encode("MOVF", f=f, d=0)), "reading it changes nothing"
-    for f in (PORTA, PORTB, TMR0, INDF):
-        assert not refused(encode("MOVWF", f=f)), "checked where it is executed"
+    for f in (PORTA, PORTB, INDF):
+        assert not refused(encode("MOVWF", f=f), at=EDGE), "checked where it is executed"
+        with pytest.raises(InterruptChanged, match=r"^the word at 0x050 writes a port$"):
+            check_writes({0x50: encode("MOVWF", f=f)})
+    assert not refused(encode("MOVWF", f=TMR0)), "checked where it is executed"
+    with pytest.raises(InterruptChanged, match=r"^the word at 0x050 jumps to an edge$"):
+        check_writes({0x50: encode("GOTO", k=EDGE)})
 
 
 def test_of_the_registers_only_some_bits_are_the_interrupt_s() -> None:
@@ -352,10 +371,10 @@ def test_words_that_stop_the_chip_or_turn_its_pins_round_are_refused(word: int, 
     """Their codes are those of DS35007 table 9-2, and of DS30561, section 4."""
     run = {0x50: word}
     if name is None:
-        _check_writes(run, RAM, listing(run))
+        check_writes(run)
     else:
         with pytest.raises(InterruptChanged, match=f"^{name} at 0x050 is not followed$"):
-            _check_writes(run, RAM, listing(run))
+            check_writes(run)
 
 
 # the receiver's words
@@ -560,20 +579,33 @@ def test_an_edge_clears_the_port_or_writes_what_the_c_prepared() -> None:
         other._check_edge(edge, {rest: 0})
 
 
-def test_only_the_transmit_pin_is_written_beside_the_edges() -> None:
-    one = interrupt(out=(PORTA, 3))
+def test_a_look_at_the_line_writes_the_receiver_s_variables_and_the_transmit_pin() -> None:
+    def check(word: int, out: tuple[int, int] | None = (PORTA, 3)) -> None:
+        _check_looks({0x55: word, 0x56: encode("CLRF", f=PORTB)}, RAM, [0x55], out)
+
     for name in ("BSF", "BCF"):
-        one._check_answer(0x55, word_of(encode(name, f=PORTA, b=3)))
+        check(encode(name, f=PORTA, b=3))
+    for name in ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value"):
+        check(encode("MOVWF", f=RAM[name]))
+    check(encode("BCF", f=STATUS, b=0))
+    check(encode("MOVF", f=PORTB, d=0))
+    other = r"^a look at the line writes what is not its own, at 0x055$"
     for word in (
         encode("BSF", f=PORTA, b=2),
         encode("BSF", f=PORTB, b=3),
         encode("MOVWF", f=PORTA),
         encode("CLRF", f=PORTA),
+        encode("BSF", f=STATUS, b=5),
+        encode("MOVWF", f=INDF),
+        encode("MOVWF", f=TMR0),
+        *(encode("CLRF", f=RAM[name]) for name in ("ticks", "rest", "fine", "due", "mask", "next_hi")),
     ):
-        with pytest.raises(InterruptChanged, match=r"^the word at 0x055 writes a port$"):
-            one._check_answer(0x55, word_of(word))
-    with pytest.raises(InterruptChanged):
-        interrupt()._check_answer(0x55, word_of(encode("BSF", f=PORTA, b=3)))
+        with pytest.raises(InterruptChanged, match=other):
+            check(word)
+    with pytest.raises(InterruptChanged, match=other):
+        check(encode("BSF", f=PORTA, b=3), None)
+    with pytest.raises(InterruptChanged, match=r"^a look at the line ends the interrupt at 0x055$"):
+        check(encode("RETFIE"))
 
 
 # the states in which interrupts begin
