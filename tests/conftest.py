@@ -12,7 +12,8 @@ os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after e
 
 def pytest_xdist_auto_num_workers() -> int:
     """Return one more than there are processors: many tests wait for a port or another process."""
-    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return processors + 1
 
 
 @pytest.fixture(scope="session", autouse=True)

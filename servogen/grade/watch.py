@@ -50,14 +50,17 @@ class PinPulses(NamedTuple):
 
     def periods(self, begin: int, end: int) -> Ints:
         """Return the times between neighbouring rises in [begin, end), without pauses."""
-        inside = self.rise[(self.rise >= begin) & (self.rise < end)]
-        gaps = np.diff(inside)
+        gaps = self._gaps(begin, end)
         return gaps[gaps <= self.longest_period]
 
     def interruption(self, begin: int, end: int) -> int:
         """Return the longest time from rise to rise in [begin, end) that has a pause in it; else 0."""
-        gaps = np.diff(self.rise[(self.rise >= begin) & (self.rise < end)])
+        gaps = self._gaps(begin, end)
         return int(gaps[gaps > self.longest_period].max(initial=0))
+
+    def _gaps(self, begin: int, end: int) -> Ints:
+        """Return the times between neighbouring rises in [begin, end)."""
+        return np.diff(self.rise[(self.rise >= begin) & (self.rise < end)])
 
     def silence(self, begin: int, end: int) -> int:
         """Return the longest pause that begins in [begin, end), cut off at `end`; 0 if there is none."""

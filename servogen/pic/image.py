@@ -64,6 +64,13 @@ class Image:
         """Return the number of program words used."""
         return len(self.program)
 
+    @property
+    def chip_config(self) -> int:
+        """Return the configuration word of the programmed chip: erased unless the file has one, which is RC
+        oscillator, watchdog on, power-up timer off (DS35007 section 6.1).
+        """
+        return ERASED_WORD if self.config is None else self.config
+
     def flash(self) -> list[int]:
         """Return all program words of the chip, with erased ones as the chip reads them."""
         return [self.program.get(address, ERASED_WORD) for address in range(PROGRAM_WORDS)]

@@ -17,6 +17,8 @@ INDF, PCL, STATUS, FSR = addresses("INDF", "PCL", "STATUS", "FSR")
 W, CARRY, ZERO = -1, -2, -3
 _FLAGS = {0: CARRY, 2: ZERO}
 """The bits of STATUS that are tracked."""
+_BANK_BITS = (5, 6)
+"""RP0 and RP1 in STATUS."""
 _BANK_1 = 0x80
 _POINTED = frozenset({CARRY, ZERO, *range(RAM_FIRST, RAM_LAST + 1)})
 """What a write through a pointer may change, besides FSR: a byte of RAM, or the flags in STATUS."""
@@ -58,6 +60,11 @@ class DecodedWord:
     place: int | None
     """The place that f addresses, unless that is INDF."""
     compute: Compute
+
+    @property
+    def selects_bank_0(self) -> bool:
+        """Whether it clears RP0 or RP1: of the two banks, bank 0 is then selected or stays so."""
+        return self.name == "BCF" and self.f == STATUS and self.b in _BANK_BITS
 
 
 @cache

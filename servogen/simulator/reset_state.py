@@ -27,8 +27,6 @@ from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.slots import ALL_PINS, SlotFacts
 from servogen.units import Clock
 
-UNPROGRAMMED_CONFIG = 0x3FFF
-"""RC oscillator, watchdog on, power-up timer off: DS35007 section 6.1."""
 OST_PERIODS, PERIODS_PER_CYCLE = 1024, 4
 """Oscillator start-up timer: DS35007 section 6.6."""
 RA4 = 1 << 4
@@ -42,7 +40,7 @@ State = npt.NDArray[np.int64]
 
 def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: bool) -> State:
     """Return the state vector after a power-on reset; with `tracked`, unknown values are to be tracked."""
-    config = UNPROGRAMMED_CONFIG if image.config is None else image.config
+    config = image.chip_config
     start_up = 0 if config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"] else OST_PERIODS // PERIODS_PER_CYCLE
     s = np.zeros(at.SLOTS, dtype=np.int64)
     for row in ROWS:

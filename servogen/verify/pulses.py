@@ -47,6 +47,11 @@ class CutPulses(NamedTuple):
     first_fall: int | None
     last_rise: int | None
 
+    @property
+    def high_throughout(self) -> bool:
+        """Whether the pin never changed, and was high."""
+        return self.high and self.first_fall is None
+
 
 def cut_pulses(rise: Ints, fall: Ints, high: bool) -> CutPulses:
     """Return the edges of cut pulses among all edges of a pin; `high` is the pin's level at the beginning."""

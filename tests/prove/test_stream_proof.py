@@ -92,7 +92,7 @@ class Bound:
 
     def __init__(self, prepare: int | None, execute: int | None, supply: int | None, apart: int = 3) -> None:
         self.asked: list[tuple[int, int, int]] = []
-        self.response = Response(*map(cycles, (prepare, execute, supply)), apart)
+        self.response = Response(*map(cycles, (prepare, execute, supply)), apart, 0)
 
     def __call__(self, listing: Listing, rounds: int, travel: int, apart: int) -> Response:
         self.asked.append((rounds, travel, apart))

@@ -239,7 +239,7 @@ class VirtualProgrammer:
             self._rom = image.flash()
             self._eeprom = [image.eeprom.get(n, ERASED_BYTE) for n in range(EEPROM_BYTES)]
             self._ids = [image.ids.get(n, ID_BITS) for n in range(ID_WORDS)]
-            self._config = ERASED_WORD if image.config is None else image.config
+            self._config = image.chip_config
             self._powered = True
         return b"V"
 

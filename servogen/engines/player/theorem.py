@@ -20,7 +20,6 @@ from servogen.pic.known_values import (
     FSR,
     INDF,
     NOT_FOLLOWED,
-    STATUS,
     ZERO,
     DecodedWord,
     Known,
@@ -40,8 +39,6 @@ CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
 end.
 """
 TMR0, PORT = addresses("TMR0", "PORTB")
-BANK_BITS = (5, 6)
-"""RP0 and RP1 in STATUS."""
 LAST_WORDS = 3
 """The kernel's words behind its end: the watchdog is cleared, `target` goes back to where the lock began."""
 POLL_CYCLES = 5
@@ -229,7 +226,7 @@ class _Kernel:
         KernelChanged.
         """
         wanted = {self._ram["target"]: target, self._ram["overrun"]: 1}
-        known |= {self._ram["overrun"]: 1}
+        known[self._ram["overrun"]] = 1
         for address in range(self._done, self._done + LAST_WORDS):
             self._execute(decoded(self._words[address]), known, address)
         if any(known.get(place) != value for place, value in wanted.items()):
@@ -247,8 +244,7 @@ class _Kernel:
         one.
         """
         stray = word.flow != "next" or word.name in NOT_FOLLOWED
-        bank_0 = word.name == "BCF" and word.f == STATUS and word.b in BANK_BITS
-        if stray or (word.writes_f and word.place is None and not bank_0):
+        if stray or (word.writes_f and word.place is None and not word.selects_bank_0):
             raise KernelChanged(f"{word.name} at 0x{address:03X} is not followed")
         execute(word, known)
 

@@ -84,7 +84,7 @@ class Response:
     """The minimum cycles that the interrupts leave the C in a slot."""
     commands_apart: int
     """The minimum number of slots between two commands."""
-    masked: int = 0
+    masked: int
     """The maximum cycles for which the C masks interrupts."""
 
     @property

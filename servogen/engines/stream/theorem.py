@@ -61,7 +61,7 @@ OF_TIME = ("ticks", "rest", "fine", "t", "due", "mask", "port")
 """The interrupt's variables that looks at the line leave alone, but for `t`, whose value nothing keeps."""
 OF_RECEIVER = ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value")
 """Its variables that nothing but looks at the line writes."""
-T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
+T0IF, FSR_ADDRESS = 2, 4
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
@@ -597,7 +597,7 @@ def _check_looks(
 def _keeps_bank(ran: Mapping[int, int], address: int, word: DecodedWord) -> bool:
     """Return whether a write of STATUS leaves bank 0 selected, or returns to the bank of the C at the end."""
     if word.name in ("BSF", "BCF"):
-        return word.b == 0 or (word.name == "BCF" and word.b in BANK_BITS)
+        return word.b == 0 or word.selects_bank_0
     following = address + 1
     while following in ran and word_of(ran[following]).name == "SWAPF":  # W is restored, and no flag changes
         following += 1

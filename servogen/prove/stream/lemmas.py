@@ -116,6 +116,9 @@ class Accesses:
     reads: frozenset[int]
     writes: frozenset[int]
 
+    def __or__(self, other: Accesses) -> Accesses:
+        return Accesses(self.reads | other.reads, self.writes | other.writes)
+
 
 @dataclass(slots=True)
 class Lemmas:

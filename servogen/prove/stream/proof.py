@@ -29,7 +29,6 @@ from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, S
 from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.names import Names
-from servogen.simulator.reset_state import UNPROGRAMMED_CONFIG
 from servogen.units import Cycles
 
 DIALECTS = ("c2c", "xc8", "sdcc")
@@ -81,7 +80,7 @@ def _proof(
     """Return what the lemmas say, and what is suspected if one fails."""
     lemmas = None
     try:
-        if (UNPROGRAMMED_CONFIG if image.config is None else image.config) & CONFIG_WATCHDOG_ON:
+        if image.chip_config & CONFIG_WATCHDOG_ON:
             raise UndecidedPart(
                 "the watchdog is on: whether it is cleared while the line is busy is not examined"
             )
@@ -225,8 +224,7 @@ class _Proof:
         idle = lemmas.idle()
         executing = lemmas.execute()
         preparing = lemmas.prepare()
-        lemmas.apart(main, preparing, executing, context)
-        lemmas.apart(main, idle, executing, context)
+        lemmas.apart(main, preparing | idle, executing, context)
         lemmas.stack()
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "

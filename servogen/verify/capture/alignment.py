@@ -40,7 +40,7 @@ def end_errors(
     fall, rise = cut.first_fall, cut.last_rise
     first = _outside(wanted, begin, cut.high) if fall is None else _away(wanted.fall, begin + fall / slope)
     last = (
-        _outside(wanted, end, cut.high and fall is None)
+        _outside(wanted, end, cut.high_throughout)
         if rise is None
         else _away(wanted.rise, begin + rise / slope)
     )

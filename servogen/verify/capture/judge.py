@@ -231,7 +231,6 @@ def _cut(
     begin = np.array([float(line.cycles(0))])
     cut, wanted = signals.cut[number], signals.scheduled[number]
     first, last = end_errors(cut, wanted, begin, line.b, scale.end)
-    high = cut.high and cut.first_fall is None
     for error, step, edge, verb in (
         (first, 0, cut.first_fall, "ends"),
         (last, scale.end, cut.last_rise, "begins"),
@@ -239,7 +238,11 @@ def _cut(
         if float(error[0]) > limit:
             text = f"a pulse {verb} where none is scheduled to"
             if edge is None:
-                text = "it is high where no pulse is scheduled" if high else "a pulse that it cuts is missing"
+                text = (
+                    "it is high where no pulse is scheduled"
+                    if cut.high_throughout
+                    else "a pulse that it cuts is missing"
+                )
             place = "beginning" if step == 0 else "end"
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
             time_us = (step if edge is None else edge) * scale.step_us

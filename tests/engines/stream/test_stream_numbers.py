@@ -317,7 +317,7 @@ def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: p
 
     def response(listing: Any, rounds: int, travel: int, apart: int) -> Response:
         asked.append((rounds, travel, apart))
-        return Response(Cycles(900), Cycles(100), Cycles(1500), 3)
+        return Response(Cycles(900), Cycles(100), Cycles(1500), 3, 0)
 
     monkeypatch.setattr("servogen.engines.stream.engine.response", response)
     listing: Any = None
@@ -327,23 +327,23 @@ def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: p
     assert (first.between, first.worst, first.room) == ("a request and its slot", 900, 1500)
     assert (second.between, second.worst, second.left) == ("the same, after a command", 900, 600)
     monkeypatch.setattr(
-        "servogen.engines.stream.engine.response", lambda *_: Response(Cycles(900), None, None, 3)
+        "servogen.engines.stream.engine.response", lambda *_: Response(Cycles(900), None, None, 3, 0)
     )
     first, second = timing_budgets(listing, ARM)
     assert (first.worst, first.room, second.worst) == (900, 0, None)
 
 
 def test_a_response_as_json() -> None:
-    assert Response(Cycles(100), Cycles(50), Cycles(124), 3).to_json() == {
+    assert Response(Cycles(100), Cycles(50), Cycles(124), 3, 0).to_json() == {
         "prepare_cycles": 100,
         "execute_cycles": 50,
         "supply_cycles": 124,
         "slots_between_commands": 3,
         "proven": False,
     }
-    assert Response(Cycles(100), Cycles(50), Cycles(126), 3).proven
+    assert Response(Cycles(100), Cycles(50), Cycles(126), 3, 0).proven
     for none in ((None, 50, 126), (100, None, 126), (100, 50, None)):
-        assert Response(*none, 3).after_command is None  # type: ignore[arg-type]
+        assert Response(*none, 3, 0).after_command is None  # type: ignore[arg-type]
 
 
 def test_a_minimum_needs_every_bound() -> None:

@@ -51,7 +51,7 @@ def firmware(name: str, dialect: str = "c2c") -> Firmware:
 def test_what_a_command_leaves_undone_is_added_to_the_next_pulse(
     supply: int, apart: int, after_command: int | None, proven: bool
 ) -> None:
-    found = Response(100, 50, supply, apart)  # type: ignore[arg-type]
+    found = Response(100, 50, supply, apart, 0)  # type: ignore[arg-type]
     assert found.proven == proven
     if after_command is None or proven:
         assert found.after_command == after_command
