@@ -328,6 +328,13 @@ class SeenChip(Signals):
     def chip_clock(self) -> Clock:
         return self.clock
 
+    def seen_pin(self, name: str) -> int:
+        index = pin_index(name)
+        self._flush()
+        for seen in self.seen[self._first :]:
+            seen.require(index)
+        return index
+
     def report(self) -> list[str]:
         """Return the waves of the last capture."""
         if not self.seen:
@@ -408,7 +415,8 @@ class SeenChip(Signals):
         return float(trace.clock.us(int(trace.end))) / 1000
 
     def _changes(self, piece: int, pin: int) -> Iterator[tuple[float, int]]:
-        """Yield (ms, level) of a pin; one that nothing drives is low."""
+        """Yield (ms, level) of a pin, low where nothing drives it. Raises InputError if it was not seen."""
+        self.seen[piece].require(pin)
         trace = self.seen[piece].trace
         edges = join(trace.chunks)
         own = edges.pin == pin

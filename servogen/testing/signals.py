@@ -55,6 +55,10 @@ class Signals(ABC):
     def chip_clock(self) -> Clock:
         """Return the clock of the chip, whose cycles times are counted in."""
 
+    def seen_pin(self, name: str) -> int:
+        """Return the index in `PINS` of a pin that was looked at. Raises InputError."""
+        return pin_index(name)
+
     def rising(self, pin: str, *, since_us: float = 0) -> list[int]:
         """Return the cycle of each rising edge."""
         return self._cycles(self._edges(pin, HIGH, since_us))
@@ -99,7 +103,7 @@ class Signals(ABC):
                 f"baud = {baud:g} is not between 0 and one bit in a cycle",
                 hint=f"at most {float(self.chip_clock().cycles_per_second):g} with this clock",
             )
-        index, idle = pin_index(pin), LOW if inverted else HIGH
+        index, idle = self.seen_pin(pin), LOW if inverted else HIGH
         received = b""
         for trace in self.pieces():
             line = _levels(trace, index, undriven=idle, since=Fraction(since_us))
@@ -129,7 +133,7 @@ class Signals(ABC):
 
     def _lines(self, pin: str, since_us: float) -> Iterator[list[Level]]:
         """Yield for each piece the level at the beginning, then each change."""
-        index, since = pin_index(pin), Fraction(since_us)
+        index, since = self.seen_pin(pin), Fraction(since_us)
         for trace in self.pieces():
             yield _levels(trace, index, undriven=LOW, since=since)
 

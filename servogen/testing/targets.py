@@ -16,6 +16,8 @@ from math import ceil
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from servogen.bench.analysers.memory import TYPICAL_EDGES, TYPICAL_PERIOD_S
 from servogen.bench.inputs.adapter import (
     BoardInput,
@@ -51,7 +53,7 @@ from servogen.pic.isa import decode
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
 from servogen.simulator import CHIP_DEPENDENT, Machine, SimulatorOptions, Stimuli
-from servogen.testing.signals import Signals
+from servogen.testing.signals import Signals, pin_index
 from servogen.traces import SUFFIXES as EDGE_SUFFIXES
 from servogen.traces import read_edges, write_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
@@ -96,6 +98,18 @@ class SeenPins:
     warnings: tuple[Diagnostic, ...] = ()
     """The warnings of a simulated program."""
 
+    def require(self, pin: int) -> None:
+        """Raise InputError unless the pin was looked at: an analyser sees those that are wired to it.
+
+        What a capture contains of a pin begins with its level at time 0.
+        """
+        if self.capture is not None and not np.any(join(self.trace.chunks).pin == pin):
+            raise InputError(
+                "bad-wiring",
+                f"{PINS[pin]} is not among the pins of {self.source}",
+                hint="wire it to a channel of the analyser and capture again",
+            )
+
 
 @dataclass(frozen=True)
 class PinCapture(Signals):
@@ -116,6 +130,11 @@ class PinCapture(Signals):
 
     def chip_clock(self) -> Clock:
         return self.clock
+
+    def seen_pin(self, name: str) -> int:
+        index = pin_index(name)
+        self.seen.require(index)
+        return index
 
 
 @dataclass(frozen=True, slots=True)

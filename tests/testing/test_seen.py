@@ -22,8 +22,9 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.testing import seen_chip
 from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip, stimulus_inputs
 from servogen.testing.signals import Signals
-from servogen.testing.targets import BenchRun, BenchStart, SeenPins
+from servogen.testing.targets import BenchRun, BenchStart, PinCapture, SeenPins, captured
 from servogen.testing.waves import at_the_pins, wave_lines
+from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from tests.edges.rows import Row, chunk
 
@@ -706,6 +707,39 @@ def test_a_recording_of_the_simulated_chip_shows_all_of_its_runs() -> None:
     chip.send("RB6", b"A", 9600)
     chip.reset()
     chip.power_cycle()
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda chip: chip.rising("RB7"),
+        lambda chip: chip.widths("RB7"),
+        lambda chip: chip.uart("RB7", 9600),
+        lambda chip: chip.pin("RB7"),
+        lambda chip: chip.register("PORTB"),
+        lambda chip: chip.run_until("RB7 rise", within_ms=1),
+    ],
+)
+def test_a_pin_that_no_channel_saw_is_an_error_and_not_low(ask: Callable[[SeenChip], Any]) -> None:
+    player = cast(Bench, ReplayPlayer([recorded("cap.vcd", SimpleNamespace(missing=None))]))
+    chip = chip_on(player)
+    chip.run_ms(1)
+    with pytest.raises(InputError, match=r"RB[17] is not among the pins of cap\.vcd") as error:
+        ask(chip)
+    assert error.value.code == "bad-wiring"
+    simulated = chip_on(cast(Bench, ReplayPlayer([recorded("simulated")])))
+    assert simulated.rising("RB7") == [], "the simulated chip's pins are all seen"
+
+
+def test_an_analysers_capture_has_no_edges_to_ask_for_of_a_pin_that_it_did_not_see(tmp_path: Path) -> None:
+    path = tmp_path / "cap.vcd"
+    with capture_writer(path, 1_000_000) as writer:
+        writer.add(chunk([(0, RB0, 0), (10, RB0, 1)]))
+        writer.finish(Cycles(20))
+    seen = PinCapture(captured(path, "the capture"), MHZ4, [])
+    assert seen.rising("RB0") == [10]
+    with pytest.raises(InputError, match="RB7 is not among the pins of the capture"):
+        seen.rising("RB7")
 
 
 @dataclass
