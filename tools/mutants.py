@@ -171,7 +171,8 @@ def mutants_of(source: str, file: str) -> list[Mutant]:
     """Return every mutant of a module, in the order of its text.
 
     Left alone are strings (messages are read, not calculated), annotations, the options of decorators
-    (`slots=True` has no effect that a test could see), and what only a type checker runs.
+    (`slots=True` has no effect that a test could see), what only a type checker runs, and `strict` of `zip`,
+    which is an assertion. A returned True or False is changed into the other, not into None.
     """
     lines = source.encode().splitlines(keepends=True)
     starts = [0]
@@ -196,6 +197,8 @@ def _changes(node: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
         yield from ((node, new) for new in _of_expression(node))
     elif isinstance(node, ast.stmt):
         yield from _of_statement(node)
+    if isinstance(node, ast.keyword) and node.arg == "strict":
+        return
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list"):
             continue
@@ -231,8 +234,12 @@ def _of_statement(node: ast.stmt) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
             yield test, f"(not ({ast.unparse(test)}))"
         case ast.Expr(ast.Call()) | ast.AugAssign() | ast.Raise() | ast.Continue() | ast.Break():
             yield node, "pass"
-        case ast.Return(ast.expr() as value) if not (isinstance(value, ast.Constant) and value.value is None):
+        case ast.Return(ast.expr() as value) if not _is_constant(value, None, True, False):
             yield value, "None"
+
+
+def _is_constant(node: ast.expr, *values: object) -> bool:
+    return isinstance(node, ast.Constant) and any(node.value is value for value in values)
 
 
 def draw(root: Path, where: Sequence[str], count: int, seed: int) -> list[Mutant]:
