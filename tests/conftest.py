@@ -1,5 +1,6 @@
 """What every test can rely on."""
 
+import gc
 import os
 
 import pytest
@@ -14,6 +15,12 @@ def pytest_xdist_auto_num_workers() -> int:
     """Return one more than there are processors: many tests wait for a port or another process."""
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return processors + 1
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector the thousands of tests, which live to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -217,6 +217,10 @@ class AbstractChip:
         self._edges = np.zeros(1 << 16, dtype=np.int64)
         self._template[at.EDGE_LIMIT] = len(self._edges) - 4 * len(PINS)
         self._none = np.zeros(0, dtype=np.int64)
+        inputs = (self._none, self._plain, self._fast.regions)
+        kept = (self._s, self._edges, *inputs, self._memo, self._recording)
+        self._pointers = tuple(array.ctypes.data for array in kept)
+        """Addresses of the arrays that are never replaced: to ask for them takes as long as a short run."""
         self._marked: dict[Set[int], Code] = {}
         self._run = loop(observed=False, tracked=True)
 
@@ -450,20 +454,9 @@ class AbstractChip:
 
     def _arguments(self, code: Code, end: int, resume: int) -> tuple[int, ...]:
         """Return the arguments of the loop, which runs up to cycle `end`."""
-        return (
-            self._s.ctypes.data,
-            end,
-            self._edges.ctypes.data,
-            self._none.ctypes.data,
-            code.ctypes.data,
-            self._plain.ctypes.data,
-            self._fast.regions.ctypes.data,
-            self._memo.ctypes.data,
-            self._recording.ctypes.data,
-            resume,
-            self._none.ctypes.data,
-            self._none.ctypes.data,
-        )
+        state, edges, none, plain, regions, memo, recording = self._pointers
+        words = code.ctypes.data
+        return (state, end, edges, none, words, plain, regions, memo, recording, resume, none, none)
 
     def _load(self, state: ChipState) -> Packed:
         s = self._s

@@ -125,6 +125,9 @@ class Machine:
         self._stim = np.zeros(0, dtype=np.int64)
         if stimulus:
             self._s[at.STIM_KNOWN] = 0
+        kept = (self._s, self._edges, self._plain, self._fast.regions, self._memo, self._recording)
+        self._pointers = tuple(array.ctypes.data for array in kept)
+        """Addresses of the arrays that are never replaced: to ask for them takes as long as a short run."""
 
     @property
     def cycles(self) -> Cycles:
@@ -363,20 +366,13 @@ class Machine:
     def _runs(self, end: int, code: Code, run: Loop, observation: Observation) -> Iterator[int]:
         """Call the instruction loop until the end or a breakpoint, yielding the reason of each return."""
         resume = self.cycles
+        state, edges, plain, regions, memo, recording = self._pointers
+        words, counts, trace = (array.ctypes.data for array in (code, observation.counts, observation.trace))
         while True:
+            stop, stimulus = min(end, self.cycles + SLICE), self._stim.ctypes.data
             why = run(
-                self._s.ctypes.data,
-                min(end, self.cycles + SLICE),
-                self._edges.ctypes.data,
-                self._stim.ctypes.data,
-                code.ctypes.data,
-                self._plain.ctypes.data,
-                self._fast.regions.ctypes.data,
-                self._memo.ctypes.data,
-                self._recording.ctypes.data,
-                resume,
-                observation.counts.ctypes.data,
-                observation.trace.ctypes.data,
+                *(state, stop, edges, stimulus, words, plain, regions, memo, recording),
+                *(resume, counts, trace),
             )
             if why == at.AT_END and self.cycles < end:
                 continue

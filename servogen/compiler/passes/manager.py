@@ -60,9 +60,9 @@ class PassManager:
     """Instructions that each pass has removed, in total."""
     runs: Counter[str] = field(default_factory=Counter)
 
-    def finished(self, name: str, function: Function) -> None:
-        """Verify a function after a pass, and pass it to the observer."""
-        if self.verify_ir:
+    def finished(self, name: str, function: Function, *, changed: bool = True) -> None:
+        """Verify a function that a pass has changed, and pass it to the observer."""
+        if self.verify_ir and changed:
             verify(function, after=name)
         if self.after_pass is not None:
             self.after_pass(name, function)
@@ -83,14 +83,15 @@ class PassManager:
             if name in settled:
                 continue
             before = function.size
-            if transform(function):
+            rewritten = transform(function)
+            if rewritten:
                 changed = True
                 settled.clear()
             else:
                 settled.add(name)
             self.saved[name] += before - function.size
             self.runs[name] += 1
-            self.finished(name, function)
+            self.finished(name, function, changed=rewritten)
         return changed
 
     def optimise(self, function: Function) -> None:

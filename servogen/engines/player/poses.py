@@ -10,7 +10,7 @@ In: widths frame by frame. Out: `Encoded`, with as few bytes as the limit on its
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 
@@ -82,10 +82,11 @@ def poses_encoded(
             f"the motion needs {poses} or more poses and {moves} or more moves between them: "
             f"the player's tables hold {MAX_BYTES // rows.shape[1]} and {MAX_BYTES - 1}",
         )
+    parts = list(_parts(whole, marks, loop_start, far))
     best: Encoded | None = None
     refused: ResourceError | None = None
     for laws in LAW_SETS:
-        pieces = list(_pieces(whole, marks, loop_start, laws, far))
+        pieces = [piece for part in parts for piece in part.pieces(laws)]
         try:
             candidate = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited)
         except ResourceError as error:
@@ -136,73 +137,100 @@ def _far_apart(points: Floats, apart: float) -> int:
     return len(chosen)
 
 
-def _pieces(
-    rows: Floats, marks: Sequence[int], loop_start: int, laws: Sequence[str], far: float
-) -> Iterator[_Piece]:
-    """Return the pieces of all frames except the last, which is the frame after them."""
+def _parts(rows: Floats, marks: Sequence[int], loop_start: int, far: float) -> Iterator[_Part | _Silence]:
+    """Return the parts of all frames except the last, which is the frame after them."""
     silent = np.asarray(np.isnan(rows).any(axis=1))
     frames = len(rows) - 1
     edges = (np.flatnonzero(silent[1:] != silent[:-1]) + 1).tolist()
     bounds = sorted({0, loop_start, *(edge for edge in (*marks, *edges) if edge < frames), frames})
     for first, end in pairwise(bounds):
         if silent[first]:
-            for begin in range(first, end, LONGEST):
-                yield _Piece(begin, min(begin + LONGEST, end), "silent", end)
+            yield _Silence(first, end)
         else:
             last = end - 1 if silent[end] else end
-            yield from _cut(np.vstack((rows[first:end], rows[last])), first, last, laws, far)
+            yield _Part(np.vstack((rows[first:end], rows[last])), first, last, far)
 
 
-def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) -> Iterator[_Piece]:
-    """Return the cheapest pieces; a node is a frame and whether its own pose is reached there."""
-    frames = len(rows) - 1
-    nodes = _nodes(rows, far)
-    cost = {(0, True): 0.0}
-    came: dict[tuple[int, bool], tuple[tuple[int, bool], str]] = {}
-    # Steps only lead forward, so one pass over the nodes in order settles every cost.
-    for index, first in enumerate(nodes):
-        ends = nodes[index + 1 :]
-        ends = ends[: int(np.searchsorted(ends, first + LONGEST, side="right"))]
-        for state in ((first, True), (first, False)):
-            if state not in cost or not len(ends):
-                continue
-            for end, exact, law, price in _ways(rows, first, ends, laws, far, joined=state[1]):
-                target = (end, exact)
-                if cost[state] + price < cost.get(target, np.inf):
-                    cost[target] = cost[state] + price
-                    came[target] = state, law
-    # The next part starts from its own first pose, so a jump at the end is a straight step of one frame.
-    goal = frames, True
-    pieces = []
-    while goal[0]:
-        before, law = came[goal]
-        pose = offset + before[0] if law == "stay" else (last if goal[0] == frames else offset + goal[0])
-        pieces.append(_Piece(offset + before[0], offset + goal[0], law, pose))
-        goal = before
-    yield from reversed(pieces)
+@dataclass(frozen=True, slots=True)
+class _Silence:
+    """Frames without pulses, from `first` up to `end`."""
+
+    first: int
+    end: int
+
+    def pieces(self, laws: Sequence[str]) -> Iterator[_Piece]:
+        """Return them as pieces, whose law is no choice."""
+        for begin in range(self.first, self.end, LONGEST):
+            yield _Piece(begin, min(begin + LONGEST, self.end), "silent", self.end)
 
 
-def _ways(
-    rows: Floats, first: int, ends: Whole, laws: Sequence[str], far: float, *, joined: bool
-) -> Iterator[tuple[int, bool, str, float]]:
-    """Return the possible steps from a frame: their end, whether its pose is reached, the law, the bytes."""
-    still = np.abs(rows[first : ends[-1] + 1] - rows[first]).max(axis=1) <= far
-    frames_still = int(np.argmin(still)) if not still.all() else len(still)
-    columns = rows.shape[1]
-    for end in ends[ends - first <= frames_still].tolist():
-        # A step can continue from there only if the next frame has the same pose.
-        same = end - first < frames_still
-        yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
-    # A law begins at a stored pose: from a frame whose own pose was not reached, only staying is possible.
-    if not joined:
-        return
-    for law in ("straight", *laws):
-        fits = _possible(rows, first, ends, law, far)
-        for end in fits.tolist():
-            yield end, True, law, STEP_BYTES + columns
+@dataclass(slots=True)
+class _Part:
+    """Frames with pulses, in which every frame may begin a step; the first is frame `offset` of the motion.
+
+    The last row is the pose of frame `last`, which the part ends in.
+    """
+
+    rows: Floats
+    offset: int
+    last: int
+    far: float
+    _reached: dict[tuple[str, int], list[int]] = field(default_factory=dict)
+    """The ends that each law reaches from each frame, which are the same whatever other laws there are."""
+
+    def pieces(self, laws: Sequence[str]) -> Iterator[_Piece]:
+        """Return the cheapest pieces; a node is a frame and whether its own pose is reached there."""
+        frames = len(self.rows) - 1
+        nodes = _nodes(self.rows, self.far)
+        cost = {(0, True): 0.0}
+        came: dict[tuple[int, bool], tuple[tuple[int, bool], str]] = {}
+        # Steps only lead forward, so one pass over the nodes in order settles every cost.
+        for index, first in enumerate(nodes):
+            ends = nodes[index + 1 :]
+            ends = ends[: int(np.searchsorted(ends, first + LONGEST, side="right"))]
+            for state in ((first, True), (first, False)):
+                if state not in cost or not len(ends):
+                    continue
+                for end, exact, law, price in self._ways(first, ends, laws, joined=state[1]):
+                    target = (end, exact)
+                    if cost[state] + price < cost.get(target, np.inf):
+                        cost[target] = cost[state] + price
+                        came[target] = state, law
+        # The next part starts from its own first pose, so a jump at the end is a straight step of one frame.
+        goal = frames, True
+        pieces = []
+        while goal[0]:
+            before, law = came[goal]
+            at_end = self.last if goal[0] == frames else self.offset + goal[0]
+            pose = self.offset + before[0] if law == "stay" else at_end
+            pieces.append(_Piece(self.offset + before[0], self.offset + goal[0], law, pose))
+            goal = before
+        yield from reversed(pieces)
+
+    def _ways(
+        self, first: int, ends: Whole, laws: Sequence[str], *, joined: bool
+    ) -> Iterator[tuple[int, bool, str, float]]:
+        """Return the possible steps from a frame: their end, whether its pose is reached, the law, the
+        bytes.
+        """
+        still = np.abs(self.rows[first : ends[-1] + 1] - self.rows[first]).max(axis=1) <= self.far
+        frames_still = int(np.argmin(still)) if not still.all() else len(still)
+        columns = self.rows.shape[1]
+        for end in ends[ends - first <= frames_still].tolist():
+            # A step can continue from there only if the next frame has the same pose.
+            same = end - first < frames_still
+            yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
+        # A law begins at a stored pose: where the pose of the frame was not reached, it can only stay.
+        if not joined:
+            return
+        for law in ("straight", *laws):
+            if (law, first) not in self._reached:
+                self._reached[law, first] = _possible(self.rows, first, ends, law, self.far)
+            for end in self._reached[law, first]:
+                yield end, True, law, STEP_BYTES + columns
 
 
-def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Whole:
+def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> list[int]:
     """Return those of `ends` that the law reaches within `far` of every row."""
     start, distance = rows[first], rows[ends] - rows[first]
     fits = np.ones(len(ends), dtype=bool)
@@ -215,7 +243,7 @@ def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Wh
         away = rows[first : end + 1] - start - _shares(law, end - first)[:, None] * (rows[end] - start)
         if np.abs(away).max() <= far:
             reached.append(end)
-    return np.array(reached, dtype=np.int64)
+    return reached
 
 
 @cache

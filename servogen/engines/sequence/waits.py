@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby
+from math import gcd
 from types import MappingProxyType
 
-from servogen.units import Clock, Cycles
+from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock, Cycles
 
 XC8_MAX = 50_463_240
 """The largest argument of `_delay`."""
@@ -60,8 +61,10 @@ def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[RepeatedCall, ...]:
 
 def _maximum(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
     """Return the largest argument of a step that lasts no longer than `cycles`; 0 if there is none."""
-    multiple = (step_us / clock.cycle_us).denominator if whole_only else 1
-    return min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple
+    periods, per_step = cycles * OSCILLATOR_PERIODS_PER_CYCLE * 1_000_000, clock.hz * step_us
+    whole = OSCILLATOR_PERIODS_PER_CYCLE * 1_000_000
+    multiple = whole // gcd(per_step, whole) if whole_only else 1
+    return min(C2C_MAX, periods // per_step) // multiple * multiple
 
 
 def _merged(calls: list[RepeatedCall]) -> list[RepeatedCall]:

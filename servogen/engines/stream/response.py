@@ -317,22 +317,26 @@ class Round:
         latest: dict[tuple[int, int], int] = {}
         while waiting:
             address, stack, now, frozen = waiting.pop()
-            if now > MAX_END or len(seen) > MAX_STATES:
-                return None
-            try:
-                word = word_of(self.words[address])
-            except (KeyError, Undefined):
-                return None
-            known = dict(frozen)
-            if word.name == "RETFIE":
-                how = known[AHEAD], known.get(CLEARED, 0)
-                latest[how] = max(latest.get(how, 0), now + 2)
-                continue
-            for following, more, cycles, after in self.steps(address, stack, now, word, known):
-                remembered = tuple(
-                    sorted((place, value) for place, value in after.items() if place in followed)
-                )
-                state = (following, more, now + cycles, remembered)
+            ways = [(address, stack, 0, dict(frozen))]
+            while len(ways) == 1:  # only where a path forks can it meet another one again
+                address, stack, cycles, known = ways[0]
+                known = {place: value for place, value in known.items() if place in followed}
+                now += cycles
+                if now > MAX_END or len(seen) > MAX_STATES:
+                    return None
+                try:
+                    word = word_of(self.words[address])
+                except (KeyError, Undefined):
+                    return None
+                if word.name == "RETFIE":
+                    how = known[AHEAD], known.get(CLEARED, 0)
+                    latest[how] = max(latest.get(how, 0), now + 2)
+                    ways = []
+                else:
+                    ways = list(self.steps(address, stack, now, word, known))
+            for following, more, cycles, after in ways:
+                remembered = sorted((place, value) for place, value in after.items() if place in followed)
+                state = (following, more, now + cycles, tuple(remembered))
                 if state not in seen:
                     seen.add(state)
                     waiting.append(state)

@@ -505,9 +505,8 @@ def test_what_is_no_kernel_is_refused_where_it_is_seen() -> None:
 
 def pieces(*frames: float, far: float = 0.5, laws: tuple[str, ...] = (), marks: tuple[int, ...] = ()) -> Any:
     table = rows(*[[value] for value in (*frames, frames[0])])
-    return [
-        (piece.first, piece.end, piece.law, piece.pose) for piece in poses._pieces(table, marks, 0, laws, far)
-    ]
+    found = [piece for part in poses._parts(table, marks, 0, far) for piece in part.pieces(laws)]
+    return [(piece.first, piece.end, piece.law, piece.pose) for piece in found]
 
 
 def test_pieces_are_stays_and_straight_steps() -> None:
@@ -561,7 +560,8 @@ def test_the_pieces_are_the_cheapest_that_keep_the_limit() -> None:
         columns = 1 + number % 2
         table = random.choice([0.0, 0.5, 1.0, 2.0, 3.0], (random.integers(2, 7), columns))
         price, reached = 0, True
-        for piece in poses._pieces(table, (), 0, (), 0.5):
+        (part,) = poses._parts(table, (), 0, 0.5)
+        for piece in part.pieces(()):
             frames = table[piece.first : piece.end + 1]
             if piece.law == "stay":
                 assert piece.pose == piece.first
