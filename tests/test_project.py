@@ -214,7 +214,11 @@ def test_make_check_formats_lints_checks_types_and_tests(tmp_path: Path) -> None
     commands = [
         line.removeprefix(f"{tmp_path}/bin/") for line in lines if line.startswith(f"{tmp_path}/bin/")
     ]
-    assert commands[-4:] == ["ruff format --check .", "ruff check .", "mypy", "pytest"]
+    *formatted, compiled, tested = commands
+    assert formatted[-2:] == ["ruff format --check .", "ruff check ."]
+    assert compiled.startswith("pytest --collect-only") and f"& {tmp_path}/bin/mypy; status=$?" in compiled
+    assert compiled.endswith("exit $status"), "the exit code is that of mypy"
+    assert tested == "pytest"
 
 
 def ci(tmp_path: Path, codes: dict[str, int]) -> tuple[int, list[str]]:
