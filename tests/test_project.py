@@ -222,11 +222,15 @@ def test_make_check_formats_lints_checks_types_and_tests(tmp_path: Path) -> None
 
 
 def ci(tmp_path: Path, codes: dict[str, int]) -> tuple[int, list[str]]:
-    """Run CI with a make of ours on the path, which writes down how it was called and exits with a code."""
-    make = tmp_path / "make"
+    """Run CI with a make of ours on the path, which writes down how it was called and exits with a code.
+
+    The tools that CI would install stand beside it, so that the test installs nothing.
+    """
     cases = "".join(f"{target}) exit {code};;\n" for target, code in codes.items())
-    make.write_text(f'#!/bin/sh\necho "$PWD $*"\ncase "$1" in\n{cases}esac\n')
-    make.chmod(0o755)
+    programs = dict.fromkeys(("chromium", "zsh", "fish", "npm", "apt-get"), "")
+    for name, lines in {**programs, "make": f'echo "$PWD $*"\ncase "$1" in\n{cases}esac\n'}.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{lines}")
+        (tmp_path / name).chmod(0o755)
     done = subprocess.run(
         [ROOT / ".ci" / "run"],
         cwd=tmp_path,
