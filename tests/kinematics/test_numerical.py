@@ -181,9 +181,10 @@ def by_the_book(
         stuck = ~free & (((q <= lower) & (downhill < 0)) | ((q >= upper) & (downhill > 0)))
         matrix = np.where(stuck, 0.0, matrix)
         damping = factor * min(float(e @ e), 1.0)
-        step = least_squares(matrix, e, damping)
+        # A column of zeros need not give exactly 0: the joint would stand a rounding beside its limit.
+        step = np.where(stuck, 0.0, least_squares(matrix, e, damping))
         second = 2 / h * ((e - error(q + h * step)) / h - jacobian_times(robot, q, step, weight)[: len(e)])
-        half = -0.5 * least_squares(matrix, second, damping)
+        half = np.where(stuck, 0.0, -0.5 * least_squares(matrix, second, damping))
         if np.linalg.norm(half) < 0.5 * np.linalg.norm(step):
             step = step + half
         trial = np.where(free, q + step, np.clip(q + step, lower, upper))
