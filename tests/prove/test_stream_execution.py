@@ -350,6 +350,14 @@ def unlocking(write: int, *, last: int = 0xAA) -> dict[int, int]:
     return {AT - 4 + n: encode(name, **operands) for n, (name, operands) in enumerate(words)} | {AT: write}
 
 
+def written(one: Execution, state: SymbolicState, begin: int = AT - 4) -> SymbolicState:
+    """The state after the words from `begin` to `AT`, and whatever they jump to until then."""
+    state.pc = begin
+    while state.pc != AT + 1:
+        state = stepped(one, state)
+    return state
+
+
 START_WRITE = encode("BSF", f=8, b=1)
 START_READ = encode("BSF", f=8, b=0)
 
@@ -376,26 +384,66 @@ def test_a_byte_of_the_eeprom_is_read() -> None:
 
 def test_a_byte_of_the_eeprom_is_written_only_after_the_unlocking_words() -> None:
     one, state = eeprom(unlocking(START_WRITE))
-    after = stepped(one, state)
+    after = written(one, state)
     assert one.byte(after, EEPROM + 5).value == 0x66 and one.byte(after, EEDATA).value == 0x66
-    for words, eecon1 in (
-        (unlocking(START_WRITE, last=0xAB), 0b100),
-        ({AT: START_WRITE}, 0b100),
-        (unlocking(START_WRITE), 0b000),  # writing is not enabled
-        (unlocking(encode("BSF", f=8, b=3)), 0b100),  # another bit
+    right = unlocking(START_WRITE)
+    # A NOP between the words, which are moved down by one from there.
+    late = {at - 1: word for at, word in right.items() if at < AT - 1} | {AT - 2: encode("NOP")}
+    for words, eecon1, begin in (
+        (unlocking(START_WRITE, last=0xAB), 0b100, AT - 4),
+        (right, 0b100, AT),
+        (right, 0b100, AT - 3),  # the first word is jumped over
+        (right, 0b000, AT - 4),  # writing is not enabled
+        (unlocking(encode("BSF", f=8, b=3)), 0b100, AT - 4),  # another bit
+        (right | late, 0b100, AT - 5),
     ):
         one, state = eeprom(words, eecon1=eecon1)
-        assert one.byte(stepped(one, state), EEPROM + 5).value == 0x77
+        assert one.byte(written(one, state, begin), EEPROM + 5).value == 0x77
+    one, state = eeprom(right)
+    state.bank = 0  # EECON2 is EEADR there
+    assert written(one, state).unlocked == 0
+    # A sequence that begins anew is one.
+    again = {AT - 6: right[AT - 4], AT - 5: right[AT - 3]}
+    one, state = eeprom(right | again)
+    assert one.byte(written(one, state, AT - 6), EEPROM + 5).value == 0x66
+
+
+def test_an_eeprom_that_is_being_written_is_left_alone() -> None:
+    using = r"^the EEPROM is used at 0x041 while it is being written$"
+    for name, f, bank in (("MOVWF", 8, 0), ("CLRF", 9, 0), ("BSF", 8, 1)):
+        operands = {"b": 0} if name == "BSF" else {}
+        one, state = eeprom(unlocking(START_WRITE) | {AT + 1: encode(name, f=f, **operands)})
+        after = written(one, state)
+        after.bank = bank
+        with pytest.raises(NotFollowed, match=using):
+            stepped(one, after)
+    one, state = eeprom(unlocking(START_WRITE) | {AT + 1: encode("BCF", f=8, b=2)})
+    assert one.byte(stepped(one, written(one, state)), EECON1).value == 0, "no more writes are enabled"
+
+
+def test_the_reads_of_a_watched_variable_and_the_visits_of_an_address_are_counted() -> None:
+    words = {
+        AT: encode("DECFSZ", f=RAM, d=1),
+        AT + 1: encode("GOTO", k=AT),
+        AT + 2: encode("MOVF", f=RAM, d=0),
+    }
+    one, state = begun(words, {RAM: Bits(6, 0).above(unknown("n", 2))})
+    one.watched, one.counted = frozenset({RAM}), AT
+    one.given = ~one.first[RAM].equals(0)
+    ends = one.run(state, {AT + 3})
+    # n turns for n of 1 to 3, a read in each, and one behind the loop.
+    assert sorted((end.looks.count(RAM), end.visits) for end in ends) == [(2, 1), (3, 2), (4, 3)]
+    assert one.visits == 3
 
 
 def test_what_is_not_sure_of_the_eeprom_is_not_followed() -> None:
     one, state = eeprom(unlocking(START_WRITE), intcon=0x80)
     enabled = r"^the EEPROM is written while interrupts are enabled, at 0x040$"
     with pytest.raises(NotFollowed, match=enabled):
-        stepped(one, state)
+        written(one, state)
     state.bytes[INTCON] = unknown("INTCON")
     with pytest.raises(NotFollowed, match=enabled):
-        stepped(one, state)
+        written(one, state)
     for address, known in ((63, True), (64, False)):
         one, state = eeprom({AT: START_READ}, address=address)
         if known:

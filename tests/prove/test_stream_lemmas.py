@@ -213,6 +213,45 @@ def test_a_look_that_forgets_its_time_or_sends_nothing_is_noticed(listing: Listi
     assert fault(lemmas(mute).receive).startswith(where.format(0x4A))
 
 
+def test_main_looks_once_in_a_turn_whether_a_pulse_is_requested(listing: Listing) -> None:
+    """The interrupt may request one between two looks: then main would do half of its work."""
+    again = encode("MOVF", f=listing.variable("due"), d=0)
+    other = changed(listing, found(listing, encode("CLRWDT"), 0), again)
+    assert fault(lemmas(other).idle) == "main looks for a request more than once in a turn"
+
+
+def test_nothing_comes_between_the_start_of_interrupts_and_main_s_loop(listing: Listing) -> None:
+    one = lemmas(listing)
+    assert one.names.enabled == one.names.head
+    one.names.__dict__["head"] += 1
+    assert fault(one.start) == "interrupts are enabled before all that comes before main's loop is done"
+
+
+def test_the_turns_of_the_division_are_counted(listing: Listing, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Servo 1 has at most 778 cycles to go: three whole rounds, and a look at the remainder.
+
+    Without a trim, from one end, in few frames: the proof of all is longer.
+    """
+    from servogen.prove.stream import lemmas as module
+    from servogen.prove.stream.bits import all_of
+
+    everywhere, travel = module.between_steps, STREAMED.travels[1]
+
+    def moving(names: Any, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
+        one_way = chip.widths[1].equals(int(travel.minimum)) & chip.goals[1][0:8].equals(0x60)
+        few = chip.left.less(3) & chip.trims[1].equals(NO_TRIM)
+        return everywhere(names, chip, of) & all_of(
+            [chip.group[1], ~chip.waiting[1], ~chip.starting, one_way, few]
+        )
+
+    monkeypatch.setattr(module, "between_steps", moving)
+    assert travel.maximum - travel.minimum == 778
+    one = lemmas(listing)
+    assert one.divided == 0
+    one.prepare([0])
+    assert one.divided == 778 // 256 + 1
+
+
 def test_each_run_begins_with_a_solver_that_has_learned_nothing(
     listing: Listing, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,8 +51,9 @@ def changed(**changes: Any) -> Any:
     return replace(ARM, **changes)
 
 
-def proof_of(streamed: Any) -> _Proof:
-    return _Proof(EMPTY, JOB, streamed, None, lambda what: None)  # type: ignore[arg-type]
+def proof_of(streamed: Any, divided: int = 0) -> _Proof:
+    lemmas: Any = SimpleNamespace(divided=divided)
+    return _Proof(EMPTY, JOB, streamed, lemmas, lambda what: None)
 
 
 # widths
@@ -106,6 +107,16 @@ def cycles(number: int | None) -> Cycles | None:
 def times(bound: Bound, monkeypatch: pytest.MonkeyPatch, streamed: Any = ARM) -> list[str]:
     monkeypatch.setattr(proof, "response", bound)
     return proof_of(streamed)._times()
+
+
+def test_the_division_takes_no_more_turns_than_the_time_of_the_c_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A servo has 1000 cycles to go and 256 of its trim: four rounds, and a look at the remainder."""
+    assert max(travel.maximum - travel.minimum for travel in ARM.travels) == 1000
+    monkeypatch.setattr(proof, "response", Bound(900, 100, 1500))
+    assert proof_of(ARM, divided=1256 // 256 + 1)._times()
+    more = r"^the division of a distance takes more turns than the distance has rounds$"
+    with pytest.raises(UndecidedPart, match=more):
+        proof_of(ARM, divided=1256 // 256 + 2)._times()
 
 
 def test_the_times_are_asked_for_and_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,15 +171,24 @@ def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | 
 def main_loop(listing: Listing) -> tuple[int, int]:
     """Return where the main loop begins, and the address of the instruction that clears the request."""
     words = {row.address: row.word for row in listing.rows}
-    main = next(function for function in listing.functions if function.name.strip("_") == "main")
+    main = _main(listing)
     due = _addresses(listing)["due"]
     clear = _only(
         address for address in range(main.start, main.end) if words[address] == encode("ANDWF", f=due, d=1)
     )
-    enable = max(
-        address for address in range(main.start, main.end) if words[address] == encode("MOVWF", f=INTCON)
+    return _loop_head(words, main, enabling(listing)), clear
+
+
+def enabling(listing: Listing) -> int:
+    """Return the address of the instruction with which main enables interrupts."""
+    enable, main = encode("MOVWF", f=INTCON), _main(listing)
+    return max(
+        row.address for row in listing.rows if row.word == enable and main.start <= row.address < main.end
     )
-    return _loop_head(words, main, enable), clear
+
+
+def _main(listing: Listing) -> ListedFunction:
+    return next(function for function in listing.functions if function.name.strip("_") == "main")
 
 
 def _only(candidates: Iterator[int]) -> int:

@@ -61,6 +61,12 @@ OF_TIME = ("ticks", "rest", "fine", "t", "due", "mask", "port")
 """The interrupt's variables that looks at the line leave alone, but for `t`, whose value nothing keeps."""
 OF_RECEIVER = ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value")
 """Its variables that nothing but looks at the line writes."""
+OF_COUNTS = frozenset(
+    [("DECFSZ", 1), ("DECF", 1), ("DECF", 0), ("SUBWF", 1), ("MOVF", 1), ("BTFSS", 0), ("BTFSC", 0)]
+)
+"""The instructions whose outcome is the same for every count that is odd and more than 1, or one less: they
+count, test for zero, or test the lowest bit. With the destination, or the bit that is tested.
+"""
 T0IF, FSR_ADDRESS = 2, 4
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
@@ -226,7 +232,8 @@ class _Interrupt:
         followed = {W, CARRY, ZERO, FSR, AHEAD, CLEARED, WRITTEN, code.ram["rx_bits"], *known}
         followed |= {code.ram[name] for name in FOLLOWED}
         frozen = frozenset(known.items())
-        rises = known.get(code.ram["rest"]) == 0
+        rest = known.get(code.ram["rest"])
+        rises, plain, many = rest == 0, rest is None, rest == MANY
         waiting: list[_State] = []
         seen = _Seen()
         for begin, last in begins:
@@ -262,6 +269,9 @@ class _Interrupt:
                 self._check_flag(now, known)
             elif word.writes_f and word.f == code.ram["due"] and not rises:
                 raise InterruptChanged(f"the word at 0x{address:03X} asks the C for a pulse beside a rise")
+            counts = self._stands_for_all(word, known, plain=plain, many=many)
+            if counts and not self._same_for_all(address, word):
+                raise InterruptChanged(f"the word at 0x{address:03X} depends on how many interrupts are left")
             following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
             if word.flow == "call" and word.k in self.looks:
                 receiving = code.ram["rx_bits"]
@@ -287,6 +297,8 @@ class _Interrupt:
                     following.append((address + 1, stack, called + look.cycles, after, seen_at, taken))
             else:
                 for target, more, cycles, after in code.steps(address, stack, now, word, known):
+                    if (counts and word.name == "DECF") or (many and self._takes_count(address)):
+                        after.pop(W, None)  # it is that of one count
                     following.append((target, more, now + cycles, after, last, bit))
             if len(following) == 1 and word.flow != "jump":
                 (going,) = following  # states are compared where paths part, and where they can meet again
@@ -299,6 +311,29 @@ class _Interrupt:
                 if seen.add(state):
                     waiting.append(state)
         yield from ends
+
+    def _stands_for_all(self, word: DecodedWord, known: Known, *, plain: bool, many: bool) -> bool:
+        """Return whether a word reads a count that stands for all that are larger than the last one.
+
+        That is `ticks` in a round without an edge (`plain`), and after a fall behind which there are `many`
+        interrupts, which `rest` holds before.
+        """
+        ticks, rest = self.code.ram["ticks"], self.code.ram["rest"]
+        reads = word.has_f and word.name not in ("MOVWF", "CLRF")
+        return reads and (
+            (word.f == ticks and (plain or (many and CLEARED in known))) or (word.f == rest and many)
+        )
+
+    def _same_for_all(self, address: int, word: DecodedWord) -> bool:
+        """Return whether a word does the same for each of these counts."""
+        if word.name == "MOVF" and not word.writes_f:
+            return self._takes_count(address + 1)
+        return (word.name, word.b if word.tests_bit else int(word.writes_f)) in OF_COUNTS
+
+    def _takes_count(self, address: int) -> bool:
+        """Return whether a word moves `rest` from W to `ticks`, after a fall."""
+        moves = encode("MOVF", f=self.code.ram["rest"], d=0), encode("MOVWF", f=self.code.ram["ticks"])
+        return (self.code.words.get(address - 1), self.code.words.get(address)) == moves
 
     def _end(self, now: int, known: Known, last: _Last) -> _End:
         ram = self.code.ram

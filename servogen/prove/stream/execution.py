@@ -50,6 +50,7 @@ UNLOCK = tuple(
     )
 )
 """The words before the one that starts a write to the EEPROM (DS35007 section 3.2)."""
+WRITING = -1
 
 
 class NotFollowed(Exception):
@@ -72,7 +73,13 @@ class SymbolicState:
     """By place: an address, `BANK_1` and an address, or `EEPROM` and one; others are as at the beginning."""
     path: Truth = TRUE
     looks: tuple[int, ...] = ()
-    """The volatile registers that were read since the beginning, one after the other."""
+    """The volatile registers, and the watched variables, that were read since the beginning, one after the
+    other.
+    """
+    unlocked: int = 0
+    """How many words of UNLOCK came last, or WRITING once a write to the EEPROM has begun."""
+    visits: int = 0
+    """The maximum number of times that the counted address was executed."""
 
 
 @dataclass(slots=True)
@@ -85,6 +92,12 @@ class Execution:
     """What holds of the first state."""
     reads: set[int] = field(default_factory=set)
     writes: set[int] = field(default_factory=set)
+    watched: frozenset[int] = frozenset()
+    """Variables that an interrupt may change; each of their reads is noted among the looks."""
+    counted: int | None = None
+    """The address whose executions are counted."""
+    visits: int = 0
+    """The maximum number of times that it was executed."""
     busy: list[Truth] = field(default_factory=list)
     """Whether the EEPROM is being written, at each read of EECON1."""
     first: dict[int, Bits] = field(default_factory=dict)
@@ -151,7 +164,7 @@ class Execution:
         page = self.byte(state, PCLATH).value
         # Only states that agree in what steers the execution are merged: a pointer that became a term would
         # have to be split into its values again at every access.
-        return state.pc, state.stack, state.bank, pointer, page, state.looks
+        return state.pc, state.stack, state.bank, pointer, page, state.looks, state.unlocked
 
     def _merged(self, one: SymbolicState, other: SymbolicState) -> SymbolicState:
         where = one.path
@@ -168,6 +181,8 @@ class Execution:
             merged,
             one.path | other.path,
             one.looks,
+            one.unlocked,
+            max(one.visits, other.visits),
         )
 
     def _possible(self, state: SymbolicState, condition: Truth) -> bool:
@@ -221,6 +236,8 @@ class Execution:
             # The first read has a name, so that a lemma can speak of the level that was read; later ones may
             # give anything.
             return self.at_first(place) if state.looks.count(place) == 1 else unknown("later")
+        if place in self.watched:
+            state.looks = (*state.looks, place)
         if place == EECON1:
             stored = self.byte(state, place)
             self.busy.append(unknown("WR", 1).bit(0))
@@ -249,6 +266,8 @@ class Execution:
 
     def _write(self, state: SymbolicState, place: int, value: Bits) -> None:
         self.writes.add(place)
+        if place in (EEDATA, EEADR) and state.unlocked == WRITING:
+            raise NotFollowed(f"the EEPROM is used at 0x{state.pc:03X} while it is being written")
         if place == STATUS:
             if value[5:6].value is None:
                 raise NotFollowed(f"an unknown bank is selected at 0x{state.pc:03X}")
@@ -268,13 +287,15 @@ class Execution:
         state.bytes[EECON1] = value
         if read is None:
             raise NotFollowed(f"EECON1 is written with an unknown value at 0x{state.pc:03X}")
+        if (read or write) and state.unlocked == WRITING:
+            raise NotFollowed(f"the EEPROM is used at 0x{state.pc:03X} while it is being written")
         if read:
             state.bytes[EEDATA] = self.byte(state, EEPROM + self._address(state))
-        before = tuple(self.words.get(state.pc - n) for n in (4, 3, 2, 1))
-        if before == UNLOCK and value.bit(WREN).known and write:
+        if state.unlocked == len(UNLOCK) and value.bit(WREN).known and write:
             if self.byte(state, INTCON).bit(GIE).known is not False:
                 raise NotFollowed(f"the EEPROM is written while interrupts are enabled, at 0x{state.pc:03X}")
             state.bytes[EEPROM + self._address(state)] = self.byte(state, EEDATA)
+            state.unlocked = WRITING
 
     def _address(self, state: SymbolicState) -> int:
         address = self.byte(state, EEADR).value
@@ -290,6 +311,26 @@ class Execution:
             word = word_of(self.words[state.pc])
         except (KeyError, Undefined):
             raise NotFollowed(f"there is no instruction at 0x{state.pc:03X}") from None
+        if state.pc == self.counted:
+            state = replace(state, visits=state.visits + 1)
+            self.visits = max(self.visits, state.visits)
+        unlocked = self._unlocked(state)
+        for following in self._after(state, word):
+            if following.unlocked != WRITING:
+                following.unlocked = unlocked
+            yield following
+
+    def _unlocked(self, state: SymbolicState) -> int:
+        """Return how many words of UNLOCK have come after the next instruction: one after the other, in bank
+        1.
+        """
+        executed = self.words[state.pc]
+        if 0 <= state.unlocked < len(UNLOCK) and executed == UNLOCK[state.unlocked] and state.bank:
+            return state.unlocked + 1
+        return int(executed == UNLOCK[0] and state.bank == 1)
+
+    def _after(self, state: SymbolicState, word: DecodedWord) -> Iterator[SymbolicState]:
+        """Yield the states after an instruction, which may be as it was before in `unlocked`."""
         if word.flow in ("jump", "call", "return"):
             yield self._jump(state, word)
         elif word.name in NOT_FOLLOWED:

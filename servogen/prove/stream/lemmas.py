@@ -128,6 +128,8 @@ class Lemmas:
     solver: Solver
     tell: Tell
     runs: int = 0
+    divided: int = 0
+    """The maximum number of times that a preparation came to the loop of the division."""
     suspect: Suspect = NOBODY
     """What is being checked; after a failure, with the values for which it fails."""
 
@@ -237,6 +239,8 @@ class Lemmas:
     def start(self) -> Accesses:
         """Check what main leaves to its loop after a reset: everything is unknown before it."""
         names = self.names
+        if names.head != names.enabled:
+            raise Fails("interrupts are enabled before all that comes before main's loop is done")
         one = self._execution()
         known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
         known |= {registers()[name].address: byte(0xFF) for name in ("TRISA", "TRISB")}
@@ -285,6 +289,7 @@ class Lemmas:
             # Bits of `due`: 0 a pulse was late, 1 the request, 2 a command is complete.
             due = Bits(5, 0).above(unknown("command", 1)).above(Bits(1, 1)).above(unknown("late", 1))
             one = self._execution()
+            one.counted = names.listing.label("st_whole")
             begin = one.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
             chip = self._chip(one.at_first)
             one.given = between_steps(names, chip, one.at_first)
@@ -308,6 +313,7 @@ class Lemmas:
                 self._compare(where, one, end, wanted, chip.valid())
             reads |= one.reads
             writes |= one.writes
+            self.divided = max(self.divided, one.visits)
         return Accesses(frozenset(reads), frozenset(writes))
 
     def _ends(self, one: Execution, begin: SymbolicState, stops: set[int], where: str) -> list[SymbolicState]:
@@ -322,13 +328,20 @@ class Lemmas:
         return ends
 
     def idle(self) -> Accesses:
-        """Check that main does nothing in a turn of its loop without a request."""
+        """Check that main does nothing in a turn of its loop without a request, which it looks for once.
+
+        A second look could find a request that comes between the two; of later looks in a turn with a request
+        all find the same, because nothing but main clears it.
+        """
         names = self.names
         one = self._execution()
+        one.watched = frozenset({names.at("due")})
         due = Bits(6, 0).above(Bits(1, 0)).above(unknown("late", 1))
         begin = one.state(names.head, {names.at("due"): due, **_between_steps()})
         wanted = self._unchanged(one) | {EEPROM + n: one.at_first(EEPROM + n) for n in range(names.servos)}
         for end in self._ends(one, begin, {names.head}, "without a request"):
+            if end.looks.count(names.at("due")) > 1:
+                raise Fails("main looks for a request more than once in a turn")
             self._compare("without a request", one, end, wanted)
         return Accesses(frozenset(one.reads), frozenset(one.writes))
 

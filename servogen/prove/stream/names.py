@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from servogen.engines.stream.response import main_loop
+from servogen.engines.stream.response import enabling, main_loop
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR, registers
 from servogen.pic.isa import encode
@@ -89,6 +89,11 @@ class Names:
     def cleared(self) -> int:
         """Return the address after the instruction that clears the request of a pulse."""
         return main_loop(self.listing)[1] + 1
+
+    @cached_property
+    def enabled(self) -> int:
+        """Return the address after the instruction of main that enables interrupts."""
+        return enabling(self.listing) + 1
 
     @cached_property
     def of_interrupt(self) -> tuple[int, ...]:

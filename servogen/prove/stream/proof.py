@@ -168,6 +168,9 @@ class _Proof:
         byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
         travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
         bound = response(self.listing, rounds, travel, BYTES * byte)
+        # `response` counts one turn for each whole round of travel, and the last look at the remainder.
+        if self.lemmas.divided > travel // ROUND + 1:
+            raise UndecidedPart("the division of a distance takes more turns than the distance has rounds")
         if bound.masked > MASKED:
             raise UndecidedPart(f"the C masks interrupts for {bound.masked} cycles, not for {MASKED} at most")
         worst = bound.after_command

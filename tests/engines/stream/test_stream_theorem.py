@@ -127,6 +127,16 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "movlw   0x20\n    movwf   STATUS",
             "the word at 0x009 writes what is not the interrupt's",
         ),
+        # What is done depends on how many interrupts are left until the edge, beyond whether it is the last.
+        ("st_plain:\n", "st_plain:\n    btfsc   _ticks, 4\n    nop\n", "depends on how many"),
+        ("st_plain:\n", "st_plain:\n    movf    _ticks, W\n    movwf   _t\n", "depends on how many"),
+        ("st_over:\n", "st_over:\n    btfss   _ticks, 1\n    nop\n", "depends on how many"),
+        ("clrf    _rest\n", "btfss   _rest, 3\n    clrf    _rest\n", "depends on how many"),
+        (
+            "decf    _ticks, W\n    btfsc   STATUS, 2",
+            "decf    _ticks, W\n    movwf   _ticks",
+            "a fall: it ends",
+        ),
         # The pin is not the one that the C prepared.
         ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
     ],
