@@ -150,6 +150,8 @@ _Last = tuple[str, int, int]
 """The kind of the last look, its sample's cycle and its time stamp's."""
 _State = tuple[int, tuple[int, ...], int, frozenset[tuple[int, int]], _Last, int]
 """Address, return addresses, cycle of the round, known values, last look, the last bit's time stamp."""
+_Going = tuple[int, tuple[int, ...], int, Known, _Last, int]
+"""The same with the known values as they are used."""
 _Entry = tuple[int, str, str]
 """The cycle of the round in which an interrupt begins, the kind of the last look, what the round may be."""
 _Entries = dict[_Entry, _Last]
@@ -233,7 +235,6 @@ class _Interrupt:
         followed |= {code.ram[name] for name in FOLLOWED}
         frozen = frozenset(known.items())
         rest = known.get(code.ram["rest"])
-        rises, plain, many = rest == 0, rest is None, rest == MANY
         waiting: list[_State] = []
         seen = _Seen()
         for begin, last in begins:
@@ -241,8 +242,8 @@ class _Interrupt:
             first: _State = (INTERRUPT_VECTOR, (), begin, frozen, last if self.gaps else NO_LOOK, bit)
             if seen.add(first):
                 waiting.append(first)
-        ends = set()
-        going: tuple[int, tuple[int, ...], int, Known, _Last, int] | None = None
+        ends: dict[_End, None] = {}  # in order, so that every run of the proof finds the same
+        going: _Going | None = None
         while waiting or going:
             if going:
                 address, stack, now, known, last, bit = going
@@ -259,47 +260,10 @@ class _Interrupt:
             if word.name == "RETFIE":
                 if not self.gaps:
                     last = (BIT, bit, bit) if now + 2 - bit < self.bits_apart else NO_LOOK
-                ends.add(self._end(now + 2, known, last))
+                ends[self._end(now + 2, known, last)] = None
                 continue
-            if address == code.edge:
-                self._check_edge(word, known)
-                self.edges.add(now)
-                known[CLEARED] = 0
-            elif word.writes_f and word.f == INTCON:
-                self._check_flag(now, known)
-            elif word.writes_f and word.f == code.ram["due"] and not rises:
-                raise InterruptChanged(f"the word at 0x{address:03X} asks the C for a pulse beside a rise")
-            counts = self._stands_for_all(word, known, plain=plain, many=many)
-            if counts and not self._same_for_all(address, word):
-                raise InterruptChanged(f"the word at 0x{address:03X} depends on how many interrupts are left")
-            following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
-            if word.flow == "call" and word.k in self.looks:
-                receiving = code.ram["rx_bits"]
-                for place in (W, CARRY, ZERO, code.ram["t"]):
-                    known.pop(place, None)
-                for look in self.looks[word.k]:
-                    called = now + 2
-                    if look.kind == BIT and called + look.stamp - bit < self.bits_apart:
-                        continue  # the time that is left of a bit is longer
-                    if (known.get(receiving, 1) == 0) != (look.kind in (HUNT, START)) and receiving in known:
-                        continue  # rx_bits is 0 while no byte is being received
-                    if self.gaps and not self._may_follow(last, look, called + look.stamp):
-                        continue
-                    after = {place: value for place, value in known.items() if place != receiving}
-                    if look.kind in (HUNT, START):
-                        after[receiving] = 0 if look.kind == HUNT else BYTE
-                    taken = called + look.stamp if look.kind == BIT else bit
-                    seen_at = NO_LOOK
-                    if self.gaps:
-                        kind = SENT if (last[0], look.kind) == (HUNT, BIT) else look.kind
-                        seen_at = (kind, called + look.sample, called + look.stamp)
-                        self._note_gap(last, seen_at)
-                    following.append((address + 1, stack, called + look.cycles, after, seen_at, taken))
-            else:
-                for target, more, cycles, after in code.steps(address, stack, now, word, known):
-                    if (counts and word.name == "DECF") or (many and self._takes_count(address)):
-                        after.pop(W, None)  # it is that of one count
-                    following.append((target, more, now + cycles, after, last, bit))
+            self._check_word(address, word, now, known, rest)
+            following = self._following(word, rest, (address, stack, now, known, last, bit))
             if len(following) == 1 and word.flow != "jump":
                 (going,) = following  # states are compared where paths part, and where they can meet again
                 continue
@@ -312,17 +276,69 @@ class _Interrupt:
                     waiting.append(state)
         yield from ends
 
-    def _stands_for_all(self, word: DecodedWord, known: Known, *, plain: bool, many: bool) -> bool:
+    def _check_word(self, address: int, word: DecodedWord, now: int, known: Known, rest: int | None) -> None:
+        """Check what a word writes at this time, and that it does the same for each count that is meant."""
+        if address == self.code.edge:
+            self._check_edge(word, known)
+            self.edges.add(now)
+            known[CLEARED] = 0
+        elif word.writes_f and word.f == INTCON:
+            self._check_flag(now, known)
+        elif word.writes_f and word.f == self.code.ram["due"] and rest != 0:
+            raise InterruptChanged(f"the word at 0x{address:03X} asks the C for a pulse beside a rise")
+        if self._stands_for_all(word, known, rest) and not self._same_for_all(address, word):
+            raise InterruptChanged(f"the word at 0x{address:03X} depends on how many interrupts are left")
+
+    def _following(self, word: DecodedWord, rest: int | None, one: _Going) -> list[_Going]:
+        """Return what can follow a word."""
+        address, stack, now, known, last, bit = one
+        if word.flow == "call" and word.k in self.looks:
+            return list(self._looked(self.looks[word.k], one))
+        following: list[_Going] = []
+        one_of_all = (word.name == "DECF" and self._stands_for_all(word, known, rest)) or (
+            rest == MANY and self._takes_count(address)
+        )
+        for target, more, cycles, after in self.code.steps(address, stack, now, word, known):
+            if one_of_all:
+                after.pop(W, None)
+            following.append((target, more, now + cycles, after, last, bit))
+        return following
+
+    def _looked(self, looks: Iterable[_Look], one: _Going) -> Iterator[_Going]:
+        """Yield what can follow a call of a look at the line."""
+        address, stack, now, known, last, bit = one
+        receiving, called = self.code.ram["rx_bits"], now + 2
+        for place in (W, CARRY, ZERO, self.code.ram["t"]):
+            known.pop(place, None)
+        for look in looks:
+            if look.kind == BIT and called + look.stamp - bit < self.bits_apart:
+                continue  # the time that is left of a bit is longer
+            if (known.get(receiving, 1) == 0) != (look.kind in (HUNT, START)) and receiving in known:
+                continue  # rx_bits is 0 while no byte is being received
+            if self.gaps and not self._may_follow(last, look, called + look.stamp):
+                continue
+            after = {place: value for place, value in known.items() if place != receiving}
+            if look.kind in (HUNT, START):
+                after[receiving] = 0 if look.kind == HUNT else BYTE
+            taken = called + look.stamp if look.kind == BIT else bit
+            seen_at = NO_LOOK
+            if self.gaps:
+                kind = SENT if (last[0], look.kind) == (HUNT, BIT) else look.kind
+                seen_at = (kind, called + look.sample, called + look.stamp)
+                self._note_gap(last, seen_at)
+            yield address + 1, stack, called + look.cycles, after, seen_at, taken
+
+    def _stands_for_all(self, word: DecodedWord, known: Known, rest: int | None) -> bool:
         """Return whether a word reads a count that stands for all that are larger than the last one.
 
-        That is `ticks` in a round without an edge (`plain`), and after a fall behind which there are `many`
-        interrupts, which `rest` holds before.
+        That is `ticks` in a round without an edge, in which `rest` is not known, or after a fall behind which
+        there are many interrupts, which `rest` holds before.
         """
-        ticks, rest = self.code.ram["ticks"], self.code.ram["rest"]
-        reads = word.has_f and word.name not in ("MOVWF", "CLRF")
-        return reads and (
-            (word.f == ticks and (plain or (many and CLEARED in known))) or (word.f == rest and many)
-        )
+        if not word.has_f or word.name in ("MOVWF", "CLRF"):
+            return False
+        if word.f == self.code.ram["ticks"]:
+            return rest is None or (rest == MANY and CLEARED in known)
+        return rest == MANY and word.f == self.code.ram["rest"]
 
     def _same_for_all(self, address: int, word: DecodedWord) -> bool:
         """Return whether a word does the same for each of these counts."""
