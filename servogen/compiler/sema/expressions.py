@@ -117,11 +117,7 @@ def _step(analyser: Analyser, node: Any) -> Expr:
         return _float_update(analyser, target, op, one_of_float(analyser, place), node, post=post)
     one = Num(1, U8, place)
     if isinstance(target, (WideField, EepromObject)):
-        changed = _computed(analyser, target, op, one, node)
-        if not post:
-            return changed
-        back = binary_of(analyser, "-" if op == "+" else "+", changed, one, place)
-        return cast(analyser, back, target.type)
+        return _computed(analyser, target, op, one, node, post=post)
     if isinstance(target.type, PointerType):
         one = Num(target.type.target.size, U8, place)
         return Update(op, target, one, address_int(target.type), post, target.type.plain(), place)
@@ -209,11 +205,7 @@ def _float_update(
         update = store(analyser, target, result)
     else:
         update = Assign(target, result, kind, place)
-    if post:
-        update = Comma(update, previous, kind, place)
-    for step in reversed(before):
-        update = Comma(step, update, kind, place)
-    return update
+    return _in_order([*before, update, previous] if post else [*before, update])
 
 
 def _in_temporary(analyser: Analyser, value: Expr, before: list[Expr]) -> Ref:
@@ -336,12 +328,31 @@ def _warn_field(analyser: Analyser, target: Ref | Deref | Accessor, value: Expr)
         )
 
 
-def _computed(analyser: Analyser, target: Accessor, op: str, value: Expr, node: Any) -> Expr:
-    """Return `target op= value` for an object that is read and stored by expressions."""
+def _computed(
+    analyser: Analyser, target: Accessor, op: str, value: Expr, node: Any, *, post: bool = False
+) -> Expr:
+    """Return `target op= value` for an object that is read and stored by expressions; with `post` it has the
+    value from before.
+    """
     evaluated_once(analyser, target)
+    before: list[Expr] = []
     now = load(analyser, target)
-    result = binary_of(analyser, op, now, value, analyser.place(node))
-    return store(analyser, target, cast(analyser, result, target.type))
+    if post:
+        now = _in_temporary(analyser, now, before)
+    if isinstance(target.type, PointerType):
+        result = _pointer_operator(analyser, op, now, value, node)
+    else:
+        result = binary_of(analyser, op, now, value, analyser.place(node))
+    update = store(analyser, target, cast(analyser, result, target.type))
+    return _in_order([*before, update, now]) if post else update
+
+
+def _in_order(steps: list[Expr]) -> Expr:
+    """Return expressions evaluated one after the other, with the value of the last."""
+    *earlier, value = steps
+    for step in reversed(earlier):
+        value = Comma(step, value, value.type.plain(), value.place)
+    return value
 
 
 def binary_of(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:

@@ -11,6 +11,10 @@
 // expect: r13 == 0x1234
 // expect: cut == 64569
 // expect: below == 1
+// expect: highest == 511
+// expect: lowest == 64512
+// expect: around == 0
+// expect: byte == 255
 #include <xc.h>
 struct { unsigned a:4; unsigned b:10; unsigned c:2; int d:12; } s = { 5, 600, 2, -7 };
 __eeprom unsigned char e = 5;
@@ -22,6 +26,10 @@ unsigned char r5, size, r12, below;
 struct { signed int m:11; } l;
 int cut, j = 1081;
 struct { unsigned u:15; } zero;
+struct { unsigned u:9; signed s:11; } wrapping = { 511, -1024 };
+__eeprom unsigned char full = 255;
+unsigned int highest, around, byte;
+int lowest;
 void main(void) {
   struct { unsigned w:9; unsigned v:7; } local = { 300, 100 };
   cut = (l.m = j);
@@ -41,4 +49,8 @@ void main(void) {
   r12 = z.x;
   z.y |= 0x34;
   r13 = z.y;
+  highest = wrapping.u++;
+  lowest = wrapping.s--;
+  around = wrapping.u;
+  byte = full++;
 }
