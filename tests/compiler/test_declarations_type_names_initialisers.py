@@ -76,6 +76,14 @@ def width(most: int) -> str:
     return f"error c-bit: a bit-field has 1 to {most} bits of an integer type"
 
 
+UNPLACED = "error c-address: only a variable can have a fixed address"
+INTO_EEPROM = (
+    "error c-unsupported: there are no pointers into the EEPROM // a pointer that is itself in the EEPROM is "
+    "'char *__eeprom p'"
+)
+NOT_A_VARIABLE = (
+    "error c-type: only a variable can be in the EEPROM, not a member, parameter, result or type"
+)
 ERRORS = [
     ("struct { unsigned a : 16; } x;", []),
     ("struct { unsigned ‸a : 17; } x;", [width(16)]),
@@ -168,6 +176,26 @@ ERRORS = [
     ("char ‸x @ 0x7F;", ["error c-address: there is no memory at 0x7F for 1 byte // RAM is 0x0C to 0x4F"]),
     ("char ‸x @ 0x100;", ["error c-address: the address 0x100 is not in the data memory (0x00-0xFF)"]),
     ("char ‸x @ -1;", ["error c-address: the address 0x-1 is not in the data memory (0x00-0xFF)"]),
+    ("char *x @ 0x20; char (*y)[3] @ 0x21; char (*z)(void) @ 0x22;", []),
+    ("void ‸f(void) @ 0x100;", [UNPLACED]),
+    ("struct { char ‸m @ 0x20; } x;", [UNPLACED]),
+    ("typedef char ‸t @ 0x20;", [UNPLACED]),
+    ("__eeprom char ‸x @ 0x20;", ["error c-address: 'x' in the EEPROM cannot have a fixed address"]),
+    ("__eeprom char ‸*x;", [INTO_EEPROM]),
+    ("char __eeprom ‸**x;", [INTO_EEPROM]),
+    ("__eeprom char x, (‸*y)[2];", [INTO_EEPROM]),
+    ("void f(void) { char x = sizeof(__eeprom char ‸*); }", [INTO_EEPROM]),
+    ("char * __eeprom x, y; char * __eeprom z[2];", []),
+    ("__eeprom char ‸f(void);", [NOT_A_VARIABLE]),
+    ("void f(__eeprom char ‸x);", [NOT_A_VARIABLE]),
+    ("struct { __eeprom char ‸x; } y;", [NOT_A_VARIABLE]),
+    ("typedef __eeprom char ‸t;", [NOT_A_VARIABLE]),
+    ("void f(void) { char x = (__eeprom ‸char)1; }", [NOT_A_VARIABLE]),
+    ("extern __eeprom char x; __eeprom char x = 1;", []),
+    (
+        "extern char x; __eeprom char ‸x;",
+        ["error c-redeclared: 'x' is __eeprom in one declaration only // the other is at main.c:1:13"],
+    ),
     ("char flags; bit x @ &flags*8+7;", []),
     ("char flags; bit ‸x @ &flags*8+8;", ["error c-bit: 'unsigned char' has no bit 8"]),
     ("int flags; bit x @ &flags*8+15;", []),

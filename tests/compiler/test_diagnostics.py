@@ -420,6 +420,24 @@ ROWS = [
         "error",
         "'a' in the EEPROM must be static or outside functions",
     ),
+    (
+        "xc8",
+        "void f(__eeprom char ‸a);\nvoid main(void) {  }",
+        "error",
+        "only a variable can be in the EEPROM, not a member, parameter, result or type",
+    ),
+    (
+        "xc8",
+        "__eeprom char ‸a @ 0x20;\nvoid main(void) {  }",
+        "error",
+        "'a' in the EEPROM cannot have a fixed address",
+    ),
+    (
+        "xc8",
+        "void ‸f(void) @ 0x100;\nvoid main(void) {  }",
+        "error",
+        "only a variable can have a fixed address",
+    ),
     ("xc8", "char b[9];void main(void) { ‸sprintf(b); }", "error", "'sprintf' needs a format string"),
     (
         "xc8",

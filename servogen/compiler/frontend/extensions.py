@@ -15,6 +15,8 @@ from servogen.compiler.frontend.preprocessor import PToken
 from servogen.compiler.frontend.settings import number
 from servogen.errors import Location
 
+EEPROM = "__eeprom"
+"""XC8's qualifier of variables in the EEPROM."""
 EEPROM_NAME = "__servogen_eeprom"
 CONFIG_NAME = "__servogen_config"
 ID_NAME = "__servogen_id"
@@ -64,8 +66,6 @@ class Rewritten:
     tokens: list[PToken] = field(default_factory=list)
     addresses: dict[Position, FixedAddress] = field(default_factory=dict)
     """Fixed addresses by the position of the declared name."""
-    in_eeprom: set[Position] = field(default_factory=set)
-    """The positions of the names declared with `__eeprom`."""
     naked: set[str] = field(default_factory=set)
     """Functions declared with `__naked`."""
     hoisted: list[PToken] = field(default_factory=list)
@@ -86,10 +86,9 @@ class _Rewriter:
         self.depth = 0
         self.index = 0
         self.serial = serial
-        self.pending_address: FixedAddress | None = None
+        self.pending_address: tuple[FixedAddress, int] | None = None
+        """An address before the name that it is for, and the depth of braces at which it stands."""
         self.pending_interrupt = False
-        self.pending_eeprom: int | None = None
-        """The depth of braces at which a declaration with `__eeprom` stands."""
 
     def text(self, ahead: int = 0) -> str:
         """Return the text of the token so many places ahead; empty behind the end."""
@@ -110,7 +109,7 @@ class _Rewriter:
         return self.out
 
     def plain(self, token: PToken) -> None:
-        """Copy a token; attach a pending address, interrupt or `__eeprom` to the name that it declares."""
+        """Copy a token; attach a pending address or interrupt to the name that it declares."""
         if token.text == "{":
             self.depth += 1
         elif token.text == "}":
@@ -119,15 +118,11 @@ class _Rewriter:
         if self.pending_interrupt and is_name and self.text(1) == "(":
             self.out.interrupts.add(token.text)
             self.pending_interrupt = False
-        declared = is_name and self.text(1) in (";", "=", "[", ",")
-        if self.pending_address is not None and declared:
-            self.out.addresses[position(token.place)] = self.pending_address
-            self.pending_address = None
-        if self.pending_eeprom == self.depth:
-            if declared:
-                self.out.in_eeprom.add(position(token.place))
-            if token.text == ";":
-                self.pending_eeprom = None
+        if self.pending_address is not None and is_name and self.depth == self.pending_address[1]:
+            after_star = self.out.tokens and self.out.tokens[-1].text == "*"
+            if self.text(1) in (";", "=", "[", ",") or (after_star and self.text(1) == ")"):
+                self.out.addresses[position(token.place)] = self.pending_address[0]
+                self.pending_address = None
         self.out.tokens.append(token)
         self.index += 1
 
@@ -174,13 +169,25 @@ def _assembler_spelling(text: str) -> str:
 
 
 def _declared_name(tokens: list[PToken]) -> PToken | None:
-    """Return the name at the end of a declarator, before any array lengths."""
+    """Return the name in the declarator that the tokens end with: before array lengths and parameters, and
+    inside the parentheses of `(*name)`.
+    """
+    index = len(tokens) - 1
+    while index >= 0 and tokens[index].text in ("]", ")"):
+        opening = _opening(tokens, index)
+        nested = opening >= 0 and tokens[opening + 1].text in ("*", "(")
+        index = index - 1 if nested else opening - 1
+    return tokens[index] if index >= 0 else None
+
+
+def _opening(tokens: list[PToken], closing: int) -> int:
+    """Return the index of the bracket that the one at `closing` closes; -1 if it is not there."""
     depth = 0
-    for token in reversed(tokens):
-        depth += {"]": 1, "[": -1}.get(token.text, 0)
-        if depth == 0 and token.text != "[":
-            return token
-    return None
+    for index in range(closing, -1, -1):
+        depth += {")": 1, "]": 1, "(": -1, "[": -1}.get(tokens[index].text, 0)
+        if depth == 0:
+            return index
+    return -1
 
 
 def _at_sign(self: _Rewriter, token: PToken) -> bool:
@@ -210,7 +217,7 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
     if self.text() in (";", "=", ",") and before is not None:
         self.out.addresses[position(before.place)] = value
     else:
-        self.pending_address = value
+        self.pending_address = value, self.depth
     return True
 
 
@@ -238,12 +245,8 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
 
 def _name_before_parameters(tokens: list[PToken]) -> str:
     """Return the name in front of the parentheses that the tokens end with."""
-    depth = 0
-    for index in reversed(range(1, len(tokens))):
-        depth += {")": 1, "(": -1}.get(tokens[index].text, 0)
-        if depth == 0:
-            return tokens[index - 1].text
-    return ""
+    opening = _opening(tokens, len(tokens) - 1)
+    return tokens[opening - 1].text if opening > 0 else ""
 
 
 def _code(self: _Rewriter, token: PToken) -> bool:
@@ -281,11 +284,11 @@ def _sfr(self: _Rewriter, token: PToken) -> bool:
 
 
 def _eeprom(self: _Rewriter, token: PToken) -> bool:
-    """Rewrite XC8's `__eeprom`: the variables of the declaration are in the EEPROM."""
+    """Rewrite XC8's `__eeprom` and `eeprom` as the parser's qualifier."""
     if self.text(1) in _AFTER_NAME:
         return False
+    self.emit(EEPROM, token.place)
     self.index += 1
-    self.pending_eeprom = self.depth
     return True
 
 

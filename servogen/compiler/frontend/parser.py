@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, NoReturn
 
-from pycparser import c_lexer
+from pycparser import c_ast, c_lexer
 from pycparser.c_parser import CParser, ParseError
 
 from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.frontend.extensions import EEPROM
 from servogen.compiler.frontend.preprocessor import PToken
 from servogen.compiler.frontend.syntax_errors import SyntaxFault, declared, report_syntax, resume
 
@@ -90,11 +91,10 @@ def _no_error(message: str, line: int, column: int) -> None:
 
 @cache
 def _keywords() -> dict[str, str]:
-    """Return pycparser's token types of the keywords that this compiler knows."""
+    """Return pycparser's token types of the keywords that this compiler knows, XC8's qualifier among them."""
     unwanted = {"offsetof", "_Complex", "_Atomic", "_Thread_local", "__int128", "__builtin_va_arg"}
-    return {
-        word: kind for word, kind in c_lexer.CLexer(_no_error)._keyword_map.items() if word not in unwanted
-    }
+    words = c_lexer.CLexer(_no_error)._keyword_map
+    return {word: kind for word, kind in words.items() if word not in unwanted} | {EEPROM: words["restrict"]}
 
 
 class _NoLexer:
@@ -147,6 +147,13 @@ class _Parser(CParser):  # type: ignore[misc]
             self.parenthesised.add(id(node))
         return node
 
+    def _fix_decl_name_type(self, decl: Any, typename: Any) -> Any:
+        """Complete a declaration; its location is that of its name, also behind a `*` or `(`."""
+        declaration = super()._fix_decl_name_type(decl, typename)
+        if declaration.name is not None:
+            declaration.coord = _name(declaration).coord
+        return declaration
+
     def index(self) -> int:
         return int(self._tokens.mark())
 
@@ -175,6 +182,13 @@ class _Parser(CParser):  # type: ignore[misc]
                 self._typedef_checked_token = None
                 self._tokens.reset(fault(error, start, self.index()))
         return declarations
+
+
+def _name(declaration: Any) -> Any:
+    """Return the innermost declarator, which stands for the name."""
+    while not isinstance(declaration, c_ast.TypeDecl):
+        declaration = declaration.type
+    return declaration
 
 
 def parse(

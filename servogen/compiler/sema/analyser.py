@@ -38,7 +38,7 @@ from servogen.compiler.ast.types import (
 from servogen.compiler.diagnostics import Fatal, Reporter
 from servogen.compiler.frontend.assembly import AsmBlock
 from servogen.compiler.frontend.dialects import C2C, named_types
-from servogen.compiler.frontend.extensions import Rewritten
+from servogen.compiler.frontend.extensions import Position, Rewritten
 from servogen.compiler.frontend.preprocessor import Preprocessed
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.scopes import Scopes
@@ -130,6 +130,8 @@ class Analyser:
         self.strings: dict[tuple[int, ...], Symbol] = {}
         self.types = dict(named_types())
         self.asm_symbols: dict[str, Symbol] = {}
+        self.addressed: set[Position] = set()
+        """Where variables are declared: the only names to which a fixed address may belong."""
         self.eeprom_used = 0
         """The bytes of the EEPROM that declarations have taken so far."""
         self.reading_config = False

@@ -48,7 +48,11 @@ NUMBERS = (IntType, FloatType)
 
 
 def decay(analyser: Analyser, expr: Expr) -> Expr:
-    """Return an array as the address of its first element, other expressions unchanged."""
+    """Return an array as the address of its first element, and a pointer in the EEPROM as its value; other
+    expressions are unchanged.
+    """
+    if isinstance(expr, EepromObject) and isinstance(expr.type, PointerType):
+        return load(analyser, expr)
     if isinstance(expr.type, ArrayType):
         kind = PointerType(expr.type.element)
         if isinstance(expr, Ref):

@@ -36,13 +36,13 @@ from servogen.compiler.ast.types import (
 )
 from servogen.compiler.diagnostics import is_own_file
 from servogen.compiler.frontend.dialects import SDCC
-from servogen.compiler.frontend.extensions import BitAddress, FixedAddress, position
+from servogen.compiler.frontend.extensions import EEPROM, BitAddress, FixedAddress, position
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.initialisers import complete, fill, initialise
 from servogen.compiler.sema.names import expression, use
 from servogen.compiler.sema.scopes import BitAlias, TypeName
-from servogen.compiler.sema.type_names import declared_type, enter_name
+from servogen.compiler.sema.type_names import declared_type, enter_name, in_eeprom
 from servogen.errors import Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
@@ -61,7 +61,7 @@ def declare(analyser: Analyser, node: Any) -> None:
     if isinstance(node, c_ast.Typedef):
         enter_name(analyser, node.name, TypeName(declared_type(analyser, node.type)), node)
         return
-    kind = declared_type(analyser, node.type)
+    kind = declared_type(analyser, node.type, variable=True)
     # `struct s { … };` declares a tag only
     if node.name is None:
         return
@@ -77,6 +77,7 @@ def declare(analyser: Analyser, node: Any) -> None:
     storage = node.storage or []
     static = "static" in storage
     address = analyser.scopes.source.addresses.get(position(place))
+    analyser.addressed.add(position(place))
     if address is not None and isinstance(kind, IntType) and kind.is_bit:
         _bit_alias(analyser, node, address)
         return
@@ -87,9 +88,9 @@ def declare(analyser: Analyser, node: Any) -> None:
     elif "extern" in storage:
         known = analyser.externals.get(node.name)
         if isinstance(known, Symbol) and same(known.type, kind):
-            _redeclare(analyser, known, kind, place, address)
+            _redeclare(analyser, known, kind, node, address)
         elif known is None:
-            known = _new_global(analyser, node.name, kind, place, address)
+            known = _new_global(analyser, node, kind, address)
             analyser.externals[node.name] = known
         else:
             raise analyser.fail(
@@ -128,9 +129,12 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
     enter_name(analyser, node.name, BitAlias(byte_symbol, bit, place), node)
 
 
-def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
+def _new_global(analyser: Analyser, node: Any, kind: CType, address: int | None) -> Symbol:
     """Return the symbol of a variable with static storage: in RAM, flash, EEPROM or at a fixed address."""
-    if position(place) in analyser.scopes.source.in_eeprom:
+    name, place = node.name, analyser.place(node)
+    if in_eeprom(node.type):
+        if address is not None:
+            raise analyser.fail("c-address", f"'{name}' in the EEPROM cannot have a fixed address", node)
         return _in_eeprom(analyser, name, kind, place)
     if address == CONFIG_ADDRESS:
         return _configuration(analyser, name, kind, place)
@@ -196,30 +200,38 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> N
         )
 
 
-def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Location, address: int | None) -> None:
+def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, node: Any, address: int | None) -> None:
     """Add what a further declaration of a variable specifies: its length, volatile, its address."""
-    if is_const_object(symbol.type) != is_const_object(kind):
-        raise analyser.reporter.fatal(
-            "c-redeclared",
-            f"'{symbol.name}' is const in one declaration only",
-            place,
-            hint=f"the other is at {symbol.place}",
-        )
+    differing = {
+        "const": is_const_object(symbol.type) != is_const_object(kind),
+        EEPROM: symbol.kind != "eeprom" and in_eeprom(node.type),
+    }
+    for qualifier, differs in differing.items():
+        if differs:
+            raise analyser.fail(
+                "c-redeclared",
+                f"'{symbol.name}' is {qualifier} in one declaration only",
+                node,
+                hint=f"the other is at {symbol.place}",
+            )
     if isinstance(symbol.type, ArrayType) and symbol.type.length is None:
         symbol.type = kind
     if holds_volatile(kind) and not holds_volatile(symbol.type):
         symbol.type = qualified(symbol.type, const=False, volatile=True)
     symbol.volatile = symbol.volatile or holds_volatile(kind)
-    if address is None or address == symbol.address:
+    before = symbol.address
+    if before is not None and symbol.kind == "eeprom":
+        before += EEPROM_ADDRESS
+    if address is None or address == before:
         return
-    if symbol.address is not None:
-        raise analyser.reporter.fatal(
+    if before is not None:
+        raise analyser.fail(
             "c-redeclared",
-            f"'{symbol.name}' has two addresses: 0x{symbol.address:02X} and 0x{address:02X}",
-            place,
+            f"'{symbol.name}' has two addresses: 0x{before:02X} and 0x{address:02X}",
+            node,
             hint=f"the other declaration is at {symbol.place}",
         )
-    _fix(analyser, symbol, address, place)
+    _fix(analyser, symbol, address, analyser.place(node))
 
 
 def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
@@ -256,10 +268,10 @@ def _global(
                 node,
                 hint=f"at {getattr(known, 'place', '')}",
             )
-        _redeclare(analyser, known, kind, place, address)
+        _redeclare(analyser, known, kind, node, address)
         symbol = known
     else:
-        symbol = _new_global(analyser, name, kind, place, address)
+        symbol = _new_global(analyser, node, kind, address)
         analyser.scopes.here.names[name] = symbol
         if not static:
             analyser.externals[name] = symbol
@@ -279,11 +291,10 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
     assert analyser.function is not None
     place, name = analyser.place(node), node.name
     constant = is_const_object(kind) and node.init is not None
-    in_eeprom = position(place) in analyser.scopes.source.in_eeprom
-    if in_eeprom and not static:
+    if in_eeprom(node.type) and not static:
         raise analyser.fail("c-type", f"'{name}' in the EEPROM must be static or outside functions", node)
     if static or address is not None or (constant and isinstance(kind, (ArrayType, StructType))):
-        symbol = _new_global(analyser, name, kind, place, address)
+        symbol = _new_global(analyser, node, kind, address)
         symbol.function = analyser.function.name
         enter_name(analyser, name, symbol, node)
         symbol.initial = {} if node.init is not None or symbol.kind == "flash" else None
@@ -291,7 +302,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
             assert symbol.initial is not None
             initialise(analyser, symbol.initial, kind, node.init, 0)
     else:
-        if constant and kind.scalar and _constant_local(analyser, node, kind, place):
+        if constant and kind.scalar and _constant_local(analyser, node, kind):
             return
         symbol = Symbol(name, kind, "local", place, function=analyser.function.name)
         symbol.volatile = holds_volatile(kind)
@@ -330,12 +341,12 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
     return literal
 
 
-def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location) -> bool:
+def _constant_local(analyser: Analyser, node: Any, kind: CType) -> bool:
     """Treat `const int n = 5;` in a block as the number itself; return whether it had that form."""
     value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
     if not isinstance(value, Num) or not isinstance(kind, (IntType, FloatType)):
         return False
-    symbol = _new_global(analyser, node.name, kind, place, None)
+    symbol = _new_global(analyser, node, kind, None)
     symbol.function = analyser.function.name if analyser.function else None
     symbol.initial = {index: value.value >> 8 * index & 0xFF for index in range(kind.size)}
     enter_name(analyser, node.name, symbol, node)

@@ -170,8 +170,17 @@ def analyse(
     while _called_of_library(analysis):
         _bodies(analysis)
     function_pointers.finish(analysis)
+    if not reporter.errors:
+        _check_addresses(analysis)
     finish(analysis, settings)
     return analysis
+
+
+def _check_addresses(analysis: Analyser) -> None:
+    """Report the fixed addresses that belong to no variable, such as a function's or a member's."""
+    for scopes in analysis.file_scopes:
+        for place in scopes.source.addresses.keys() - analysis.addressed:
+            analysis.reporter.error("c-address", "only a variable can have a fixed address", Location(*place))
 
 
 def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:

@@ -27,28 +27,35 @@ from servogen.compiler.ast.types import (
     same,
 )
 from servogen.compiler.frontend.dialects import WIDE_TYPES, chip_registers, int_type
-from servogen.compiler.frontend.extensions import CONFIG_NAME
+from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.names import constant, register_layout
 from servogen.compiler.sema.scopes import Constant, TypeName
 from servogen.pic.device import PROGRAM_WORDS
 
 
-def declared_type(analyser: Analyser, node: Any) -> CType:
-    """Return the type of a declarator or type name."""
+def declared_type(analyser: Analyser, node: Any, *, variable: bool = False) -> CType:
+    """Return the type of a declarator or type name; only a variable can be in the EEPROM."""
     match node:
         case c_ast.Typename() | c_ast.Decl() | c_ast.Typedef():
             return declared_type(analyser, node.type)
         case c_ast.TypeDecl():
             base = specified(analyser, node.type, node)
-            return _qualified(base, node.quals or [])
+            return _qualified(analyser, base, node, variable)
         case c_ast.PtrDecl():
+            if in_eeprom(node.type):
+                raise analyser.fail(
+                    "c-unsupported",
+                    "there are no pointers into the EEPROM",
+                    node,
+                    hint="a pointer that is itself in the EEPROM is 'char *__eeprom p'",
+                )
             target = declared_type(analyser, node.type)
             if isinstance(target, IntType) and target.is_bit:
                 raise analyser.fail("c-type", "there are no pointers to bits", node)
-            return _qualified(PointerType(target), node.quals or [])
+            return _qualified(analyser, PointerType(target), node, variable)
         case c_ast.ArrayDecl():
-            return _array(analyser, node)
+            return _array(analyser, node, variable)
         case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
             return specified(analyser, node, node)
         case c_ast.FuncDecl():
@@ -57,13 +64,27 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
     raise analyser.fail("c-syntax", "this member has no name", node)
 
 
-def _qualified(kind: CType, quals: list[str]) -> CType:
+def in_eeprom(declarator: Any) -> bool:
+    """Return whether what a declarator declares, an array or one object, is qualified with `__eeprom`."""
+    while isinstance(declarator, c_ast.ArrayDecl):
+        declarator = declarator.type
+    return EEPROM in (getattr(declarator, "quals", None) or [])
+
+
+def _qualified(analyser: Analyser, kind: CType, declarator: Any, variable: bool) -> CType:
+    quals = declarator.quals or []
+    if EEPROM in quals and not variable:
+        raise analyser.fail(
+            "c-type",
+            "only a variable can be in the EEPROM, not a member, parameter, result or type",
+            declarator if declarator.coord else declarator.type,
+        )
     return qualified(kind, const="const" in quals, volatile="volatile" in quals)
 
 
-def _array(analyser: Analyser, node: Any) -> CType:
+def _array(analyser: Analyser, node: Any, variable: bool) -> CType:
     """Return the type of an array declarator (ISO C 6.7.6.2)."""
-    element = declared_type(analyser, node.type)
+    element = declared_type(analyser, node.type, variable=variable)
     if isinstance(element, IntType) and element.is_bit:
         raise analyser.fail("c-type", "there are no arrays of bits", node)
     if isinstance(element, StructType) and element.layout.size is None:
