@@ -399,7 +399,7 @@ def test_a_conversion_says_what_it_changes(text: str, said: list[str]) -> None:
 
 
 def test_in_c2c_constants_may_have_16_bits_without_a_sign() -> None:
-    head = "unsigned char a; int i; signed int n;\n"
+    head = "unsigned char a; int i; signed int n; uint32_t w;\n"
     for text, said in (
         ("n = 255 * 257;", []),
         ("n = 32767 + 32767;", []),
@@ -412,6 +412,10 @@ def test_in_c2c_constants_may_have_16_bits_without_a_sign() -> None:
         ),
         ("a = -1;", []),
         ("i = -‸1;", ["c-conversion: -1 does not fit 'int' and becomes 65535"]),
+        ("i = 255 * 257;", []),
+        ("i = 255 * 257 - 1;", []),
+        ("a = ‸200 * 200;", ["c-conversion: 40000 does not fit 'unsigned char' and becomes 64"]),
+        ("w = ‸255 * 257;", ["c-conversion: 65535 does not fit 'signed int' and becomes 4294967295"]),
     ):
         marked = f"{head}void main(void) {{ {text} }}"
         assert found_in(marked, "c2c") == stated(marked, said)

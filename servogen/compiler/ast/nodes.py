@@ -63,6 +63,10 @@ class Num:
     value: int
     type: CType
     place: Location
+    exact: int | None = None
+    """The sum, difference or product of constants that C2C's 16 bits hold without a sign, where `value` is
+    negative.
+    """
 
 
 @dataclass(slots=True)

@@ -176,19 +176,18 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
     """Warn about a constant that an implicit conversion changes."""
     if not isinstance(expr, Num) or kind.is_bool:
         return
-    # -1 for an unsigned type is taken as meant: all ones
-    low = -(1 << 8 * kind.bytes - 1)
-    high = (1 << 8 * kind.bytes - kind.signed) - 1
-    if not low <= expr.value <= high:
-        shown = kind.wrap(expr.value)
+    becomes = kind.wrap(expr.value)
+    if expr.exact is not None:
+        value, narrow = expr.exact, kind if expr.exact >> 8 * kind.bytes else expr.type
+        changed = value != becomes & (1 << 8 * kind.bytes) - 1
+    else:
+        value, narrow = expr.value, kind
+        # -1 for an unsigned type is taken as meant: all ones; but C2C's `int` is one without saying so
+        low = 0 if kind == C2C_INT else -(1 << 8 * kind.bytes - 1)
+        changed = not low <= value < 1 << 8 * kind.bytes - kind.signed
+    if changed:
         analyser.reporter.warn(
-            "c-conversion", f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place
-        )
-    elif analyser.c2c and expr.value < 0 and kind == C2C_INT:
-        analyser.reporter.warn(
-            "c-conversion",
-            f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}",
-            expr.place,
+            "c-conversion", f"{value} does not fit '{narrow}' and becomes {becomes}", expr.place
         )
 
 

@@ -418,23 +418,26 @@ def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Acc
     return target
 
 
-def _warn_overflow(
-    analyser: Analyser, op: str, left: int, right: int, kind: IntType, place: Location
-) -> None:
-    """Warn about a sum, difference or product of constants that its signed type does not hold; C2C's users
-    count on 16 bits without a sign.
+def _exact(
+    analyser: Analyser, op: str, left: Num, right: Num, kind: IntType, place: Location
+) -> int | None:
+    """Return a sum, difference or product of constants that its signed type does not hold, with a warning;
+    C2C's users count on 16 bits without a sign.
     """
     if op not in ("+", "-", "*") or not kind.signed:
-        return
-    exact = {"+": left + right, "-": left - right, "*": left * right}[op]
+        return None
+    one, two = (number.value if number.exact is None else number.exact for number in (left, right))
+    exact = {"+": one + two, "-": one - two, "*": one * two}[op]
     high = 2 * kind.high + 1 if analyser.c2c else kind.high
     if not kind.low <= exact <= high:
         analyser.reporter.warn(
             "c-overflow",
-            f"{left} {op} {right} is {exact}, which does not fit '{kind}', and becomes {kind.wrap(exact)}",
+            f"{one} {op} {two} is {exact}, which does not fit '{kind}', and becomes {kind.wrap(exact)}",
             place,
             hint="append L to one of them, to compute in 32 bits",
         )
+        return None
+    return exact if exact > kind.high else None
 
 
 def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Location) -> Expr:
@@ -443,8 +446,7 @@ def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, pl
         raise analyser.fail("c-division-by-zero", "division by zero", right)
     if isinstance(left, Num) and isinstance(right, Num) and isinstance(kind, IntType):
         value = fold(op, left.value, right.value, kind)
-        _warn_overflow(analyser, op, left.value, right.value, kind, place)
-        return Num(value or 0, kind, place)
+        return Num(value or 0, kind, place, _exact(analyser, op, left, right, kind, place))
     if isinstance(right, Num) and not isinstance(left, Num):
         if right.value == 0 and op in ("+", "-", "|", "^", "<<", ">>"):
             return left
