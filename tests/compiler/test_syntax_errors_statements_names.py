@@ -11,7 +11,7 @@ from servogen.compiler.frontend.syntax_errors import declared
 from servogen.compiler.limits import ERRORS
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.device import device
-from tests.compiler.marked import diagnostics, found_in, line_of, stated
+from tests.compiler.marked import CARET, diagnostics, found_in, line_of, stated
 
 # syntax
 
@@ -118,6 +118,23 @@ def test_a_number_that_is_none(marked: str, said: str) -> None:
 def test_numbers_that_fit(text: str) -> None:
     kind = "float" if set(text) & set(".p") or "e3" in text else "unsigned long"
     assert found_in(f"{kind} x;\nvoid main(void) {{ x = {text}; }}") == []
+
+
+@pytest.mark.parametrize(
+    "marked",
+    [
+        "char ‸a[100]; for (i = 0; i < 3; i++) a[i] = i; i = a[2];",
+        "struct nothing ‸a; a.x = 1; i = sizeof(a);",
+        "char a[‸i]; a[i] = i; a[1] = a(1); i = (a);",
+        "typedef struct nothing ‸a[2]; a b; b[1].x = 3;",
+        "{ char ‸a[100]; a[0] = 1; } i = a;",
+        "for (char ‸a[100]; a[0] < 3; a[0]++) a[1] = 3; i = a;",
+    ],
+)
+def test_the_uses_of_a_name_whose_declaration_is_wrong_are_not_reported(marked: str) -> None:
+    found = found_in(f"char a; int i;\nvoid main(void) {{ {marked} }}")
+    (line, column) = 2, len("void main(void) { ") + marked.index(CARET) + 1
+    assert [where for _, *where in found] == [[line, column]]
 
 
 # statements

@@ -6,10 +6,13 @@ register bit.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.ast.types import U8, CType, StructLayout
+from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers
 from servogen.compiler.frontend.extensions import Rewritten
 from servogen.errors import Location
@@ -40,6 +43,11 @@ class BitAlias:
     place: Location
 
 
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The meaning of a name in a declaration that has been reported as wrong."""
+
+
 Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit | BitAlias
 
 
@@ -47,7 +55,7 @@ Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit | BitAlias
 class Scope:
     """The names and tags that one block, or a file, declares (ISO C 6.2.1, 6.2.3)."""
 
-    names: dict[str, Meaning] = field(default_factory=dict)
+    names: dict[str, Meaning | Lost] = field(default_factory=dict)
     tags: dict[str, StructLayout | TypeName] = field(default_factory=dict)
 
 
@@ -60,11 +68,14 @@ class Scopes:
         self.stack: list[Scope] = [Scope()]
         self._registers: dict[str, Symbol] = {}
 
-    def push(self) -> None:
+    @contextmanager
+    def block(self) -> Iterator[None]:
+        """Open the scope of a block, and close it however the block is left."""
         self.stack.append(Scope())
-
-    def pop(self) -> Scope:
-        return self.stack.pop()
+        try:
+            yield
+        finally:
+            self.stack.pop()
 
     @property
     def here(self) -> Scope:
@@ -75,10 +86,15 @@ class Scopes:
         return len(self.stack) == 1
 
     def find(self, name: str) -> Meaning | None:
-        """Return the meaning of a name: the innermost declaration, or else the chip's."""
+        """Return the meaning of a name: the innermost declaration, or else the chip's. What uses a name whose
+        declaration is wrong is abandoned: it would be reported for the same reason.
+        """
         for scope in reversed(self.stack):
             if name in scope.names:
-                return scope.names[name]
+                meaning = scope.names[name]
+                if isinstance(meaning, Lost):
+                    raise Fatal(name)
+                return meaning
         return self.chip(name)
 
     def tag(self, name: str) -> StructLayout | TypeName | None:

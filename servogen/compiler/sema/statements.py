@@ -48,6 +48,7 @@ from servogen.compiler.sema.expressions import condition_operand
 from servogen.compiler.sema.flow import breaks, check_flow
 from servogen.compiler.sema.lint import check_syntax, used_names
 from servogen.compiler.sema.names import constant, expression, value_of, warn_unused
+from servogen.compiler.sema.scopes import Lost
 from servogen.errors import Location, did_you_mean
 
 
@@ -57,12 +58,12 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     analyser.body = Body()
     errors = analyser.reporter.errors
     analyser.declared_locals = []
-    analyser.scopes.push()
-    for symbol in function.parameters:
-        analyser.scopes.here.names[symbol.name] = symbol
-        analyser.asm_symbols[symbol.asm_name] = symbol
     block = BlockStatement([])
-    items(analyser, node.body.block_items or [], block.body)
+    with analyser.scopes.block():
+        for symbol in function.parameters:
+            analyser.scopes.here.names[symbol.name] = symbol
+            analyser.asm_symbols[symbol.asm_name] = symbol
+        items(analyser, node.body.block_items or [], block.body)
     for label, where in analyser.body.gotos:
         if label not in analyser.body.labels:
             hint = did_you_mean(label, analyser.body.labels) if analyser.body.labels else None
@@ -71,7 +72,6 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
             )
     unused = set(analyser.body.labels) - {label for label, _ in analyser.body.gotos}
     labels = {label: analyser.body.labels[label] for label in unused}
-    analyser.scopes.pop()
     function.body = block
     analyser.function = None
     # after an error the tree is incomplete, and warnings about it would mislead
@@ -111,22 +111,13 @@ def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
         try:
             declare(analyser, node)
         except Fatal:
-            _forget(analyser, node)
+            if node.name:
+                analyser.scopes.here.names.setdefault(node.name, Lost())
             raise
         out += analyser.pending
         analyser.pending = []
     else:
         out.append(statement(analyser, node))
-
-
-def _forget(analyser: Analyser, node: Any) -> None:
-    """Declare the names of an invalid declaration all the same, so that their uses are not reported too."""
-    name = getattr(node, "name", None)
-    if name and analyser.scopes.here.names.get(name) is None and analyser.function is not None:
-        symbol = Symbol(
-            name, analyser.int_type, "local", analyser.place(node), function=analyser.function.name
-        )
-        analyser.scopes.here.names[name] = symbol
 
 
 def statement(analyser: Analyser, node: Any) -> Stmt:
@@ -223,10 +214,9 @@ def _can_be_reached(node: Any) -> bool:
 
 def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
     """Analyse a block, which is a scope (ISO C 6.8.2)."""
-    analyser.scopes.push()
     block = BlockStatement([])
-    items(analyser, node.block_items or [], block.body)
-    analyser.scopes.pop()
+    with analyser.scopes.block():
+        items(analyser, node.block_items or [], block.body)
     return block
 
 
@@ -268,18 +258,17 @@ def _stmt_do_while(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
     """Analyse a `for`; what its first part declares is in a scope around the loop (ISO C 6.8.5)."""
-    analyser.scopes.push()
     out: list[Stmt] = []
-    if isinstance(node.init, c_ast.DeclList):
-        for decl in node.init.decls:
-            item(analyser, decl, out)
-    elif node.init is not None:
-        out.append(ExprStmt(effect_of(analyser, node.init)))
-    condition = checked_condition(analyser, node.cond) if node.cond is not None else None
-    step = effect_of(analyser, node.next) if node.next is not None else None
-    loop = _loop(analyser, node, condition, step, False)
-    analyser.scopes.pop()
-    return BlockStatement([*out, loop])
+    with analyser.scopes.block():
+        if isinstance(node.init, c_ast.DeclList):
+            for decl in node.init.decls:
+                item(analyser, decl, out)
+        elif node.init is not None:
+            out.append(ExprStmt(effect_of(analyser, node.init)))
+        condition = checked_condition(analyser, node.cond) if node.cond is not None else None
+        step = effect_of(analyser, node.next) if node.next is not None else None
+        out.append(_loop(analyser, node, condition, step, False))
+    return BlockStatement(out)
 
 
 def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
