@@ -28,7 +28,10 @@ SYNTAX = [
     ("void main(void) { x = ‸; }", ["before ';' (invalid expression)"]),
     ("void main(void) { x = (1 + 2‸; }", ["before ';' // the '(' at main.c:1:23 is not closed"]),
     ("void main(void) { if (x ‸{ } }", ["before '{' // the '(' at main.c:1:22 is not closed"]),
-    ("void main(void) { f(1‸ } }", ["';' is missing after '1'"]),
+    ("void main(void) { f(1 ‸} }", ["before '}' // the '(' at main.c:1:20 is not closed"]),
+    ("void main(void) { x = (1\n ‸return; }", ["before 'return' // the '(' at main.c:1:23 is not closed"]),
+    ("void main(void) { x = (1\n ‸y; }", ["before 'y'"]),
+    ("void main(void) { for (x = 0‸\n x < 3; x++) ; }", ["';' is missing after '0'"]),
     ("void main(void) { for (x = 0; x < 3‸) ; }", ["before ')' // 'for' takes three parts with ';' "
         "between them"]),
     ("void main(void) { } ‸}", ["before '}' // there is no '{' for it"]),

@@ -42,7 +42,7 @@ def report_syntax(
     coord = getattr(error, "coord", None)
     index = _index_of(tokens, coord, start, stop)
     if index > start and message.startswith("before:"):
-        ended = index if _wants_semicolon(tokens, index) else _unended(tokens, start, index)
+        ended = index if _wants_semicolon(tokens, start, index) else _unended(tokens, start, index)
         if ended is not None:
             before = tokens[ended - 1]
             place = before.place
@@ -89,10 +89,13 @@ _STATEMENT_WORDS = _TYPE_WORDS | frozenset((
 ))  # fmt: skip
 
 
-def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
-    """Return whether a `;` is missing before a token: the text before it can end a statement, and it begins
-    one.
+def _wants_semicolon(tokens: list[PToken], start: int, index: int) -> bool:
+    """Return whether a `;` is missing before a token: the text before it can end a statement or a part of a
+    `for`, all its parentheses are closed, and the token begins another.
     """
+    parenthesis = _unclosed_parenthesis(tokens, start, index)
+    if parenthesis is not None and tokens[parenthesis - 1].text != "for":
+        return False
     before, here = tokens[index - 1], tokens[index] if index < len(tokens) else None
     if here is None or not _ENDS.search(before.text) or before.text in _STATEMENT_WORDS:
         return False
@@ -119,14 +122,20 @@ def _bracket_hint(tokens: list[PToken], start: int, index: int) -> str | None:
     opened, here = _open(tokens[start:index]), tokens[index].text
     if here == "}" and not opened:
         return "there is no '{' for it"
-    if not opened or opened[-1].text != "(":
+    parenthesis = _unclosed_parenthesis(tokens, start, index)
+    if parenthesis is None:
         return None
-    if here in ("{", ";", "}"):
-        return f"the '(' at {opened[-1].place} is not closed"
-    first = tokens.index(opened[-1], start)
-    if here == ")" and tokens[first - 1].text == "for":
+    if here in _STATEMENT_WORDS or here in ("{", ";"):
+        return f"the '(' at {tokens[parenthesis].place} is not closed"
+    if here == ")" and tokens[parenthesis - 1].text == "for":
         return "'for' takes three parts with ';' between them"
     return None
+
+
+def _unclosed_parenthesis(tokens: list[PToken], start: int, index: int) -> int | None:
+    """Return the index of the `(` that is the last open bracket before token `index`."""
+    opened = _open(tokens[start:index])
+    return tokens.index(opened[-1], start) if opened and opened[-1].text == "(" else None
 
 
 def _unclosed(tokens: list[PToken]) -> PToken | None:

@@ -418,9 +418,7 @@ def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Acc
     return target
 
 
-def _exact(
-    analyser: Analyser, op: str, left: Num, right: Num, kind: IntType, place: Location
-) -> int | None:
+def _exact(analyser: Analyser, op: str, left: Num, right: Num, kind: IntType, place: Location) -> int | None:
     """Return a sum, difference or product of constants that its signed type does not hold, with a warning;
     C2C's users count on 16 bits without a sign.
     """
