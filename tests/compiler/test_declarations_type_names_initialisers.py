@@ -81,9 +81,7 @@ INTO_EEPROM = (
     "error c-unsupported: there are no pointers into the EEPROM // a pointer that is itself in the EEPROM is "
     "'char *__eeprom p'"
 )
-NOT_A_VARIABLE = (
-    "error c-type: only a variable can be in the EEPROM, not a member, parameter, result or type"
-)
+NOT_A_VARIABLE = "error c-type: only a variable can be in the EEPROM, not a member, parameter, result or type"
 ERRORS = [
     ("struct { unsigned a : 16; } x;", []),
     ("struct { unsigned ‸a : 17; } x;", [width(16)]),
@@ -93,6 +91,8 @@ ERRORS = [
     ("struct { int ‸a : -1; } x;", [width(16)]),
     ("struct { float ‸a : 3; } x;", [width(16)]),
     ("struct { bit ‸a : 9; } x;", [width(8)]),
+    ("struct ‸s { } x, y[2]; struct { struct s x; } z;", ["error c-type: a structure needs a member"]),
+    ("union ‸{ int : 0; } x;", ["error c-type: a union needs a member"]),
     ("int ‸x[0];", ["error c-type: an array needs at least one element, not 0"]),
     ("int ‸x[-1];", ["error c-type: an array needs at least one element, not -1"]),
     ("int x[1];", []),

@@ -438,6 +438,7 @@ ROWS = [
         "error",
         "only a variable can have a fixed address",
     ),
+    ("xc8", "struct ‸s { };\nvoid main(void) {  }", "error", "a structure needs a member"),
     ("xc8", "char b[9];void main(void) { ‸sprintf(b); }", "error", "'sprintf' needs a format string"),
     (
         "xc8",

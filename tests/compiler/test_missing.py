@@ -16,6 +16,7 @@ MISSING = {
     "variable length": ("void f(char n) { char a[n]; a[0] = 1; }\nvoid main(void) { f(2); }", "constant"),
     "malloc": ("#include <stdlib.h>\nvoid main(void) { malloc(3); }", "'malloc'"),
     "wide field": (f"struct {{ unsigned long a : 17; }} s;\n{END}", "1 to 16 bits"),
+    "empty structure": (f"struct s {{ }} a;\n{END}", "a structure needs a member"),
     "designators": (f"struct {{ struct {{ char x; }} a; }} s = {{ .a.x = 1 }};\n{END}", "designators"),
     "generic": ("int a;\nvoid main(void) { a = _Generic(a, int: 1); }", "generic"),
     "case range": ("char a;\nvoid main(void) { switch (a) { case 1 ... 3: a = 0; } }", "'...'"),

@@ -169,6 +169,10 @@ def _structure(analyser: Analyser, node: Any) -> StructLayout:
     else:
         raise analyser.fail("c-redeclared", f"'{tag}' is defined twice", node)
     _members(analyser, layout, node.decls)
+    if layout.size == 0:
+        kind = "union" if union else "structure"
+        analyser.reporter.error("c-type", f"a {kind} needs a member", analyser.place(node))
+        layout.size = 1  # its uses are not reported too
     return layout
 
 
