@@ -13,6 +13,7 @@ from servogen.errors import Diagnostic, InputError, Location, Severity, SourceLi
 WARNINGS = frozenset(
     (
         "c-assignment-condition",
+        "c-attribute",
         "c-case-missing",
         "c-case-range",
         "c-comment",

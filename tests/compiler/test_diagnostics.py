@@ -598,6 +598,12 @@ ROWS = [
     ),
     (
         "xc8",
+        "void __attribute__((noinline, ‸interrupt)) f(void) { } void main(void) { f(); }",
+        "warning",
+        "the attribute 'interrupt' is ignored",
+    ),
+    (
+        "xc8",
         "long big; void main(void) { big = ‸300 * 300; }",
         "warning",
         "300 * 300 is 90000, which does not fit 'int', and becomes 24464",

@@ -477,6 +477,15 @@ def test_what_the_extensions_say_of_names() -> None:
     assert Read("void interrupt(void) { }").rewritten().interrupts == {"interrupt"}
 
 
+def test_an_attribute_that_would_change_the_program_is_named() -> None:
+    read = Read("int a __attribute__((packed, aligned(8), format(x, aligned), __mode__(QI)));")
+    assert read.plain() == "int a ;"
+    assert read.said == [
+        "m.c:1:30: c-attribute: the attribute 'aligned' is ignored",
+        "m.c:1:62: c-attribute: the attribute 'mode' is ignored",
+    ]
+
+
 def test_assembly_outside_and_inside_functions() -> None:
     read = Read('asm("one");\nvoid f(void) {\n asm("two\\n\\tthree \\"x\\"");\n}\n__asm\n four\n__endasm;')
     rewritten = read.rewritten()

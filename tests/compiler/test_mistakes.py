@@ -82,6 +82,7 @@ def test_a_mistake_is_named_in_its_line_and_nothing_else_is(mistake: Mistake) ->
 
 OTHERS = (
     Mistake("pragma", "#pragma unknown\nvoid main(void) { }\n", "c2c"),
+    Mistake("attribute", "__attribute__((interrupt)) void main(void) { }\n", "c2c"),
     Mistake("message", "#warning later\nvoid main(void) { }\n", "c2c"),
     Mistake("escape", "char a;\nvoid main(void) { a = '\\q'; }\n", "c2c"),
     Mistake("delay", "#pragma CLOCK_FREQ 3579545\nvoid main(void) { delay_us(10); }\n", "c2c"),

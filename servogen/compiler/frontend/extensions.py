@@ -341,10 +341,31 @@ def _drop(self: _Rewriter, token: PToken) -> bool:
     return True
 
 
-def _drop_with_arguments(self: _Rewriter, token: PToken) -> bool:
-    """Drop `__attribute__((…))`, which advises the optimiser, and SDCC's `__using(…)`: this chip has one bank
-    of working registers.
-    """
+_ADVICE = frozenset((
+    "always_inline", "cold", "const", "deprecated", "externally_visible", "fallthrough", "format", "hot",
+    "leaf", "malloc", "may_alias", "noclone", "noinline", "noipa", "nonnull", "noreturn", "nothrow",
+    "optimize", "packed", "pure", "returns_nonnull", "unused", "used", "visibility", "warn_unused_result",
+))  # fmt: skip
+"""The attributes without which a program means the same; structures are packed anyway."""
+
+
+def _attribute(self: _Rewriter, token: PToken) -> bool:
+    """Drop `__attribute__((…))`, with a warning about each attribute that is more than advice."""
+    if self.text(1) != "(":
+        return False
+    self.index += 1
+    depth, before = 0, ""
+    for inside in self.arguments():
+        name = inside.text.removeprefix("__").removesuffix("__")
+        if depth == 1 and before in ("(", ",") and inside.text != ")" and name not in _ADVICE:
+            self.reporter.warn("c-attribute", f"the attribute '{name}' is ignored", inside.place)
+        depth += {"(": 1, ")": -1}.get(inside.text, 0)
+        before = inside.text
+    return True
+
+
+def _using(self: _Rewriter, token: PToken) -> bool:
+    """Drop SDCC's `__using(…)`: this chip has one bank of working registers."""
     if self.text(1) != "(":
         return False
     self.index += 1
@@ -458,8 +479,8 @@ _HANDLERS = {
     "eeprom": _eeprom,
     "__naked": _naked,
     "__critical": _critical,
-    "__attribute__": _drop_with_arguments,
-    "__using": _drop_with_arguments,
+    "__attribute__": _attribute,
+    "__using": _using,
     "asm": _asm_call,
     "__asm": _asm_call,
     "__asm__": _asm_call,
