@@ -25,7 +25,16 @@ from servogen.compiler.ast.nodes import (
     Symbol,
     WideField,
 )
-from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, PointerType, StructType, VoidType
+from servogen.compiler.ast.types import (
+    U8,
+    ArrayType,
+    CType,
+    IntType,
+    PointerType,
+    StructType,
+    VoidType,
+    same,
+)
 from servogen.compiler.sema.accessors import store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
@@ -74,24 +83,36 @@ def _count(analyser: Analyser, array: ArrayType, init: Any) -> int:
         index += 1
         length = max(length, index)
         left = len(items)
-        if isinstance(element, (ArrayType, StructType)) and not _is_whole(items[0], element):
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(analyser, items, element):
             _aggregate(analyser, element, items, 0, [], braced=False)
         if len(items) == left:
             items.pop(0)
     return length
 
 
-def _is_whole(item: Any, element: ArrayType | StructType) -> bool:
-    """Return whether an item initialises an array or structure as a whole: one in braces, or a string for
-    characters.
+def _is_whole(analyser: Analyser, items: list[Any], element: ArrayType | StructType) -> bool:
+    """Return whether the next item initialises an array or structure as a whole: one in braces, a string for
+    characters, or another structure of its type. What may be one is replaced by its typed expression.
     """
+    item = items[0]
+    if isinstance(item, c_ast.InitList):
+        return True
     if isinstance(item, c_ast.Constant) and item.type == "string":
         return (
             isinstance(element, ArrayType)
             and isinstance(element.element, IntType)
             and element.element.size == 1
         )
-    return isinstance(item, c_ast.InitList)
+    if isinstance(element, ArrayType) or isinstance(item, c_ast.Constant):
+        return False
+    items[0] = _typed(analyser, item)
+    return same(items[0].type, element)
+
+
+def _typed(analyser: Analyser, item: Any) -> Expr:
+    """Return an initialiser as a typed expression, unless it is one already."""
+    typed: Expr = expression(analyser, item) if isinstance(item, c_ast.Node) else item
+    return typed
 
 
 def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
@@ -118,7 +139,7 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> 
         value: Expr = Num(leaf.value, kind, place)
     else:
         place = analyser.place(leaf.value)
-        value = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
+        value = convert(analyser, _typed(analyser, leaf.value), leaf.type, "the initialiser")
     if leaf.width > 8:
         container = Ref(symbol, leaf.offset, None, kind, place)
         field = WideField(container, leaf.width, kind, place)
@@ -136,7 +157,7 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
         if isinstance(leaf.value, int):
             data[leaf.offset] = leaf.value & 0xFF
             continue
-        expr = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
+        expr = convert(analyser, _typed(analyser, leaf.value), leaf.type, "the initialiser")
         content = _bytes(analyser, expr, leaf.type.size, leaf.value)
         if leaf.width:
             _set_field(analyser, data, leaf, content)
@@ -206,7 +227,7 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
                 Leaf(offset + index, kind.element, value) for index, value in enumerate([*values, 0][:length])
             ]
             return
-    if isinstance(kind, (ArrayType, StructType)):
+    if isinstance(kind, (ArrayType, StructType)) and isinstance(init, c_ast.Node):
         if not isinstance(init, c_ast.InitList):
             raise analyser.fail("c-initialiser", f"'{kind}' needs an initialiser in braces", init)
         items = list(init.exprs)
@@ -264,10 +285,10 @@ def _aggregate(
             analyser.reporter.warn("c-initialiser", "this element already has a value", analyser.place(item))
         where, element = slots[position]
         member = parts[position] if parts else None
-        if isinstance(element, (ArrayType, StructType)) and not _is_whole(item, element):
+        if isinstance(element, (ArrayType, StructType)) and not _is_whole(analyser, items, element):
             _aggregate(analyser, element, items, offset + where, out, braced=False)
         else:
-            items.pop(0)
+            item = items.pop(0)
             if member is not None and member.width:
                 out.append(Leaf(offset + where, element, item, member.bit, member.width))
             else:
