@@ -151,7 +151,7 @@ _LIMITS = """
 #define ULONG_MAX 4294967295UL
 """
 _STDBOOL = "#define true 1\n#define false 0\n#define __bool_true_false_are_defined 1\n"
-_STDDEF = "#define NULL 0\n"
+_STDDEF = "#define NULL 0\n#define offsetof(type, member) ((size_t)&((type *)0)->member)\n"
 
 _CONFIG_NAMES = {
     # legacy XC8 and Hi-Tech masks for __CONFIG(): DS35007 register 6-1

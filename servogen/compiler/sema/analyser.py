@@ -7,7 +7,8 @@ module calls the modules below it directly, and those above it through `Dispatch
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -130,6 +131,8 @@ class Analyser:
         self.strings: dict[tuple[int, ...], Symbol] = {}
         self.types = dict(named_types())
         self.asm_symbols: dict[str, Symbol] = {}
+        self.accessing = True
+        """Whether the object that an expression names is read or written; not by `&` and `sizeof`."""
         self.addressed: set[Position] = set()
         """Where variables are declared: the only names to which a fixed address may belong."""
         self.eeprom_used = 0
@@ -146,6 +149,15 @@ class Analyser:
     def int_type(self) -> IntType:
         """Return the type of comparisons, enumerations and small literals."""
         return C2C_SIGNED if self.c2c else S16
+
+    @contextmanager
+    def access(self, accessing: bool) -> Iterator[None]:
+        """Set `accessing` while an operand is analysed."""
+        before, self.accessing = self.accessing, accessing
+        try:
+            yield
+        finally:
+            self.accessing = before
 
     def fail(self, code: str, message: str, node: Any, hint: str | None = None) -> Fatal:
         """Report an error at a node; the caller raises the exception that is returned."""

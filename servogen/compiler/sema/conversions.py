@@ -75,6 +75,8 @@ def address(target: Ref, kind: PointerType) -> Expr:
 
 def offset_pointer(pointer: Expr, offset: int, kind: CType) -> Expr:
     """Return a pointer moved by a number of bytes."""
+    if isinstance(pointer, Num):
+        return Num((pointer.value + offset) & (1 << 8 * kind.size) - 1, kind, pointer.place)
     moved = Cast(pointer, kind, pointer.place)
     if offset == 0:
         return moved

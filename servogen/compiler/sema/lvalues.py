@@ -69,7 +69,9 @@ BITS_OF_BYTE = 8
 
 def array_ref(analyser: Analyser, node: Any) -> Expr:
     """Analyse `a[i]` (ISO C 6.5.2.1)."""
-    base, index = expression(analyser, node.name), expression(analyser, node.subscript)
+    base = expression(analyser, node.name)
+    with analyser.access(True):
+        index = expression(analyser, node.subscript)
     # a[i] and i[a] are the same (ISO C 6.5.2.1)
     if isinstance(index.type, (ArrayType, PointerType)):
         base, index = index, base
@@ -114,8 +116,8 @@ def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
 
 def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
     """Return a part of an object; for one in flash at a known offset, its constant value."""
-    if isinstance(target, Deref) and isinstance(target.pointer, Num) and target.pointer.type.size == 1:
-        _check_memory(analyser, target.pointer.value + target.offset, target)
+    if analyser.accessing and isinstance(target, Deref) and isinstance(target.pointer, Num):
+        _check_memory(analyser, target.pointer, target)
     if (
         isinstance(target, Ref)
         and target.symbol.kind == "flash"
@@ -137,10 +139,10 @@ def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
     return target
 
 
-def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
-    """Reject a constant address at which the chip has no memory."""
-    size = target.type.size
-    if not all(data_byte_exists(address + index) for index in range(size)):
+def _check_memory(analyser: Analyser, pointer: Num, target: Deref) -> None:
+    """Reject a constant address in RAM at which the chip has no memory."""
+    address, size = pointer.value + target.offset, target.type.size
+    if pointer.type.size == 1 and not all(data_byte_exists(address + index) for index in range(size)):
         raise analyser.fail(
             "c-address",
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
@@ -345,7 +347,8 @@ def sizeof(analyser: Analyser, node: Any) -> Expr:
     if isinstance(node.expr, c_ast.Typename):
         kind = analyser.dispatch.declared_type(analyser, node.expr)
     else:
-        kind = expression(analyser, node.expr).type
+        with analyser.access(False):
+            kind = expression(analyser, node.expr).type
     if isinstance(kind, StructType) and kind.layout.size is None:
         raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
     return Num(kind.size, U16 if not analyser.c2c else analyser.types["uint16_t"], analyser.place(node))
@@ -376,7 +379,8 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
         analyser.scopes.find(node.expr.name), FunctionDefinition
     ):
         return expression(analyser, node.expr)
-    target = expression(analyser, node.expr)
+    with analyser.access(False):
+        target = expression(analyser, node.expr)
     if isinstance(target, ConstNum):
         target = target.reference
     if isinstance(target, Comma) and isinstance(node.expr, c_ast.CompoundLiteral):

@@ -328,8 +328,8 @@ def enter_name(analyser: Analyser, name: str, meaning: Any, node: Any) -> None:
 
 
 def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
-    """Return the types of a function's parameters; an array becomes a pointer (ISO C 6.7.6.3). None if none
-    are declared.
+    """Return the types of a function's parameters; an array and a function become pointers (ISO C 6.7.6.3).
+    None if none are declared.
     """
     if node.args is None:
         return None
@@ -347,9 +347,11 @@ def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
         kind = declared_type(analyser, param)
         if isinstance(kind, ArrayType):
             kind = PointerType(kind.element)
+        if isinstance(kind, FuncType):
+            kind = PointerType(kind)
         if isinstance(kind, StructType) and kind.layout.size is None:
             raise analyser.fail("c-undefined", f"'{kind}' is not defined", param)
-        if isinstance(kind, (VoidType, FuncType)):
+        if isinstance(kind, VoidType):
             raise analyser.fail("c-type", f"a parameter cannot be of type '{kind}'", param)
         parameters.append(kind)
     return tuple(parameters)
