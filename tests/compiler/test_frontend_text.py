@@ -395,7 +395,18 @@ PLAIN = [
     ("eeprom char a; char *eeprom b;", "__eeprom char a ; char * __eeprom b ;"),
     ("void f(void) __naked { }", "void f ( void ) { }"),
     ("near char a; persistent int b; __xdata int c;", "char a ; int b ; int c ;"),
-    ("void f(void) { near = far + 1; }", "void f ( void ) { near = + 1 ; }"),
+    ("char near *a, *far b; far int c;", "char * a , * b ; int c ;"),
+    ("void f(int) reentrant { }", "void f ( int ) { }"),
+    *[
+        (same, same)
+        for same in (
+            "void f ( void ) { near = far + 1 ; far ++ ; return far * 2 ; }",
+            "int f ( char far , int rom ) ;",
+            "struct near { char far ; int eeprom : 2 ; } near ;",
+            "enum { persistent , reentrant } ; int interrupt = 1 ;",
+            "int f ( void ) { return rom - eeprom [ 1 ] ; }",
+        )
+    ],
     ("int a __attribute__((packed)); __using(1) x; __using = 1;", "int a ; x ; __using = 1 ;"),
     ("f(int a, ...);", "f ( int a , ... ) ;"),
     ("p.7 = q.12 + r.x + s.100;", "p . B7 = q . B12 + r . x + s . 100 ;"),

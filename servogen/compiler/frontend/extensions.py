@@ -22,25 +22,11 @@ CONFIG_NAME = "__servogen_config"
 ID_NAME = "__servogen_id"
 BIT_MEMBER = "__servogen_bit"
 CRITICAL_LABEL = "__servogen_critical"
-_DROPPED = frozenset(
-    [
-        "near",
-        "far",
-        "__near",
-        "__far",
-        "persistent",
-        "__persistent",
-        "__reentrant",
-        "reentrant",
-        "__ram",
-        "__data",
-        "__idata",
-        "__xdata",
-        "__pdata",
-    ]
-)
-_AFTER_NAME = frozenset(["=", ";", "(", ")", ",", "["])
-"""A word followed by one of these is a name of the program, not a qualifier."""
+_DROPPED = frozenset((
+    "near", "far", "__near", "__far", "persistent", "__persistent", "__reentrant", "reentrant", "__ram",
+    "__data", "__idata", "__xdata", "__pdata",
+))  # fmt: skip
+_NOT_TYPES = frozenset(("return", "case", "else", "do", "goto", "sizeof"))
 _TYPE_WORDS = frozenset(["void", "int", "char", "unsigned", "signed", "long", "short", "static"])
 
 
@@ -94,6 +80,24 @@ class _Rewriter:
         """Return the text of the token so many places ahead; empty behind the end."""
         index = self.index + ahead
         return self.tokens[index].text if index < len(self.tokens) else ""
+
+    def is_name(self) -> bool:
+        """Return whether the word at `index`, which some compilers take for a qualifier, is a name of the
+        program here. A qualifier stands before another word, between a type and its `*`, or behind the
+        parameters of a function.
+        """
+        if self.text().startswith("__"):
+            return False
+        before, after = self.out.tokens[-1].text if self.out.tokens else "", self.text(1)
+        if before in ("struct", "union", "enum"):
+            return True
+        behind_type = re.match(r"[A-Za-z_]", before) and before not in _NOT_TYPES
+        qualifies = (
+            re.match(r"[A-Za-z_]", after)
+            or (after == "*" and behind_type)
+            or (before == ")" and self.depth == 0)
+        )
+        return not qualifies
 
     def emit(self, text: str, place: Location) -> None:
         self.out.tokens.append(PToken(text, place))
@@ -229,7 +233,7 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
         self.out.interrupts.add("interrupt")
         return False
     # inside a function the word is an ordinary name
-    if self.depth:
+    if self.depth or self.is_name():
         return False
     self.index += 1
     if self.text() == "(":
@@ -258,7 +262,7 @@ def _code(self: _Rewriter, token: PToken) -> bool:
 
 def _rom(self: _Rewriter, token: PToken) -> bool:
     """Rewrite BoostC's `rom char *name = …` as a constant array, and `rom` elsewhere as const."""
-    if self.text(1) in _AFTER_NAME:
+    if self.is_name():
         return False
     words = [self.text(ahead) for ahead in range(1, 5)]
     star = words.index("*") if "*" in words else None
@@ -285,7 +289,7 @@ def _sfr(self: _Rewriter, token: PToken) -> bool:
 
 def _eeprom(self: _Rewriter, token: PToken) -> bool:
     """Rewrite XC8's `__eeprom` and `eeprom` as the parser's qualifier."""
-    if self.text(1) in _AFTER_NAME:
+    if self.is_name():
         return False
     self.emit(EEPROM, token.place)
     self.index += 1
@@ -335,7 +339,7 @@ def _matching_brace(tokens: list[PToken], opening: int) -> int | None:
 
 def _drop(self: _Rewriter, token: PToken) -> bool:
     """Drop a qualifier that has no meaning on this chip, unless the program uses the word as a name."""
-    if self.depth and self.text(1) in ("=", ";", "(", ")", ","):
+    if self.is_name():
         return False
     self.index += 1
     return True
