@@ -21,8 +21,6 @@ TOKENS = 40_000
 """In one source file after preprocessing."""
 ERRORS = 50
 """Errors after which the compiler stops."""
-TOKEN_CHARACTERS = 1_000
-"""In one number, with all its dots and letters."""
 DIGITS = 40
 """Of an integer; 32 bits have 32 at most, in binary."""
 INSTRUCTIONS = 6_000

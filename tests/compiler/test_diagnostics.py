@@ -383,7 +383,7 @@ ROWS = [
         "error",
         "assembly with operands is not supported: asm() takes only strings",
     ),
-    ("xc8", "‸# 5x\nvoid main(void) {  }", "error", "unknown preprocessor directive #5"),
+    ("xc8", "‸# 5x\nvoid main(void) {  }", "error", "unknown preprocessor directive #5x"),
     (
         "xc8",
         "__eeprom char a[4]; char i;void main(void) { ‸a[i++] += 2; }",

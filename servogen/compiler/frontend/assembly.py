@@ -1,9 +1,8 @@
 """Inline assembly before the parser: its blocks in the source text, macros in operands, constants.
 
 In: the text of a source file; then the preprocessor's tokens and the definition of a macro at each point.
-Out: text with the same lines, in which binary constants are hexadecimal ones padded to the same columns and
-each block of assembly that is not an `asm("…")` is a numbered marker; then the blocks with each operand that
-names a macro for numbers, registers or bits replaced by its expansion.
+Out: text with the same lines, in which each block of assembly that is not an `asm("…")` is a numbered marker;
+then the blocks with each operand that names a macro for numbers, registers or bits replaced by its expansion.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ _TOKEN = re.compile(
       | (?P<sdcc>\b_?_asm\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?[({])
           (?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
       | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?\())
-      | (?P<binary>\b(?:0[bB][01]+[uUlL]*|[01]+[bB])\b)
       | (?P<word>\b\w+\b)""",
     re.VERBOSE | re.DOTALL,
 )
@@ -90,8 +88,6 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
                     hint="the first '*/' ends both" if inner > 0 else None,
                 )
             out.append(comment)
-        elif match["binary"]:
-            out.append(_hexadecimal(match["binary"]))
         elif match["hash"] and "endasm" in match["hash"]:
             body = match["hash"].split("\n", 1)
             inside = body[1].rsplit("\n", 1)[0] if len(body) > 1 and "\n" in body[1] else ""
@@ -115,15 +111,6 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
             out.append(match.group())
     out.append(text[position:])
     return "".join(out)
-
-
-def _hexadecimal(constant: str) -> str:
-    """Return a binary constant as a hexadecimal one, padded to the same width."""
-    bare = constant.rstrip("uUlL")
-    digits = bare[2:] if bare[1:2] in "bB" and len(bare) > 2 else bare[:-1]
-    value = int(digits, 2)
-    shown = str(value) if value < 10 else f"0x{value:X}"
-    return (shown + constant[len(bare) :]).ljust(len(constant))
 
 
 def _marker(blocks: list[AsmBlock], file: str, start: int, inside: str) -> str:
@@ -201,8 +188,17 @@ def replace_macros(line: str, value: Value) -> str:
 
 
 def plain_numbers(text: str) -> str:
-    """Return a text with the suffixes of C's numbers removed."""
-    return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", text)
+    """Return a text whose binary numbers are decimal, and without the suffixes of C's numbers."""
+    return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", decimal(text))
+
+
+def decimal(text: str) -> str:
+    """Return a text whose binary numbers, 0b101 and C2C's 101b, are decimal."""
+    return re.sub(
+        r"\b(?:0[bB]([01]+)(?=[uUlL]*\b)|([01]+)[bB]\b)",
+        lambda found: f"{int(found[1] or found[2], 2)}",
+        text,
+    )
 
 
 def _operands(text: str) -> bool:

@@ -11,16 +11,18 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+from pcpp import parser
 from pcpp.evaluator import Value
-from pcpp.parser import default_lexer
+from pcpp.parser import lex
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
 import servogen.compiler.library as library
 import servogen.compiler.limits as limits
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.assembly import AsmBlock, assembly_macros, plain_numbers, rewrite
+from servogen.compiler.frontend.assembly import AsmBlock, assembly_macros, decimal, plain_numbers, rewrite
 from servogen.errors import InputError, Location
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
@@ -66,7 +68,22 @@ _SHIFT = Value.__lshift__
 Value.__lshift__ = _shifted
 
 
-_lexer = cache(default_lexer)
+def _number(token: Any) -> Any:
+    r"""0[xX](?:[pP][+-]|[\w.])*|\d(?:[eE][+-]|[\w.])*"""
+    return token
+
+
+@cache
+def _lexer() -> Any:
+    """Return pcpp's lexer, for which a preprocessing number is one token (ISO C 6.4.8): the F of 2.5F and the
+    x of 0x are no names that a macro could replace. PLY takes the pattern of a token from the docstring of
+    its rule.
+    """
+    rules = {
+        name: rule for name, rule in vars(parser).items() if name.startswith(("t_", "tokens", "literals"))
+    }
+    rules |= {"t_CPP_INTEGER": _number, "t_CPP_XOREQUAL": r"\^="}
+    return lex.lex(SimpleNamespace(**rules, __file__=__file__), lextab="")
 
 
 class _Pcpp(Preprocessor):  # type: ignore[misc]
@@ -88,7 +105,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.pragmas: list[Pragma] = []
         self.line_directive = None
         self.evaluate: Callable[..., Any] = vars(self)["evaluator"]
-        self.evaluator = self.without_long_suffixes
+        self.evaluator = self.plain_integers
         self.depth = 0
         self.starts: dict[str, list[int]] = {}
         """Where each line starts in the text that the lexer sees."""
@@ -98,18 +115,16 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.outer: str | None = None
         """The file whose macros are being expanded."""
 
-    def without_long_suffixes(self, tokens: list[Any], **names: Any) -> Any:
-        """Evaluate the expression of an #if without LL suffixes, which pcpp does not know; its integers have
-        64 bits anyway.
+    def plain_integers(self, tokens: list[Any], **names: Any) -> Any:
+        """Evaluate the expression of an #if without LL suffixes and binary numbers, which pcpp does not know;
+        its integers have 64 bits anyway.
         """
-        joined: list[Any] = []
-        for tok in tokens:
-            if joined and joined[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
-                joined[-1] = copy.copy(joined[-1])
-                joined[-1].value = joined[-1].value.rstrip("lL") + ("" if tok.value in "lL" else "U")
-            else:
-                joined.append(tok)
-        return self.evaluate(joined, **names)
+        plain = [copy.copy(tok) for tok in tokens]
+        for tok in plain:
+            if tok.type == self.t_INTEGER:
+                unsigned = "u" in tok.value.lower()
+                tok.value = plain_numbers(tok.value) + ("U" if unsigned else "")
+        return self.evaluate(plain, **names)
 
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _MAX_MESSAGE_CHARACTERS:
@@ -125,7 +140,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         place = Location(directive.source, directive.lineno)
         if directive.value == "pragma":
             expanded = self.expand_macros([copy.copy(tok) for tok in toks[1:]])
-            rest = "".join(tok.value for tok in expanded)
+            rest = decimal("".join(tok.value for tok in expanded))
             self.pragmas.append(Pragma((toks[0].value + rest) if toks else "", place))
         elif directive.value == "error":
             self.reporter.error("c-user-message", f"#error {words}", place)
@@ -289,17 +304,6 @@ def preprocess(
     return Preprocessed(tokens, pcpp.pragmas, macros)
 
 
-def _belongs(before: str, text: str) -> bool:
-    """Return whether pcpp has split one token: 0b1, 12UL, 1.5e-3, and ^=, which its lexer does not know."""
-    if (before, text) == ("^", "="):
-        return True
-    if not before.lstrip(".")[:1].isdigit():
-        return False
-    if text in ("+", "-"):  # the sign of an exponent
-        return before[-1] in ("pP" if before[:2] in ("0x", "0X") else "eE")
-    return text == "." or re.match(r"\w", text) is not None
-
-
 def _begins_number(name: str, before: str, text: str) -> bool:
     """Return whether a point and digits are a number, as in `= .5`, and not a bit, as in `name.7`."""
     if before != "." or not text[0].isdigit():
@@ -309,26 +313,22 @@ def _begins_number(name: str, before: str, text: str) -> bool:
 
 
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
-    """Return tokens without white space; a number and the letters that touch it are joined into one token
-    again.
+    """Return tokens without white space; a point and the digits that touch it are joined where they are one
+    number.
     """
     pending: PToken | None = None
     name = ""
     last = Location()
     touching = False
     for tok in stream:
-        text = tok.value
-        if tok.type in ("CPP_WS", "CPP_LINECONT") or not text.strip():
+        if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
             touching = False
             continue
+        text = decimal(tok.value) if tok.type == "CPP_INTEGER" else tok.value
         last = _place(tok, starts, reporter, last)
         if pending is None:
             pending = PToken(text, last)
-        elif (
-            touching
-            and (_belongs(pending.text, text) or _begins_number(name, pending.text, text))
-            and len(pending.text) <= limits.TOKEN_CHARACTERS
-        ):
+        elif touching and _begins_number(name, pending.text, text):
             pending = PToken(pending.text + text, pending.place)
         else:
             yield pending
