@@ -29,11 +29,17 @@ READ_ONLY = [
     "void f(char *t) { a = *t; } void main(void) { char b[2]; b[0] = 1; f(b); f(\"x\"); }",
     "void f(char *t) { a = *t; } void main(void) { f(&\"xy\"[1]); }",
     "void main(void) { char *t = \"x\"; t++; a = *t; }",
+    "void f(char t[]) { a = t[1]; } void main(void) { f(\"xy\"); }",
+    "void f(char t[3]); void f(char *u) { a = *u; } void main(void) { f(\"x\"); }",
+    "void f(char t[]) { a = *t; } void f(char *); void main(void) { f(\"x\"); }",
+    "void g(char u[]) { a = *u; } void f(char t[]) { g(t); } void main(void) { f(\"x\"); }",
     "void f(char t) { a = t; } void main(void) { char *u = \"x\"; f(u[0]); }",
 ]  # fmt: skip
 WRITTEN = [
     "void f(char *t) { *t = 1; } void main(void) { f(\"x\"); }",
     "void f(char *t) { t[1] = 1; } void main(void) { f(\"x\"); }",
+    "void f(char t[]) { t[1] = 1; } void main(void) { f(\"x\"); }",
+    "void f(char *); void f(char t[]) { *t = 1; } void main(void) { f(\"x\"); }",
     "void f(char *t) { *t += 1; } void main(void) { f(\"x\"); }",
     "void f(char *t) { (*t)++; } void main(void) { f(\"x\"); }",
     "void f(char *t) { --*t; } void main(void) { f(\"x\"); }",

@@ -86,7 +86,7 @@ class _Pointers:
             for number, parameter in enumerate(kind.args.params if kind.args is not None else []):
                 name = getattr(parameter, "name", None) or f"#{number}"
                 key = (decl.name or "", name)
-                pointer = hasattr(parameter, "type") and self.pointer(parameter.type, key)
+                pointer = hasattr(parameter, "type") and self.pointer(_adjusted(parameter.type), key)
                 keys.append(key if pointer else None)
             self.parameters.setdefault(decl.name or "", []).append(keys)
             self.pointer(kind.type, (decl.name or "", _RESULT))
@@ -296,6 +296,12 @@ class _Pointers:
         """Return the flows that make a parameter the same in all declarations of its function."""
         same = [keys for declared in self.parameters.values() for keys in zip(*declared, strict=False)]
         return {(one, two) for keys in same for one in keys for two in keys if two is not None}
+
+
+def _adjusted(kind: Any) -> Any:
+    """Return the type of a parameter: `char text[]` is a pointer (ISO C 6.7.6.3)."""
+    array = isinstance(kind, c_ast.ArrayDecl) and isinstance(kind.type, c_ast.TypeDecl)
+    return c_ast.PtrDecl([], kind.type) if array else kind
 
 
 def _dimensions(kind: Any) -> int:
