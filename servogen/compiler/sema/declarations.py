@@ -42,7 +42,7 @@ from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.initialisers import complete, fill, initialise
 from servogen.compiler.sema.names import expression, use
 from servogen.compiler.sema.scopes import BitAlias, TypeName
-from servogen.compiler.sema.type_names import declared_type, enter_name, in_eeprom
+from servogen.compiler.sema.type_names import declare_tag, declared_type, enter_name, in_eeprom
 from servogen.errors import Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
@@ -61,10 +61,11 @@ def declare(analyser: Analyser, node: Any) -> None:
     if isinstance(node, c_ast.Typedef):
         enter_name(analyser, node.name, TypeName(declared_type(analyser, node.type)), node)
         return
-    kind = declared_type(analyser, node.type, variable=True)
     # `struct s { … };` declares a tag only
     if node.name is None:
+        declare_tag(analyser, node.type)
         return
+    kind = declared_type(analyser, node.type, variable=True)
     place = analyser.place(node)
     if isinstance(kind, FuncType):
         declare_function(analyser, node, kind)

@@ -124,6 +124,17 @@ def specified(analyser: Analyser, node: Any, where: Any) -> CType:
     raise analyser.fail("c-unsupported", "this type is not supported", where)
 
 
+def declare_tag(analyser: Analyser, node: Any) -> None:
+    """Analyse a declaration without a declarator; `struct s;` begins a new type in its block (ISO C
+    6.7.2.3).
+    """
+    if isinstance(node, (c_ast.Struct, c_ast.Union)) and node.decls is None:
+        analyser.scopes.here.tags.setdefault(
+            node.name, StructLayout(node.name, isinstance(node, c_ast.Union))
+        )
+    declared_type(analyser, node)
+
+
 def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
     """Return the type of one or several type names."""
     if names == ("void",):
