@@ -39,7 +39,7 @@ from servogen.compiler.frontend.dialects import SDCC
 from servogen.compiler.frontend.extensions import EEPROM, BitAddress, FixedAddress, position
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
-from servogen.compiler.sema.initialisers import complete, fill, initialise
+from servogen.compiler.sema.initialisers import complete, fill, initialise, is_constant, scalars
 from servogen.compiler.sema.names import expression, use
 from servogen.compiler.sema.scopes import BitAlias, TypeName
 from servogen.compiler.sema.type_names import declare_tag, declared_type, enter_name, in_eeprom
@@ -281,46 +281,57 @@ def _global(
         if symbol.initial is not None and symbol.kind != "eeprom":
             raise analyser.fail("c-initialiser", f"'{name}' is initialised twice", node)
         symbol.initial = {}
-        initialise(analyser, symbol.initial, kind, node.init, 0)
+        initialise(analyser, symbol.initial, scalars(analyser, kind, node.init))
     elif symbol.kind == "flash" and not extern and symbol.initial is None:
         analyser.reporter.warn("c-initialiser", f"the constant '{name}' has no value; it is 0", place)
         symbol.initial = {}
 
 
 def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: int | None) -> None:
-    """Declare a variable of a block; a static or constant one gets static storage."""
+    """Declare a variable of a block; a static one, or one with a constant value, gets static storage."""
     assert analyser.function is not None
     place, name = analyser.place(node), node.name
-    constant = is_const_object(kind) and node.init is not None
     if in_eeprom(node.type) and not static:
         raise analyser.fail("c-type", f"'{name}' in the EEPROM must be static or outside functions", node)
-    if static or address is not None or (constant and isinstance(kind, (ArrayType, StructType))):
+    if static or address is not None:
         symbol = _new_global(analyser, node, kind, address)
         symbol.function = analyser.function.name
         enter_name(analyser, name, symbol, node)
         symbol.initial = {} if node.init is not None or symbol.kind == "flash" else None
         if node.init is not None:
             assert symbol.initial is not None
-            initialise(analyser, symbol.initial, kind, node.init, 0)
+            initialise(analyser, symbol.initial, scalars(analyser, kind, node.init))
     else:
-        if constant and kind.scalar and _constant_local(analyser, node, kind):
+        if (
+            is_const_object(kind)
+            and kind.scalar
+            and node.init is not None
+            and _constant_local(analyser, node, kind)
+        ):
             return
         symbol = Symbol(name, kind, "local", place, function=analyser.function.name)
         symbol.volatile = holds_volatile(kind)
-        symbol.pinned = isinstance(kind, (ArrayType, StructType))
-        if symbol.pinned and kind.size > RAM_BYTES:
-            raise analyser.fail(
-                "program-too-large",
-                f"'{name}' needs {kind.size} bytes of RAM, the chip has {RAM_BYTES}",
-                node,
-            )
         enter_name(analyser, name, symbol, node)
-        analyser.function.locals.append(symbol)
-        analyser.declared_locals.append(symbol)
         if node.init is not None:
             _initialise_local(analyser, symbol, node)
+        if symbol.kind == "local":
+            _in_frame(analyser, symbol, node)
     symbol.asm_name = f"_{name}_{analyser.function.name}"
     analyser.asm_symbols[symbol.asm_name] = symbol
+
+
+def _in_frame(analyser: Analyser, symbol: Symbol, node: Any) -> None:
+    """Add a variable of a block to those of its function."""
+    assert analyser.function is not None
+    symbol.pinned = isinstance(symbol.type, (ArrayType, StructType))
+    if symbol.pinned and symbol.size > RAM_BYTES:
+        raise analyser.fail(
+            "program-too-large",
+            f"'{symbol.name}' needs {symbol.size} bytes of RAM, the chip has {RAM_BYTES}",
+            node,
+        )
+    analyser.function.locals.append(symbol)
+    analyser.declared_locals.append(symbol)
 
 
 def compound_literal(analyser: Analyser, node: Any) -> Expr:
@@ -334,7 +345,7 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
     symbol = analyser.new_local("literal", kind, place)
     symbol.pinned = isinstance(kind, (ArrayType, StructType))
     waiting, analyser.pending = analyser.pending, []
-    fill(analyser, symbol, kind, node.init, 0, place)
+    fill(analyser, symbol, kind, scalars(analyser, kind, node.init), place)
     steps, analyser.pending = [statement.expr for statement in analyser.pending], waiting
     literal: Expr = Ref(symbol, 0, None, kind, place)
     for step in reversed(steps):
@@ -355,13 +366,21 @@ def _constant_local(analyser: Analyser, node: Any, kind: CType) -> bool:
 
 
 def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
-    """Add the assignments of a local's initialiser to `pending`."""
+    """Add the assignments of a local's initialiser to `pending`; a constant array or structure whose values
+    are known is in flash instead.
+    """
     kind = replace(symbol.type, const=False) if symbol.type.const else symbol.type
     place = analyser.place(node)
     if isinstance(kind, (ArrayType, StructType)) and (
         isinstance(node.init, c_ast.InitList) or isinstance(kind, ArrayType)
     ):
-        fill(analyser, symbol, kind, node.init, 0, place)
+        leaves = scalars(analyser, kind, node.init)
+        if is_const_object(symbol.type) and not symbol.volatile and all(map(is_constant, leaves)):
+            symbol.kind, symbol.initial = "flash", {}
+            initialise(analyser, symbol.initial, leaves)
+            analyser.program.symbols.append(symbol)
+        else:
+            fill(analyser, symbol, kind, leaves, place)
         return
     init = node.init.exprs[0] if isinstance(node.init, c_ast.InitList) else node.init
     value = convert(analyser, expression(analyser, init), kind, "the initialiser")

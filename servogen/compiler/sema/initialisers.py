@@ -51,6 +51,7 @@ class Leaf(NamedTuple):
     value: Any
     bit: int | None = None
     width: int = 0
+    place: Location = Location()
 
 
 def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
@@ -115,13 +116,34 @@ def _typed(analyser: Analyser, item: Any) -> Expr:
     return typed
 
 
-def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
-    """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
+def scalars(analyser: Analyser, kind: CType, init: Any) -> list[Leaf]:
+    """Return the scalars of an initialiser, with their values converted to their types."""
     leaves: list[Leaf] = []
-    _leaves(analyser, kind, init, offset, leaves)
+    _leaves(analyser, kind, init, 0, leaves)
+    return [
+        leaf
+        if isinstance(leaf.value, int)
+        else leaf._replace(
+            value=convert(analyser, _typed(analyser, leaf.value), leaf.type, "the initialiser"),
+            place=analyser.place(leaf.value),
+        )
+        for leaf in leaves
+    ]
+
+
+def is_constant(leaf: Leaf) -> bool:
+    """Return whether a scalar is initialised with a number or an address that is known (ISO C 6.6)."""
+    if isinstance(leaf.value, int):
+        return True
+    value = _stripped(leaf.value)
+    return isinstance(value, Num) or _address(value) is not None
+
+
+def fill(analyser: Analyser, symbol: Symbol, kind: CType, leaves: list[Leaf], place: Location) -> None:
+    """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
     given = {leaf.offset: leaf for leaf in leaves if not leaf.width}
-    behind = offset
-    for start, scalar in _scalars(kind, offset):
+    behind = 0
+    for start, scalar in _scalars(kind, 0):
         if start < behind:
             continue  # a byte of a member that one expression initialises as a whole
         leaf = given.get(start) or Leaf(start, scalar, 0)
@@ -138,8 +160,7 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> 
     if isinstance(leaf.value, int):
         value: Expr = Num(leaf.value, kind, place)
     else:
-        place = analyser.place(leaf.value)
-        value = convert(analyser, _typed(analyser, leaf.value), leaf.type, "the initialiser")
+        value, place = leaf.value, leaf.place
     if leaf.width > 8:
         container = Ref(symbol, leaf.offset, None, kind, place)
         field = WideField(container, leaf.width, kind, place)
@@ -149,16 +170,13 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> 
     analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
 
 
-def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any, offset: int) -> None:
+def initialise(analyser: Analyser, data: dict[int, Data], leaves: list[Leaf]) -> None:
     """Set the bytes of a constant initialiser."""
-    leaves: list[Leaf] = []
-    _leaves(analyser, kind, init, offset, leaves)
     for leaf in leaves:
         if isinstance(leaf.value, int):
             data[leaf.offset] = leaf.value & 0xFF
             continue
-        expr = convert(analyser, _typed(analyser, leaf.value), leaf.type, "the initialiser")
-        content = _bytes(analyser, expr, leaf.type.size, leaf.value)
+        content = _bytes(analyser, leaf)
         if leaf.width:
             _set_field(analyser, data, leaf, content)
             continue
@@ -171,25 +189,31 @@ def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: lis
     for number, byte in enumerate(value[: -(-leaf.width // 8)]):
         before = data.get(leaf.offset + number, 0)
         if not isinstance(byte, int) or not isinstance(before, int):
-            raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.value)
+            raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.place)
         mask = (1 << min(leaf.width - 8 * number, 8)) - 1
         data[leaf.offset + number] = before | (byte & mask) << (leaf.bit or 0)
 
 
-def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
-    """Return the bytes of a constant initialiser; addresses are filled in by the layout (ISO C 6.6)."""
+def _bytes(analyser: Analyser, leaf: Leaf) -> list[Data]:
+    """Return the bytes of a constant initialiser; addresses are filled in by the layout."""
+    value, size = _stripped(leaf.value), leaf.type.size
+    if isinstance(value, Num):
+        return [value.value >> 8 * index & 0xFF for index in range(size)]
+    address = _address(value)
+    if address is None:
+        raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.place)
+    return [AddressByte(*address, part) for part in range(size)]
+
+
+def _stripped(expr: Expr) -> Expr:
+    """Return an expression without the conversions that keep its low bytes."""
     while (
         isinstance(expr, Cast)
         and expr.type.size <= expr.operand.type.size
         and not isinstance(expr.type, VoidType)
     ):
         expr = expr.operand
-    if isinstance(expr, Num):
-        return [expr.value >> 8 * index & 0xFF for index in range(size)]
-    address = _address(expr)
-    if address is None:
-        raise analyser.fail("c-not-constant", "the initialiser must be a constant", node)
-    return [AddressByte(*address, part) for part in range(size)]
+    return expr
 
 
 def _address(expr: Expr) -> tuple[Symbol, int] | None:
