@@ -602,6 +602,7 @@ ROWS = [
         "warning",
         "the attribute 'interrupt' is ignored",
     ),
+    ("xc8", "‸_Alignas(8) char x; void main(void) { x = 1; }", "warning", "the alignment is ignored"),
     (
         "xc8",
         "long big; void main(void) { big = ‸300 * 300; }",

@@ -161,7 +161,8 @@ class _Parser(CParser):  # type: ignore[misc]
         self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]
     ) -> list[Any]:
         """Parse the whole file; `fault` reports an error and returns the token at which to resume."""
-        self._scope_stack = [dict.fromkeys(typedefs, True)]
+        # a scope for the predefined types, which a declaration of the file may hide
+        self._scope_stack = [dict.fromkeys(typedefs, True), {}]
         self._typedef_checked_token = None
         self._tokens = _Tokens(tokens)
         declarations: list[Any] = []
@@ -178,7 +179,7 @@ class _Parser(CParser):  # type: ignore[misc]
                 RecursionError,
             ) as error:
                 # pycparser raises those after the first on input that its grammar did not foresee
-                del self._scope_stack[1:]
+                del self._scope_stack[2:]
                 self._typedef_checked_token = None
                 self._tokens.reset(fault(error, start, self.index()))
         return declarations

@@ -67,6 +67,8 @@ def declare(analyser: Analyser, node: Any) -> None:
         return
     kind = declared_type(analyser, node.type, variable=True)
     place = analyser.place(node)
+    if node.align:
+        analyser.reporter.warn("c-attribute", "the alignment is ignored", analyser.place(node.align[0]))
     if isinstance(kind, FuncType):
         declare_function(analyser, node, kind)
         return

@@ -3,7 +3,9 @@
 // expect: less == 6
 // expect: sum == 12
 // expect: product == 21
+// expect: shifted == 32
 unsigned char wide, less, sum, product, far = 7;
+unsigned char bit = 3, bool, shifted;
 struct { unsigned char near, rom; } s;
 unsigned char twice(unsigned char eeprom) { return eeprom * 2; }
 void main(void) {
@@ -15,4 +17,6 @@ void main(void) {
   s.near += twice(s.rom);
   sum = s.near + s.rom;
   product = s.rom * far;
+  bool = bit + 2;
+  shifted = 1 << bool;
 }
