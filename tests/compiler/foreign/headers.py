@@ -101,7 +101,10 @@ HEADERS = {
 _NEEDS = {"assert.h": "stdlib.h"}
 
 
-def prelude(text: str) -> str:
+_CHIP = {"sdcc": "#include <pic14/pic16f84a.h>\n", "xc8": "#include <xc.h>\n", "c2c": ""}
+
+
+def prelude(text: str, dialect: str = "sdcc") -> str:
     """Return what stands before a program: where its result goes, and what the headers that it names hold.
 
     The compiler has headers of some of these names, which declare no functions and come before any other.
@@ -111,7 +114,7 @@ def prelude(text: str) -> str:
         names.add("stdlib.h")
     names |= {_NEEDS[name] for name in names if name in _NEEDS}
     held = "".join(HEADERS[name] for name in sorted(names, reverse=True))
-    return f"#include <pic14/pic16f84a.h>\n{_RESULT}{held}"
+    return f"{_CHIP[dialect]}{_RESULT}{held}"
 
 
 def harness(calls: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from tests.compiler.foreign.suites import Program
 
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 400_000_000
+LIMITS = replace(COMPILING, elapsed_s=600)
+"""Those of the commands, however busy the machine is."""
 Compiler = Callable[[Sequence[Source], Options], Compilation]
 _TARGET = re.compile(r"dg-require-effective-target\s+(\w+)")
 """What a test of gcc's suite says that it needs: 32 bits in an `int`, as a rule."""
@@ -33,11 +35,16 @@ _ELSEWHERE = {
     "00166.c": "constants of 20 bits shown with %d",
     "00178.c": "the sizes of int and double on another machine",
     "00212.c": "a 32-bit or 64-bit data model",
+    "0039-sizeof.c": "a 32-bit int and 64-bit pointers",
+    "86_memory-model.c": "a 32-bit or 64-bit data model",
+    "bitfld-2.c": "bit-fields that cross the limits of bytes",
     "inline.c": "a pointer that fwk/lib/extern2.c defines",
+    "pr23467.c": "an attribute that aligns objects",
 }
-"""Programs that need another `int`, or another file of their suite."""
+"""Programs, by file name, that need another `int` or layout, or another file of their suite."""
 TOO_LARGE = re.compile(
     r"words of flash|too large|too big|does not fit|bytes of RAM|program words|too deep|levels"
+    r"|instructions up to here"
 )
 
 
@@ -62,15 +69,15 @@ class Verdict:
 def judge(
     program: Program,
     level: str = "speed",
-    limits: WorkLimits = COMPILING,
+    limits: WorkLimits = LIMITS,
     cycles: int = MAX_CYCLES,
     compiler: Compiler = compile_sources,
 ) -> Verdict:
     """Compile a program in a process with limits, run it for at most so many cycles, and judge it."""
     if needed := _TARGET.search(program.text):
         return Verdict("unsuitable", f"needs the target {needed[1]}")
-    if program.name in _ELSEWHERE:
-        return Verdict("unsuitable", _ELSEWHERE[program.name])
+    if program.file.name in _ELSEWHERE:
+        return Verdict("unsuitable", _ELSEWHERE[program.file.name])
     try:
         image = isolation.run(partial(compiled, program, level, compiler), limits)
     except InputError as error:
@@ -88,7 +95,9 @@ def judge(
 
 def compiled(program: Program, level: str, compiler: Compiler) -> tuple[dict[int, int], int | None]:
     """Return the words and the configuration of a program: the work of the child process."""
-    options = Options("sdcc", optimise=level, clock_hz=CLOCK.hz, include=_include, defines=program.defines)
+    options = Options(
+        program.dialect, optimise=level, clock_hz=CLOCK.hz, include=_include, defines=program.defines
+    )
     image = compiler([Source(program.text, str(program.file))], options).image
     return dict(image.program), image.config
 

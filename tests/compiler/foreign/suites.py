@@ -34,6 +34,7 @@ class Program:
     """What it must write, or None where that is open."""
     alone: tuple[Program, ...] = ()
     """The same tests one by one, for a chip that has too little memory for all."""
+    dialect: str = "sdcc"
 
 
 def programs(folder: Path, instances: int) -> Iterator[Program]:
