@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.edges import PINS
 from servogen.grade.lab import Check, Lab, Solution, TaskPosition
-from servogen.grade.watch import Commanded, PinPulses, Visit, Watched
+from servogen.grade.watch import Commanded, PinPulses, Turns, Visit, Watched
 from servogen.pulse.lint import PERIOD_US
 from servogen.robot.servo import Servo
 from servogen.robot.servo_models import names as model_names
@@ -359,25 +359,63 @@ def period_faults(
 
 
 def interruption_faults(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], solution: Solution, stays: Sequence[Stay]
+    watched: Watched,
+    names: Sequence[str],
+    pins: Sequence[PinPulses],
+    solution: Solution,
+    stays: Sequence[Stay],
 ) -> Iterator[Fault]:
-    """Yield the longest pause that is followed by pulses for the same position, if there is one.
+    """Yield each pin's longest pause that is followed by pulses for the same position, if there is one.
 
-    Of several servos each may get its pulses again while another one changes, and at its first position a
-    program may wait before its endless loop.
+    At its first position a program may wait before its endless loop.
     """
-    later = [] if len(lab.servos) > 1 else stays[1:]
-    longest, where = max(
-        ((pins[0].interruption(stay.visit.begin, stay.visit.end), stay.position) for stay in later),
-        default=(0, 0),
-    )
-    if longest:
-        seconds = float(watched.clock.seconds(longest))
-        name = solution.positions[where].name
-        text = (
-            f"the pulses for {name} stop, and go on {seconds:.2f} s later; a pause comes after the last one"
+    turns = [pin.turns() for pin in pins]
+    for number, name in enumerate(names):
+        longest, where = max(
+            (
+                (again - last, stay.position)
+                for stay in stays[1:]
+                for last, again in turns[number].pauses(stay.visit.begin, stay.visit.end)
+                if not _waits_for_others(number, (last, again), stay.visit.end, pins, turns)
+            ),
+            default=(0, 0),
         )
-        yield Fault((Check.PERIOD,), text)
+        if longest:
+            seconds = float(watched.clock.seconds(longest))
+            at = solution.positions[where].name
+            on = f" on {name}" if len(pins) > 1 else ""
+            text = (
+                f"the pulses{on} for {at} stop, and go on {seconds:.2f} s later; "
+                "a pause comes after the last one"
+            )
+            yield Fault((Check.PERIOD,), text)
+
+
+def _waits_for_others(
+    number: int, pause: tuple[int, int], end: int, pins: Sequence[PinPulses], turns: Sequence[Turns]
+) -> bool:
+    """Return whether a servo, at a position up to `end`, pauses because of the other servos.
+
+    Either the pulse after the pause is in the frame in which another servo changes its position:
+
+        vertical    ┤ P P P │ silence │ P P P ···        the second position begins with horizontal's pulse
+        horizontal  ┤ P P P │ silence │  Q Q Q ···
+
+    or the servos get their pulses in turns; another pause is then between two positions:
+
+        vertical    ┤ P P P │       │ P P P │       │ silence │ P P P │
+        horizontal  ┤       │ P P P │       │ P P P │ silence │       │ Q Q Q ···
+    """
+    own, (last, again) = pins[number], pause
+    others = [index for index in range(len(pins)) if index != number]
+    changed = [index for index in others if end in pins[index].rise]
+    if changed and again + own.period >= end and end not in own.rise:
+        return True
+    taking = [index for index in others if turns[index].has_between(last, again)]
+    if any(not len(pins[index].rises(again, end)) for index in taking if index in changed):
+        return True
+    rises = np.sort(np.concatenate([pin.rises(last, again + 1) for pin in pins]))
+    return bool(taking) and int(np.diff(rises).max()) <= own.longest_period
 
 
 def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:

@@ -177,7 +177,7 @@ def _judge_solution(
         *pause_faults(lab, solution, right),
         *travel_faults(lab, watched, pins, everything, right, solution),
         *period_faults(lab, watched, names, pins, solution, right),
-        *interruption_faults(lab, watched, pins, solution, right),
+        *interruption_faults(watched, names, pins, solution, right),
         *end_faults(lab, watched, chip, pins, settled, solution),
     )
     clock = clock_words(lab, chip)

@@ -50,17 +50,18 @@ class PinPulses(NamedTuple):
 
     def periods(self, begin: int, end: int) -> Ints:
         """Return the times between neighbouring rises in [begin, end), without pauses."""
-        gaps = self._gaps(begin, end)
+        gaps = np.diff(self.rises(begin, end))
         return gaps[gaps <= self.longest_period]
 
-    def interruption(self, begin: int, end: int) -> int:
-        """Return the longest time from rise to rise in [begin, end) that has a pause in it; else 0."""
-        gaps = self._gaps(begin, end)
-        return int(gaps[gaps > self.longest_period].max(initial=0))
+    def turns(self) -> Turns:
+        """Return the pulses from one pause to the next."""
+        after = np.flatnonzero(np.diff(self.rise) > self.longest_period)
+        return Turns(self.rise[np.append(0, after + 1)], self.rise[np.append(after, len(self.rise) - 1)])
 
-    def _gaps(self, begin: int, end: int) -> Ints:
-        """Return the times between neighbouring rises in [begin, end)."""
-        return np.diff(self.rise[(self.rise >= begin) & (self.rise < end)])
+    def rises(self, begin: int, end: int) -> Ints:
+        """Return the rises in [begin, end)."""
+        first, stop = np.searchsorted(self.rise, (begin, end))
+        return self.rise[first:stop]
 
     def silence(self, begin: int, end: int) -> int:
         """Return the longest pause that begins in [begin, end), cut off at `end`; 0 if there is none."""
@@ -68,6 +69,24 @@ class PinPulses(NamedTuple):
         following = np.append(self.rise[1:], np.iinfo(np.int64).max)
         pause = (fall >= begin) & (fall < end) & (following - self.rise > self.longest_period)
         return int((np.minimum(following[pause], end) - fall[pause]).max(initial=0))
+
+
+class Turns(NamedTuple):
+    """The first and the last rise of each sequence of pulses of one pin without a pause, in cycles."""
+
+    first: Ints
+    last: Ints
+
+    def pauses(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Return the rises in [begin, end) before and after each pause between them."""
+        before, after = self.last[:-1], self.first[1:]
+        inside = (before >= begin) & (after < end)
+        return list(zip(before[inside].tolist(), after[inside].tolist(), strict=True))
+
+    def has_between(self, begin: int, end: int) -> bool:
+        """Return whether the first sequence that begins after `begin` ends before `end`."""
+        following = self.last[self.first > begin]
+        return bool(len(following)) and int(following[0]) < end
 
 
 @dataclass(frozen=True, slots=True)

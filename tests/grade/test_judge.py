@@ -7,12 +7,13 @@ import pytest
 
 from servogen.edges import PINS, EdgeTrace, edge_chunk
 from servogen.grade import ChipFacts, Grade, judge, load_lab
+from servogen.grade.lab import Check
 from servogen.grade.watch import MAX_EDGES, watch
 from servogen.units import Clock, Cycles
 
 LAB = load_lab("lab8-exercise")
 END = 100_000_000
-RB0 = PINS.index("RB0")
+RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
 W30, W90, W120 = 1167, 1500, 1667
 
 Step = tuple[int, int, int, int]
@@ -168,3 +169,114 @@ def test_a_pin_that_never_moves_is_told_the_likely_cause() -> None:
     ):
         (reason,) = judge(LAB, nothing, chip).reasons
         assert words in reason
+
+
+# Two servos: the law of one servo holds for each
+
+LEG = load_lab("lab9-exercise")
+DOWN, UP, BACK, FRONT = 1500, 1250, 1250, 1500
+"""Pulses of the lab's program: 30 µs more or less would be another position of none of its solutions."""
+WALK = ((DOWN, BACK), (UP, BACK), (UP, FRONT), (DOWN, FRONT))
+SECOND = 1_000_000
+Pulse = tuple[int, int, int]
+"""Its pin, rise and width."""
+
+
+def frames(vertical: int, horizontal: int, count: int, but: Sequence[tuple[str, int]] = ()) -> list[Pulse]:
+    """Return frames of 20 ms in which both servos get a pulse, `but` for the missing (pin, frame)."""
+    return [
+        (PINS.index(pin), number * 20_000 + at, width)
+        for number in range(count)
+        for pin, at, width in (("RB0", 0, vertical), ("RB1", 2500, horizontal))
+        if (pin, number) not in but
+    ]
+
+
+def burst(pin: str, width: int, count: int = 20) -> list[Pulse]:
+    return [(PINS.index(pin), number * 20_000, width) for number in range(count)]
+
+
+def walk(rounds: int, positions: Sequence[Sequence[tuple[Sequence[Pulse], int]]]) -> Grade:
+    """Return the grade of a program that gives these pulses, each with a pause behind, round after round."""
+    edges, now = [], 1000
+    for _ in range(rounds):
+        for parts in positions:
+            for part, pause in parts:
+                for pin, rise, width in part:
+                    edges += [(now + rise, pin, 1), (now + rise + width, pin, 0)]
+                now += max(rise for _, rise, _ in part) // 20_000 * 20_000 + 20_000 + pause
+    chunk = edge_chunk(*zip(*sorted(edges), strict=True))
+    end = Cycles(rounds * now)
+    return judge(LEG, watch(EdgeTrace(Clock(4_000_000), (chunk,), end)), ChipFacts())
+
+
+def in_frames(but: Sequence[tuple[str, int]] = (), pause: int = 0) -> list[list[tuple[list[Pulse], int]]]:
+    """Return the walk in frames; `but`: what is missing at its second position."""
+    return [[(frames(*widths, 40, but if widths == WALK[1] else ()), pause)] for widths in WALK]
+
+
+@pytest.mark.parametrize("pause", [0, SECOND])
+@pytest.mark.parametrize("first", [0, 1])
+def test_frames_with_a_pulse_of_each_servo_are_right_with_and_without_pauses(pause: int, first: int) -> None:
+    """Whichever servo is the first in a frame, it may get its first pulse before the other one changes."""
+    assert walk(4, in_frames(pause=pause)[first:] + in_frames(pause=pause)[:first]).passed
+    slots = ((2500, 0), (0, 2500))[first]
+    swapped = [
+        [([(pin, rise + slots[pin - RB0] - (rise % 20_000), width) for pin, rise, width in part], pause)]
+        for ((part, pause),) in in_frames(pause=pause)
+    ]
+    assert walk(4, swapped).passed
+
+
+@pytest.mark.parametrize("pin", ["RB0", "RB1"])
+def test_missing_pulses_of_one_of_two_servos_are_told_with_its_pin(pin: str) -> None:
+    grade = walk(4, in_frames(but=[(pin, frame) for frame in (20, 21, 22)]))
+    assert [fault.checks for fault in grade.faults] == [(Check.PERIOD,)]
+    assert grade.reasons == (
+        f"the pulses on {pin} for up and back stop, and go on 0.08 s later; a pause comes after the last one",
+    )
+
+
+def test_a_pause_in_which_no_servo_gets_pulses_is_told_of_each() -> None:
+    grade = walk(4, [[(frames(*widths, 20), SECOND), (frames(*widths, 20), 0)] for widths in WALK])
+    assert [reason.split(" for ")[0] for reason in grade.reasons] == [
+        "the pulses on RB0",
+        "the pulses on RB1",
+    ]
+    assert all("go on 1.02 s later" in reason for reason in grade.reasons)
+
+
+@pytest.mark.parametrize("pause", [0, SECOND])
+@pytest.mark.parametrize("between", [0, SECOND // 4])
+def test_servos_that_get_their_pulses_in_turns_are_right(pause: int, between: int) -> None:
+    """A servo that does not change gets its pulses again, before or after those of the one that does."""
+    for order in ((0, 1), (1, 0)):
+        turns = [
+            [
+                (burst(("RB0", "RB1")[index], widths[index]), gap)
+                for index, gap in zip(order, (between, pause), strict=True)
+            ]
+            for widths in WALK
+        ]
+        assert walk(4, turns).reasons == ()
+
+
+def test_servos_that_take_turns_may_do_so_more_than_once_at_a_position_but_not_pause_between() -> None:
+    twice = [[(burst("RB0", v), 0), (burst("RB1", h), 0)] * 2 for v, h in WALK]
+    assert walk(4, twice).passed
+    paused = [[(burst("RB0", v), 0), (burst("RB1", h), SECOND)] * 2 for v, h in WALK]
+    reasons = walk(4, paused).reasons
+    assert [reason.split(" for ")[0] for reason in reasons] == ["the pulses on RB0", "the pulses on RB1"]
+    assert all("go on 1.42 s later" in reason for reason in reasons)
+
+
+def test_a_servo_that_alone_gets_pulses_at_a_position_gets_them_without_a_pause() -> None:
+    moves = [("RB0", UP), ("RB1", FRONT), ("RB0", DOWN), ("RB1", BACK)]
+    first = (frames(*WALK[0], 20), 0)
+    assert walk(1, [[first], *([(burst(*move, count=40), SECOND)] for move in moves * 4)]).passed
+    stopping = [[(burst(*move), SECOND // 10), (burst(*move), SECOND)] for move in moves]
+    grade = walk(1, [[first], *stopping * 4])
+    assert [reason.split(" stop")[0] for reason in grade.reasons] == [
+        "the pulses on RB0 for down and front",
+        "the pulses on RB1 for up and front",
+    ]
