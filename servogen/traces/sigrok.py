@@ -2,7 +2,8 @@
 
 A session is a ZIP archive: `metadata` (INI: samplerate, unitsize, probe1 … by name) and the samples of all
 probes in `logic-1`, or in `logic-1-1`, `logic-1-2` … one after the other; probe n is bit n - 1 of a sample of
-`unitsize` bytes, the lowest byte first. Source: sigrok's wiki, "File format:sigrok/v2".
+`unitsize` bytes, the lowest byte first. The number of samples is not stated: if the last pieces are missing,
+the session is a shorter one. Source: sigrok's wiki, "File format:sigrok/v2".
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +25,7 @@ from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 from servogen.traces.channels import pins_of, rate_in, step_clock
-from servogen.units import Cycles
+from servogen.units import Cycles, counted
 
 MAX_UNIT_BYTES = 8
 """The maximum bytes of a sample: 64 probes."""
@@ -102,15 +104,10 @@ class _Session:
 
     def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:
-            rest = b""
             for piece in self.pieces:
                 with archive.open(piece) as file:
                     while data := file.read(BLOCK_SAMPLES * self.size):
-                        data = rest + data
-                        whole = len(data) // self.size * self.size
-                        rest = data[whole:]
-                        if whole:
-                            yield self._samples(data[:whole])
+                        yield self._samples(data)
 
     def _samples(self, data: bytes) -> npt.NDArray[np.uint64]:
         wide = np.zeros((len(data) // self.size, MAX_UNIT_BYTES), dtype=np.uint8)
@@ -127,7 +124,8 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
     try:
         _check_directory(path)
         with zipfile.ZipFile(path) as archive:
-            members = {info.filename: info for info in archive.infolist()}
+            entries = archive.infolist()
+            members = {info.filename: info for info in entries}
             with archive.open("metadata") as file:
                 metadata = file.read(MAX_METADATA_BYTES + 1).decode("utf-8")
     except _DAMAGED as error:
@@ -150,7 +148,10 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
             "sigrok-syntax", f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MAX_UNIT_BYTES} bytes"
         )
     size = int(unit)
-    pieces = _pieces(device.get("capturefile", "logic-1"), members)
+    if len(members) < len(entries):
+        twice = next(name for name, count in Counter(info.filename for info in entries).items() if count > 1)
+        raise InputError("sigrok-syntax", f"holds two files '{twice}'", place)
+    pieces = _pieces(device.get("capturefile", "logic-1"), members, place)
     packed = next((piece for piece in pieces if members[piece].compress_type not in _COMPRESSIONS), None)
     if packed is not None:
         raise InputError(
@@ -158,6 +159,14 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
             f"packs '{packed}' in a way that sigrok does not use",
             place,
             "stored or deflated",
+        )
+    cut = next((piece for piece in pieces if members[piece].file_size % size), None)
+    if cut is not None:
+        raise InputError(
+            "sigrok-syntax",
+            f"is damaged: '{cut}' ends within a sample",
+            place,
+            f"a whole number of samples of {counted(size, 'byte')}",
         )
     unpacked = sum(members[piece].file_size for piece in pieces)
     if unpacked > MAX_SAMPLE_BYTES:
@@ -193,11 +202,20 @@ def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
     return [(name, bit) for name, bit in probes if bit < 8 * size]
 
 
-def _pieces(name: str, members: Collection[str]) -> tuple[str, ...]:
-    """Return the names of the archive's sample files, in order."""
-    pieces = [file for file in members if re.fullmatch(re.escape(name) + r"-[0-9]{1,9}", file)]
-    pieces.sort(key=lambda file: int(file.rpartition("-")[2]))
-    return tuple(pieces) or ((name,) if name in members else ())
+def _pieces(name: str, members: Collection[str], place: Location) -> tuple[str, ...]:
+    """Return the names of the archive's sample files, in order. Raises InputError if one is missing."""
+    found = (re.fullmatch(re.escape(name) + r"-([1-9][0-9]{0,8})", file) for file in members)
+    numbers = sorted(int(match.group(1)) for match in found if match)
+    if not numbers:
+        return (name,) if name in members else ()
+    if name in members:
+        message = f"holds samples both in '{name}' and in '{name}-{numbers[0]}'"
+        raise InputError("sigrok-syntax", message, place, "one file, or pieces numbered from 1")
+    missing = next((number for number, found in enumerate(numbers, 1) if number != found), None)
+    if missing is not None:
+        message = f"is not complete: '{name}-{missing}' is missing before '{name}-{numbers[missing - 1]}'"
+        raise InputError("sigrok-syntax", message, place, "the time of what follows is not known")
+    return tuple(f"{name}-{number}" for number in numbers)
 
 
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)

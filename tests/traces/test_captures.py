@@ -1,6 +1,7 @@
 """Captures saved by other programs are read in their own time steps."""
 
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -63,11 +64,44 @@ def test_a_sigrok_session_is_read_sample_by_sample_over_its_parts(tmp_path: Path
     assert rows_of(capture) == rows_of(capture)
 
 
-def test_a_sample_may_be_cut_by_the_end_of_a_part(tmp_path: Path) -> None:
-    data = samples((0, 4), (1, 4))
-    whole = read_capture(session(tmp_path / "a.sr", {"logic-1": data}))
-    parts = read_capture(session(tmp_path / "b.sr", {"logic-1-1": data[:7], "logic-1-2": data[7:]}))
-    assert rows_of(whole) == rows_of(parts)
+@pytest.mark.parametrize("parts", [(7, 9), (8, 7), (1,)])
+def test_a_session_with_a_part_of_a_sample_is_damaged(tmp_path: Path, parts: tuple[int, ...]) -> None:
+    """All later samples would have their bytes, and so their probes, exchanged."""
+    members = {f"logic-1-{number}": bytes(size) for number, size in enumerate(parts, 1)}
+    cut = next(name for name, data in members.items() if len(data) % 2)
+    with pytest.raises(InputError, match=f"is damaged: '{cut}' ends within a sample"):
+        read_capture(session(tmp_path / "a.sr", members))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ((1, 3), "'logic-1-2' is missing before 'logic-1-3'"),
+        ((2,), "'logic-1-1' is missing before 'logic-1-2'"),
+        ((1, 2, 4, 7), "'logic-1-3' is missing before 'logic-1-4'"),
+        (("01", 2), "'logic-1-1' is missing before 'logic-1-2'"),
+    ],
+)
+def test_a_session_without_one_of_its_pieces_is_not_complete(
+    tmp_path: Path, numbers: Sequence[int | str], words: str
+) -> None:
+    """What follows it would be seen too early; only the number of the last piece is not known."""
+    members = {f"logic-1-{number}": bytes(6) for number in numbers}
+    with pytest.raises(InputError, match=words):
+        read_capture(session(tmp_path / "a.sr", members))
+
+
+def test_a_session_holds_its_samples_in_one_file_or_in_pieces(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds samples both in 'logic-1' and in 'logic-1-1'"):
+        read_capture(session(tmp_path / "a.sr", {"logic-1": bytes(6), "logic-1-1": bytes(6)}))
+
+
+def test_a_session_with_two_files_of_one_name_is_ambiguous(tmp_path: Path) -> None:
+    path = session(tmp_path / "a.sr", {"logic-1-1": bytes(6)})
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("logic-1-1", bytes(8))
+    with pytest.raises(InputError, match="holds two files 'logic-1-1'"):
+        read_capture(path)
 
 
 def test_a_long_session_has_the_edges_of_its_samples(tmp_path: Path) -> None:
@@ -207,13 +241,13 @@ def test_saleae_times_below_9e9_seconds_are_read(tmp_path: Path) -> None:
 
 def test_pieces_of_a_session_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     """logic-1-10 comes after logic-1-9, whatever their order in the archive; logic-10 is another."""
-    members = {f"logic-1-{n}": samples((n % 2, n)) for n in (10, 1, 9, 2, 11)} | {
-        "logic-10": b"\1\0", "logic-1-x": b"\1\0", "xlogic-1-3": b"\1\0", "logic-1": b"\1\0",
+    members = {f"logic-1-{n}": samples((n % 2, n)) for n in (10, 1, 9, 2, 11, *range(3, 9))} | {
+        "logic-10": b"\1\0", "logic-1-x": b"\1\0", "xlogic-1-3": b"\1\0", "logic-1-0": b"\1\0",
     }  # fmt: skip
     capture = read_capture(session(tmp_path / "a.sr", members))
     rb0 = [(cycle, level) for cycle, pin, level in rows_of(capture) if pin == RB0]
-    assert rb0 == [(0, 1), (1, 0), (3, 1), (12, 0), (22, 1)]
-    assert capture.trace.end == 1 + 2 + 9 + 10 + 11
+    assert rb0 == [(n * (n - 1) // 2, n % 2) for n in range(1, 12)]
+    assert capture.trace.end == 66
 
 
 def test_probes_beyond_a_sample_are_none(tmp_path: Path) -> None:

@@ -190,8 +190,8 @@ def test_samples_are_the_same_in_blocks_of_any_size(
         archive.writestr(
             "metadata", "[device 1]\nsamplerate=1 MHz\nunitsize=3\nprobe1=RB0\nprobe2=x\nprobe9=RA1\n"
         )
-        for number, cut in enumerate(range(0, len(data), 50), 1):
-            archive.writestr(f"logic-1-{number}", data[cut : cut + 50])
+        for number, cut in enumerate(range(0, len(data), 51), 1):
+            archive.writestr(f"logic-1-{number}", data[cut : cut + 51])
     monkeypatch.setattr(sigrok, "BLOCK_SAMPLES", size)
     capture = read_capture(tmp_path / "a.sr")
     expected: list[Row] = []
