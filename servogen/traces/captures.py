@@ -124,13 +124,14 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
     rate = next((rate for rate in rates if rate), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
-    if not is_capture(path):
+    is_made = not is_capture(path)
+    if is_made:
         sample = 1.0
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
     steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
     pieces = _pieces(header.comments, steps)
     return Capture(
-        trace=read_vcd(path, clock, wires=wires),
+        trace=read_vcd(path, clock, wires=wires, from_first=not is_made),
         sample=sample,
         missing=missing,
         pieces=pieces,

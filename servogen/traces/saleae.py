@@ -1,8 +1,8 @@
 """Saleae's digital CSV → edges in nanoseconds from the file's first row.
 
 Header `Time [s],Channel 0,…` (the first versions: `Time[s], Channel 0, …`), one row for each time at which a
-channel changes: seconds, and the level of every channel: 0, 1 or X (not known). The first row holds the
-initial levels. Source: Saleae's support pages, "Binary and CSV Export Formats".
+channel changes: seconds, and the level of every channel: 0, 1 or X (not known), which is an error for a pin.
+The first row holds the initial levels. Source: Saleae's support pages, "Binary and CSV Export Formats".
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from typing import NoReturn
 
 import numpy as np
 
-from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.edges import HIGH, LOW, PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.traces.channels import pins_of, step_clock
 from servogen.traces.lines import first_lines, last_line, line_blocks
 from servogen.units import Cycles
 
 NANOSECONDS = 10**9
-LEVELS = {b"0": LOW, b"1": HIGH, b"X": UNDRIVEN, b"x": UNDRIVEN}
+LEVELS = {b"0": LOW, b"1": HIGH}
+UNKNOWN = (b"X", b"x")
 MAX_SECONDS = 9e9
 """The longest time: more nanoseconds do not fit a 64-bit integer."""
 
@@ -55,7 +56,7 @@ class _Rows:
             except (ValueError, KeyError, IndexError):
                 whole = False
             if not whole:
-                _complain(lines[first:], number + first, self.path, self.columns)
+                _complain(lines[first:], number + first, self.path, self.columns, self.pins)
             cycle = np.rint(time * NANOSECONDS).astype(np.int64) - self.start
             if np.any(np.diff(cycle, prepend=last) < 0):
                 row = int(np.argmax(np.diff(cycle, prepend=last) < 0))
@@ -95,7 +96,7 @@ def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
     return round(Fraction(text) * NANOSECONDS)
 
 
-def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoReturn:
+def _complain(lines: list[bytes], number: int, path: Path, columns: int, pins: Mapping[int, int]) -> NoReturn:
     """Raise InputError for the first malformed line."""
     for offset, line in enumerate(lines):
         place = Location(str(path), number + offset)
@@ -103,8 +104,15 @@ def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoRe
         if len(levels) != columns - 1:
             shown = line[:40].decode("utf-8", "replace")
             raise InputError("csv-syntax", f"'{shown}' does not have {columns} fields like the header", place)
-        for level in levels:
-            if level not in LEVELS:
+        for column, level in enumerate(levels, 1):
+            if level in UNKNOWN and column in pins:
+                raise InputError(
+                    "unknown-level",
+                    f"the level of {PINS[pins[column]]} is not known ({level.decode()})",
+                    place,
+                    "record the pin for the whole time; what was not recorded proves nothing",
+                )
+            if level not in LEVELS and level not in UNKNOWN:
                 shown = level[:40].decode("utf-8", "replace")
                 raise InputError("csv-syntax", f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
         if not _is_time(time):

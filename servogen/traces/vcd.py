@@ -5,8 +5,9 @@ be millions, are written and read block by block. There is no date, so that the 
 bytes.
 
 Files written by GTKWave, sigrok and other tools are read too; where wires are not named after their pins,
-the caller says which is which. High impedance and unknown are undriven; weak high and low (H, L) are high
-and low.
+the caller says which is which. High impedance is undriven; weak high and low (H, L) are high and low. A pin
+whose level is unknown for any time (X; without a value at the beginning; after $dumpoff) is an error, because
+a level that was not recorded proves nothing.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from typing import IO, NoReturn
 
@@ -30,7 +32,7 @@ from servogen.inputs import open_input, size_text
 from servogen.traces import rows
 from servogen.traces.channels import pins_of
 from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
-from servogen.traces.lines import TAIL_BYTES, ended, last_line, line_blocks
+from servogen.traces.lines import TAIL_BYTES, ended, line_blocks
 from servogen.units import Clock, Cycles
 
 SCOPE = "chip"
@@ -206,8 +208,9 @@ class VcdWriter:
 LEVEL_OF = {
     **dict.fromkeys("0lL", LOW),
     **dict.fromkeys("1hH", HIGH),
-    **dict.fromkeys("zZxXuUwW-", UNDRIVEN),
+    **dict.fromkeys("zZ", UNDRIVEN),
 }
+UNKNOWN = "xXuUwW-"
 UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "zs": 21}
 MAX_DIGITS = 18
 """The number of decimal digits that always fit a signed 64-bit integer."""
@@ -222,6 +225,7 @@ MAX_TAIL_BYTES = 1 << 20
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
 _END_OF_HEADER = re.compile(rb"\$enddefinitions\s+\$end\b")
 _TIME = re.compile(rb"^#(\d+)", re.MULTILINE)
+_DUMPOFF = b"$dumpoff"
 _KEYWORDS = frozenset((b"$dumpvars", b"$dumpall", b"$dumpon", b"$dumpoff", b"$end"))
 
 
@@ -239,17 +243,26 @@ class VcdHeader:
 
 
 def read_vcd(
-    path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
+    path: str | Path,
+    clock: Clock,
+    end: int | None = None,
+    wires: Mapping[str, str] | None = None,
+    from_first: bool = False,
 ) -> EdgeTrace:
     """Return the edges of a VCD file in cycles of `clock`, rounded to the nearest, up to the last time stamp.
 
-    `wires` maps wires with other names to pins, as in {"D0": "RB0"}; then only these are read. Raises
-    InputError for a malformed header, and for malformed changes when the edges are iterated.
+    `wires` maps wires with other names to pins, as in {"D0": "RB0"}; then only these are read. `from_first`:
+    the first time stamp is cycle 0. Raises InputError for a malformed header, and for malformed changes and
+    unknown levels when the edges are iterated.
     """
     path = Path(path)
     header = read_header(path, wires)
-    source = _VcdChunks(path, header, header.step_s * clock.cycles_per_second)
-    known = _end(path, header.offset, source.cycles_per_step)
+    cycles_per_step = header.step_s * clock.cycles_per_second
+    begin = _first_time(path, header.offset) if from_first else 0
+    times, rest = _last_times(path, header.offset)
+    from_begin = [time - begin for time in times]
+    known = _end(path, from_begin, cycles_per_step, is_last=not rest or rest.startswith(_DUMPOFF))
+    source = _VcdChunks(path, header, cycles_per_step, begin, ends_off=rest.startswith(_DUMPOFF))
     return ended(clock, source, known, end)
 
 
@@ -307,11 +320,21 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
     )
 
 
-def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
-    """Return the cycle of the last time stamp, or the one after it if changes follow it; the end is after
-    every change.
+def _first_time(path: Path, start: int) -> int:
+    """Return the time stamp with which the changes begin; 0 if values without a time come before it."""
+    with open_input(path) as file:
+        file.seek(start)
+        tokens = iter(file.read(TAIL_BYTES).split())
+    first = next((token for token in tokens if token != b"$comment" or b"$end" not in tokens), b"")
+    stamp = _TIME.fullmatch(first.removesuffix(b".0"))
+    return int(stamp.group(1)[:MAX_DIGITS]) if stamp else 0
+
+
+def _end(path: Path, times: Sequence[int], cycles_per_step: Fraction, is_last: bool) -> Cycles:
+    """Return the cycle of the last of `times`, or the one after it if that is not `is_last`, because changes
+    follow it; the end is after every change.
     """
-    last = np.array(_last_times(path, start), dtype=np.int64)
+    last = np.array(times, dtype=np.int64)
     if int(last[-1]) * cycles_per_step > MAX_CYCLES:
         raise InputError(
             "time-order",
@@ -320,13 +343,15 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
             f"below 10^17 instruction cycles; a step of this file is {float(cycles_per_step):g}",
         )
     *before, cycle = rows.rescale(last, cycles_per_step).tolist()
-    if not _TIME.fullmatch(last_line(path)):
+    if not is_last:
         return Cycles(cycle + 1)
     return Cycles(max(cycle, *(time + 1 for time in before)) if before else cycle)
 
 
-def _last_times(path: Path, start: int) -> list[int]:
-    """Return the last two time stamps, or the only one, found from the end of the file."""
+def _last_times(path: Path, start: int) -> tuple[list[int], bytes]:
+    """Return the last two time stamps, or the only one, and what follows the last one, found from the end of
+    the file.
+    """
     place = Location(str(path))
     with open_input(path) as file:
         size = file.seek(0, 2)
@@ -335,14 +360,16 @@ def _last_times(path: Path, start: int) -> list[int]:
             offset = max(start, size - wanted)
             file.seek(offset)
             tail = file.read()
-            times = _TIME.findall(tail if offset == start else tail.partition(b"\n")[2])[-2:]
-            if len(times) == 2 or (times and offset == start):
+            whole = tail if offset == start else tail.partition(b"\n")[2]
+            stamps = list(_TIME.finditer(whole))[-2:]
+            if len(stamps) == 2 or (stamps and offset == start):
+                times = [stamp.group(1) for stamp in stamps]
                 late = next((time for time in times if len(time) > MAX_DIGITS), None)
                 if late:
                     raise InputError(
                         "time-order", f"time #{late.decode()} is too late", place, "below 10^18 steps"
                     )
-                return [int(time) for time in times]
+                return [int(time) for time in times], whole[stamps[-1].end() :].strip()
             if offset == start:
                 raise InputError(
                     "vcd-syntax", "is not a whole VCD file: no time stamp follows the declarations", place
@@ -357,17 +384,23 @@ class _VcdChunks:
     path: Path
     header: VcdHeader
     cycles_per_step: Fraction
+    begin: int
+    """The time step that is cycle 0."""
+    ends_off: bool
+    """Whether the recording was switched off at the last time stamp."""
 
     def __iter__(self) -> Iterator[EdgeChunk]:
-        parser = _Parser(self.header.pins)
+        parser = _Parser(self.header.pins, self.begin)
         changes = Changes()
         for line, block in line_blocks(self.path, self.header.offset, self.header.line):
             time, pin, level = parser.parse(block, self.path, line)
             if time:
-                ticks = np.array(time, dtype=np.int64)
+                ticks = np.array(time, dtype=np.int64) - self.begin
                 chunk = changes(edge_chunk(rows.rescale(ticks, self.cycles_per_step), pin, level))
                 if len(chunk.cycle):
                     yield chunk
+        if parser.unknown and not self.ends_off:
+            raise _unknown(parser.unknown, None, Location(str(self.path)))
 
 
 @dataclass(slots=True)
@@ -375,12 +408,15 @@ class _Parser:
     """Reads changes token by token; an incomplete one at the end of a block continues in the next."""
 
     pins: Mapping[str, int]
-    time: int = 0
+    time: int
     skipping: bool = False
     vector: bytes | None = None
     wanted: dict[bytes, tuple[int, int]] = field(init=False)
+    unknown: dict[int, int] = field(init=False)
+    """The pins whose level is not known now, each with the time from which it is not."""
 
     def __post_init__(self) -> None:
+        self.unknown = dict.fromkeys(self.pins.values(), self.time)
         self.wanted = {
             f"{state}{code}".encode(): (pin, level)
             for code, pin in self.pins.items()
@@ -392,7 +428,7 @@ class _Parser:
         times: list[int] = []
         pins: list[int] = []
         levels: list[int] = []
-        wanted = self.wanted
+        wanted, unknown = self.wanted, self.unknown
         time = self.time
         for index, token in enumerate(block.split()):
             change = wanted.get(token)
@@ -400,10 +436,14 @@ class _Parser:
                 times.append(time)
                 pins.append(change[0])
                 levels.append(change[1])
+                if unknown:
+                    unknown.pop(change[0], None)
             elif token[0] == 35 and self.vector is None and not self.skipping:  # "#": a time stamp
                 digits = token[1:].removesuffix(b".0")
                 if not digits.isdigit() or len(digits) > MAX_DIGITS or int(digits) < time:
                     self._complain(block, index, path, line, time)
+                if unknown and int(digits) > time:
+                    raise _unknown(unknown, token, _place(block, index, path, line)[1])
                 time = int(digits)
             elif not self._other(token, time, times, pins, levels):
                 self._complain(block, index, path, line, time)
@@ -418,25 +458,36 @@ class _Parser:
             self.skipping = token != b"$end"
         elif self.vector is not None:
             pin = self.pins.get(token.decode("ascii", "replace"))
-            if pin is not None:
-                times.append(time)
-                pins.append(pin)
-                levels.append(LEVEL_OF.get(chr(self.vector[-1]), UNDRIVEN))
+            value = chr(self.vector[-1])
             self.vector = None
+            if pin is None:
+                return True
+            if value in UNKNOWN:
+                self.unknown.setdefault(pin, time)
+                return True
+            if value not in LEVEL_OF:
+                return False
+            self.unknown.pop(pin, None)
+            times.append(time)
+            pins.append(pin)
+            levels.append(LEVEL_OF[value])
         elif token[0] in b"bBrRsS":
             self.vector = token
         elif token == b"$comment":
             self.skipping = True
+        elif token == _DUMPOFF:
+            self.unknown |= {pin: time for pin in self.pins.values() if pin not in self.unknown}
+        elif chr(token[0]) in UNKNOWN and len(token) > 1:
+            pin = self.pins.get(token[1:].decode("ascii", "replace"))
+            if pin is not None:
+                self.unknown.setdefault(pin, time)
         else:
             return token in _KEYWORDS or (chr(token[0]) in LEVEL_OF and len(token) > 1)
         return True
 
     def _complain(self, block: bytes, index: int, path: Path, line: int, time: int) -> NoReturn:
-        token_match = next(
-            token for number, token in enumerate(re.finditer(rb"\S+", block)) if number == index
-        )
-        place = Location(str(path), line + block.count(b"\n", 0, token_match.start()))
-        token = token_match.group()[:40].decode("ascii", "replace")
+        shown, place = _place(block, index, path, line)
+        token = shown[:40].decode("ascii", "replace")
         if token.startswith("#"):
             raise InputError(
                 "time-order",
@@ -445,3 +496,21 @@ class _Parser:
                 f"a whole number of steps, not before #{time}",
             )
         raise InputError("vcd-syntax", f"'{token}' is not a value change of a VCD file", place)
+
+
+def _place(block: bytes, index: int, path: Path, line: int) -> tuple[bytes, Location]:
+    """Return token `index` of a block that begins at `line`, and its place."""
+    token = next(islice(re.finditer(rb"\S+", block), index, None))
+    return token.group(), Location(str(path), line + block.count(b"\n", 0, token.start()))
+
+
+def _unknown(unknown: Mapping[int, int], until: bytes | None, place: Location) -> InputError:
+    """Return the error for the pin that is `unknown` for the longest time, up to the stamp `until`."""
+    since, pin = min((since, pin) for pin, since in unknown.items())
+    end = "the end" if until is None else until.decode("ascii")
+    return InputError(
+        "unknown-level",
+        f"the level of {PINS[pin]} is not known from #{since} to {end}",
+        place,
+        "a value at the first time stamp, no X or $dumpoff after it; what was not recorded proves nothing",
+    )

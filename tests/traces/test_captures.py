@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
+from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError, Location
 from servogen.traces import lines, sigrok, write_edges
 from servogen.traces.captures import Capture, capture_writer, is_capture, read_capture
@@ -157,13 +157,33 @@ def test_saleae_csv_is_read_in_nanoseconds_from_its_first_row(tmp_path: Path) ->
     assert (capture.trace.end, capture.trace.clock.hz, capture.sample) == (1_601_001, 4 * 10**9, None)
 
 
-def test_the_older_header_unknown_levels_and_other_names_are_read(tmp_path: Path) -> None:
-    text = "Time[s], Channel 0, Channel 1\r\n0.000000000000000, X, 0\r\n0.5, 1, 1\r\n"
+def test_the_older_header_and_other_names_are_read(tmp_path: Path) -> None:
+    text = "Time[s], Channel 0, Channel 1\r\n0.000000000000000, 0, X\r\n0.5, 1, 1\r\n"
     (tmp_path / "a.csv").write_bytes(text.encode())
     capture = read_capture(tmp_path / "a.csv", {"Channel 0": "RA4"})
-    assert rows_of(capture) == [(500_000_000, RA4, HIGH)]
-    (tmp_path / "b.csv").write_text("Time [s],RB0\n0,1\n0.5,X\n")
-    assert rows_of(read_capture(tmp_path / "b.csv")) == [(0, RB0, HIGH), (500_000_000, RB0, UNDRIVEN)]
+    assert rows_of(capture) == [(0, RA4, LOW), (500_000_000, RA4, HIGH)]
+
+
+@pytest.mark.parametrize(("row", "line"), [("0,X,0", 2), ("0.5,x,1", 3), ("0.6, X ,1", 4)])
+def test_a_channel_of_a_pin_whose_level_is_not_known_is_an_error(tmp_path: Path, row: str, line: int) -> None:
+    rows = ["Time [s],RB0,Channel 1", "0,0,0", "0.5,1,X", "0.6,0,0", "0.7,1,1"]
+    rows[line - 1] = row
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(InputError, match=r"the level of RB0 is not known \([xX]\)") as caught:
+        rows_of(read_capture(tmp_path / "a.csv"))
+    assert caught.value.location == Location(str(tmp_path / "a.csv"), line)
+
+
+@pytest.mark.parametrize("comment", ["", "$comment #3 first $end\n"])
+def test_a_capture_begins_at_its_first_time_stamp(tmp_path: Path, comment: str) -> None:
+    """What the pins did before it is not in the file, as in one of a simulator that began to record late."""
+    head = "$timescale 1 us $end\n$var wire 1 ! RB0 $end\n$enddefinitions $end\n"
+    (tmp_path / "a.vcd").write_text(head + comment + "#500\n$dumpvars 0! $end\n#507\n1!\n#520\n")
+    capture = read_capture(tmp_path / "a.vcd")
+    assert (rows_of(capture), capture.trace.end) == ([(0, RB0, LOW), (7, RB0, HIGH)], 20)
+    (tmp_path / "a.vcd").write_text(head + comment + "$dumpvars 0! $end\n#507\n1!\n#520\n")
+    capture = read_capture(tmp_path / "a.vcd")
+    assert (rows_of(capture), capture.trace.end) == ([(0, RB0, LOW), (507, RB0, HIGH)], 520)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +217,7 @@ def test_a_row_of_saleae_is_named_by_its_line_in_blocks_of_any_size(
 ) -> None:
     """Whatever is wrong with it; the first of two such rows is named, unless it is only out of order."""
     monkeypatch.setattr(lines, "BLOCK_BYTES", size)
-    good = ["Time [s],RB0,RB1", *(f"{n}.5e-3 , {n % 2},X" for n in range(1, 7))]
+    good = ["Time [s],RB0,RB1", *(f"{n}.5e-3 , {n % 2},1" for n in range(1, 7))]
     for number in range(1, 7):
         for bad, message in (
             ("0.1,0", "'0.1,0' does not have 3 fields like the header"),

@@ -10,7 +10,7 @@ from vcd import VCDWriter
 from vcd.reader import TokenKind, tokenize
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk
-from servogen.errors import InputError
+from servogen.errors import InputError, Location
 from servogen.traces import read_edges, write_edges
 from servogen.traces.vcd import VcdWriter, wire_name
 from servogen.units import Clock, Cycles
@@ -113,8 +113,8 @@ def test_two_wires_of_one_pin_are_an_error_but_two_names_of_one_wire_are_not(tmp
     second = '$var wire 1 " RB0_again $end\n$upscope'
     with pytest.raises(InputError, match="'RB0' and 'RB0_again' are both RB0"):
         read(tmp_path, HEADER.replace("$upscope", second) + "#0\n")
-    trace = read(tmp_path, HEADER.replace("$upscope", second.replace('"', "!")) + "#0\n#3\n1!\n#4\n")
-    assert rows_of(trace) == [(3, RB0, HIGH)]
+    trace = read(tmp_path, HEADER.replace("$upscope", second.replace('"', "!")) + "#0\n0!\n#3\n1!\n#4\n")
+    assert rows_of(trace) == [(0, RB0, LOW), (3, RB0, HIGH)]
 
 
 def test_any_timescale_is_read_in_the_clock_that_the_caller_states(tmp_path: Path) -> None:
@@ -134,9 +134,66 @@ def test_the_end_is_always_after_the_last_change(tmp_path: Path) -> None:
 
 
 def test_states_of_other_programs_have_their_meaning(tmp_path: Path) -> None:
-    trace = read(tmp_path, HEADER + "#0\nx!\n#1\n1!\n#2\nZ!\n#3\nH!\n#4\nL!\n#5\nU!\n#6\n")
+    trace = read(tmp_path, HEADER + "#0\nl!\n#1\n1!\n#2\nZ!\n#3\nH!\n#4\nL!\n#5\nz!\n#6\n")
     levels = [level for _, _, level in rows_of(trace)]
-    assert levels == [HIGH, UNDRIVEN, HIGH, LOW, UNDRIVEN]
+    assert levels == [LOW, HIGH, UNDRIVEN, HIGH, LOW, UNDRIVEN]
+
+
+@pytest.mark.parametrize("state", "xXuUwW-")
+@pytest.mark.parametrize("change", ["{}!", "b{} !"])
+def test_a_level_that_is_unknown_for_any_time_is_an_error_with_its_place(
+    tmp_path: Path, state: str, change: str
+) -> None:
+    """Taken for low it would prove what nobody saw: a pulse, or its end, at any time of it."""
+    unknown = change.format(state)
+    for body, line, words in (
+        (f"#0\n0!\n#5\n{unknown}\n#6\n#7\n1!\n#9\n", 10, "of RB0 is not known from #5 to #6"),
+        (f"#0\n{unknown}\n#6\n1!\n#9\n", 8, "of RB0 is not known from #0 to #6"),
+        (f"#0\n0!\n#6\n1!\n#9\n{unknown}\n", None, "of RB0 is not known from #9 to the end"),
+        (f"#0\n{unknown}\n#4\n{unknown}\n#5\n0!\n#9\n", 8, "of RB0 is not known from #0 to #4"),
+    ):
+        with pytest.raises(InputError, match=words) as caught:
+            rows_of(read(tmp_path, HEADER + body))
+        assert caught.value.location == Location(str(tmp_path / "a.vcd"), line)
+    for body in (f"#0\n{unknown}\n0!\n#6\n1!\n#9\n", f"#0\n0!\n#6\n{unknown}\n1!\n#9\n"):
+        assert rows_of(read(tmp_path, HEADER + body)) == [(0, RB0, LOW), (6, RB0, HIGH)]
+
+
+def test_only_the_levels_of_pins_must_be_known(tmp_path: Path) -> None:
+    header = HEADER.replace("$upscope", "$var wire 1 % D1 $end\n$upscope")
+    text = header + "#0\n0!\nx%\n#6\n1!\nb- %\n#9\n"
+    assert rows_of(read(tmp_path, text)) == [(0, RB0, LOW), (6, RB0, HIGH)]
+
+
+def test_a_pin_without_a_value_at_the_beginning_is_not_known_there(tmp_path: Path) -> None:
+    """IEEE 1364, 18.2: a file holds changes, and $dumpvars the values from which they begin."""
+    for body, words in (
+        ("#0\n#5\n1!\n#9\n", "of RB0 is not known from #0 to #5"),
+        ("#5\n0!\n#9\n", "of RB0 is not known from #0 to #5"),
+        ("#0\n#5\n#9\n", "of RB0 is not known from #0 to #5"),
+    ):
+        with pytest.raises(InputError, match=words):
+            rows_of(read(tmp_path, HEADER + body))
+    assert rows_of(read(tmp_path, HEADER + "$dumpvars 0! $end\n#5\n1!\n#9\n"))[1:] == [(5, RB0, HIGH)]
+
+
+def test_what_happens_while_the_recording_is_off_is_not_known(tmp_path: Path) -> None:
+    """Whether or not $dumpoff sets the pins to X, as IEEE 1364, 18.1.4 requires."""
+    for values in ("x!\n", ""):
+        off = f"#0\n0!\n#5\n1!\n#6\n$dumpoff\n{values}$end\n"
+        with pytest.raises(InputError, match="of RB0 is not known from #6 to #20") as caught:
+            rows_of(read(tmp_path, HEADER + off + "#20\n$dumpon\n1!\n$end\n#25\n0!\n#30\n"))
+        assert caught.value.location.line == HEADER.count("\n") + 8 + values.count("\n")
+        on_again = read(tmp_path, HEADER + off + "$dumpon\n1!\n$end\n#25\n0!\n#30\n")
+        assert rows_of(on_again) == [(0, RB0, LOW), (5, RB0, HIGH), (25, RB0, LOW)]
+        ended = read(tmp_path, HEADER + off)
+        assert (rows_of(ended), ended.end) == ([(0, RB0, LOW), (5, RB0, HIGH)], 6)
+
+
+def test_a_value_that_is_not_of_one_bit_is_an_error(tmp_path: Path) -> None:
+    for value in ("r0.5", "b2", "s?"):
+        with pytest.raises(InputError, match="'!' is not a value change"):
+            rows_of(read(tmp_path, HEADER + f"#0\n0!\n#5\n{value} !\n#9\n"))
 
 
 def test_what_is_not_a_pin_is_passed_over(tmp_path: Path) -> None:
@@ -159,9 +216,9 @@ def test_a_line_that_sigrok_puts_in_front_is_passed_over(tmp_path: Path) -> None
 
 
 def test_windows_line_ends_are_line_ends(tmp_path: Path) -> None:
-    (tmp_path / "a.vcd").write_bytes((HEADER + "#5\n1!\n#9\n").replace("\n", "\r\n").encode())
+    (tmp_path / "a.vcd").write_bytes((HEADER + "#0\n0!\n#5\n1!\n#9\n").replace("\n", "\r\n").encode())
     trace = read_edges(tmp_path / "a.vcd", MHZ4)
-    assert (rows_of(trace), trace.end) == ([(5, RB0, HIGH)], 9)
+    assert (rows_of(trace), trace.end) == ([(0, RB0, LOW), (5, RB0, HIGH)], 9)
 
 
 @pytest.mark.parametrize(
