@@ -280,8 +280,13 @@ class TimeMachine:
             self._thin(now)
 
     def _thin(self, now: int) -> None:
-        """Double the distance between the snapshots that are not recent."""
-        while len(self._at) > MAX_SNAPSHOTS * 3 // 4:
+        """Double the distance between the snapshots that are not recent; where the recent ones alone are too
+        many, halve the time for which a snapshot is recent.
+        """
+        limit = MAX_SNAPSHOTS * 3 // 4
+        while sum(abs(cycle - now) <= self._recent for cycle in self._at) >= limit:  # the first one is kept
+            self._recent = Cycles(self._recent // 2)
+        while len(self._at) > limit:
             self._coarse *= 2
             last = -self._coarse
             for cycle in list(self._at):

@@ -379,6 +379,22 @@ def test_which_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept_at(2300)[:12] == [0, 800, *range(1600, 2301, 100), 2400, 3200]
 
 
+@pytest.mark.parametrize("clock", [CLOCK, Clock(50_000)])
+def test_of_too_many_recent_snapshots_older_ones_are_thinned_out(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of the way is recent: 400 snapshots, of which 40 are allowed."""
+    for name, value in (("SPACING_S", 100 / clock.cycles_per_second), ("RECENT_S", 10)):
+        monkeypatch.setattr(time_machine, name, Fraction(value))
+    monkeypatch.setattr(time_machine, "MAX_SNAPSHOTS", 40)
+    chip = TimeMachine(image("end_ goto end_\n"), clock)
+    chip.seek(40_000)
+    assert 20 <= chip.snapshots <= 40
+    assert [at for at in chip._at if at > 39_000] == [*range(39_100, 40_001, 100)]
+    chip.seek(10_000)
+    assert (chip.now, chip.machine.pc) == (10_000, 0)
+
+
 def test_instructions_of_the_thinned_past_are_run_again_a_short_way_at_a_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
