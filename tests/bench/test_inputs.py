@@ -19,8 +19,16 @@ from servogen.bench.inputs.adapter import (
     Send,
     SerialAdapter,
     input_adapter,
+    pin_modes,
 )
-from servogen.bench.inputs.firmata import FirmataCommand, Message, MessageKind, MessageReader, Mode
+from servogen.bench.inputs.firmata import (
+    FirmataCommand,
+    Message,
+    MessageKind,
+    MessageReader,
+    Mode,
+    SchedulerCommand,
+)
 from servogen.bench.inputs.wiring import MARK_CHANNEL, input_wiring
 from servogen.bench.ports import open_port
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
@@ -132,7 +140,23 @@ def test_a_reader_finds_messages_in_pieces_and_between_rubbish() -> None:
         (0x91, b"\x7f\x01"),
     ]
     torn = reader.read(bytes.fromhex("F0 71 80 41 F7"))
-    assert not any(message.is_command(FirmataCommand.TEXT) for message in torn), "80 is no data"
+    assert not list(torn), "80 is no data, and the end of a command that was dropped is none"
+
+
+def test_bytes_of_no_message_are_none() -> None:
+    """protocol.md has no other first bytes; 0xF7 only ends a command that 0xF0 began."""
+    reader, version = MessageReader(), bytes((0xF9, 2, 8))
+    begins = (
+        0xF0,
+        0xF4,
+        0xF5,
+        0xF9,
+        0xFF,
+        *(kind | low for kind in (0x90, 0xC0, 0xD0, 0xE0) for low in range(16)),
+    )
+    for byte in set(range(0x80, 0x100)) - set(begins):
+        found = list(reader.read(bytes((byte,)) + version + bytes((byte, 1, 2)) + version))
+        assert found == [Message(0xF9, b"\x02\x08")] * 2, hex(byte)
 
 
 class Rig:
@@ -231,6 +255,130 @@ def test_the_board_answers_what_other_clients_send() -> None:
     assert analog.data == bytes((0x6A, *70 * [0x7F]))
     assert answers("F4 02 01 90 04 00 F4 16 00 D2 01 F0 7A 13 00 F7") == [Message(0x92, bytes(2))]
     assert rig.chip.word >> RB0 & 1
+
+
+def answered(board: VirtualBoard, data: bytes) -> list[Message]:
+    """Return what the board answers to `data`."""
+    board.received(data)
+    answers = list(MessageReader().read(bytes(board.outgoing)))
+    board.outgoing.clear()
+    return answers
+
+
+def said(message: Message) -> str:
+    assert message.data[0] == 0x71, "STRING_DATA (protocol.md)"
+    return bytes(
+        low | high << 7 for low, high in zip(message.data[1::2], message.data[2::2], strict=True)
+    ).decode()
+
+
+def test_a_mode_that_a_pin_does_not_have_is_refused_and_changes_nothing() -> None:
+    """Those are its modes that it states itself: of protocol.md's, PWM is 3, SERIAL 10."""
+    for scheduler in (True, False):
+        board = Rig(program(IDLE), options=BoardOptions(scheduler=scheduler)).board
+        (capabilities,) = answered(board, bytes.fromhex("F0 6B F7"))
+        modes = list(pin_modes(capabilities.data[1:]))
+        assert set(modes[18]) == {0, 1, 11, *((10,) if scheduler else ())}
+        for pin in (1, 2, 18, 69, 70, 127):
+            for mode in range(20):
+                answered(board, firmata.pin_mode(pin, Mode.OUTPUT))
+                before = answered(board, bytes((0xF0, 0x6D, pin, 0xF7)))
+                answers = answered(board, bytes((0xF4, pin, mode)))
+                allowed = pin < len(modes) and mode in modes[pin]
+                assert [said(answer) for answer in answers] == ([] if allowed else ["Unknown pin mode"])
+                after = answered(board, bytes((0xF0, 0x6D, pin, 0xF7)))
+                assert after == before if not allowed else after[0].data[2] == mode
+
+
+def test_the_state_of_a_pin_is_what_was_written_to_it_or_whether_its_pull_up_is_on() -> None:
+    board = Rig(program(IDLE)).board
+
+    def state(*messages: bytes) -> str:
+        (answer,) = answered(board, b"".join((*messages, bytes.fromhex("F0 6D 02 F7"))))
+        return answer.data.hex(" ")
+
+    assert state() == "6e 02 00 00"
+    assert state(firmata.pin_mode(2, Mode.OUTPUT), firmata.pin_value(2, 1)) == "6e 02 01 01"
+    assert state(bytes.fromhex("F5 02 05")) == "6e 02 01 01", "any other value than 0 is high"
+    assert state(firmata.pin_mode(2, Mode.INPUT)) == "6e 02 00 00"
+    assert state(firmata.pin_mode(2, Mode.PULL_UP)) == "6e 02 0b 01"
+
+
+def test_a_command_that_the_board_does_not_have_is_refused_with_a_text() -> None:
+    """As by ConfigurableFirmata; StandardFirmata says nothing. Commands without an answer are not refused."""
+    board = Rig(program(IDLE)).board
+    (answer,) = answered(board, bytes.fromhex("F0 76 00 00 F7"))
+    assert said(answer) == "Unhandled sysex command: 0x76 (len: 2)"
+    assert answered(board, bytes.fromhex("F0 6F 02 00 01 F7 F0 7A 13 00 F7 F0 F7")) == []
+    board = Rig(program(IDLE), options=BoardOptions(scheduler=False)).board
+    assert answered(board, bytes.fromhex("F0 76 00 00 F7 F0 7B 05 F7 F0 60 11 60 12 00 F7")) == []
+
+
+def test_a_command_of_a_wrong_length_has_no_effect() -> None:
+    """A task exists; rate 0 of a serial port is none. A board that is sent rubbish works on."""
+    rig = Rig(program(IDLE), ["RA1=TX1"])
+    assert answered(rig.board, firmata.load_task(1, b"\xff" * 4)) == []
+    for command in (0x60, 0x6D, 0x7B):
+        for size in range(4):
+            for first in range(0x80):
+                text = bytes((0xF0, command, first, *bytes(size)))
+                rig.board.received(text[: 2 + size] + b"\xf7")
+    rig.board.received(bytes.fromhex("F0 60 11 00 00 00 F7 F0 60 21 41 01 F7 F0 7B F7 F0 7B 08 01 F7"))
+    rig.board.outgoing.clear()
+    assert answered(rig.board, bytes.fromhex("F9")) == [Message(MessageKind.VERSION, b"\x02\x08")]
+
+
+def tasks(board: VirtualBoard) -> bytes:
+    """Return the numbers of the stored tasks."""
+    (answer,) = answered(board, bytes.fromhex("F0 7B 05 F7"))
+    assert answer.data[:2] == bytes.fromhex("7B 09")
+    return answer.data[2:]
+
+
+def test_a_task_that_is_deleted_is_not_played() -> None:
+    """scheduler.md: 01 deletes, 06 asks for one task, whose answer holds no data where there is none."""
+    rig = Rig(program(IDLE))
+    pulse = firmata.pin_value(2, 1) + firmata.delay_ms(1) + firmata.pin_value(2, 0)
+    rig.board.received(firmata.pin_mode(2, Mode.OUTPUT))
+    for number in (1, 2):
+        rig.board.received(firmata.load_task(number, pulse) + firmata.schedule_task(number, 5 * number))
+    assert tasks(rig.board) == b"\1\2"
+    assert answered(rig.board, bytes.fromhex("F0 7B 01 01 F7 F0 7B 01 09 F7")) == [], "9 is none"
+    assert tasks(rig.board) == b"\2"
+    assert answered(rig.board, bytes.fromhex("F0 7B 06 01 F7")) == [Message(0xF0, bytes.fromhex("7B 0A 01"))]
+    seen = edges(rig.chip, RB0, 20 * CYCLES_PER_MS)
+    assert [(round(at / CYCLES_PER_MS), level) for at, level in seen] == [(11, 1), (12, 0)]
+    assert tasks(rig.board) == b""
+    rig.board.received(firmata.load_task(3, b"") + firmata.schedule_task(3, 1))
+    assert tasks(rig.board) == b"\3"
+    rig.chip.run(3 * CYCLES_PER_MS)
+    assert tasks(rig.board) == b"", "a task without messages ends at once"
+
+
+def test_what_is_known_of_a_task_is_its_time_its_length_and_how_far_it_is() -> None:
+    """scheduler.md: time_ms (4 bytes), length (2), position (2), messages; of an error as well."""
+    rig = Rig(program(IDLE))
+
+    def known(answers: list[Message], kind: int) -> tuple[int, int, int, bytes]:
+        (answer,) = answers
+        assert answer.data[:3] == bytes((0x7B, kind, 1))
+        data = firmata.unpacked(answer.data[3:])
+        numbers = (int.from_bytes(data[a:b], "little") for a, b in ((0, 4), (4, 6), (6, 8)))
+        time_ms, length, position = numbers
+        return time_ms, length, position, data[8:]
+
+    query = bytes.fromhex("F0 7B 06 01 F7")
+    messages = firmata.delay_ms(3) + firmata.pin_value(2, 1)
+    rig.board.received(firmata.task(SchedulerCommand.CREATE, bytes((1, len(messages) + 2, 0))))
+    rig.board.received(firmata.task(SchedulerCommand.ADD, b"\1" + firmata.packed(messages)))
+    size = len(messages)
+    assert known(answered(rig.board, query), 0x0A) == (0, size + 2, size, messages)
+    again = firmata.task(SchedulerCommand.CREATE, bytes((1, 5, 0)))
+    assert known(answered(rig.board, again), 0x08) == (0, size + 2, size, messages), "it exists"
+    rig.board.received(firmata.schedule_task(1, 4))
+    assert known(answered(rig.board, query), 0x0A) == (4, size + 2, 0, messages)
+    rig.chip.run(5 * CYCLES_PER_MS + 10)
+    assert known(answered(rig.board, query), 0x0A) == (7, size + 2, len(firmata.delay_ms(3)), messages)
 
 
 def test_the_client_stores_a_run_on_the_board_and_starts_it(serve: Serve) -> None:

@@ -115,7 +115,9 @@ def test_the_state_of_a_pin_is_its_mode_and_level() -> None:
     assert rig.answer("F0 6D 02 F7") == "f0 6e 02 00 00 f7"
     assert rig.answer("F4 02 01 F5 02 01 F0 6D 02 F7") == "f0 6e 02 01 01 f7"
     assert rig.answer("F4 02 0B F0 6D 02 F7") == "f0 6e 02 0b 01 f7"
-    assert rig.answer("F4 02 02 F0 6D 02 F7") == "f0 6e 02 0b 01 f7", "no analog input"
+    refused = " ".join(f"{ord(letter):02x} 00" for letter in "Unknown pin mode")
+    assert rig.answer("F4 02 02") == f"f0 71 {refused} f7", "no analog input"
+    assert rig.answer("F0 6D 02 F7") == "f0 6e 02 0b 01 f7"
     assert rig.answer("F0 6D 01 F7") == rig.answer("F0 6D 46 F7") == rig.answer("F0 6D F7") == ""
     assert rig.answer("F0 6D 45 F7") == "f0 6e 45 00 00 f7", "pin 69 is the last"
     assert rig.answer("F4 02 01 F0 6D 02 F7") == "f0 6e 02 01 00 f7", "an output begins low"
@@ -265,9 +267,11 @@ def test_stored_runs_are_listed_and_shown_and_have_5000_bytes() -> None:
     rig = Rig()
     rig.answer("F0 7B 00 01 03 00 F7 F0 7B 00 02 04 00 F7")
     assert rig.answer("F0 7B 05 F7") == "f0 7b 09 01 02 f7"
-    assert rig.answer("F0 7B 00 01 01 00 F7") == "f0 7b 08 01 f7", "there is one already"
-    for command in ("02 03 00", "04 03 00", "06 03"):
+    there = packed(bytes(4) + bytes((3, 0, 0, 0)))
+    assert rig.answer("F0 7B 00 01 01 00 F7") == f"f0 7b 08 01 {there} f7", "there is one already"
+    for command in ("02 03 00", "04 03 00 00 00 00 00"):
         assert rig.answer(f"F0 7B {command} F7") == "f0 7b 08 03 f7", "there is none"
+    assert rig.answer("F0 7B 06 03 F7") == "f0 7b 0a 03 f7", "nothing is known of it"
     rig.answer(f"F0 7B 02 01 {packed(bytes((0xF5, 2, 1)))} F7 F0 7B 02 01 {packed(bytes(1))} F7")
     state = bytes(4) + bytes((3, 0, 3, 0)) + bytes((0xF5, 2, 1))  # time, size, position, messages
     assert rig.answer("F0 7B 06 01 F7") == f"f0 7b 0a 01 {packed(state)} f7"

@@ -44,8 +44,10 @@ class FirmataCommand(IntEnum):
     CAPABILITIES = 0x6C
     PIN_STATE_QUERY = 0x6D
     PIN_STATE = 0x6E
+    EXTENDED_ANALOG = 0x6F
     TEXT = 0x71
     FIRMWARE = 0x79
+    SAMPLING_INTERVAL = 0x7A
     SCHEDULER = 0x7B
 
 
@@ -192,7 +194,8 @@ class MessageReader:
         """Yield the messages that end in `data`."""
         for byte in data:
             if byte >= 0x80 and not (byte == MessageKind.END_SYSEX and self._kind == MessageKind.SYSEX):
-                self._kind = byte if byte >= 0xF0 or byte & 0xF0 in SIZES else None
+                known = byte == MessageKind.SYSEX or _without_channel(byte) in SIZES
+                self._kind = byte if known else None
                 self._data.clear()
             elif self._kind is None:
                 continue
@@ -208,5 +211,8 @@ class MessageReader:
             return last == MessageKind.END_SYSEX
         if self._kind == MessageKind.VERSION and self.asks_version:
             return True
-        kind = self._kind if self._kind >= 0xF0 else self._kind & 0xF0
-        return len(self._data) == SIZES.get(kind, 0)
+        return len(self._data) == SIZES[_without_channel(self._kind)]
+
+
+def _without_channel(kind: int) -> int:
+    return kind if kind >= 0xF0 else kind & 0xF0

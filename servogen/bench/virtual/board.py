@@ -1,7 +1,8 @@
 """`VirtualBoard`: an Arduino Mega with Firmata, wired to the virtual chip.
 
 In: bytes of the client. Out: bytes of the board, and levels, contacts and serial lines at the chip's pins, in
-the chip's own time: a stored run is played when the chip reaches its moments.
+the chip's own time: a stored run is played when the chip reaches its moments. What the board cannot do it
+refuses as ConfigurableFirmata does, with a text; a command of the wrong length has no effect.
 """
 
 from __future__ import annotations
@@ -35,6 +36,19 @@ FIRMATA_VERSION = (2, 8)
 FRAME_BITS = 10
 HEAP_BYTES = 5000
 """The memory for stored runs."""
+SHORTEST_CONFIG = 4
+"""The bytes of a serial line's configuration: command and port, and its rate."""
+TASK_TIME_BYTES = 4
+SCHEDULER_SIZES: Mapping[int, range] = {
+    SchedulerCommand.CREATE: range(3, 4),
+    SchedulerCommand.DELETE: range(1, 2),
+    SchedulerCommand.ADD: range(2, firmata.MAX_SYSEX_DATA),
+    SchedulerCommand.SCHEDULE: range(6, 7),
+    SchedulerCommand.QUERY_ALL: range(firmata.MAX_SYSEX_DATA),
+    SchedulerCommand.QUERY: range(1, 2),
+    SchedulerCommand.RESET: range(firmata.MAX_SYSEX_DATA),
+}
+"""The numbers of bytes that follow each command which the scheduler obeys, as in FirmataScheduler."""
 TICK_MS = 1
 """A run is played in the millisecond after the one it was scheduled for, as FirmataScheduler does."""
 
@@ -140,9 +154,10 @@ class VirtualBoard:
         begun, task.due = task.due, None
         reader = MessageReader(asks_version=True)
         assert begun is not None  # the caller looked
-        while task.at < len(task.messages) and task.due is None:
-            byte = bytes((task.messages[task.at],))
-            task.at += 1
+        at = task.at
+        while at < len(task.messages) and task.due is None:
+            byte = bytes((task.messages[at],))
+            at += 1
             for message in reader.read(byte):
                 delay = _delay(message)
                 if delay is None:
@@ -151,8 +166,7 @@ class VirtualBoard:
                     task.due = begun + self._cycles(delay + self.options.late_ms)
         if task.due is None:
             self._tasks.pop(number, None)
-        elif task.at == len(task.messages):
-            task.at = 0  # a delay at the end: over and over again
+        task.at = at if at < len(task.messages) else 0  # a delay at the end: over and over again
 
     def _cycles(self, ms: int) -> int:
         return whole(Fraction(ms, 1000) * self.chip.cycles_per_second)
@@ -186,16 +200,26 @@ class VirtualBoard:
             self._restart()
 
     def _set_mode(self, pin: int, mode: int) -> None:
-        if pin not in self._modes or mode not in (Mode.INPUT, Mode.OUTPUT, Mode.PULL_UP):
+        if not self._has_mode(pin, mode):
+            self._say("Unknown pin mode")
             return
         self._modes[pin] = mode
         if self.options.scheduler and mode == Mode.OUTPUT:
             self._levels[pin] = 0  # as ConfigurableFirmata does
         self._wire(pin)
 
+    def _has_mode(self, pin: int, mode: int) -> bool:
+        if mode == Mode.SERIAL:
+            return self.options.scheduler and any(pin in ends for ends in SERIAL_PINS.values())
+        return pin in self._modes and mode in (Mode.INPUT, Mode.OUTPUT, Mode.PULL_UP)
+
+    def _say(self, text: str) -> None:
+        """Send the client a text."""
+        self.outgoing += firmata.sysex(FirmataCommand.TEXT, firmata.split_bytes(text.encode()))
+
     def _set_level(self, pin: int, level: int) -> None:
         if self._modes.get(pin) == Mode.OUTPUT:
-            self._levels[pin] = level
+            self._levels[pin] = HIGH if level else LOW
             self._wire(pin)
 
     def _wire(self, pin: int) -> None:
@@ -252,17 +276,21 @@ class VirtualBoard:
         self.outgoing += bytes((MessageKind.VERSION, *FIRMATA_VERSION))
 
     def _command(self, number: bytes, data: bytes) -> None:
-        commands: Mapping[int, Callable[[bytes], None]] = {
+        """Obey a command. Analogue values need no answer, and there are no pins for them."""
+        commands: dict[int, Callable[[bytes], None]] = {
             FirmataCommand.FIRMWARE: self._firmware,
             FirmataCommand.CAPABILITY_QUERY: self._capabilities,
             FirmataCommand.ANALOG_MAPPING_QUERY: self._analog,
             FirmataCommand.PIN_STATE_QUERY: self._pin_state,
-            FirmataCommand.SERIAL: self._serial,
+            FirmataCommand.EXTENDED_ANALOG: lambda data: None,
+            FirmataCommand.SAMPLING_INTERVAL: lambda data: None,
         }
+        if self.options.scheduler:
+            commands |= {FirmataCommand.SERIAL: self._serial, FirmataCommand.SCHEDULER: self._scheduler}
         if number and number[0] in commands:
             commands[number[0]](data)
-        elif number == bytes((FirmataCommand.SCHEDULER,)) and self.options.scheduler and data:
-            self._scheduler(data[0], data[1:])
+        elif number and self.options.scheduler:
+            self._say(f"Unhandled sysex command: {number[0]:#x} (len: {len(data)})")
 
     def _firmware(self, data: bytes) -> None:
         name = firmata.split_bytes(self.name.encode())
@@ -290,19 +318,23 @@ class VirtualBoard:
 
     def _pin_state(self, data: bytes) -> None:
         if data and data[0] in self._modes:
-            pin = data[0]
-            state = bytes((pin, self._modes[pin], self._levels[pin]))
+            pin, mode = data[0], self._modes[data[0]]
+            level = self._levels[pin] if mode == Mode.OUTPUT else int(mode == Mode.PULL_UP)
+            state = bytes((pin, mode, level))
             self.outgoing += firmata.sysex(FirmataCommand.PIN_STATE, state)
 
     def _serial(self, data: bytes) -> None:
-        if not data or not self.options.scheduler:
+        if not data:
             return
         command, port = data[0] & 0x70, data[0] & 0x0F
         names = [name for name, own in self.wiring.lines.items() if own == port]
         if port not in SERIAL_PINS:
             return
         if command == firmata.SERIAL_CONFIG:
-            self._bauds[port] = data[1] | data[2] << 7 | data[3] << 14
+            baud = sum(part << 7 * place for place, part in enumerate(data[1:SHORTEST_CONFIG]))
+            if len(data) < SHORTEST_CONFIG or not baud:
+                return
+            self._bauds[port] = baud
             for name in names:
                 self.chip.drive(PINS.index(name), HIGH)
         elif command == firmata.SERIAL_CLOSE:
@@ -322,30 +354,44 @@ class VirtualBoard:
             begin += FRAME_BITS * bit
         self._sent_until[port] = whole(begin)
 
-    def _scheduler(self, command: int, data: bytes) -> None:
+    def _scheduler(self, data: bytes) -> None:
+        command, data = (data[0], data[1:]) if data else (None, data)
+        if command is None or len(data) not in SCHEDULER_SIZES.get(command, ()):
+            return
         number = data[0] if data else 0
         task = self._tasks.get(number)
         if command == SchedulerCommand.RESET:
             self._tasks.clear()
         elif command == SchedulerCommand.QUERY_ALL:
             self.outgoing += firmata.task(SchedulerCommand.ALL, bytes(self._tasks))
+        elif command == SchedulerCommand.QUERY:
+            self._report_task(SchedulerCommand.STATE, number)
+        elif command == SchedulerCommand.DELETE:
+            self._tasks.pop(number, None)
         elif command == SchedulerCommand.CREATE and task is None:
             size = data[1] | data[2] << 7
             if size + sum(stored.size for stored in self._tasks.values()) <= HEAP_BYTES:
                 self._tasks[number] = _Stored(size)
         elif task is None or command == SchedulerCommand.CREATE:
-            self.outgoing += firmata.task(SchedulerCommand.ERROR, bytes((number,)))
+            self._report_task(SchedulerCommand.ERROR, number)
         elif command == SchedulerCommand.ADD:
             more = firmata.unpacked(data[1:])
             if len(task.messages) + len(more) <= task.size:
                 task.messages += more
-        elif command == SchedulerCommand.SCHEDULE:
+        else:
             ms = int.from_bytes(firmata.unpacked(data[1:]), "little")
             task.at, task.due = 0, self.chip.now + self._cycles(ms + TICK_MS)
-        elif command == SchedulerCommand.QUERY:
-            sizes = task.size.to_bytes(2, "little") + len(task.messages).to_bytes(2, "little")
-            state = firmata.packed(bytes(4) + sizes + bytes(task.messages))
-            self.outgoing += firmata.task(SchedulerCommand.STATE, bytes((number,)) + state)
+
+    def _report_task(self, reply: SchedulerCommand, number: int) -> None:
+        """Send the number of a task and, if there is one, its time, length, position and messages."""
+        task, state = self._tasks.get(number), b""
+        if task is not None:
+            ms = 0 if task.due is None else int(task.due * 1000 / self.chip.cycles_per_second) - TICK_MS
+            at = len(task.messages) if task.due is None else task.at
+            parts = ((ms, TASK_TIME_BYTES), (task.size, 2), (at, 2))
+            head = b"".join(value.to_bytes(size, "little") for value, size in parts)
+            state = firmata.packed(head + bytes(task.messages))
+        self.outgoing += firmata.task(reply, bytes((number,)) + state)
 
 
 def _delay(message: Message) -> int | None:
