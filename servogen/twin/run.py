@@ -38,6 +38,8 @@ from servogen.twin.world import Energies, World
 Floats = npt.NDArray[np.float64]
 
 SAMPLE_S = 0.005
+ROUNDING_S = 1e-9
+"""More than the rounding of any time of a run, and far less than a step of the physics."""
 MAX_SAMPLES = 400_000
 """The maximum number of samples of a record: more than half an hour."""
 
@@ -128,7 +130,7 @@ class Record:
     @property
     def first(self) -> int:
         """Return the sample at which the motion begins."""
-        return min(int(np.searchsorted(self.time, self.motion[0] - 1e-9)), len(self.time) - 1)
+        return min(int(np.searchsorted(self.time, self.motion[0] - ROUNDING_S)), len(self.time) - 1)
 
 
 def simulate(

@@ -17,7 +17,7 @@ from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
 from servogen.twin.planned import PlannedRoute
-from servogen.twin.run import SAMPLE_S, Record
+from servogen.twin.run import ROUNDING_S, SAMPLE_S, Record
 
 Floats = npt.NDArray[np.float64]
 
@@ -243,7 +243,8 @@ def _tool(record: Record, planned: PlannedRoute) -> tuple[float | None, float | 
     if planned.tool is None or not record.tool.shape[1]:
         return None, None, None
     time = record.time[record.first :] - record.motion[0]
-    frame = np.clip((time / planned.frame_s).astype(int), 0, len(planned.tool) - 1)
+    # A frame's pulse takes effect in the moment in which the frame begins.
+    frame = np.floor((time + ROUNDING_S) / planned.frame_s).astype(int).clip(0, len(planned.tool) - 1)
     error = np.linalg.norm(record.tool[record.first :] - planned.tool[frame], axis=1)
     steps = np.linalg.norm(np.diff(planned.tool, axis=0), axis=1) < REST_M
     needed = max(1, round(REST_S / planned.frame_s))

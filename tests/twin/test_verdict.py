@@ -212,6 +212,22 @@ def test_a_tool_is_compared_with_its_frame_and_at_rest_after_three_tenths_of_a_s
     assert verdict(made, None, STILL).tool_error is None
 
 
+@pytest.mark.parametrize(("shift", "at_edge"), [(0.0, True), (1e-6, True), (-1e-6, False)])
+@pytest.mark.parametrize("begins", [0.1, 0.1234, 17.3])
+def test_a_sample_at_the_edge_of_two_frames_is_compared_with_the_one_that_begins_there(
+    shift: float, at_edge: bool, begins: float
+) -> None:
+    """The servos get the pulses of the frame just then, before the sample is taken."""
+    frames = 400
+    tool = np.zeros((frames, 3))
+    tool[:, 0] = np.arange(frames)
+    time = begins + 0.02 * np.arange(frames) + shift
+    shown = tool if at_edge else np.maximum(tool - [1, 0, 0], 0)
+    planned = PlannedRoute(0.02, tool=tool)
+    made = record(frames, tool=shown, motion=(begins, begins + 8), floating=False, time=time)
+    assert verdict(made, None, planned).tool_error == 0
+
+
 LIMITS = {
     "robot_within_mm": ("robot", "mm off"),
     "turn_within_deg": ("turn", "° off"),
