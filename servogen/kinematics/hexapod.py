@@ -42,7 +42,7 @@ from servogen.robot.model import Arm, Dimensions, Joint, Limb, Mount
 from servogen.toml.file import Document, Table
 
 SAME_M = 1e-9
-"""A height within this of the lowest is the lowest: floating-point noise."""
+"""Points closer than this are one: floating-point noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class Hexapod:
                 "out-of-range", f"a lift of {1000 * posture.lift:g} mm does not take the foot off the ground"
             )
         try:
-            beta, lifted = _beta_at(leg, foot), _beta_at(leg, foot + posture.lift)
+            beta, lifted = leg.beta_at(foot), leg.beta_at(foot + posture.lift)
         except InputError as error:
             stands, lifts = (f"{1000 * length:g} mm" for length in (-foot, posture.lift))
             low, high = (f"{1000 * length:g}" for length in (leg.df - leg.bc, leg.df + leg.bc))
@@ -313,13 +313,6 @@ class HexapodStance:
     def feet(self, leg: int, angles: Floats) -> Floats:
         """Return the feet (n, 3) in the body frame."""
         return to_body(self.legs[leg].mount, self.leg.fk(angles[:, 0], angles[:, 1]))
-
-
-def _beta_at(leg: Leg, height: float) -> float:
-    """Return `leg.beta_at(height)`, where a height that is below the lowest one only by rounding is the
-    lowest one.
-    """
-    return 0.0 if abs(height + leg.bc + leg.df) < SAME_M else leg.beta_at(height)
 
 
 def feet(robot: Hexapod, angles: ArrayLike) -> Floats:

@@ -164,16 +164,21 @@ class Leg:
         return (reach * scale[0], reach * scale[1], float(-self.bc * np.cos(best) - self.df))
 
     def beta_at(self, height_m: float) -> float:
-        """Return the β ≥ 0 at which the foot is at Z = `height_m`; -β is the other one. Raises InputError."""
-        cosine = -(height_m + self.df) / self.bc
-        if not -1.0 <= cosine <= 1.0:
-            low, high = -self.bc - self.df, self.bc - self.df
+        """Return the β ≥ 0 at which the foot is at Z = `height_m`; -β is the other one. Raises InputError.
+
+        A height within `REACH_TOLERANCE_M` of the lowest or the highest one is that one.
+        """
+        low, high = -self.bc - self.df, self.bc - self.df
+        for end, beta in ((low, 0.0), (high, np.pi)):
+            if abs(height_m - end) <= REACH_TOLERANCE_M:
+                return beta
+        if not low < height_m < high:
             raise InputError(
                 "out-of-reach",
                 f"no β gives the height {1000 * height_m:z.3f} mm",
                 hint=f"this leg's foot is between {1000 * low:z.3f} and {1000 * high:z.3f} mm",
             )
-        return float(np.arccos(cosine))
+        return float(np.arccos(-(height_m + self.df) / self.bc))
 
     def straight(self, stride_m: float, height_m: float, samples: int, side: int = 1) -> Floats:
         """Return the straight stance path along -X (the body goes along +X), shape (samples, 3), front to

@@ -274,6 +274,23 @@ def test_beta_at_a_height_is_its_arc_cosine_and_its_ends_are_taken(height: float
         assert caught.value.hint == "this leg's foot is between -130.000 and -30.000 mm"
 
 
+@pytest.mark.parametrize("bc", [0.03, 0.035, 0.05, 0.0555, 0.07])
+@pytest.mark.parametrize("df", [0.0, 0.013, 0.05, 0.083])
+def test_the_lowest_and_the_highest_foot_are_reached_whatever_the_rounding_of_their_height(
+    bc: float, df: float
+) -> None:
+    """Within a nanometre, the tolerance of every foot; β is 0 at the lowest and π at the highest."""
+    leg = Leg(0.01, bc, 0.02, df)
+    for stands in (0.01, 0.02, 0.033, 0.047):
+        assert leg.beta_at(-stands + (stands + bc - df)) == math.pi
+        assert leg.beta_at(-stands - (bc + df - stands)) == 0
+    for away in (0.9e-9, -0.9e-9):
+        assert (leg.beta_at(bc - df + away), leg.beta_at(-bc - df + away)) == (math.pi, 0)
+    for beyond in (bc - df + 1.1e-9, -bc - df - 1.1e-9, math.nan):
+        with pytest.raises(InputError, match="no β gives the height"):
+            leg.beta_at(beyond)
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_straight_stance_is_as_far_inside_the_circle_in_its_middle_as_outside_at_its_ends(
     side: int,

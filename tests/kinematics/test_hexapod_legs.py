@@ -170,7 +170,7 @@ def test_the_asked_sign_of_beta_is_that_of_all_legs_of_a_straight_walk(sign: int
     assert math.copysign(1, top[0, 1]) == sign
 
 
-# The legs reach 120 to 20 mm; a foot that stands at its lowest point may be there up to rounding.
+# The legs reach 120 to 20 mm; a foot may be at its lowest and at its highest point up to rounding.
 @pytest.mark.parametrize(
     ("posture", "refusal"),
     [
@@ -178,6 +178,7 @@ def test_the_asked_sign_of_beta_is_that_of_all_legs_of_a_straight_walk(sign: int
         (Posture(0.12 + 0.9e-9), None),
         (Posture(0.12 + 1e-6), "the legs cannot stand 120.001 mm high and lift their feet by 20 mm"),
         (Posture(0.12, lift=0.0999), None),
+        *((Posture(stands / 1000, lift=(stands - 20) / 1000), None) for stands in range(21, 121)),
         (Posture(0.12, lift=0.101), "the legs cannot stand 120 mm high and lift their feet by 101 mm"),
         (Posture(0.03, lift=0.011), "the legs cannot stand 30 mm high and lift their feet by 11 mm"),
         (Posture(lift=0.0), "a lift of 0 mm does not take the foot off the ground"),
