@@ -239,6 +239,9 @@ class _Sampler:
         self._add(moves.through(points, counts, closed), chain[-1])
 
     def _add(self, block: Floats, pose: Pose) -> None:
+        """Add the frames of a part of a pose's way or stay; an immediate move has none."""
+        if not len(block):
+            return
         name = self._names[id(pose)]
         if not self.parts or self.parts[-1].name != name:
             self.parts.append(Part(name, self._frames))

@@ -448,6 +448,14 @@ def test_the_parts_of_a_motion_are_its_poses_with_their_first_frames() -> None:
     assert len(made.trajectory.angles) == 35
 
 
+def test_an_immediate_move_back_to_the_first_pose_is_no_part() -> None:
+    """It takes no frame, in the loop's end as elsewhere."""
+    tenth = Fraction(1, 10)
+    made = planned(*(Pose((angle,), hold_s=tenth) for angle in (0.0, 1.0)))
+    assert made.parts == (Part("pose 1", 0), Part("pose 2", 5))
+    assert len(made.trajectory.angles) == 10
+
+
 def test_a_pose_needs_a_time_of_its_own() -> None:
     tenth = Fraction(1, 10)
     for pose in (Pose((1.0,), hold_s=tenth), Pose((1.0,), pause_s=tenth), Pose((1.0,), move_s=tenth)):
