@@ -18,7 +18,8 @@ from servogen.cli.options import (
     takes_chip_options,
 )
 from servogen.cli.page_server import require_server, serve_until_ctrl_c
-from servogen.errors import InputError, Location
+from servogen.cli.show import warn
+from servogen.errors import Diagnostic, InputError, Location
 
 MAX_BEGIN = 3600 * 5_000_000
 """The maximum of --at-cycle: an hour, the longest time of a lab, at 20 MHz."""
@@ -72,7 +73,8 @@ def watch(
     from servogen.build.signals import chosen_device, device_for
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
-    from servogen.programs import DEFAULT_DEVICE, is_job, read_schedule
+    from servogen.programs import DEFAULT_DEVICE, is_job, program_file, read_schedule
+    from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
     from servogen.watch.editing import Editor
     from servogen.watch.live_line import LiveLine
     from servogen.watch.server import Room, WatchServer
@@ -111,6 +113,11 @@ def watch(
             Location(str(file), key="--robot"),
         )
 
+    if job is not None and job.sensors and program_file(file).suffix.lower() not in CAPTURE_SUFFIXES:
+        pins = ", ".join(sensor.pin for sensor in job.sensors)
+        text = f"the job's sensors are not connected to the chip of the page, which reads {pins} as open pins"
+        hint = "drive the pins on the page; servogen twin connects the sensors to the bodies"
+        warn(Diagnostic("note", "sensors-open", text, Location(str(job_file)), hint))
     with ExitStack() as open_until_the_end:
         live = None
         if robot is not None and stream is not None:

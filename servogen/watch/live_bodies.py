@@ -42,7 +42,7 @@ class LiveBodies:
         self._twin = LiveTwin(subject.job, subject.clock, place.edges)
         self._height = float(self._twin.moment().pose[2])
         self._sent: tuple[int, bool] | None = None
-        self._sensors = bool(subject.job.sensors)
+        self._sensors = subject.image is not None and bool(subject.job.sensors)
 
     def model(self) -> dict[str, Any]:
         """Return what stays the same while the bodies move."""

@@ -85,6 +85,35 @@ def test_a_program_is_watched_with_its_options_and_not_edited(run: Run, watched:
     assert run("watch", BUILT / "main.hex", "--at-cycle", 18_000_000_000).code == 0  # an hour at 20 MHz
 
 
+SENSOR = """
+[[sensor]]
+pin = "RB5"
+kind = "stall"
+above_a = 1
+
+[[sensor]]
+pin = "RA1"
+kind = "stall"
+above_a = 2
+
+[motion]"""
+
+
+def test_the_sensors_of_a_job_are_said_to_be_open_where_a_chip_runs(
+    run: Run, watched: dict[str, Any], tmp_path: Path
+) -> None:
+    """A capture shows what the chip did, whatever was on its pins."""
+    job = tmp_path / "a.toml"
+    job.write_text(JOB.read_text().replace("\n[motion]", SENSOR))
+    (tmp_path / "a.vcd").write_text("$timescale 1 us $end\n$enddefinitions $end\n#0\n")
+    for words in ((job,), (BUILT / "main.hex", "--against", job)):
+        ran = run("watch", *words)
+        assert ran.code == 0
+        assert "note: the job's sensors are not connected to the chip of the page" in ran.err
+        assert "which reads RB5, RA1 as open pins [sensors-open]" in ran.err
+    assert run("watch", tmp_path / "a.vcd", "--against", job).err == ""
+
+
 def test_a_program_is_compared_with_a_schedule_or_a_job(run: Run, watched: dict[str, Any]) -> None:
     assert run("watch", BUILT / "main.hex", "--against", BUILT / "schedule.json").code == 0
     setting = watched["load"](None)[1]

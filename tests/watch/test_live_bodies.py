@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
 from servogen.errors import InputError
+from servogen.job.schema import SensorTable
 from servogen.simulator import Levels, Stimuli
 from servogen.twin import TwinSettings, simulate
 from servogen.twin import live as module
@@ -207,6 +208,19 @@ def test_what_moves_no_robot_has_no_bodies(name: str, text: str) -> None:
     (answer,) = session.handle({"do": "bodies", "on": True})
     assert answer["model"] is None and text in answer["text"]
     assert session.bodies is None
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_the_page_says_that_sensors_are_open_beside_the_bodies_that_a_chip_moves(
+    walk: Subject, runs: bool
+) -> None:
+    assert walk.job is not None
+    sensor = SensorTable(pin="RA1", kind="stall", above_a=1)
+    subject = replace(walk, job=replace(walk.job, sensors=(sensor,)))
+    place = WatchSession(walk).chip
+    assert place is not None
+    bodies = LiveBodies(subject if runs else replace(subject, image=None), place)
+    assert bodies.model()["sensors"] == runs
 
 
 def test_pieces_of_a_capture_have_no_bodies(walk: Subject) -> None:
