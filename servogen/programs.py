@@ -17,7 +17,7 @@ from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, ProcessDied, WorkLimits, run
 from servogen.notebooks import table_html
-from servogen.pic.device import Device, device
+from servogen.pic.device import DEVICES, Device, device
 from servogen.units import Clock, counted
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Program:
     """Warnings about a HEX file that can be read nevertheless."""
     device: str | None = None
     """The chip that it was built for, where a job or the schedule of a build says it, or where its C (by a
-    header or its clock) asks for another one than the default.
+    header or its clock) or its assembly (`list p=16f84a`) asks for another one than the default.
     """
 
     def __repr__(self) -> str:
@@ -149,8 +149,8 @@ def within_limits(
 def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
     """Return the program in a HEX, C or assembly file.
 
-    `included` finds its include files. The device defaults to the one that a header of the source names, else
-    to the PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
+    `included` finds its include files. The device defaults to the one that the source names, else to the
+    PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
     """
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
@@ -161,24 +161,33 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         chip, faster = devices_of(device_name, names)
         options = Options(dialect=dialect_of(names), device=chip, faster_device=faster, include=include)
         compilation = compile_sources([Source(text, str(path))], options)
-        built_for = compilation.device.name
         return Program(
             compilation.image,
             compilation.listing,
             compilation.clock,
-            device=None if built_for == DEFAULT_DEVICE else built_for,
+            device=_unusual(compilation.device),
         )
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 
         files = beside(path.parent) if included is None else _assembly_includes(included, path)
-        chip = device(device_name or DEFAULT_DEVICE)
-        assembly = assemble(read_assembly(path), str(path), chip, files)
-        return Program(assembly.image, assembly.listing)
+        named = device(device_name) if device_name else None
+        assembly = assemble(read_assembly(path), str(path), named, files)
+        return Program(assembly.image, assembly.listing, device=_unusual(assembly.device))
     from servogen.pic.image import read_hex
 
     file = read_hex(read_source(path), str(path))
     return Program(file.image, remarks=file.remarks)
+
+
+def _unusual(built_for: Device) -> str | None:
+    """Return the name of a chip other than the default that can be simulated."""
+    return built_for.name if built_for in DEVICES and built_for.name != DEFAULT_DEVICE else None
+
+
+def chip_of(program: Program | None, device_name: str | None) -> str:
+    """Return the requested chip, else the one that the program was built for, else the default."""
+    return device_name or (program.device if program else None) or DEFAULT_DEVICE
 
 
 def read_submission(submission: Submission) -> Program:

@@ -7,7 +7,6 @@ for measured pulses, the warnings that planned pulses would get from the servos'
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from servogen.build.job_program import read_program
@@ -112,26 +111,18 @@ def scheduled_edges(
 
 def unscheduled_edges(
     file: Path,
+    program: Program | None,
     seconds: float | None,
     clock_hz: int | None,
     options: SimulatorOptions,
-    read: Read = read_program,
-    *,
-    own_device: bool = False,
 ) -> EdgeTrace:
-    """Return the edges of a program or a file without a schedule, by default for `MEASURED_SECONDS` or up to
-    the file's end.
-
-    With `own_device` a program that names its chip, such as a job's, is built for it and runs on it.
+    """Return the edges of the program in a file, or those that it holds, without a schedule, by default for
+    `MEASURED_SECONDS` or up to the file's end.
     """
-    if is_program(file):
-        program = read(file, None if own_device else options.device)
-        if own_device and program.device is not None:
-            options = replace(options, device=program.device)
-        clock = clock_of(program, clock_hz)
+    clock = clock_of(program, clock_hz)
+    if program is not None:
         span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
         return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)
-    clock = clock_of(None, clock_hz)
     return read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
 
 

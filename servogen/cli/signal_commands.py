@@ -20,7 +20,7 @@ from servogen.cli.options import (
 )
 from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Location
-from servogen.programs import DEFAULT_DEVICE, read_schedule
+from servogen.programs import chip_of, read_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -172,7 +172,13 @@ def measure(
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
+    from servogen.build.signals import (
+        is_program,
+        measured_warnings,
+        refuse_chip_options,
+        servos_named,
+        unscheduled_edges,
+    )
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
@@ -180,11 +186,12 @@ def measure(
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
-    board = chip.on(device or DEFAULT_DEVICE)
-    trace = unscheduled_edges(file, seconds, clock_hz, board, read_program, own_device=device is None)
+    program = read_program(file, device) if is_program(file) else None
+    trace = unscheduled_edges(file, program, seconds, clock_hz, chip.on(chip_of(program, device)))
     if schedule is not None:
         trace = trace.stored()
-        _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, device)
+        built_for = device or (program.device if program else None)
+        _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, built_for)
     with status("measuring"):
         measurement = measured(trace)
     warnings = measured_warnings(measurement, models)
@@ -221,6 +228,7 @@ def plot(
     from servogen.build import motion_cycles
     from servogen.build.signals import (
         device_for,
+        is_program,
         refuse_chip_options,
         scheduled_edges,
         unscheduled_edges,
@@ -232,8 +240,8 @@ def plot(
     if device is not None or chip.given:
         refuse_chip_options(file)
     if schedule is None or against is None:
-        board = chip.on(device or DEFAULT_DEVICE)
-        trace = unscheduled_edges(file, seconds, clock_hz, board, read_program, own_device=device is None)
+        program = read_program(file, device) if is_program(file) else None
+        trace = unscheduled_edges(file, program, seconds, clock_hz, chip.on(chip_of(program, device)))
         span = trace.end
     elif clock_hz is not None:
         raise InputError(

@@ -21,7 +21,7 @@ from servogen.cli.options import (
 )
 from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
-from servogen.programs import DEFAULT_DEVICE, clock_of
+from servogen.programs import chip_of, clock_of
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def simulate(
     program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
-    board = chip.on(device or program.device or DEFAULT_DEVICE)
+    board = chip.on(chip_of(program, device))
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)
     paths = [path for path in (edges, vcd) if path]

@@ -279,11 +279,12 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
         program = request.getfixturevalue("servogen_program")
     clock = schedule.clock if schedule else _clock(node, program)
     stimuli = _stimuli(node, _mark(node).get("stimulus"), clock)
+    built_for = schedule.device if schedule else program.device if program else None
     if isinstance(servogen_target, Bench):
-        servogen_target.built_for = schedule.device if schedule else None
+        servogen_target.built_for = built_for
     if program is not None:
         servogen_target.load(program.image)
-    wanted = CaptureRequest(clock, schedule, _mark(node).get("seconds"), stimuli)
+    wanted = CaptureRequest(clock, schedule, _mark(node).get("seconds"), stimuli, built_for)
     if isinstance(servogen_target, Bench) and stimuli is not None:
         seen = played_once(servogen_target, wanted, program.image if program else None)
     else:
@@ -340,13 +341,13 @@ def servogen_machine(
             player = ReplayPlayer(replay.recordings(clock))
             chip = SeenChip(path.name, clock, player, made.image, inputs)
         elif isinstance(servogen_target, Bench):
-            servogen_target.built_for = device
+            servogen_target.built_for = device or made.device
             chip = SeenChip(path.name, clock, BenchPlayer(servogen_target), made.image, inputs, stimuli)
             if servogen_target.programmer is not None:
                 servogen_target.load(made.image)
         else:
             around = options or SimulatorOptions()
-            board = replace(around, device=device) if device else around
+            board = replace(around, device=device or made.device or around.device)
             chip = Chip(Board(path.name, made.image, clock, made.listing, board, stimuli, inputs or {}))
         chips.append(chip)
         return cast("Chip", chip)  # what a chip that is only seen cannot do skips the test

@@ -161,6 +161,8 @@ class CaptureRequest:
     """The duration; None: long enough to judge the schedule's whole motion."""
     stimuli: Stimuli | None = None
     """The stimuli that drive the pins instead of the schedule's levels."""
+    device: str | None = None
+    """The chip that the program was built for, where it or the schedule says so."""
 
     @property
     def cycles(self) -> Cycles:
@@ -231,9 +233,11 @@ class Simulator:
             )
         span = limit = request.cycles
         options, stimuli, schedule = SimulatorOptions(), request.stimuli, request.schedule
+        if request.device is not None:
+            options = replace(options, device=request.device)
         if schedule is not None:
             limit = Cycles(span + START_FRAMES * schedule.period)
-            options, stimuli = board_of(schedule), stimuli or inputs_of(schedule)
+            options, stimuli = board_of(schedule, options), stimuli or inputs_of(schedule)
         machine = Machine(self._image, request.clock, options, stimuli, tracked=True)
         trace = EdgeTrace(request.clock, machine.stream(limit), limit).stored()
         return SeenPins(trace, "the simulated chip", span=span, warnings=chip_warnings(machine))

@@ -41,7 +41,8 @@ def test_it_is_the_schedule_from_which_the_firmware_was_generated() -> None:
     """Two sweeps of a motion that repeats every 3 s."""
     folder = FIRMWARE / "lab9-program"
     plan = read_schedule(folder / "schedule.json")
-    trace = unscheduled_edges(folder / "main.hex", None, None, SimulatorOptions())
+    file = folder / "main.hex"
+    trace = unscheduled_edges(file, read_program(file), None, None, SimulatorOptions())
     found = measured_schedule(trace, "main.hex", {})
     assert (found.clock, found.period) == (plan.clock, plan.period)
     assert [channel.pin for channel in found.channels] == [channel.pin for channel in plan.channels]
@@ -166,7 +167,8 @@ def test_what_has_no_schedule_is_refused_with_the_reason(
 
 def test_a_lab_program_whose_frames_differ_has_no_schedule() -> None:
     """The printed servo.c: a step of its motion takes longer than a frame (docs/labs)."""
+    file = ROOT / "tests/labs/servo.c"
     with pytest.raises(InputError, match="the frames are not of one length"):
         measured_schedule(
-            unscheduled_edges(ROOT / "tests/labs/servo.c", 8.0, None, SimulatorOptions()), "servo.c", {}
+            unscheduled_edges(file, read_program(file), 8.0, None, SimulatorOptions()), "servo.c", {}
         )

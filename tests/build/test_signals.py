@@ -59,33 +59,16 @@ def test_a_program_with_another_clock_than_the_schedules_is_refused() -> None:
         program_for(schedule, HEX, "PIC16F84", lambda path, device: Program(image, None, Clock(8_000_000)))
 
 
-def test_a_program_that_was_built_for_a_chip_runs_on_it_unless_another_is_named() -> None:
-    """A chip that does not exist shows which one was chosen; only a program of that chip is asked for."""
-    image = read_program(HEX).image
-    asked: list[str | None] = []
-
-    def read(path: Path, device: str | None) -> Program:
-        asked.append(device)
-        return Program(image, device="PIC99")
-
-    def edges(own_device: bool) -> Cycles:
-        options = SimulatorOptions(device="PIC16F84A")
-        return unscheduled_edges(HEX, 0.01, None, options, read, own_device=own_device).end
-
-    assert edges(own_device=False) == 10_000
-    with pytest.raises(InputError, match="PIC99"):
-        edges(own_device=True)
-    assert asked == ["PIC16F84A", None]
-
-
 def test_a_program_runs_as_long_as_asked_and_a_recording_ends_where_it_does(tmp_path: Path) -> None:
-    assert unscheduled_edges(HEX, 0.5, None, SimulatorOptions()).end == 500_000
-    assert unscheduled_edges(HEX, None, 8_000_000, SimulatorOptions()).end == 2_000_000 * MEASURED_SECONDS
+    program = read_program(HEX)
+    assert unscheduled_edges(HEX, program, 0.5, None, SimulatorOptions()).end == 500_000
+    long = unscheduled_edges(HEX, program, None, 8_000_000, SimulatorOptions())
+    assert long.end == 2_000_000 * MEASURED_SECONDS
     recording = tmp_path / "edges.csv"
     recording.write_text(RECORDING)
     assert [
         int(cycle)
-        for chunk in unscheduled_edges(recording, None, None, SimulatorOptions()).chunks
+        for chunk in unscheduled_edges(recording, None, None, None, SimulatorOptions()).chunks
         for cycle in chunk.cycle
     ]
 

@@ -177,9 +177,13 @@ def measuring(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
     trace = SimpleNamespace(end=Cycles(777))
     trace.stored = lambda: found.setdefault("stored", SimpleNamespace(end=trace.end))
 
-    def edges(*given: Any, **named: Any) -> Any:
-        found["asked"], found["own_device"] = given, named["own_device"]
+    def edges(*given: Any) -> Any:
+        found["asked"] = given
         return trace
+
+    def read(file: Path, device: str | None) -> Any:
+        found["read"] = (file, device)
+        return SimpleNamespace(device=found.get("built_for"))
 
     def scheduled(*given: Any) -> Any:
         found["scheduled"] = given
@@ -200,6 +204,7 @@ def measuring(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
     monkeypatch.setattr(measured_schedule, "measured_schedule", written)
     monkeypatch.setattr(pulse_plot, "pulse_plot", drawn)
     monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
+    monkeypatch.setattr(signal_commands, "read_program", read)
     monkeypatch.setattr(build, "motion_cycles", lambda schedule: Cycles(40_000))
     monkeypatch.chdir(tmp_path)
     return found
@@ -211,20 +216,35 @@ def test_measure_prints_its_lines_then_its_file_then_its_warnings(
     ran = run("measure", "a.hex")
     assert (ran.code, ran.out) == (0, "line 1\nline 2\n")
     assert ran.err.startswith("1 warning:\n")
-    file, seconds, clock_hz, board, _ = measuring["asked"]
+    file, program, seconds, clock_hz, board = measuring["asked"]
     assert (file, seconds, clock_hz, board.device) == (Path("a.hex"), None, None, "PIC16F84")
-    assert measuring["own_device"] is True
+    assert (program is not None, measuring["read"]) == (True, (Path("a.hex"), None))
     assert "written" not in measuring
     ran = run(
         "measure", "a.hex", "--schedule", "s.json", "--servo", "RB0=futaba-s3001", "--device", "PIC16F84A"
     )
     assert (ran.out, Path("s.json").read_text()) == ("line 1\nline 2\ns.json: written\n", "{}\n")
     assert measuring["written"] == (True, "a.hex", {"RB0": "futaba-s3001"}, "PIC16F84A")
-    assert (measuring["asked"][3].device, measuring["own_device"]) == ("PIC16F84A", False)
+    assert (measuring["asked"][4].device, measuring["read"][1]) == ("PIC16F84A", "PIC16F84A")
     shown = run("measure", "a.hex", "--seconds", 2, "--clock-hz", 8_000_000, "--json")
     found = json.loads(shown.out)
     assert (found["pins"], shown.err, len(found["diagnostics"])) == (1, "", 1)
-    assert measuring["asked"][1:3] == (2.0, 8_000_000)
+    assert measuring["asked"][2:4] == (2.0, 8_000_000)
+
+
+def test_a_program_that_was_built_for_a_chip_is_measured_on_it_unless_another_is_named(
+    run: Command, measuring: dict[str, Any]
+) -> None:
+    """And the schedule of its pulses is one for that chip."""
+    measuring["built_for"] = "PIC16F84A"
+    for command in (("measure",), ("plot", "-o", "a.png")):
+        for words, chip in (((), "PIC16F84A"), (("--device", "PIC16F84"), "PIC16F84")):
+            assert run(*command, "a.hex", *words).code == 0
+            assert measuring["asked"][4].device == chip
+    assert run("measure", "a.hex", "--schedule", "s.json").code == 0
+    assert measuring["written"][3] == "PIC16F84A"
+    assert run("measure", "a.csv", "--schedule", "s.json").code == 0
+    assert (measuring["asked"][1], measuring["written"][3]) == (None, None)
 
 
 @pytest.mark.parametrize("command", [("measure",), ("plot", "-o", "a.png")])
@@ -267,4 +287,4 @@ def test_plot_draws_the_trace_or_the_motion_once(run: Command, measuring: dict[s
     both = run("plot", "a.hex", "-o", "a.png", "--against", "s.json", "--clock-hz", 4_000_000)
     assert (both.code, "the clock is that of the schedule" in both.err) == (2, True)
     assert run("plot", "a.hex", "-o", "a.png", "--clock-hz", 8_000_000).code == 0
-    assert measuring["asked"][2] == 8_000_000
+    assert measuring["asked"][3] == 8_000_000

@@ -72,6 +72,29 @@ def test_the_header_of_a_c_file_selects_the_chip_that_runs_it(
     assert bool(json.loads(ran.out)["registers"]["EECON1"] & 0x10) is done
 
 
+@pytest.mark.parametrize(
+    ("names", "options", "done"),
+    [
+        ("", (), False),
+        ("list p=16f84\n", (), False),
+        ("list p=16f84a\n", (), True),
+        ("processor PIC16F84A\n", (), True),
+        ("include <p16f84a.inc>\n", (), True),
+        ("list p=16f84a\n", ("--device", "PIC16F84"), False),
+        ("list p=16f84\n", ("--device", "PIC16F84A"), True),
+        ("list p=16c84\n", (), False),
+    ],
+)
+def test_an_assembly_file_runs_on_the_chip_that_it_names_unless_another_is_asked_for(
+    run: Callable[..., Ran], tmp_path: Path, names: str, options: tuple[str, ...], done: bool
+) -> None:
+    """A PIC16C84, which is not simulated, runs as a PIC16F84."""
+    program = tmp_path / "write.asm"
+    program.write_text(f"        {names}{SOURCE}")
+    ran = run("simulate", program, "--cycles", 5_000, "--json", *options)
+    assert bool(json.loads(ran.out)["registers"]["EECON1"] & 0x10) is done
+
+
 def test_a_clock_too_fast_for_the_default_chip_selects_the_faster_one(
     run: Callable[..., Ran], tmp_path: Path
 ) -> None:

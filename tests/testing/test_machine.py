@@ -88,6 +88,49 @@ def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
     )
 
 
+WRITES = """
+        list p={chip}
+        include <p{chip}.inc>
+        __config 0x3FF1
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bsf     EECON1, WREN
+        movlw   0x55
+        movwf   EECON2
+        movlw   0xAA
+        movwf   EECON2
+        bsf     EECON1, WR
+wait    btfss   EECON1, EEIF
+        goto    wait
+        bcf     STATUS, RP0
+        bsf     PORTB, 0
+stand   goto    stand
+        end
+"""
+WRITTEN = """
+import pytest
+
+CHIPS = (("16f84.asm", {}, 10), ("16f84a.asm", {}, 4), ("16f84a.asm", {"device": "PIC16F84"}, 10))
+
+@pytest.mark.parametrize(("name", "given", "ms"), CHIPS)
+def test_machine(servogen_machine, name, given, ms):
+    chip = servogen_machine(name, **given)
+    assert chip.run_until("RB0 rise") / 1000 == pytest.approx(ms, abs=0.1)
+
+@pytest.mark.servogen("16f84a.asm", seconds=0.02)
+def test_capture(servogen_capture):
+    assert servogen_capture.rising_us("RB0") == pytest.approx([4000], abs=100)
+"""
+
+
+def test_firmware_runs_on_the_chip_that_its_source_names(pytester: pytest.Pytester) -> None:
+    """Its write to the EEPROM takes 10 ms on a PIC16F84 (DS30430), 4 ms on a PIC16F84A (DS35007)."""
+    for chip in ("16f84", "16f84a"):
+        (pytester.path / f"{chip}.asm").write_text(WRITES.format(chip=chip))
+    pytester.makepyfile(test_written=WRITTEN)
+    run(pytester).assert_outcomes(passed=4)
+
+
 def test_firmware_without_a_schedule_is_tested_recorded_and_replayed(project: pytest.Pytester) -> None:
     project.makepyfile(test_blink=TESTS)
     run(project, "--servogen-record=seen", "--junitxml=report.xml").assert_outcomes(passed=4)
