@@ -129,15 +129,9 @@ def grade(
         if error.code == NO_PROGRAM:
             formats.write_without_program(task.lab, "no program was handed in")
         raise
-    for warning in search.warnings:
-        warn(
-            replace(
-                warning,
-                location=Location(visible(warning.location.file))
-                if warning.location and warning.location.file
-                else None,
-            )
-        )
+    for diagnostic in (*search.warnings, *search.errors):
+        file = diagnostic.location and diagnostic.location.file
+        warn(replace(diagnostic, location=Location(visible(file)) if file else None))
     with progress(task.lab.title, len(search.submissions)) as tell:
         graded = grade_submissions(search.submissions, task, scheduler, tell)
     names = page_names([result.submission.name for result in graded]) if pages or watch else []
@@ -156,6 +150,8 @@ def grade(
         raise InputError("several-programs", _several(graded), hint="hand in one program, or name a folder")
     if any(result.defect for result in graded):
         raise typer.Exit(3)
+    if search.errors:
+        raise typer.Exit(2)
     raise typer.Exit(0 if all(result.grade.passed for result in graded) else 1)
 
 

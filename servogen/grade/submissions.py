@@ -73,10 +73,13 @@ class Submission:
 
 @dataclass(slots=True)
 class Submissions:
-    """The programs to grade, and a warning for each file and folder that is omitted."""
+    """The programs to grade, a warning for each file and folder that is omitted, and an error for each path
+    given that holds none.
+    """
 
     submissions: list[Submission] = field(default_factory=list)
     warnings: list[Diagnostic] = field(default_factory=list)
+    errors: list[Diagnostic] = field(default_factory=list)
 
 
 def find_submissions(
@@ -86,25 +89,27 @@ def find_submissions(
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
     `images` (HEX) beside one of `sources` of the same name is omitted, because it was built from that source.
-    A path that does not exist is a program that cannot be read. Raises InputError for a folder without one,
-    and where no path exists.
+    A path that does not exist and a folder without a program are errors of the result, so that they do not
+    keep the other programs from being graded. Raises InputError where there is no program at all.
     """
     result = Submissions()
-    if not any(map(os.path.lexists, given)):
-        raise InputError("no-program", "there is no such file or folder", Location(str(given[0])))
     for path in given:
-        if path.is_dir():
+        absent = _why_absent(path)
+        if absent is not None:
+            result.errors.append(Diagnostic("error", "no-program", absent, Location(str(path))))
+        elif path.is_dir():
             search = _Search(path, frozenset((*sources, *images)), level, result.warnings)
             programs = search.programs()
             if not programs:
-                raise InputError(
-                    "no-program", f"holds no program ({', '.join((*sources, *images))})", Location(str(path))
-                )
+                text = f"holds no program ({', '.join((*sources, *images))})"
+                result.errors.append(Diagnostic("error", "no-program", text, Location(str(path))))
             result.submissions += _sources_first(programs, images, result.warnings)
         else:
             own = level == 0 or not _has_others(path, frozenset((*sources, *images)))
             folder = path.parent.resolve() if own else None
             result.submissions.append(Submission(path.name, path, folder, given=True))
+    if not result.submissions:
+        raise InputError.of(result.errors)
     count = Counter(submission.name for submission in result.submissions)
     named = (
         submission if count[submission.name] == 1 else replace(submission, name=submission.file.as_posix())
@@ -202,6 +207,17 @@ def _sources_first(
             warnings.append(Diagnostic("warning", "not-searched", text, Location(str(submission.file))))
         else:
             yield submission
+
+
+def _why_absent(path: Path) -> str | None:
+    """Return why there is nothing at `path` that could be opened; None if there is."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return "there is no such file or folder"
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+    return None
 
 
 def _has_others(path: Path, suffixes: frozenset[str]) -> bool:

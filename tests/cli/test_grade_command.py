@@ -53,12 +53,20 @@ def test_an_empty_folder_and_an_unknown_lab_are_bad_input(run: Run, tmp_path: Pa
     assert run("grade", "lab7", PROGRAMS / "lab8-right").code == 2
 
 
-def test_a_file_that_is_not_there_fails_alone(run: Run, tmp_path: Path) -> None:
-    ran = run("grade", "lab8-exercise", tmp_path / "none.c", PROGRAMS / "lab8-right" / "delays.c", "--json")
-    assert ran.code == 1
-    first, second = json.loads(ran.out)["programs"]
-    assert "cannot be read" in first["reasons"][0]
-    assert second["passed"]
+@pytest.mark.parametrize("program", ["lab8-right/delays.c", "lab8-wrong/pause.c"])
+def test_a_file_that_is_not_there_and_an_empty_folder_are_bad_input_beside_which_others_are_graded(
+    run: Run, tmp_path: Path, program: str
+) -> None:
+    """They get no grade: a file that does not exist is not a program that is wrong."""
+    (tmp_path / "empty").mkdir()
+    given = tmp_path / "none.c", PROGRAMS / program, tmp_path / "empty"
+    ran = run("grade", "lab8-exercise", *given, "--csv", tmp_path / "a.csv", "--json")
+    assert ran.code == 2
+    assert "none.c: error: there is no such file or folder [no-program]" in ran.err
+    assert "empty: error: holds no program" in ran.err
+    (graded,) = json.loads(ran.out)["programs"]
+    assert (graded["program"], graded["passed"]) == (Path(program).name, program.startswith("lab8-right"))
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == 2
 
 
 def test_where_no_file_is_there_nothing_was_graded(run: Run, tmp_path: Path) -> None:

@@ -39,7 +39,13 @@ def grading_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any
     """`grade` grades seen["graded"]; what it is asked."""
     lab = SimpleNamespace(name="lab", title="Lab", task="Do it")
     task = SimpleNamespace(lab=lab)
-    seen: dict[str, Any] = {"graded": [graded("anna")], "tables": [], "warnings": (), "served": None}
+    seen: dict[str, Any] = {
+        "graded": [graded("anna")],
+        "tables": [],
+        "warnings": (),
+        "errors": (),
+        "served": None,
+    }
 
     def of(lab: Any, read: Any, timeout: float, memory: int) -> Any:
         seen["limits"] = (timeout, memory)
@@ -50,7 +56,7 @@ def grading_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any
         if "refused" in seen:
             raise seen["refused"]
         submissions = [each.submission for each in seen["graded"]]
-        return SimpleNamespace(submissions=submissions, warnings=seen["warnings"])
+        return SimpleNamespace(submissions=submissions, warnings=seen["warnings"], errors=seen["errors"])
 
     def submissions(found: Any, task: Any, scheduler: Any, tell: Any) -> Any:
         seen["scheduler"] = scheduler
@@ -113,6 +119,9 @@ def test_the_exit_code_of_grade(run: Run, grading_of: dict[str, Any], results: l
     assert run("grade", "lab", "a.c").code == code
     shown = run("grade", "lab", "a.c", "--json")
     assert (shown.code, len(shown.out.splitlines())) == (code, 1)
+    grading_of["errors"] = (Diagnostic("error", "no-program", "gone", Location("x.c")),)
+    beside = run("grade", "lab", "a.c", "x.c")
+    assert (beside.code, beside.err) == (max(code, 2), "x.c: error: gone [no-program]\n")
 
 
 def test_the_json_of_grade_has_points_and_perhaps_pages(

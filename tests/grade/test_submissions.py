@@ -272,17 +272,25 @@ def said(found: Submissions) -> list[tuple[str, str]]:
     return [(str(each.location and each.location.file), each.message) for each in found.warnings]
 
 
-def test_what_does_not_exist_is_a_program_that_cannot_be_read_unless_nothing_does(tmp_path: Path) -> None:
+def test_what_does_not_exist_and_empty_folders_are_errors_beside_the_programs(tmp_path: Path) -> None:
+    """Without any program at all, nothing can be graded."""
     (tmp_path / "a.c").write_text("")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "link.c").symlink_to("nowhere")
+    absent = [tmp_path / name for name in ("gone.c", "empty", "link.c")]
     with pytest.raises(InputError, match="there is no such file or folder") as caught:
-        find(tmp_path / "gone.c", tmp_path / "away")
-    assert str(caught.value).startswith(f"{tmp_path / 'gone.c'}: ")
-    found = find(tmp_path / "gone.c", tmp_path / "a.c")
-    assert names(found) == ["gone.c", "a.c"]
-    gone, here = found.submissions
-    with pytest.raises(InputError, match=r"gone\.c: error: cannot be read: there is no such file"):
-        gone.require_readable()
-    here.require_readable()
+        find(*absent)
+    assert [each.location and each.location.file for each in caught.value.diagnostics] == [*map(str, absent)]
+    found = find(absent[0], tmp_path / "a.c", *absent[1:])
+    assert names(found) == ["a.c"]
+    assert [(str(each.location), each.severity, each.code) for each in found.errors] == [
+        (str(path), "error", "no-program") for path in absent
+    ]
+    assert [each.message.split(" (")[0] for each in found.errors] == [
+        "there is no such file or folder",
+        "holds no program",
+        "there is no such file or folder",
+    ]
 
 
 def test_a_link_that_is_given_itself_is_read_and_one_that_is_found_leads_not_outside(tmp_path: Path) -> None:
