@@ -350,7 +350,8 @@ class HexapodTable(RobotKeys, Table):
     leg: str = "leg"
     lengths_mm: LengthsMm = Field(default_factory=dict)
     mount: tuple[MountTable, ...] = ()
-    centre_of_mass_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    centre_of_mass_mm: tuple[float, float, float] | None = None
+    """By default that of `like`, else the origin of the body's frame."""
     mass_g: float | None = Field(default=None, gt=0, le=MAX_GRAMS)
     leg_mass_g: dict[Literal["coxa", "thigh", "foot"], Annotated[float, Field(gt=0, le=MAX_GRAMS)]] = Field(
         default_factory=dict
@@ -377,20 +378,26 @@ def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
             "missing-key", (), "a hexapod needs its legs", "add [[mount]] tables: name, x_mm, y_mm"
         )
     check_unique(document, "mount", [mount.name for mount in mounts])
-    x, y, z = (value / 1000 for value in table.centre_of_mass_mm)
     return Hexapod(
         name=table.name,
-        title=table.title,
+        title=table.title or (model.title if model else ""),
         leg=_leg(document, table, leg),
         mounts=mounts,
-        centre_of_mass=(x, y, z),
-        dimensions=table.dimensions,
-        source=table.source,
+        centre_of_mass=_centre_of_mass(table, model),
+        dimensions=model.dimensions if model and not (table.lengths_mm or table.mount) else table.dimensions,
+        source=table.source or (model.source if model else ""),
         mass=kilograms(table.mass_g, model.mass if model else None),
         leg_masses=tuple((part, grams / 1000) for part, grams in table.leg_mass_g.items())
         or (model.leg_masses if model else ()),
         spring=table.spring_n_m if table.spring_n_m is not None else model.spring if model else None,
     )
+
+
+def _centre_of_mass(table: HexapodTable, model: Hexapod | None) -> tuple[float, float, float]:
+    if table.centre_of_mass_mm is not None:
+        x, y, z = (value / 1000 for value in table.centre_of_mass_mm)
+        return x, y, z
+    return model.centre_of_mass if model else (0.0, 0.0, 0.0)
 
 
 def _mount(table: MountTable) -> Mount:

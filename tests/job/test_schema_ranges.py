@@ -181,7 +181,7 @@ DEFAULTS: list[tuple[type[Table], Mapping[str, object]]] = [
     (schema.PoseTable, {"path": "joint", "via": False, "hold_s": 0, "pause_s": 0, "release": False}),
     (schema.SegmentTable, {"forward_mm": 0, "left_mm": 0, "turn_deg": 0, "cycles": None}),
     (MountTable, {"z_mm": 0, "heading_deg": 0, "mirrored": False}),
-    (HexapodTable, {"leg": "leg", "centre_of_mass_mm": (0, 0, 0), "mass_g": None, "spring_n_m": None}),
+    (HexapodTable, {"leg": "leg", "centre_of_mass_mm": None, "mass_g": None, "spring_n_m": None}),
     (OmniTable, {"gear": 1, "counts_per_turn": 1, "sensors": 0, "mass_g": None}),
     (arm_file.RowTable, {"ratio": 1, "theta_deg": 0, "d_mm": "0", "a_mm": "0", "alpha_deg": 0}),
     (arm_file.FrameTable, dict.fromkeys(("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"), 0)),

@@ -13,7 +13,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
 from servogen.kinematics.catalogue import arm, robot, robot_of
-from servogen.kinematics.hexapod import Hexapod, LegStance
+from servogen.kinematics.hexapod import HEXAPOD, Hexapod, LegStance
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.protocol import BodyMotion, Posture
@@ -311,6 +311,28 @@ def test_a_hexapod_like_the_catalogue_s_has_its_legs_and_mounts() -> None:
     assert [mount.name for mount in found.mounts] == [mount.name for mount in model.mounts]
     assert found.leg.length == arm("leg").length | {"bc": 0.033}
     assert (found.mass, found.spring) == (0.5, None)
+
+
+def test_a_hexapod_like_another_has_all_of_it_but_what_its_file_states() -> None:
+    model = read(f'title = "Bug"\nsource = "a page"\ndimensions = "manufacturer"\n{FILE}')
+
+    def like(text: str) -> Hexapod:
+        document = toml_file.parse(f'name = "mine"\nkind = "hexapod"\nlike = "bug"\n{text}', "mine.toml")
+        found = HEXAPOD.read(document, toml_file.validate(document, HEXAPOD.table), lambda name: model)
+        assert isinstance(found, Hexapod)
+        return found
+
+    assert like("") == replace(model, name="mine")
+    for text, changes in (
+        ("centre_of_mass_mm = [1, 2, 3]", {"centre_of_mass": (0.001, 0.002, 0.003)}),
+        ("centre_of_mass_mm = [0, 0, 0]", {"centre_of_mass": (0.0, 0.0, 0.0)}),
+        ("mass_g = 500", {"mass": 0.5}),
+        ('title = "Mine"', {"title": "Mine"}),
+        ('source = "here"', {"source": "here"}),
+    ):
+        assert like(text) == replace(model, name="mine", **changes)
+    for text in ("lengths_mm = { bc = 33 }", '[[mount]]\nname = "A"\nx_mm = 1\ny_mm = 2'):
+        assert like(text).dimensions == "user", "they are no longer the manufacturer's"
 
 
 @pytest.mark.parametrize(
