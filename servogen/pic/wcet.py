@@ -16,6 +16,9 @@ Three techniques keep the graph small:
 - a function is explored once, with nothing known, and again for the values of one call only if the first
   exploration finds no bound.
 
+A recursion is followed only as far as the values that are known bound it. More calls in each other than the
+stack has levels have no bound, because the chip then forgets the first return address.
+
 Interrupts are not counted. The bytes that an interrupt changes must be given as `changing`.
 """
 
@@ -25,11 +28,11 @@ import heapq
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 from servogen.graph import bottom_up, components
-from servogen.pic.device import ERASED_WORD, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.device import ERASED_WORD, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, STACK_LEVELS
 from servogen.pic.known_values import (
     CARRY,
     FSR,
@@ -51,6 +54,10 @@ MAX_STATES = 200_000
 """The number of states between two addresses after which the search is given up."""
 MAX_FUNCTION_STATES, MAX_PROGRAM_STATES = 2_000, 8_000
 """These limits for one function of a program, and for all functions, which bound the time of the compiler."""
+_MAX_NESTING = 4 * STACK_LEVELS
+"""The number of calls in each other beyond which nothing is explored: a recursion of as many turns as a byte
+counts would not fit on the stack of Python.
+"""
 _PASSES = 0x1000
 """Places from here on count how often an address was passed, for loops whose bound is given."""
 _STARTING = -1
@@ -67,8 +74,8 @@ _BITS = {W: RAM_LAST + 1, CARRY: RAM_LAST + 2, ZERO: RAM_LAST + 3}
 
 @dataclass(frozen=True, slots=True)
 class Unbounded:
-    """The reason why a time has no upper bound: a "loop", a "call", a "computed jump", "sleep", or "too many
-    states".
+    """The reason why a time has no upper bound: a "loop", a "call", a "computed jump", "sleep", "stack" (more
+    calls in each other than it has levels), or "too many states".
     """
 
     kind: str
@@ -83,8 +90,12 @@ class Times:
     shortest: Cycles | None
     longest: Cycles | None
     unbounded: tuple[Unbounded, ...] = ()
+    levels: int = field(default=0, compare=False)
+    """The levels of the stack that its calls take."""
 
 
+_Call = tuple[int, tuple[tuple[int, int], ...]]
+"""The start of a function, and the values that are known when it is called."""
 _State = tuple[int, int, tuple[int, ...], tuple[tuple[int, int], ...]]
 """An address, the function that it belongs to, the return addresses, the known values."""
 _Point = tuple[int, int, tuple[int, ...], Known]
@@ -102,6 +113,7 @@ class _Piece:
     cycles: int
     end: int
     changes: frozenset[int]
+    levels: int
 
 
 class _NoBound(Exception):
@@ -150,13 +162,16 @@ class TimedProgram:
         self.bounds = bounds or {}
         self._pieces = dict(pieces)
         self._piece_times: dict[int, _Piece | None] = {}
-        self._times: dict[tuple[int, tuple[tuple[int, int], ...]], Times] = {}
+        self._times: dict[_Call, Times] = {}
         self._reached: dict[int, frozenset[int]] = {}
         self._changes: dict[int, frozenset[int]] = {}
         self._read: dict[int, int] = {}
         self._called_without: set[int] = set()
         self._heads: set[int] | None = None
         self._states_left = MAX_PROGRAM_STATES
+        self._being_timed: set[_Call] = set()
+        self._recursive: set[_Call] = set()
+        """The calls being timed that what is being timed now leads back to."""
 
     def word(self, address: int) -> DecodedWord:
         """Return the instruction at an address. Raises Undefined."""
@@ -257,10 +272,24 @@ class TimedProgram:
 
     def _times_from(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
         key = (start, known)
-        if key not in self._times:
-            self._times[key] = Times(None, None, (Unbounded("call", (start,)),))  # one that calls itself
-            self._times[key] = self._explored(start, known)
-        return self._times[key]
+        if key in self._being_timed:
+            self._recursive.add(key)
+            return Times(None, None, (Unbounded("call", (start,)),))
+        if key in self._times:
+            return self._times[key]
+        if len(self._being_timed) == _MAX_NESTING:
+            return Times(Cycles(0), None, (Unbounded("stack", (start,)),))
+        recursive, self._recursive = self._recursive, set()
+        self._being_timed.add(key)
+        try:
+            times = self._explored(start, known)
+        finally:
+            self._being_timed.remove(key)
+            self._recursive.discard(key)
+        # What calls a function that is being timed has a shortest path for that one only.
+        self._times[key] = replace(times, shortest=Cycles(0)) if self._recursive else times
+        self._recursive |= recursive
+        return times
 
     def _explored(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
         try:
@@ -314,7 +343,29 @@ class TimedProgram:
         changed = {W, CARRY, ZERO}.union(*(self.changes(word.k) for word in words if word.flow == "call"))
         fs = {word.f for word in words if word.writes_f}
         # A write through INDF may change any byte: a step over the piece would have to forget everything.
-        return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs))
+        return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs), times.levels)
+
+    def following(self, starts: Iterable[int]) -> frozenset[int]:
+        """Return the addresses that may be executed after any of `starts`, and these; a return leads to every
+        call of its function.
+        """
+        addresses: set[int] = set()
+        waiting = list(starts)
+        while waiting:
+            address = waiting.pop()
+            if address in addresses or address not in self._words:
+                continue
+            addresses.add(address)
+            word = self._defined.get(address)
+            if word is None:  # it does nothing that a data sheet defines, and goes on
+                waiting.append(_beyond(address, 1))
+                continue
+            waiting += self._followers(address)
+            if word.flow == "call":
+                waiting.append(word.k)
+            elif word.flow == "return" or word.writes_pcl:
+                waiting += self.callers(address)
+        return frozenset(addresses)
 
     def reached(self, start: int) -> frozenset[int]:
         """Return the addresses that a call of `start` may execute, without the RETLWs of tables."""
@@ -341,7 +392,8 @@ class TimedProgram:
             return list(self._targets.get(address, ()))
         if word.flow == "return":
             return []
-        return [address + 1, address + 2] if word.flow == "skip" else [address + 1]
+        words = (1, 2) if word.flow == "skip" else (1,)
+        return [_beyond(address, count) for count in words]
 
     def changes(self, start: int) -> frozenset[int]:
         """Return the places that a call of `start` may change; through INDF this may be any place."""
@@ -529,6 +581,8 @@ class _Walk:
     reasons: dict[Unbounded, None] = field(default_factory=dict)
     uneven: Counter[int] = field(default_factory=Counter)
     """How many turns in succession differed from those that follow, by the head of the loop."""
+    levels: int = 0
+    """The levels of the stack that the calls on the paths take."""
 
     def explore(self, start: _State) -> None:
         """Follow every path from a state to the ends."""
@@ -561,6 +615,9 @@ class _Walk:
 
     def times(self) -> Times:
         """Return the times from the start to the ends of the explored graph, with what has no bound."""
+        return replace(self._times(), levels=self.levels)
+
+    def _times(self) -> Times:
         # Without a cycle every state has finitely many paths to the end, so both extremes come from one pass
         # over the states, each after its followers.
         if self.complete and not self.reasons:
@@ -789,6 +846,8 @@ class _Walk:
         piece = self.program.piece(address)
         if piece is not None and not any(address < end < piece.end for end in self.ends):
             unchanged = {place: value for place, value in known.items() if place not in piece.changes}
+            if not self._has_levels(len(stack) + piece.levels):
+                return self._no_bound("stack", address)
             return [(piece.cycles, piece.cycles, (piece.end, home, stack, unchanged))]
         word = self.program.decoded[address]
         counted = _counted_loop(self.program, address, word, known, self.ends | self.without)
@@ -829,9 +888,16 @@ class _Walk:
             return [(2, 2, (word.k, home, stack, known))]
         # The other function returns to the caller of this one, so its end is the end here.
         times = self._call_times(address, word, known)
+        if not self._has_levels(len(stack) + times.levels):
+            return self._no_bound("stack", address)
         if times.shortest is None:
             return []
         return [(2 + times.shortest, None if times.longest is None else 2 + times.longest, None)]
+
+    def _has_levels(self, levels: int) -> bool:
+        """Note the levels of the stack that a path takes, and return whether there are as many."""
+        self.levels = max(self.levels, levels)
+        return levels <= STACK_LEVELS
 
     def _home(self, address: int, home: int) -> int:
         return self.program.home.get(address, home)
@@ -854,8 +920,12 @@ class _Walk:
         address, home, stack, known = point
         # An end inside the callee has to be seen: the callee is followed, not replaced by its time.
         if (self.ends or self.without) and self.program.reached(word.k) & (self.ends | self.without):
+            if not self._has_levels(len(stack) + 1):
+                return self._no_bound("stack", address)
             return [(2, 2, (word.k, word.k, (*stack, address + 1), known))]
         times = self._call_times(address, word, known)
+        if not self._has_levels(len(stack) + 1 + times.levels):
+            return self._no_bound("stack", address)
         if times.shortest is None:
             return []  # it never comes back
         changed = self.program.changes(word.k)

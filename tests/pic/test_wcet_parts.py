@@ -13,6 +13,8 @@ from servogen.pic.isa import encode
 from servogen.pic.known_values import CARRY, FSR, ZERO, W, word_of
 from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import TimedProgram, Times, Unbounded, is_live
+from servogen.simulator import Machine
+from servogen.units import Clock, Cycles
 from tests.pic.analysis.test_exactness import ROWS, WITH_FILE, encoded
 from tests.pic.test_wcet import code, timed
 
@@ -395,6 +397,87 @@ def test_times_of_functions_that_end_elsewhere_or_nowhere(
 ) -> None:
     assert reasons(text) == expected
     assert with_functions(text)[0].times(0).shortest == shortest
+
+
+def run(text: str, start: str, end: str) -> int:
+    """Return the cycles from one label to the other in a run of the plain simulator."""
+    made = code(text)
+    labels = dict(made.labels)
+    machine = Machine(made.image, Clock(4_000_000))
+    moments = []
+    for label in (start, end):
+        machine.breakpoints = {labels[label]}
+        list(machine.stream(Cycles(100_000)))
+        assert machine.pc == labels[label]
+        moments.append(machine.cycles)
+    return int(moments[1] - moments[0])
+
+
+def recursion(turns: int, after: str = "") -> str:
+    """Return a function that calls itself as often as a byte counts, and `after` the inner call does that."""
+    return (
+        f" goto start\nf_f\n decfsz 0x20, f\n goto more\n return\nmore\n call f_f\n{after} return\n"
+        f"f_start\nstart\n clrf 0x21\n movlw {turns}\n movwf 0x20\n call f_f\ndone\n nop\nend_\n goto end_"
+    )
+
+
+@pytest.mark.parametrize("turns", [1, 2, 5, 8])
+def test_a_recursion_that_a_known_value_bounds_takes_as_long_as_on_the_chip(turns: int) -> None:
+    program, labels = timed(recursion(turns))
+    times = program.between(labels["start"], {labels["done"]})
+    took = run(recursion(turns), "start", "done")
+    assert (times.shortest, times.longest, times.levels) == (took, took, turns)
+
+
+def test_a_recursion_deeper_than_the_stack_has_no_bound() -> None:
+    """With an endless stack 0x21 would count the eleven inner calls that return. The chip returns to the
+    eight addresses that it has (DS35007 section 2.3) again and again, until 0x21 has counted to 256.
+    """
+    text = recursion(12, " incfsz 0x21, f\n return\n goto done\n")
+    program, labels = timed(text)
+    start, done = labels["start"], {labels["done"]}
+    assert run(text, "start", "done") > 256 * 3 > 3 + 11 * (1 + 2 + 2 + 1 + 2) + 2 + 2
+    assert program.longest(start, done) is None
+    (reason,) = program.between(start, done).unbounded
+    assert reason.kind == "stack"
+
+
+@pytest.mark.parametrize(("levels", "bounded"), [(7, True), (8, True), (9, False), (40, False), (300, False)])
+def test_calls_in_each_other_have_a_bound_up_to_the_levels_of_the_stack(levels: int, bounded: bool) -> None:
+    """4 cycles for each call and its return, 3 for the last function; a long chain ends, too."""
+    took = 4 * levels + 3
+    calls = "".join(f"f_{n}\n call f_{n + 1}\n return\n" for n in range(1, levels))
+    text = f"main\n call f_1\n return\n{calls}f_{levels}\n nop\n return\n"
+    program, labels = timed(text)
+    times = program.times(labels["main"])
+    if bounded:
+        assert (times.shortest, times.longest, times.levels) == (took, took, levels)
+    else:
+        assert times.longest is None and times.unbounded
+    last = program.times(labels[f"f_{levels - 6}"])
+    assert (last.longest, last.levels) == (4 * 6 + 3, 6)
+
+
+def test_a_recursion_of_as_many_turns_as_a_byte_counts_is_given_up() -> None:
+    program, labels = timed(recursion(0))
+    times = program.between(labels["start"], {labels["done"]})
+    assert times.longest is None and times.unbounded
+
+
+@pytest.mark.parametrize("first", ["f_f", "f_h"])
+def test_the_shortest_time_of_functions_that_call_each_other_does_not_depend_on_which_is_asked_first(
+    first: str,
+) -> None:
+    """f returns after 1 + 2 cycles; h after 2 + 2 + 3 + 2 by way of f, or after 100 NOPs."""
+    slow = "slow\n" + " nop\n" * 100 + " return\n"
+    text = "f_f\n btfsc PORTB, 0\n return\n call f_h\n return\n"
+    text += f"f_h\n btfsc PORTB, 1\n goto slow\n call f_f\n return\n{slow}"
+    program, labels = timed(text)
+    program.times(labels[first])
+    shortest = [program.times(labels[name]).shortest for name in ("f_f", "f_h")]
+    for found, least in zip(shortest, (1 + 2, 2 + 2 + 3 + 2), strict=True):
+        assert found is not None and found <= least
+    assert program.times(labels[first]).shortest == (3 if first == "f_f" else 9)
 
 
 def test_a_jump_to_itself_is_the_end_of_a_function_that_never_returns_and_a_loop_where_an_end_is_due() -> (

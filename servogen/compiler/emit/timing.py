@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from servogen.compiler.emit.layout import CodeLayout
 from servogen.compiler.ir.function import Function
 from servogen.errors import Location
-from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.device import INTERRUPT_VECTOR, STACK_LEVELS
 from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import TimedProgram, Unbounded
 
@@ -87,6 +87,8 @@ def _name(
             return _at_line(
                 f"call of {names.get(program.word(address).k, 'a subroutine')}", places.get(address)
             )
+        case "stack":
+            return _at_line(f"more than {STACK_LEVELS} calls in each other", places.get(address))
         case "loop":
             return _loop(function, reason.addresses, places)
         case "too many states":

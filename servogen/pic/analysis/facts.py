@@ -172,10 +172,7 @@ class Facts:
         """Return the maximum depth of the stack, interrupts included."""
         paths = self.paths
         question = f"the stack never holds more than {STACK_LEVELS} return addresses"
-        interrupted = 0
-        if paths.depth_when_interrupted is not None:
-            interrupted = paths.depth_when_interrupted + max(1, paths.depth_of_interrupt)
-        depth = max(paths.depth, interrupted)
+        depth = max(paths.depth, paths.levels_when_interrupted)
         findings = [
             self._finding(address, "a call pushes a ninth return address; the calls before it are at "
                           + ", ".join(f"0x{(back - 1) % PROGRAM_WORDS:03X}" for back in stack if back >= 0))
@@ -196,7 +193,7 @@ class Facts:
             return Answer(question, Status.FOUND, "it may", findings=tuple(findings), numbers=numbers)
         numbers = (("levels", depth),)
         text = f"at most {depth} of {STACK_LEVELS} levels"
-        if interrupted:
+        if paths.levels_when_interrupted:
             text += (
                 f": {paths.depth_when_interrupted} when an interrupt comes, "
                 f"{max(1, paths.depth_of_interrupt)} by the interrupt"

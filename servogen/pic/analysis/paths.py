@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import or_
 
 from servogen.pic.analysis import values
 from servogen.pic.analysis.demand import ExecutionGroup, Graph, Node, SplitPlan
@@ -156,11 +158,25 @@ class Paths:
     """Instructions that write TMR0, and the values that they write."""
     timer_requests: set[int] = field(default_factory=set)
     """Instructions that may set T0IF."""
-    options: Value = field(default_factory=lambda: values.constant(0xFF))
-    """The values that OPTION_REG may have at any time."""
+    option_writes: dict[int, Value] = field(default_factory=dict)
+    """Instructions that write OPTION_REG, and its values afterwards."""
     timer_options: Value | None = None
-    """The values that it may have while TMR0's interrupt is enabled; None if that never is."""
+    """The values that it may have while an interrupt of TMR0 may come; None if none ever comes."""
+    timer_interrupted: set[int] = field(default_factory=set)
+    """Addresses where it may come."""
     interrupts: bool = False
+
+    @property
+    def levels_when_interrupted(self) -> int:
+        """Return the maximum depth of the stack inside the interrupt; 0 if none ever comes."""
+        if self.depth_when_interrupted is None:
+            return 0
+        return self.depth_when_interrupted + max(1, self.depth_of_interrupt)
+
+    @property
+    def options(self) -> Value:
+        """Return the values that OPTION_REG may have at any time."""
+        return reduce(or_, self.option_writes.values(), values.constant(0xFF))
 
 
 _PRUNED = frozenset({W, CARRY, ZERO, FSR, *range(RAM_FIRST, RAM_LAST + 1)})
@@ -225,6 +241,8 @@ class PathExplorer:
         self.open_pins: dict[Node, int] = {}
         """The same for writes of which it is not known whether they write inputs."""
         self.gave_up = False
+        self._deepest_interrupted = 0
+        """Where an interrupt finds the most return addresses on the stack."""
         self.words = {address: in_memory(words.get(address, ERASED_WORD)) for address in range(PROGRAM_WORDS)}
         self._loops: set[int] = set()
         self._heads = self._find_heads()
@@ -255,9 +273,18 @@ class PathExplorer:
         except _TooLong:
             self.gave_up = True
             self.paths.lost[0] = f"more than {self._max_steps} instructions to follow"
+        self._lose_overflowing_interrupts()
         self.paths.interrupt_changes = set(self._interrupt.changes)
         self.paths.not_restored = set(self._interrupt.not_restored)
         return self.paths
+
+    def _lose_overflowing_interrupts(self) -> None:
+        """Note where an interrupt overwrites a return address, so that the program returns astray."""
+        paths = self.paths
+        if paths.levels_when_interrupted > STACK_LEVELS:
+            paths.lost[self._deepest_interrupted] = "an interrupt pushes a ninth return address"
+        elif paths.nested_interrupts:
+            paths.lost[min(paths.nested_interrupts)] = "the interrupt may be interrupted, without a bound"
 
     @property
     def open(self) -> tuple[int, int]:
@@ -475,10 +502,12 @@ class PathExplorer:
         if sources & T0IE:
             option = state.get(OPTION)
             paths.timer_options = option if paths.timer_options is None else paths.timer_options | option
+            paths.timer_interrupted.add(address)
         if inside:
             paths.nested_interrupts.add(address)
             return
-        paths.depth_when_interrupted = max(paths.depth_when_interrupted or 0, len(stack))
+        if paths.depth_when_interrupted is None or len(stack) > paths.depth_when_interrupted:
+            paths.depth_when_interrupted, self._deepest_interrupted = len(stack), address
         self._interruptible(state)
 
     def _after_interrupt(self, state: AbstractState) -> None:
@@ -533,7 +562,9 @@ class PathExplorer:
                 directions = after.get(place)
                 paths.outputs |= {first + bit for bit in range(count) if directions.may_be_0 >> bit & 1}
         if OPTION in effects.changed:
-            paths.options |= after.get(OPTION)
+            option = after.get(OPTION)
+            known = paths.option_writes.get(address)
+            paths.option_writes[address] = option if known is None else known | option
         for port, may, must in effects.pins:
             if self._note_pins(address, before, port, may, must):
                 self._leave_open(address, stack, FSR, W, pins=True)

@@ -14,11 +14,21 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 
 from servogen.pic.analysis.paths import Paths, in_memory
 from servogen.pic.analysis.state import INTCON, T0IE
 from servogen.pic.analysis.values import Value
-from servogen.pic.device import ERASED_WORD, INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, masks
+from servogen.pic.device import (
+    ERASED_WORD,
+    INTERRUPT_VECTOR,
+    PROGRAM_WORDS,
+    RAM_FIRST,
+    RAM_LAST,
+    STACK_LEVELS,
+    masks,
+)
 from servogen.pic.isa import decode
 from servogen.pic.known_values import Undefined, word_of
 from servogen.pic.listing import ListedFunction
@@ -178,9 +188,7 @@ class ProgramTimes:
 
     def _overflow_period(self) -> tuple[int | None, str]:
         """Return the minimum number of cycles between two overflows of TMR0, or why it is not known."""
-        # Only what OPTION_REG may be while the interrupt is enabled counts: after a reset it lets TMR0 count
-        # the pulses of RA4.
-        options = self._paths.timer_options
+        options = self._timer_options()
         if options is None or any(member & T0CS for member in options):
             return None, "TMR0 counts pulses of RA4"
         prescale = min(1 if member & PSA else 2 << (member & 7) for member in options)
@@ -192,6 +200,20 @@ class ProgramTimes:
         if written is not None and written.members is None:
             return None, "what the program writes to TMR0 is not known"
         return (256 - first) * prescale, ""
+
+    def _timer_options(self) -> Value | None:
+        """Return what OPTION_REG may be from when an interrupt of TMR0 first may come; None if none comes.
+
+        What it is before does not count: after a reset it lets TMR0 count the pulses of RA4. While the
+        interrupt is masked, and inside it, TMR0 counts on.
+        """
+        paths = self._paths
+        options = paths.timer_options
+        if options is None:
+            return None
+        later = self._program.following({*paths.timer_interrupted, INTERRUPT_VECTOR})
+        written = [value for address, value in paths.option_writes.items() if address in later]
+        return reduce(or_, written, options)
 
 
 def _functions(paths: Paths) -> list[ListedFunction]:
@@ -210,5 +232,6 @@ def _reason(why: Unbounded) -> str:
         "call": "call of a subroutine without a bound at",
         "computed jump": "computed jump at",
         "sleep": "sleep at",
+        "stack": f"more than {STACK_LEVELS} calls in each other at",
     }
     return f"{texts.get(why.kind, why.kind + ' at')} {places}{more}"

@@ -10,6 +10,8 @@ from servogen.pic.analysis.paths import PathExplorer
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from servogen.simulator import Machine, trace
+from servogen.units import Cycles
 from tests.pic.analysis.programs import CLOCK, INTERRUPT, assembled, facts
 
 SET_UP = " clrf PORTB\n bsf STATUS, 5\n clrf PORTB\n bcf STATUS, 5\n"
@@ -401,6 +403,81 @@ def test_interrupts_that_are_not_bounded_leave_the_time_open(change: tuple[str, 
     answer = facts(text.replace(*change, 1)).time("begin", "done", interrupts=True)
     assert answer.status is Status.NOT_DECIDED
     assert why in answer.text
+
+
+SELECT = " bsf STATUS, 5\n movlw 0x{:02X}\n movwf OPTION_REG\n bcf STATUS, 5\n"
+TIMED = SELECT.format(7) + " clrf 0x40\n clrf 0x41\n movlw 0xA0\n movwf INTCON\n"
+"""TMR0 with 1:256, so that it overflows every 65536 cycles; 0x08 lets it count every cycle."""
+
+
+def completed(text: str, start: str, end: str, cycles: int) -> tuple[int, bool]:
+    """Return the longest time between two labels in a run of the plain simulator, and whether its last one
+    ended.
+    """
+    made = assembled(text)
+    labels = dict(made.labels)
+    begun, longest = None, 0
+    for row in trace(Machine(made.image, CLOCK), Cycles(cycles)):
+        if row.pc == labels[start]:
+            begun = row.cycle
+        elif row.pc == labels[end] and begun is not None:
+            longest, begun = max(longest, row.cycle - begun), None
+    return longest, begun is None
+
+
+def test_a_clock_of_tmr0_that_only_the_interrupt_selects_counts() -> None:
+    """TMR0 overflows inside the interrupt of 300 cycles, which therefore comes again at once, endlessly."""
+    work = SELECT.format(8) + " goto $ + 1\n" * 140 + SELECT.format(7)
+    text = f"{INTERRUPT.format(work=work)}main\n{TIMED}begin\n{DELAY.replace('main', 'begin')}"
+    _, ended = completed(text, "begin", "done", 1_000_000)
+    assert not ended
+    answer = facts(text).time("begin", "done", interrupts=True)
+    assert answer.status is Status.NOT_DECIDED
+    assert "leaves no time" in answer.text
+
+
+def test_a_clock_of_tmr0_that_is_selected_while_its_interrupt_is_masked_counts() -> None:
+    """In every turn it overflows within the 601 cycles of the fast clock; the interrupt comes afterwards."""
+    wait = " movlw 200\n movwf 0x20\nwait\n decfsz 0x20, f\n goto wait\n"
+    masked = f"turn\n bcf INTCON, 5\n{SELECT.format(8)}{wait}{SELECT.format(7)} bsf INTCON, 5\n"
+    masked += " decfsz 0x21, f\n goto turn\n"
+    begin = f"begin\n movlw 20\n movwf 0x21\n{masked}done\n goto begin\n"
+    text = f"{INTERRUPT.format(work='')}main\n{TIMED}{begin}"
+    longest, _ = completed(text, "begin", "done", 200_000)
+    found = facts(text)
+    alone = dict(found.time("begin", "done", interrupts=False).numbers)["maximum_cycles"]
+    most = dict(found.time("begin", "done", interrupts=True).numbers)["maximum_cycles"]
+    one = 9 + 2 + 4  # nine instructions, RETFIE, and the latency
+    assert alone is not None and most is not None
+    assert longest > alone + 2 * one, "more interrupts than one clock of 1:256 allows"
+    assert longest <= most == alone + (most // 256 + 2) * one
+
+
+def test_before_tmr0_can_interrupt_its_clock_does_not_count() -> None:
+    """Bit by bit from 0xFF after the reset, by way of RA4's pulses and of every cycle, to 1:256."""
+    slowly = " bsf STATUS, 5\n bcf OPTION_REG, 5\n bcf OPTION_REG, 3\n bcf STATUS, 5\n"
+    enable = TIMED.replace(SELECT.format(7), slowly)
+    text = f"{INTERRUPT.format(work=' nop')}main\n{enable}begin\n{DELAY.replace('main', 'begin')}"
+    assert dict(facts(text).time("begin", "done", interrupts=True).numbers)["maximum_cycles"] == 601 + 2 * 16
+
+
+@pytest.mark.parametrize("levels", [7, 8])
+def test_where_an_interrupt_overwrites_a_return_address_nothing_more_is_decided(levels: int) -> None:
+    """With eight calls in each other the ninth return address is the interrupt's: the first one is lost."""
+    enable = TIMED.replace(SELECT.format(7), SELECT.format(8))
+    calls = nested_calls(levels).replace("main\n", f"main\n{enable}begin\n", 1)
+    calls = calls.replace(" goto main", "done\n goto begin", 1)
+    text = INTERRUPT.format(work="") + calls
+    _, ended = completed(text, "begin", "done", 100_000)
+    found = facts(text)
+    statuses = {answer.status for answer in (found.followed(), found.outputs())}
+    time = found.time("begin", "done", interrupts=True)
+    if levels == 7:
+        assert statuses == {Status.HOLDS} and time.status is Status.HOLDS
+        return
+    assert not ended, "it never gets there again"
+    assert statuses == {Status.NOT_DECIDED} and time.status is Status.NOT_DECIDED
+    assert "pushes a ninth return address" in str(found.followed().findings[0])
 
 
 def test_a_mark_that_the_interrupt_may_reach_first_has_no_shortest_time() -> None:

@@ -53,9 +53,10 @@ def test_outputs_options_and_the_timer() -> None:
         " movwf OPTION_REG\n bcf STATUS, 5\nhere\n goto here"
     )
     assert_are(
-        found, executed=set(range(10)), outputs=set(RB[:3]), options=values.of({0xFF, 0x82}),
+        found, executed=set(range(10)), outputs=set(RB[:3]), option_writes={7: values.constant(0x82)},
         timer_writes={2: values.constant(7)},
     )  # fmt: skip
+    assert found.options == values.of({0xFF, 0x82})
 
 
 def test_writes_of_pins_before_and_after_their_directions_are_set() -> None:
@@ -176,7 +177,8 @@ def test_an_interrupt_that_restores_what_it_uses() -> None:
     assert_are(
         found, executed={0, *range(4, begin + 5)}, depth=1, depth_when_interrupted=1, depth_of_interrupt=1,
         called_from={begin + 4: {begin + 2}}, interrupts=True, interrupt_sources=0x20,
-        timer_options=values.constant(0xFF), unwritten_reads={(9, 0x42)},
+        timer_options=values.constant(0xFF), timer_interrupted={begin + at for at in (2, 3, 4)},
+        unwritten_reads={(9, 0x42)},
         interrupt_changes=found.interrupt_changes,
     )  # fmt: skip
     assert found.interrupt_changes >= {0x40, 0x41, 0x42, INTCON, W}
