@@ -154,17 +154,21 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
     span = Cycles(lab.clock.round_seconds(lab.watch_s))
     machine = Machine(program.image, lab.clock, BOARD, tracked=True)
     watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
-    grade = judge(lab, watched, _facts(machine.state(), program))
+    facts = _facts(machine.state(), program)
+    grade = judge(lab, watched, facts)
     if not grade.passed:
         return replace(grade, film=_film(lab, program, watched, grade))
     pin = PINS.index(grade.pins[0][1])
     repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
+    if isinstance(repeat, Repeat):
+        cycles = int(repeat.lead_in), int(repeat.lead_in + repeat.loop)
+        grade = judge(lab, watched, replace(facts, repeat=cycles))
     dependent = (
         replace(warning, message=f"other chips may behave differently: {warning.message}")
         for warning in machine.chip_dependent
     )
     remarks = (*grade.remarks, *dependent)
-    return replace(grade, repeats=isinstance(repeat, Repeat), remarks=remarks)
+    return replace(grade, remarks=remarks)
 
 
 def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:

@@ -48,8 +48,8 @@ class ChipFacts:
     stack_wraps: int = 0
     written_for_hz: int | None = None
     """The clock that the source states."""
-    repeats: bool = False
-    """Whether the chip's whole state was seen to repeat."""
+    repeat: tuple[int, int] | None = None
+    """Two cycles in which the chip's whole state is the same; None: it was not seen to repeat."""
 
 
 def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
@@ -448,18 +448,27 @@ def _end_words(
     lab: Lab, watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], solution: Solution
 ) -> str | None:
     rounds = max(0, len(visits) - 1) // len(solution.positions)
+    longest = max(position.pause_s or 1.0 for position in solution.positions)
     if rounds >= lab.rounds:
-        return None
+        # It has shown how long it stays at a position.
+        own = max(visit.cycles for visit in visits[:-1])
+        return _stop_words(watched, pins, visits, max(longest, float(watched.clock.seconds(own))))
     seconds = float(watched.clock.seconds(watched.end))
     whole = "no complete round" if not rounds else f"only {counted(rounds, 'complete round')}"
     text = f"{whole} in {seconds:g} s instead of {lab.rounds} or more"
+    stop = _stop_words(watched, pins, visits, longest)
+    return f"{text}: {stop}" if stop else text
+
+
+def _stop_words(
+    watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], longest: float
+) -> str | None:
+    """Return that the motion ends if it does: after twice the `longest` time at a position, in seconds."""
     last = max(int(pin.fall[-1]) for pin in pins)
-    quiet = float(watched.clock.seconds(watched.end - last))
-    longest = max(position.pause_s or 1.0 for position in solution.positions)
-    if quiet > 2 * longest:
+    if float(watched.clock.seconds(watched.end - last)) > 2 * longest:
         end = float(watched.clock.seconds(last))
-        return f"{text}: the pulses stop after {end:.1f} s; the motion must repeat endlessly"
+        return f"the pulses stop after {end:.1f} s; the motion must repeat endlessly"
     if visits and float(watched.clock.seconds(visits[-1].cycles)) > 2 * longest:
         begin = float(watched.clock.seconds(visits[-1].begin))
-        return f"{text}: after {begin:.1f} s nothing moves; the motion must repeat endlessly"
-    return text
+        return f"after {begin:.1f} s nothing moves; the motion must repeat endlessly"
+    return None

@@ -193,9 +193,18 @@ def _judge_solution(
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
         seen=sequence(settled, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
-        repeats=not faults and chip.repeats,
+        repeats=not faults and _has_round(chip.repeat, solution, right),
         moment=first_wrong(settled, placed, right, lab, solution) if faults else None,
     )
+
+
+def _has_round(repeat: tuple[int, int] | None, solution: Solution, right: Sequence[Stay]) -> bool:
+    """Return whether every position is reached between the two cycles of a repetition."""
+    if repeat is None:
+        return False
+    begin, end = repeat
+    reached = {stay.position for stay in right if begin <= stay.visit.begin < end}
+    return len(reached) == len(solution.positions)
 
 
 def _unchecked(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:

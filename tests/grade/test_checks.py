@@ -45,7 +45,7 @@ from servogen.grade.watch import (
 )
 from servogen.pulse.lint import PERIOD_US
 from servogen.units import Clock, Cycles
-from tests.grade.test_judge import RIGHT, grade, pulses
+from tests.grade.test_judge import END, RIGHT, grade, pulses
 
 MHZ4 = Clock(4_000_000)
 LAB8 = load_lab("lab8-exercise")
@@ -440,6 +440,9 @@ def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() ->
         return texts(list(end_faults(LAB, watched(end=end), ChipFacts(), [own], stops[:count], TASK)))
 
     assert said(7, 7_000_000, 7_000_000) == []
+    # Two rounds are enough, but not if it stays at the last position for more than twice the longest pause.
+    assert said(7, 8_000_000, 16_000_000) == []
+    assert said(7, 7_900_000, 16_000_000) == ["the pulses stop after 7.9 s; the motion must repeat endlessly"]
     assert said(6, 6_000_000, 6_000_000) == ["only 1 complete round in 6 s instead of 2 or more"]
     assert said(4, 4_000_000, 12_000_000) == ["only 1 complete round in 12 s instead of 2 or more"]
     assert said(4, 3_900_000, 12_000_000) == [
@@ -600,7 +603,7 @@ def test_points_and_reasons_are_written_short() -> None:
 
 def test_a_right_program_is_measured_at_each_position_and_remarked() -> None:
     """100 s of 2, 5 and 3 s: ten rounds, the last of which the watch cuts at its third position."""
-    found = grade(RIGHT, chip=ChipFacts(configured=False, repeats=True))
+    found = grade(RIGHT, chip=ChipFacts(configured=False, repeat=(0, END)))
     assert found.passed and found.repeats
     assert [(row.name, row.visits, row.widths_us, row.pause_s) for row in found.rows] == [
         ("30°", 10, ((1167.0, 1167.0),), 2.0),

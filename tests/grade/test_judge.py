@@ -118,6 +118,24 @@ def test_a_program_that_ends_is_told_when() -> None:
     assert "the pulses stop after 20.0 s" in reason
 
 
+@pytest.mark.parametrize("rounds", [4, 6, 8])
+def test_a_program_that_ends_after_enough_rounds_does_not_repeat_endlessly_either(rounds: int) -> None:
+    """Three rounds of 10 s are enough, of which the third ends with the fourth; 100 s were watched."""
+    (fault,) = grade(RIGHT * rounds, again=False).faults
+    assert fault.checks == (Check.REPETITION,)
+    assert fault.text == f"the pulses stop after {rounds * 10:.1f} s; the motion must repeat endlessly"
+    held = [*RIGHT * (rounds - 1), *RIGHT[:2], (5000, W120, 20_000, 0)]
+    (reason,) = grade(held, again=False).reasons
+    assert reason == f"after {rounds * 10 - 3:.1f} s nothing moves; the motion must repeat endlessly"
+
+
+def test_only_a_repetition_of_every_position_goes_on_endlessly() -> None:
+    """The chip's state also repeats while it stays at its last position, until the watch ends."""
+    for repeat, endless in (((1000, 10_001_000), True), ((95_000_000, 95_020_000), False), (None, False)):
+        found = grade(RIGHT, chip=ChipFacts(repeat=repeat))
+        assert (found.passed, found.repeats) == (True, endless)
+
+
 def test_pulses_on_a_pin_that_is_not_allowed_are_told() -> None:
     (reason,) = grade(RIGHT, pin=PINS.index("RA4")).reasons
     assert "the pulses are on RA4, which is an open drain" in reason
@@ -206,8 +224,7 @@ def walk(rounds: int, positions: Sequence[Sequence[tuple[Sequence[Pulse], int]]]
                     edges += [(now + rise, pin, 1), (now + rise + width, pin, 0)]
                 now += max(rise for _, rise, _ in part) // 20_000 * 20_000 + 20_000 + pause
     chunk = edge_chunk(*zip(*sorted(edges), strict=True))
-    end = Cycles(rounds * now)
-    return judge(LEG, watch(EdgeTrace(Clock(4_000_000), (chunk,), end)), ChipFacts())
+    return judge(LEG, watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(now))), ChipFacts())
 
 
 def in_frames(but: Sequence[tuple[str, int]] = (), pause: int = 0) -> list[list[tuple[list[Pulse], int]]]:

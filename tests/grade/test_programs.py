@@ -47,6 +47,7 @@ LAB8_WRONG = {
     "crystal.c": ("written for a crystal of 8 MHz, but the board has 4 MHz",),
     "drift.c": ("the period on RB0 drifts at",),
     "few.c": ("the pulses for 90° last 0.18 s", "needs 0.58 s to get there"),
+    "four_rounds.c": ("the pulses stop after 60.3 s; the motion must repeat endlessly",),
     "hangs.c": ("there are no pulses for the servo 'arm' on RB0", "the program hangs before that"),
     "hangs_later.c": ("no complete round in 100 s", "after 3.9 s nothing moves"),
     "interrupted.asm": ("the pulses for", "stop, and go on 0.10 s later; a pause comes after the last one"),
