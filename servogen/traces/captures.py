@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from servogen.edges import EdgeTrace
+import numpy as np
+
+from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
@@ -27,7 +29,8 @@ from servogen.traces.vcd import MADE, PARTIAL, STITCHED, VcdWriter, read_header,
 
 SUFFIXES = (".vcd", ".sr", ".csv")
 
-_PIECES = re.compile(re.escape(STITCHED) + r"((?:\d+-\d+\s*)+)")
+_PIECES = re.compile(r"(?:\d{1,18}-\d{1,18}(?:\s+|\Z|(?=;)))+", re.ASCII)
+_CHANGED_COMMENT = "the comment of the file is not as it was written"
 _VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
 
 
@@ -129,9 +132,14 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
         sample = 1.0
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
     steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
-    pieces = _pieces(header.comments, steps)
+    trace = read_vcd(path, clock, wires=wires, from_first=not is_made)
+    place = Location(str(path))
+    pieces = _pieces(header.comments, steps, place)
+    if pieces:
+        _check_pieces(pieces, trace.end, place)
+        trace = replace(trace, chunks=_EdgesOfPieces(trace.chunks, pieces, path))
     return Capture(
-        trace=read_vcd(path, clock, wires=wires, from_first=not is_made),
+        trace=trace,
         sample=sample,
         missing=missing,
         pieces=pieces,
@@ -139,10 +147,47 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     )
 
 
-def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:
-    """Return the beginning and end of each piece, in time steps, of which `steps` make a sample."""
-    stated = next((match for text in comments if (match := _PIECES.search(text))), None)
+def _check_pieces(pieces: Sequence[tuple[int, int]], end: int, place: Location) -> None:
+    """Raise InputError for pieces that are empty, not one after the other, or not within the file."""
+    before = 0
+    for number, (begin, until) in enumerate(pieces, 1):
+        if not before <= begin < until <= end:
+            message = f"capture {number} in it, from {begin} to {until}, is not between {before} and {end}"
+            raise InputError("vcd-syntax", message, place, _CHANGED_COMMENT)
+        before = until
+
+
+@dataclass(frozen=True, slots=True)
+class _EdgesOfPieces:
+    """The edges of several captures. Raises InputError for a level where none of them recorded anything."""
+
+    chunks: Iterable[EdgeChunk]
+    pieces: Sequence[tuple[int, int]]
+    path: Path
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        begins, ends = (np.array(limits) for limits in zip(*self.pieces, strict=True))
+        for chunk in self.chunks:
+            piece = np.searchsorted(begins, chunk.cycle, side="right") - 1
+            outside = (piece < 0) | (chunk.cycle >= ends[piece])
+            wrong = np.flatnonzero(outside & (chunk.level != UNDRIVEN))
+            if len(wrong):
+                pin, step = PINS[chunk.pin[wrong[0]]], chunk.cycle[wrong[0]]
+                message = f"{pin} has a level at step {step}, outside of the captures that the file states"
+                raise InputError("vcd-syntax", message, Location(str(self.path)), _CHANGED_COMMENT)
+            yield chunk
+
+
+def _pieces(comments: Iterable[str], steps: Fraction, place: Location) -> tuple[tuple[int, int], ...]:
+    """Return the beginning and end of each piece, in time steps, of which `steps` make a sample. Raises
+    InputError for a comment that names pieces without their limits.
+    """
+    mark = STITCHED.rstrip()
+    stated = next((text.partition(mark)[2].lstrip() for text in comments if mark in text), None)
     if stated is None:
         return ()
-    ranges = (tuple(map(int, span.split("-"))) for span in stated.group(1).split())
+    match = _PIECES.match(stated)
+    if match is None:
+        raise InputError("vcd-syntax", "does not say which captures are in it", place, _CHANGED_COMMENT)
+    ranges = (tuple(map(int, span.split("-"))) for span in match.group().split())
     return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

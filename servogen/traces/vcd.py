@@ -261,8 +261,9 @@ def read_vcd(
     begin = _first_time(path, header.offset) if from_first else 0
     times, rest = _last_times(path, header.offset)
     from_begin = [time - begin for time in times]
-    known = _end(path, from_begin, cycles_per_step, is_last=not rest or rest.startswith(_DUMPOFF))
-    source = _VcdChunks(path, header, cycles_per_step, begin, ends_off=rest.startswith(_DUMPOFF))
+    off = rest.startswith(_DUMPOFF)
+    known = _end(path, from_begin, cycles_per_step, is_last=not rest or off)
+    source = _VcdChunks(path, header, cycles_per_step, begin, times[-1], ends_off=off)
     return ended(clock, source, known, end)
 
 
@@ -386,6 +387,8 @@ class _VcdChunks:
     cycles_per_step: Fraction
     begin: int
     """The time step that is cycle 0."""
+    last: int
+    """The last time stamp, as it was found from the end of the file."""
     ends_off: bool
     """Whether the recording was switched off at the last time stamp."""
 
@@ -399,6 +402,13 @@ class _VcdChunks:
                 chunk = changes(edge_chunk(rows.rescale(ticks, self.cycles_per_step), pin, level))
                 if len(chunk.cycle):
                     yield chunk
+        if parser.skipping or parser.vector is not None or parser.time != self.last:
+            raise InputError(
+                "vcd-syntax",
+                f"ends within a comment or a value after #{parser.time}",
+                Location(str(self.path)),
+                "record it again: it may be truncated",
+            )
         if parser.unknown and not self.ends_off:
             raise _unknown(parser.unknown, None, Location(str(self.path)))
 

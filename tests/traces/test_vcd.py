@@ -190,6 +190,23 @@ def test_what_happens_while_the_recording_is_off_is_not_known(tmp_path: Path) ->
         assert (rows_of(ended), ended.end) == ([(0, RB0, LOW), (5, RB0, HIGH)], 6)
 
 
+@pytest.mark.parametrize(
+    "tail",
+    [
+        "$comment no end\n",
+        "$comment no end\n#2\n",
+        "$comment\n#90\n$end\n",
+        "#7\nb1\n",
+    ],
+)
+def test_a_file_ends_with_what_its_last_time_stamp_says(tmp_path: Path, tail: str) -> None:
+    """One that stands in a comment is none: nothing was recorded up to it."""
+    with pytest.raises(InputError, match=r"a\.vcd: error: ends within a comment or a value after #[57]"):
+        rows_of(read(tmp_path, HEADER + "#0\n0!\n#5\n1!\n" + tail))
+    trace = read(tmp_path, HEADER + "#0\n0!\n#5\n1!\n#9\n$comment with an end $end\n")
+    assert (rows_of(trace), trace.end) == ([(0, RB0, LOW), (5, RB0, HIGH)], 10)
+
+
 def test_a_value_that_is_not_of_one_bit_is_an_error(tmp_path: Path) -> None:
     for value in ("r0.5", "b2", "s?"):
         with pytest.raises(InputError, match="'!' is not a value change"):
