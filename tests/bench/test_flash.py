@@ -361,6 +361,26 @@ for each in sys.argv:
         assert "differs from the file, first in the program memory at address 0x003" in done.err
 
 
+@pytest.mark.parametrize(
+    "written", ["", "hello\n", "\xff\xfe", ":00000001FE\n", ":03420000414243F5\n:00000001FF\n"]
+)
+def test_a_file_of_the_chip_that_is_not_understood_is_a_failure_of_the_programmer(
+    run: Run, program: Path, tmp_path: Path, written: str
+) -> None:
+    """Exit code 3: nothing is known of the chip, and the file that was to be programmed is not to blame."""
+    path = stand_in(tmp_path, "pk2cmd", "PICkit 2 Program Report\n", 0)
+    writes = f"""\
+for each in sys.argv:
+    if each.startswith("-GF"):
+        open(each[3:], "w", encoding="latin-1").write({written!r})
+"""
+    path.write_text(path.read_text().replace("sys.exit(0)", writes))
+    done = run("flash", program, "--programmer", path)
+    assert done.code == 3, done
+    assert "pk2cmd read the chip back into a file that is not understood: " in done.err
+    assert str(tmp_path / "read.hex") not in done.err
+
+
 # What is refused before anything is programmed.
 
 

@@ -92,6 +92,19 @@ def test_what_was_read_is_found_in_the_files_of_each_programmer(tmp_path: Path) 
     assert picpro_config(hex_file(tmp_path / "c.hex", answer), IMAGE) == {CONFIG: [0x3FF1]}
 
 
+@pytest.mark.parametrize(
+    ("data", "text"), [(b"", "0 bytes"), (bytes(63), "63 bytes"), (bytes(65), "65 bytes")]
+)
+def test_an_eeprom_of_another_size_was_not_read(tmp_path: Path, data: bytes, text: str) -> None:
+    with pytest.raises(ValueError, match=f"{text} of data EEPROM instead of 64"):
+        picpro_eeprom(hex_file(tmp_path / "e.hex", data), IMAGE)
+
+
+def test_a_configuration_that_is_cut_off_was_not_read(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="11 bytes of configuration"):
+        picpro_config(hex_file(tmp_path / "c.hex", bytes(11)), IMAGE)
+
+
 COMMANDS = {
     "picpro": "program -p /dev/ttyS0 -i main.hex -t 16F84A",
     "pk2cmd": "-PPIC16F84A -Fmain.hex -M -R -T",

@@ -204,7 +204,15 @@ def _read(
                     _place(order.port),
                     _last(output),
                 )
-            contents.update(look.contents(file, image))
+            try:
+                contents.update(look.contents(file, image))
+            except ValueError as error:
+                raise ToolError(
+                    "tool-failed",
+                    f"{tool.programmer.name} read the chip back into a file that is not understood: {error}",
+                    _place(order.port),
+                    _last(output),
+                ) from error
     return contents
 
 

@@ -31,7 +31,7 @@ Contents = Mapping[str, Sequence[int]]
 @dataclass(frozen=True, slots=True)
 class ReadMethod:
     """One way to read: `arguments` for the programmer's program, and the contents of the file that it
-    writes.
+    writes. Raises ValueError for a file that it did not write so.
     """
 
     arguments: tuple[str, ...]
@@ -80,8 +80,9 @@ def picpro_eeprom(file: Path, image: Image) -> Contents:
     """Return picpro's bytes from address 0. Version 0.3.0 swaps the bytes of each pair, so the order in which
     fewer bytes differ is used.
     """
-    data = _bytes(file)
-    right = wanted(image)[EEPROM]
+    data, right = _bytes(file), wanted(image)[EEPROM]
+    if len(data) != EEPROM_BYTES:
+        raise ValueError(f"{len(data)} bytes of data EEPROM instead of {EEPROM_BYTES}")
     swapped = [byte for pair in zip(data[1::2], data[::2], strict=True) for byte in pair]
     return {EEPROM: min(swapped, data, key=lambda order: sum(map(ne, order, right)))}
 
@@ -91,17 +92,28 @@ def picpro_config(file: Path, image: Image) -> Contents:
     ID bytes, words, low byte first.
     """
     data = _bytes(file)
-    return {CONFIG: [int.from_bytes(data[10:12], "little") & WORD_MASK]}
+    if len(data) < _CONFIG_AT + 2:
+        raise ValueError(f"{len(data)} bytes of configuration")
+    return {CONFIG: [int.from_bytes(data[_CONFIG_AT : _CONFIG_AT + 2], "little") & WORD_MASK]}
+
+
+_CONFIG_AT = 10
 
 
 def _image(file: Path) -> Image:
-    return from_hex(file.read_text(encoding="ascii"), str(file))
+    try:
+        return from_hex(file.read_text(encoding="ascii"), str(file))
+    except InputError as error:
+        raise ValueError(error.message) from error
 
 
 def _bytes(file: Path) -> list[int]:
-    from intelhex import IntelHex
+    from intelhex import IntelHex, IntelHexError
 
-    return list(IntelHex(str(file)).tobinarray())
+    try:
+        return list(IntelHex(str(file)).tobinarray())
+    except IntelHexError as error:
+        raise ValueError(str(error)) from error
 
 
 @dataclass(frozen=True, slots=True)
