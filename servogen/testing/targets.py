@@ -60,6 +60,7 @@ from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
+from servogen.verify.capture.check import split
 
 TYPICAL_EDGES_PER_S = TYPICAL_EDGES / float(TYPICAL_PERIOD_S)
 """The rate of edges for which an analyser's memory is planned."""
@@ -126,7 +127,10 @@ class PinCapture(Signals):
         return self.seen.source
 
     def pieces(self) -> Sequence[EdgeTrace]:
-        return (self.seen.trace,)
+        capture = self.seen.capture
+        if capture is None or not capture.pieces:
+            return (self.seen.trace,)
+        return tuple(split(self.seen.trace, capture.pieces))
 
     def chip_clock(self) -> Clock:
         return self.clock

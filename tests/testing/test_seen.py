@@ -796,3 +796,18 @@ def test_constant_pins_are_named_together_below_the_waves() -> None:
     # A pin with several edges in its only column is not constant.
     busy = wave_lines(chunk([(0, RB0, 1), (0, 6, 1), (0, RB0, 0)]), 1, MHZ4)
     assert busy == ["from 0 µs to 1 µs, 1 µs per column", "RB0  ▒", "high throughout: RB1"]
+
+
+def test_nothing_is_measured_across_the_seam_of_a_recording_of_several_captures(tmp_path: Path) -> None:
+    """The time between two is not known, and what the pin did there neither."""
+    path = tmp_path / "stitched.vcd"
+    first = ([0, 100, 200, 1100, 1200, 1500], [0, 1, 0, 1, 0, 2])
+    second = ([2000, 2100, 2250, 3100, 3200], [1, 0, 1, 0, 1])
+    with capture_writer(path, 1_000_000, pieces=((0, 1500), (2000, 3500))) as writer:
+        for cycles, levels in (first, second):
+            writer.add(chunk([(cycle, RB0, level) for cycle, level in zip(cycles, levels, strict=True)]))
+        writer.finish(Cycles(3500))
+    seen = PinCapture(captured(path, "the capture"), MHZ4, [])
+    assert seen.periods_us("RB0") == [1000, 950]
+    assert seen.widths_us("RB0") == [100, 100, 850]
+    assert seen.rising_us("RB0") == [100, 1100, 250, 1200], "from the beginning of each"
