@@ -241,14 +241,21 @@ class Explorer:
 
     def _ways(self, point: _Point) -> list[Choices] | None:
         state = ChipState(point.ram, self._transitions.rest(point.rest))
-        if point.use is not None:
-            interrupts = point.use.kind == USE_INTERRUPT and point.use.subject & ~T0IF
-            self._asynchronous = self._asynchronous or bool(interrupts)
-            return ways_of(self._program, state, point.use, point.chosen)
-        if self._transitions.pc(point.rest) not in self._transitions.stops:
-            return [()]
-        self._reads_eeprom = self._reads_eeprom or self._program.reads_eeprom(state)
-        return before_instruction(self._program, state, self._spec.sampled, self._phases)
+        before: list[Choices] = [point.chosen]
+        if not point.chosen and self._transitions.pc(point.rest) in self._transitions.stops:
+            self._reads_eeprom = self._reads_eeprom or self._program.reads_eeprom(state)
+            before = before_instruction(self._program, state, self._spec.sampled, self._phases)
+        if point.use is None:
+            return before
+        interrupts = point.use.kind == USE_INTERRUPT and point.use.subject & ~T0IF
+        self._asynchronous = self._asynchronous or bool(interrupts)
+        every: list[Choices] = []
+        for chosen in before:
+            ways = ways_of(self._program, state, point.use, chosen)
+            if ways is None:
+                return None
+            every += ways
+        return every
 
     def _follow(
         self, number: int, point: _Point, choices: Choices, points: list[_Point]

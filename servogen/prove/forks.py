@@ -154,10 +154,9 @@ def before_instruction(
         return [()]
     bank_1 = bool(state["STATUS"] & RP0)
     row = decoded.instruction
-    if row.mnemonic == "SLEEP":
-        return [(ALONE,)]
-    if _in_eecon1(decoded, state):
-        # The write in progress may be over already, or not yet: EECON1 reads differently.
+    if row.mnemonic == "SLEEP" or _in_eecon1(decoded, state):
+        # The write in progress may be over already, or not yet: EECON1 reads differently, and SLEEP with EEIF
+        # set and enabled is a NOP.
         writing = state["EE_DONE_AT"] != layout.NEVER and program.any_write_time
         return [(ALONE,), (AssumedBits("EE_DONE", 0, 0),)] if writing else [(ALONE,)]
     if row.mnemonic == "OPTION" or (decoded.f == TMR0 and bank_1 and _writes(decoded)):

@@ -261,3 +261,55 @@ def test_the_interrupt_at_the_end_of_a_write_comes_in_any_cycle() -> None:
     late = assembled(PULSE + WRITE.format(meanwhile=enable) + after, ON_WRITTEN)
     proof = prove_for_all(late, schedule)
     assert proof.proven, proof.reason
+
+
+FLAGGED = "        bsf 0x33, 0\n" + INT
+GOING_ON = """
+        bcf STATUS, RP0
+{enable}
+        bsf STATUS, RP0
+        btfss EECON1, WR
+        goto over
+        bcf STATUS, RP0
+back    bcf INTCON, GIE
+        btfsc INTCON, GIE
+        goto back
+        goto pulse
+over    bcf STATUS, RP0
+        bcf INTCON, GIE
+        btfsc INTCON, GIE
+        goto over
+        btfss 0x33, 0
+hang    goto hang
+pulse
+"""
+"""Hangs if the write is over, and no interrupt has come."""
+
+
+@pytest.mark.parametrize("enable", ["0x00", "0x90"])
+def test_a_write_may_be_over_also_where_an_interrupt_may_come(enable: str) -> None:
+    going_on = GOING_ON.format(enable=f"        movlw {enable}\n        movwf INTCON\n")
+    body = "        clrf 0x33\n" + WRITE.format(meanwhile=going_on) + PULSE + "stop    goto stop\n"
+    image, schedule = assembled(body, FLAGGED), replace(once(), clock=SLOWER)
+    assert shown(image, schedule, prove_for_all(image, schedule))
+
+
+@pytest.mark.parametrize("enable", ["0x00", "0x40"])
+def test_sleep_is_a_nop_if_the_write_that_would_end_it_is_over(enable: str) -> None:
+    """The program hangs if PD says that the chip has not slept; without EEIE it always has."""
+    sleeps = f"""
+        bcf STATUS, RP0
+        movlw {enable}
+        movwf INTCON
+        clrwdt
+        sleep
+        nop
+        btfsc STATUS, NOT_PD
+hang    goto hang
+"""
+    stop = "stop    clrwdt\n        goto stop\n"
+    image = assembled(WRITE.format(meanwhile=sleeps) + PULSE + stop, watchdog="ON")
+    schedule = replace(once(), clock=SLOWER)
+    proof = prove_for_all(image, schedule)
+    assert proof.proven == (enable == "0x00"), proof.reason
+    assert proof.proven or shown(image, schedule, proof)
