@@ -286,7 +286,7 @@ class _Prover:
         assumptions += [
             f"{channel.pin} is low while the program makes it an input"
             for channel in self._schedule.channels
-            if PINS.index(channel.pin) in self._chip.released
+            if self._chip.released >> PINS.index(channel.pin) & 1
         ]
         return tuple(assumptions)
 

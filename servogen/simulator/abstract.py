@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, UNDRIVEN
+from servogen.edges import HIGH, PINS
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
@@ -212,8 +212,8 @@ class AbstractChip:
         self._fast = fast_code(self._plain)
         self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
         self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
-        self.released: set[int] = set()
-        """The pins that some run has made inputs after they were outputs."""
+        self.released = 0
+        """The pins that were inputs in some run, after the first pulse of any pin, as bits."""
         self._edges = np.zeros(1 << 16, dtype=np.int64)
         self._template[at.EDGE_LIMIT] = len(self._edges) - 4 * len(PINS)
         self._none = np.zeros(0, dtype=np.int64)
@@ -386,7 +386,6 @@ class AbstractChip:
             packed = changes[:, number]
             pins = packed >> at.PACK_PIN & 0x3F
             level = (packed & at.PACK_LEVELS == HIGH).astype(np.int64)
-            self.released |= {*pins[(count > number) & (packed & at.PACK_LEVELS == UNDRIVEN)].tolist()}
             changed = (count > number) & ((high >> pins & 1) != level)
             high = np.where(changed, high ^ (1 << pins), high)
             for pin, now in sorted({*zip(pins[changed].tolist(), level[changed].tolist(), strict=True)}):
@@ -617,8 +616,6 @@ class AbstractChip:
         changes = []
         for packed in self._edges[:count].tolist():
             pin, level = packed >> at.PACK_PIN & 0x3F, int(packed & at.PACK_LEVELS == HIGH)
-            if packed & at.PACK_LEVELS == UNDRIVEN:
-                self.released.add(pin)
             if high >> pin & 1 != level:
                 high ^= 1 << pin
                 changes.append(((packed >> at.PACK_CYCLE) - BASE, pin, level))
@@ -649,6 +646,7 @@ class AbstractChip:
                 s[value] &= ~int(s[mask])
         s[at.RB_OLD] &= RB4_TO_7
         s[at.EE_CELL] = s[at.EE_BYTE] = 0  # nobody reads what the program has written
+        self.released |= int(s[at.RELEASED])
         self._canonical_stack()
         return ChipState(self._cells(), tuple(s[_REST].tolist()))
 

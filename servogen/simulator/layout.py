@@ -108,6 +108,10 @@ EXT_LEVEL = _table.add("EXT_LEVEL", Future.STIMULUS)
 DRIVEN = _table.add("DRIVEN", Future.VALUE)
 DRIVEN_HIGH = _table.add("DRIVEN_HIGH", Future.VALUE)
 DRIVEN_UNKNOWN = _table.add("DRIVEN_UNKNOWN", Future.VALUE, other_chips=True)
+# The pins that have been driven high; that were inputs, and of these those with a pull-up, since the first was.
+PULSED = _table.add("PULSED", Future.VALUE, other_chips=True)
+RELEASED = _table.add("RELEASED", Future.VALUE, other_chips=True)
+PULLED_UP = _table.add("PULLED_UP", Future.VALUE, other_chips=True)
 RA4_PULLED_UP = _table.add("RA4_PULLED_UP")
 FLOATING = _table.add("FLOATING")
 
@@ -170,9 +174,12 @@ STACK = _table.block(STACK_LEVELS)
 VISIT = _table.block(0)
 """The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
 EEPROM = _table.block(EEPROM_BYTES)
-WARNING_SLOTS, WARNING_FIELDS = 64, 3
+WARNING_SLOTS, WARNING_FIELDS = 96, 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
 of the instruction."""
+HARMLESS_WARNINGS, WORD_WARNINGS = 24, 40
+"""The warnings up to which one of an erased word or of EEADR, or one of an undefined word, is recorded: the
+other warnings have 52 subjects, and each of these has to find room."""
 WARNINGS = _table.block(WARNING_FIELDS * WARNING_SLOTS)
 READ_UNWRITTEN = _table.block(RAM_SLOTS)
 """By address: whether the RAM byte was read before it was ever written."""
@@ -212,7 +219,9 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_EE_SEQUENCE,
     WARN_EE_ADDRESS,
     WARN_WATCHDOG,
-) = range(9)
+    WARN_RELEASED,
+    WARN_PULLED_UP,
+) = range(11)
 
 # Sources of unknown bits (unknown.py). 1 to 0x0B are those of the table's rows, 0x0C to 0x4F the RAM bytes;
 # pins are added to FLOATING_PIN and UNWRITTEN_LATCH.

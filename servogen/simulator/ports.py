@@ -35,9 +35,12 @@ from servogen.simulator.layout import (
     PACK_PIN,
     PINS,
     PINS_UNKNOWN,
+    PULLED_UP,
+    PULSED,
     RA4_PULLED_UP,
     RB_OLD,
     RB_OLD_UNKNOWN,
+    RELEASED,
     SLEEPING,
     T0_TICK,
     T0CS,
@@ -49,6 +52,8 @@ from servogen.simulator.layout import (
     USE_OUTPUT,
     WARN_CONTENTION,
     WARN_DRIVEN_UNWRITTEN,
+    WARN_PULLED_UP,
+    WARN_RELEASED,
 )
 from servogen.simulator.timer import t0_runs
 from servogen.simulator.unknown import doubt, flags_in_doubt, use
@@ -74,6 +79,8 @@ def settle(s: Vector, cycle: int) -> None:
     outside = s[EXT_MASK]
     if (outside & driven) and (outside & driven & (s[EXT_LEVEL] ^ s[LATCH])):
         contention(s, outside & driven & (s[EXT_LEVEL] ^ s[LATCH]))
+    if s[PULSED]:
+        note_released(s)
     resting = s[FLOATING]
     if not s[OPTION] & RBPU:
         resting |= B
@@ -142,6 +149,20 @@ def contention(s: Vector, bits: int) -> None:
 
 
 @compiled
+def note_released(s: Vector) -> None:
+    """Warn of pins with pulses that are inputs after the first pulse: the chip does not hold them low."""
+    s[RELEASED] |= s[TRIS]
+    pull_ups = (0 if s[OPTION] & RBPU else B) | (RA4 if s[RA4_PULLED_UP] else 0)
+    s[PULLED_UP] |= s[TRIS] & pull_ups & ~s[EXT_MASK]
+    released, pulled_up = s[RELEASED] & s[PULSED], s[PULLED_UP] & s[PULSED]
+    for pin in range(PIN_COUNT if released else 0):
+        if released >> pin & 1:
+            warn(s, WARN_RELEASED, pin)
+        if pulled_up >> pin & 1:
+            warn(s, WARN_PULLED_UP, pin)
+
+
+@compiled
 def emit(s: Vector, edges: Vector, cycle: int) -> None:
     """Record every change of a driven pin, in pin order, as made by the instruction of `cycle`."""
     driven = ~s[TRIS] & (A | B)
@@ -158,6 +179,7 @@ def emit(s: Vector, edges: Vector, cycle: int) -> None:
             level = 2
             if driven >> pin & 1:
                 level = high >> pin & 1
+                s[PULSED] |= level << pin & ~s[LATCH_UNKNOWN]
             edges[count] = cycle << PACK_CYCLE | pin << PACK_PIN | level
             count += 1
         changed >>= 1
@@ -219,8 +241,8 @@ def settle_unknown(s: Vector, cycle: int, pins: int) -> None:
     """Evaluate a write, in `cycle`, to the latch or direction of these pins, of which some are driven with
     an unknown level.
 
-    A pin that is written low after at most GLITCH cycles is accepted: no chip made more than a glitch before
-    the first pulse.
+    Before the first pulse, a pin that is written low after at most GLITCH cycles is accepted: no chip made
+    more than a glitch.
     """
     waiting = s[DRIVEN_UNKNOWN] & pins
     for pin in range(PIN_COUNT):
@@ -228,7 +250,7 @@ def settle_unknown(s: Vector, cycle: int, pins: int) -> None:
         if waiting & bit and (s[TRIS] & bit or not s[LATCH_UNKNOWN] & bit):
             s[DRIVEN_UNKNOWN] &= ~bit
             high = s[LATCH] & bit and not s[TRIS] & bit
-            if high or cycle - s[DRIVEN_FROM + 2 * pin] > GLITCH:
+            if high or s[PULSED] or cycle - s[DRIVEN_FROM + 2 * pin] > GLITCH:
                 warn_of(
                     s,
                     WARN_DRIVEN_UNWRITTEN,

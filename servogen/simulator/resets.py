@@ -23,6 +23,9 @@ from servogen.simulator.layout import (
     PINS_UNKNOWN,
     PRESCALER,
     PRESCALER_UNKNOWN,
+    PULLED_UP,
+    PULSED,
+    RELEASED,
     RESETS_MCLR,
     RESETS_MCLR_SLEEP,
     RESETS_WDT,
@@ -64,6 +67,7 @@ def enter_reset(s: Vector, edges: Vector, cycle: int) -> None:
     s[DEPTH] = 0
     s[PRESCALER] = 0
     s[PRESCALER_UNKNOWN] = 0
+    s[PULSED] = s[RELEASED] = s[PULLED_UP] = 0
     wdt_start(s, cycle)
     reset_eecon1(s)
     emit(s, edges, cycle)

@@ -29,7 +29,8 @@ from servogen.units import Clock
 _WORDS = {
     at.WARN_DRIVEN_UNWRITTEN: (
         "driven-before-written",
-        "{pins}: an output while its latch holds no known level, and not written low within 10 cycles",
+        "{pins}: an output while its latch holds no known level, and not written low within 10 cycles and "
+        "before the first pulse",
     ),
     at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside"),
     at.WARN_UNDEFINED: (
@@ -55,12 +56,21 @@ _WORDS = {
         "the watchdog was not cleared within its shortest period (7 ms of 7 to 33 ms, times the postscaler): "
         "some chips time out here",
     ),
+    at.WARN_RELEASED: (
+        "released",
+        "{pins}: a pin with pulses, and an input after the first pulse: the chip does not hold it low then",
+    ),
+    at.WARN_PULLED_UP: (
+        "pulled-up",
+        "{pins}: a pin with pulses, and an input with a pull-up after the first pulse: it is high then",
+    ),
 }
 """Code and text."""
 
 CHIP_DEPENDENT = frozenset(
     (
         "driven-before-written",
+        "pulled-up",
         "contention",
         "undefined-word",
         "stack-underflow",
@@ -71,7 +81,7 @@ CHIP_DEPENDENT = frozenset(
     )
 )
 """Warnings of what another chip, or the same one at its next power-up, may do differently."""
-_OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION)
+_OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION, at.WARN_RELEASED, at.WARN_PULLED_UP)
 
 _USES = {
     at.USE_SKIP: "a skip depends on it",

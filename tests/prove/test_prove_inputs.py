@@ -22,6 +22,7 @@ from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import Machine, parse_stimuli
 from servogen.units import Clock, Cycles
 from tests.engines.player.player_jobs import job_text, sweep
+from tests.prove.replay import is_wrong
 
 SOFT = "soft_start_s = 0.16\n"
 START, STOP = 'start_pin = "RA4"\n', 'stop_pin = "RB7"\n'
@@ -132,12 +133,9 @@ def assembled(text: str, isr: str = "        retfie") -> Image:
     return assemble(source, "test.asm", device("PIC16F84")).image
 
 
-@pytest.mark.parametrize("released", [True, False])
-def test_a_servo_s_pin_that_is_an_input_between_pulses_is_assumed_to_be_low(released: bool) -> None:
-    """Nothing drives it then: a pull-up would make another pulse of it."""
-    change = "bsf" if released else "nop\n;"
-    body = f"""
+BETWEEN = """
         bcf PORTB, 1
+{before}
 frame   bsf PORTB, 1
         movlw 98
         movwf 0x21
@@ -153,10 +151,76 @@ wait    decfsz 0x21, f
         bcf STATUS, RP0
         goto frame
 """
+RELEASED = BETWEEN.format(change="bsf", before="")
+
+
+@pytest.mark.parametrize("released", [True, False])
+def test_a_servo_s_pin_that_is_an_input_between_pulses_is_assumed_to_be_low(released: bool) -> None:
+    """Nothing drives it then: a pull-up would make another pulse of it."""
+    body = RELEASED if released else BETWEEN.format(change="nop\n;", before="")
     found = prove_for_all(assembled(body), schedule_of(299 + 7, 299))
     assert found.proven, found.reason
     assumed = "RB1 is low while the program makes it an input"
     assert (assumed in found.assumptions) == released
+
+
+def test_a_servo_s_pin_that_the_chip_itself_pulls_up_is_not_assumed_to_be_low() -> None:
+    """DS35007 section 4.2: RBPU = 0 turns on the pull-ups of port B's inputs."""
+    on = "        bsf STATUS, RP0\n        bcf OPTION_REG, 7\n        bcf STATUS, RP0\n"
+    found = prove_for_all(assembled(BETWEEN.format(change="bsf", before=on)), schedule_of(299 + 7, 299))
+    assert not found.proven
+    assert "RB1: a pin with pulses, and an input with a pull-up" in found.reason
+
+
+SECOND = """
+        bsf STATUS, RP0
+        movlw 0xFD
+        movwf TRISB
+        bcf STATUS, RP0
+frame   movlw 2
+        movwf PORTB
+        nop
+        clrf PORTB
+        bsf STATUS, RP0
+        bcf TRISB, 2
+        bcf STATUS, RP0
+{clear}
+        movlw 4
+        movwf PORTB
+        nop
+        clrf PORTB
+        nop
+{again}
+        goto frame
+"""
+"""RB1 is high in cycles 0 and 1 of a frame, RB2 in 7 and 8, or one later with `clear`, or not at all."""
+
+
+def two_servos(period: int, rise: int | None) -> PulseSchedule:
+    one = schedule_of(period, 2)
+    pulses = (Pulse(Cycles(0), Cycles(2)), None if rise is None else Pulse(Cycles(rise), Cycles(2)))
+    channels = (*one.channels, Channel("other", "RB2", "futaba-s3001"))
+    return replace(one, channels=channels, loop=(Run(1, pulses),))
+
+
+def test_a_servo_s_pin_that_is_not_yet_an_output_in_the_first_frame_is_assumed_to_be_low() -> None:
+    image = assembled(SECOND.format(clear="", again=""))
+    found = prove_for_all(image, two_servos(14, 7))
+    assert found.proven, found.reason
+    assert "RB2 is low while the program makes it an input" in found.assumptions
+
+
+def test_an_unknown_latch_is_not_driven_for_a_moment_once_there_are_pulses() -> None:
+    """RB2's latch is not written before it is an output for three cycles of the first frame."""
+    never = SECOND.replace("movlw 4\n        movwf PORTB", "nop\n        nop")
+    text = HEAD.format(isr="        retfie").replace("clrf PORTB", "bcf PORTB, 1")
+    body = never.format(clear="        bcf PORTB, 2\n", again="").replace("clrf PORTB", "bcf PORTB, 1")
+    source = text + body.replace("movlw 2\n        movwf PORTB", "nop\n        bsf PORTB, 1")
+    image = assemble(source + "        end\n", "test.asm", device("PIC16F84")).image
+    schedule = two_servos(15, None)
+    found = prove_for_all(image, schedule)
+    assert found.counterexample is not None, found.reason or "proven"
+    assert is_wrong(image, schedule, found.counterexample)
 
 
 def test_a_program_that_polls_tmr0_absolutely_is_not_reduced() -> None:

@@ -1402,7 +1402,7 @@ def prover_of(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Any:
         "_held": {},
         "_board": SimulatorOptions(),
         "_write_us": 20_000,
-        "_chip": SimpleNamespace(watchdog=False, released=set()),
+        "_chip": SimpleNamespace(watchdog=False, released=0),
         "_program": SimpleNamespace(eeprom_accesses=frozenset()),
         "_image": Image({}),
         "_spec": None,
@@ -1429,12 +1429,12 @@ PLAIN = (
     [
         ({}, ()),
         (
-            {"_chip": SimpleNamespace(watchdog=True, released=set())},
+            {"_chip": SimpleNamespace(watchdog=True, released=0)},
             ("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)",),
         ),
         (
             {
-                "_chip": SimpleNamespace(watchdog=True, released=set()),
+                "_chip": SimpleNamespace(watchdog=True, released=0),
                 "_quantifiers": Quantifiers(watchdog=False),
                 "_board": SimulatorOptions(watchdog_us=18_500),
             },

@@ -63,7 +63,7 @@ class Transitions:
 
 class Chip:
     watchdog = False
-    released: frozenset[int] = frozenset()
+    released: int = 0
 
     def power_on(self) -> Any:
         return "power-on"

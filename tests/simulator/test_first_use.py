@@ -298,6 +298,71 @@ def test_an_output_with_an_unknown_latch_is_a_glitch_for_ten_cycles(end: str, af
         assert found[0][1].startswith("RB0, RB1, RB2, RB3, RB4, RB5, RB6, RB7: an output while its latch")
 
 
+@pytest.mark.parametrize("pulsed", [0, 1])
+def test_after_the_first_pulse_an_output_with_an_unknown_latch_is_not_a_glitch(pulsed: int) -> None:
+    """RA0 is driven to the level `pulsed`; then RB1 is an output for two cycles before it is written low."""
+    first = " clrf PORTA\n bsf STATUS, RP0\n bcf TRISA, 0\n bcf STATUS, RP0\n"
+    later = " bsf STATUS, RP0\n bcf TRISB, 1\n bcf STATUS, RP0\n bcf PORTB, 1\n"
+    source = f"{first} movlw {pulsed}\n movwf PORTA\n{later}"
+    found = [(code, address, cycle) for code, _, address, cycle in warnings(tracked(source, 30))]
+    assert found == [("driven-before-written", 7, 7)] * pulsed
+
+
+PULSES = """
+        clrf    PORTA
+        clrf    PORTB
+        bsf     STATUS, RP0
+        {option}
+        bcf     {tris}, {bit}
+        bcf     STATUS, RP0
+        bsf     {port}, {bit}
+        bcf     {port}, {bit}
+        bsf     STATUS, RP0
+        {after} {tris}, {bit}
+"""
+"""RAx or RBx is pulsed, and made an input at address 9."""
+
+
+@pytest.mark.parametrize("pin", range(13))
+@pytest.mark.parametrize("pull_up", [False, True])
+def test_a_pin_with_pulses_that_becomes_an_input_is_named_also_if_a_pull_up_makes_it_high(
+    pin: int, pull_up: bool
+) -> None:
+    """DS35007 section 4.2: RBPU turns on the pull-ups of port B; RA4 has one on the board."""
+    port, bit = ("A", pin) if pin < 5 else ("B", pin - 5)
+    option = "bcf OPTION_REG, 7" if pull_up else "nop"
+    fields = {"port": f"PORT{port}", "tris": f"TRIS{port}", "bit": bit, "option": option}
+    chip = tracked(PULSES.format(after="bsf", **fields), 20, ra4_pull_up=pull_up or pin == 4)
+    found = [(code, address) for code, message, address, _ in warnings(chip) if PINS[pin] in message]
+    high = pin == 4 or (pull_up and port == "B")
+    assert found == [("released", 9), ("pulled-up", 9)][: 1 + high]
+    assert [each.code for each in chip.chip_dependent] == ["pulled-up"] * high
+    assert warnings(tracked(PULSES.format(after="bcf", **fields), 20, ra4_pull_up=True)) == []
+
+
+def test_a_pin_that_is_not_yet_an_output_at_the_first_pulse_of_another_one_is_named_at_its_own() -> None:
+    source = PULSES.format(port="PORTB", tris="TRISB", bit=1, option="nop", after="bcf") + (
+        " bcf TRISA, 2\n bcf STATUS, RP0\n bsf PORTA, 2\n"
+    )
+    assert [(code, address) for code, _, address, _ in warnings(tracked(source, 30))] == [("released", 12)]
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ({0x155: 0x0001}, "undefined-word"),
+        ({0x155: encode("RETURN")}, "stack-underflow"),
+        ({n: encode("CALL", k=n + 1) for n in range(0x155, 0x15E)}, "stack-overflow"),
+    ],
+)
+def test_a_warning_is_not_crowded_out_by_those_of_erased_words(fault: dict[int, int], code: str) -> None:
+    """Of 256 unprogrammed words some are named."""
+    words = {0: encode("GOTO", k=0x55)} | fault | {0x15E: encode("GOTO", k=0x15E)}
+    found = [each for each, *_ in warnings(tracked(Image(words, 0x3FF1), 400))]
+    assert code in found
+    assert found.count("erased-word") > 20
+
+
 @pytest.mark.parametrize("pin", range(13))
 def test_an_output_that_is_written_high_is_a_pulse_at_once(pin: int) -> None:
     port, tris, bit = ("PORTA", "TRISA", pin) if pin < 5 else ("PORTB", "TRISB", pin - 5)
