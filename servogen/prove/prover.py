@@ -24,7 +24,7 @@ from servogen.prove.generalise import Generaliser
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
-from servogen.prove.trims import TrimProof, UndecidedTrims, WrongEdge
+from servogen.prove.trims import Trimmed, TrimProof, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator.abstract import AbstractChip, ChipState
@@ -102,10 +102,8 @@ class _Prover:
         self._spec = Specification(schedule, *rules)
         longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
         self._write_us = longest or self._board.eeprom_us
-        self._chip = AbstractChip(
-            image, schedule.clock, self._board, self._held, quantifiers.watchdog, longest
-        )
         self._longest = longest
+        self._chip = self._abstract_chip(image)
         self._program = PreparedProgram(image, quantifiers.eeprom_write)
         # No run between two stops may be longer than the time in which an edge has to come.
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
@@ -155,42 +153,66 @@ class _Prover:
                 self._cuts = set(generaliser.cuts)
                 answer = self._answer(search)
                 if answer.proven and self._quantifiers.any_eeprom:
-                    return self._any_eeprom(answer, generaliser, self._starts(written))
+                    return self._any_eeprom(answer, generaliser, written)
                 return answer
 
-    def _any_eeprom(self, plain: Proof, generaliser: Generaliser, starts: list[ChipState]) -> Proof:
-        """Return the answer for any content of the EEPROM, where the file's has been proven."""
+    def _abstract_chip(self, image: Image, any_eeprom: bool = False) -> AbstractChip:
+        """Return the chip on the schedule's board, with another program or content of the EEPROM."""
+        watchdog, clock = self._quantifiers.watchdog, self._schedule.clock
+        return AbstractChip(image, clock, self._board, self._held, watchdog, self._longest, any_eeprom)
+
+    def _any_eeprom(self, plain: Proof, generaliser: Generaliser, written: frozenset[int]) -> Proof:
+        """Return the answer for any content of the EEPROM, where that of the file has been proven, with which
+        the program writes the places in `written`.
+        """
         runs = TrimSearch(self._image, self._schedule, self._board, self._held)
         erased = runs.erased()
         if erased is not None:
             return replace(plain, proven=False, counterexample=erased)
-        # NOPs only: what the timers do while so many cycles pass.
-        idle = replace(self._image, program=dict.fromkeys(range(PROGRAM_WORDS), encode("NOP")))
-        chip = AbstractChip(
-            idle, self._schedule.clock, self._board, self._held, self._quantifiers.watchdog, self._longest
-        )
-        rises = rising_addresses(self._image, self._schedule)
-        phases = PHASES if self._quantifiers.tmr0_phase else 1
-        search = TrimProof(
-            self._program, self._schedule, self._transitions, generaliser, self._always, rises, phases, chip
-        )
-        suspect: dict[int, int] = {}
         if plain.asynchronous:
             return replace(plain, proven=False, reason="any EEPROM: something other than TMR0 interrupts")
+        suspect: dict[int, int] = {}
         try:
-            trimmed = search.prove(starts)
+            trimmed = self._trimmed(generaliser, written)
         except UndecidedTrims as undecided:
             reason = f"any EEPROM: {undecided}"
         except WrongEdge as wrong:
             suspect, reason = wrong.content, f"any EEPROM: {wrong.message} (frame {wrong.frame})"
         else:
             assumptions = tuple(
-                assumption for assumption in plain.assumptions if assumption != AS_IN_THE_FILE
+                assumption for assumption in self._assumptions() if assumption != AS_IN_THE_FILE
             )
             trims = _trims_text(self._schedule, trimmed.bytes)
             return replace(plain, assumptions=(*assumptions, trims), runs=plain.runs + trimmed.runs)
         shown = runs.search(suspect)
         return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
+
+    def _trimmed(self, generaliser: Generaliser, written: frozenset[int]) -> Trimmed:
+        """Return what is proven for any content of the EEPROM. Raises UndecidedTrims, WrongEdge."""
+        # NOPs only: what the timers do while so many cycles pass.
+        idle = self._abstract_chip(
+            replace(self._image, program=dict.fromkeys(range(PROGRAM_WORDS), encode("NOP")))
+        )
+        chip = self._abstract_chip(self._image, any_eeprom=True)
+        rises = rising_addresses(self._image, self._schedule)
+        phases = PHASES if self._quantifiers.tmr0_phase else 1
+        while True:
+            trimmed = TrimProof(
+                self._program,
+                self._schedule,
+                self._transitions,
+                generaliser,
+                self._always,
+                rises,
+                phases,
+                chip,
+                idle,
+            ).prove(self._starts(written))
+            self._chip.released |= chip.released
+            # With other contents the program may write more places, which then are unknown after a reset.
+            if not self._quantifiers.start or trimmed.written <= written:
+                return trimmed
+            written |= trimmed.written
 
     def _starts(self, written: frozenset[int]) -> list[ChipState]:
         """Return the states in which a run may begin, if the program writes the places in `written`."""

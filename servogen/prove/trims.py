@@ -85,6 +85,8 @@ class Trimmed:
     """By channel; a channel that has none is not there."""
     runs: int
     frames: int
+    written: frozenset[int] = frozenset()
+    """Places in the RAM that any run has written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,16 +229,19 @@ class TrimProof:
         always: frozenset[int],
         rises: frozenset[int],
         phases: int,
+        chip: AbstractChip,
         idle: AbstractChip,
     ) -> None:
         """Prepare the proof of a program that is proven with the file's EEPROM.
 
         `always`: addresses with ways of their own; `rises`: of the instructions that make the first rise of
-        a slot.
+        a slot; `chip`: with an unknown EEPROM, so that a byte that is read in another way than by the name of
+        EECON1 is unknown.
         """
         self._program = program
         self._transitions = transitions
-        self._chip = transitions.chip
+        self._chip = chip
+        self._written: set[int] = set()
         self._limit = transitions.limit
         self._generaliser = generaliser
         self._always = always
@@ -279,7 +284,7 @@ class TrimProof:
         trims = {channel: byte for channel, byte in self._byte_of.items() if byte != NO_BYTE}
         if len(set(trims.values())) < len(trims):
             raise UndecidedTrims("two channels have their trims in one byte of the EEPROM")
-        return Trimmed(trims, self._runs, len(self._played))
+        return Trimmed(trims, self._runs, len(self._played), frozenset(self._written))
 
     # from stop to stop
 
@@ -304,6 +309,7 @@ class TrimProof:
             rest = self._later(state, late)
             outcome = self._alone.run(state.ram, self._alone.number(rest), choices)
             written = {place for place, _ in outcome.written}
+            self._written |= written
             if outcome.reason is not Reason.STOP:
                 why = "; ".join(outcome.warnings) or "an unknown bit decides"
                 raise UndecidedTrims(self._place(why, state))
@@ -474,6 +480,7 @@ class TrimProof:
             ways = ways.copied(start.ram)
         for numbers, lanes in runs:
             ways.add(numbers, lanes)
+        self._written |= {*ways.ram}
         memory.note(frozenset(read))
         memory.found[memory.key(start.ram)] = ways
         return ways
@@ -584,14 +591,18 @@ class TrimProof:
         differs = {NO_BYTE: longer != 0}
         for axis, cell in enumerate(cells):
             differs[cell] = longer != _along(TRIMS, axis, len(cells))
+        pin = PINS[self._channels[channel]]
+        message = f"the fall of {pin} is not where the EEPROM wants it"
+        if known is not None and known not in differs:
+            raise WrongEdge(
+                message, {known: 1}, frame
+            )  # the length of this pulse does not depend on its byte
         # The first pulse of a channel shows which byte is its trim: the one that explains most lengths. From
         # then on the channel keeps that byte.
-        options = [known if known in differs else NO_BYTE] if known is not None else [*differs]
+        options = [known] if known is not None else [*differs]
         fewest, cell = min((int(np.count_nonzero(differs[option])), option) for option in options)
         wrong = differs[cell]
         if fewest:
-            pin = PINS[self._channels[channel]]
-            message = f"the fall of {pin} is not where the EEPROM wants it"
             raise WrongEdge(message, self._content(cells, int(np.argmax(wrong))), frame)
         self._byte_of[channel] = cell
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator import unknown
@@ -191,6 +191,7 @@ class AbstractChip:
         held: Mapping[int, int] | None = None,
         any_watchdog: bool = True,
         write_us: int | None = None,
+        any_eeprom: bool = False,
     ) -> None:
         """Prepare to run `image`.
 
@@ -198,7 +199,7 @@ class AbstractChip:
         that `options.start` gives at power-up. The pins of `held` always have these levels. With
         `any_watchdog`, the watchdog's period is anywhere in its range instead of that of `options`.
         `write_us` is the maximum time of an EEPROM write, which may end in any cycle; None: exactly the time
-        of `options`.
+        of `options`. With `any_eeprom`, what is read from the EEPROM is unknown.
         """
         self.image = image
         self.clock = clock
@@ -207,6 +208,8 @@ class AbstractChip:
         if write_us is not None:
             options = replace(options, eeprom_write_us=write_us)
         self._template = self._start(options, held or {}, any_watchdog)
+        if any_eeprom:
+            self._template[at.EEPROM : at.EEPROM + EEPROM_BYTES] = ALL_UNKNOWN
         self._s = self._template.copy()
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)

@@ -87,7 +87,9 @@ def cell_read(s: Vector) -> int:
         s[EEDATA_UNKNOWN] = 0xFF | SOURCE_NO_CELL << 8
         warn(s, WARN_EE_ADDRESS, s[EEADR])
         return 0
-    return s[EEPROM + s[EEADR]]
+    cell = s[EEPROM + s[EEADR]]
+    s[EEDATA_UNKNOWN] |= cell >> 8
+    return cell & 0xFF
 
 
 @compiled

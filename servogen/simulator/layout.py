@@ -108,7 +108,7 @@ EXT_LEVEL = _table.add("EXT_LEVEL", Future.STIMULUS)
 DRIVEN = _table.add("DRIVEN", Future.VALUE)
 DRIVEN_HIGH = _table.add("DRIVEN_HIGH", Future.VALUE)
 DRIVEN_UNKNOWN = _table.add("DRIVEN_UNKNOWN", Future.VALUE, other_chips=True)
-# The pins that have been driven high; that were inputs, and of these those with a pull-up, since the first was.
+# The pins that have been driven high; since the first was, those that were inputs; of these, with a pull-up.
 PULSED = _table.add("PULSED", Future.VALUE, other_chips=True)
 RELEASED = _table.add("RELEASED", Future.VALUE, other_chips=True)
 PULLED_UP = _table.add("PULLED_UP", Future.VALUE, other_chips=True)
@@ -174,6 +174,7 @@ STACK = _table.block(STACK_LEVELS)
 VISIT = _table.block(0)
 """The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
 EEPROM = _table.block(EEPROM_BYTES)
+"""The cells, and above bit 7 what is unknown of each, which only the prover makes so."""
 WARNING_SLOTS, WARNING_FIELDS = 96, 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
 of the instruction."""

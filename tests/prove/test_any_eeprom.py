@@ -180,6 +180,106 @@ def test_a_byte_that_moves_a_rise_or_another_pin_is_not_passed_over(take: str) -
     assert not prove_for_all(image, schedule, ANY).proven
 
 
+def delayed(label: str) -> str:
+    """Return instructions that take W cycles, and some."""
+    return f"""
+        movwf 0x34
+        bcf STATUS, C
+        rrf 0x34, f
+        btfsc STATUS, C
+        goto $+1
+        bcf STATUS, C
+        rrf 0x34, f
+        btfss STATUS, C
+        goto {label}
+        goto $+1
+        nop
+{label} incf 0x34, f
+        nop
+        decfsz 0x34, f
+        goto $-2
+"""
+
+
+TRIMMED = f"""
+        clrf 0x33
+        {{first}}
+frame   clrf EEADR
+{{read}}
+        movf EEDATA, w
+{{choice}}
+        movwf 0x30
+        incf 0x30, w
+        btfsc STATUS, Z
+        clrf 0x30
+        movlw 128
+        addwf 0x30, w
+        movwf 0x31
+        comf 0x31, w
+        movwf 0x32
+        bsf PORTB, 1
+        movf 0x31, w
+{delayed("long")}
+        bcf PORTB, 1
+        movf 0x32, w
+{delayed("short")}
+        {{last}}
+        goto frame
+"""
+"""Frames of 307 cycles with a pulse of 144 and the trim in byte 0 of the EEPROM."""
+READ = "        bsf STATUS, RP0\n        bsf EECON1, RD\n        bcf STATUS, RP0\n        nop\n"
+THROUGH_FSR = "        movlw 0x88\n        movwf FSR\n        {}\n        bsf INDF, 0\n"
+TRIM = {"first": "", "read": READ, "choice": "        nop\n        nop\n", "last": "nop"}
+
+
+def trimmed(**parts: str) -> tuple[Image, PulseSchedule]:
+    return assembled(TRIMMED.format(**(TRIM | parts))), schedule_of(307, 144)
+
+
+def test_a_small_program_with_a_trim_is_proven() -> None:
+    found = prove_for_all(*trimmed(), ANY)
+    assert found.proven, found.reason
+    assert found.assumptions[-1].endswith("byte 0 of RB1")
+
+
+def test_a_trim_that_only_some_pulses_have_is_not_passed_over() -> None:
+    """The pulses from the second one on have none: the byte does not change their length."""
+    image, schedule = trimmed(choice="        btfsc 0x33, 0\n        movlw 0xFF\n", last="bsf 0x33, 0")
+    assert prove_for_all(image, schedule).proven
+    found = prove_for_all(image, schedule, ANY)
+    assert not found.proven
+    assert found.counterexample is not None and found.counterexample.eeprom == {0: 1}
+
+
+@pytest.mark.parametrize("before", ["nop", "movf TMR0, w"])
+def test_a_byte_that_is_read_through_fsr_is_any(before: str) -> None:
+    """DS35007 section 2.5: FSR = 0x88 makes INDF another name of EECON1."""
+    image, schedule = trimmed(read=THROUGH_FSR.format(before))
+    assert prove_for_all(image, schedule).proven
+    assert not prove_for_all(image, schedule, ANY).proven
+
+
+def test_what_only_another_content_writes_is_not_known_after_a_reset() -> None:
+    """Byte 5 = 0x77 sets a bit of RAM, which stops the program after the next reset; at power-up RAM is 0."""
+    first = f"""
+        btfsc 0x40, 0
+hang    goto hang
+        movlw 5
+        movwf EEADR
+{READ}
+        movf EEDATA, w
+        xorlw 0x77
+        btfsc STATUS, Z
+        bsf 0x40, 0
+        nop
+"""
+    image, schedule = trimmed(first=first)
+    zero = Quantifiers(start=(("ram", 0),))
+    assert prove_for_all(image, schedule, zero).proven
+    assert prove_for_all(image, schedule, replace(zero, any_eeprom=True, resets=False)).proven
+    assert not prove_for_all(image, schedule, replace(zero, any_eeprom=True)).proven
+
+
 def test_a_certificate_is_not_about_every_eeprom(tmp_path: Path) -> None:
     schedule, program = built(1)
     (tmp_path / "main.hex").write_text(to_hex(program.image))

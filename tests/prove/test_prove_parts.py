@@ -543,7 +543,7 @@ def trim_proof() -> TrimProof:
     one._period = PERIOD
     one._frames = [[(0, 1000), None]] * 2 + [[(0, 1200), (2500, 1500)], [None, None]]
     one._loop = 2
-    one._byte_of, one._played = {}, set()
+    one._byte_of, one._played, one._written = {}, set(), set()
     return one
 
 

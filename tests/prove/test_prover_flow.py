@@ -222,7 +222,7 @@ def any_eeprom(monkeypatch: pytest.MonkeyPatch, outcome: Any, plain: Proof = PLA
             pass
 
         def prove(self, starts: Any) -> Trimmed:
-            assert starts == ["start"]
+            assert starts == ["start", frozenset({7})]
             if isinstance(outcome, Exception):
                 raise outcome
             assert isinstance(outcome, Trimmed)
@@ -231,9 +231,11 @@ def any_eeprom(monkeypatch: pytest.MonkeyPatch, outcome: Any, plain: Proof = PLA
     one, _ = prover_of(monkeypatch, [CLOSED])
     monkeypatch.setattr(prover, "TrimSearch", Trials)
     monkeypatch.setattr(prover, "TrimProof", Search)
-    monkeypatch.setattr(prover, "AbstractChip", lambda *_: None)
+    monkeypatch.setattr(prover, "AbstractChip", lambda *_: SimpleNamespace(released=0))
     monkeypatch.setattr(prover, "rising_addresses", lambda *_: frozenset())
-    found = one._any_eeprom(plain, SimpleNamespace(), ["start"])
+    monkeypatch.setattr(_Prover, "_assumptions", lambda self: PLAIN.assumptions)
+    monkeypatch.setattr(_Prover, "_starts", lambda self, written: ["start", written])
+    found = one._any_eeprom(plain, SimpleNamespace(), frozenset({7}))
     assert isinstance(found, Proof)
     return found
 
@@ -272,14 +274,14 @@ def test_other_interrupts_than_the_timer_s_are_not_decided_for_any_eeprom(
 def test_only_what_is_proven_is_asked_about_any_eeprom(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def more(self: Any, plain: Proof, generaliser: Any, starts: Any) -> str:
-        asked.append((plain.proven, starts))
+    def more(self: Any, plain: Proof, generaliser: Any, written: frozenset[int]) -> str:
+        asked.append((plain.proven, written))
         return "the answer"
 
     monkeypatch.setattr(_Prover, "_any_eeprom", more)
     every = Quantifiers(any_eeprom=True)
     one, _ = prover_of(monkeypatch, [CLOSED], _quantifiers=every)
-    assert one.prove() == "the answer" and asked == [(True, [("reset", frozenset())])]
+    assert one.prove() == "the answer" and asked == [(True, frozenset())]
     one, _ = prover_of(monkeypatch, [UNDECIDED], _quantifiers=every)
     assert one.prove().reason.startswith("too many ways") and len(asked) == 1
     one, _ = prover_of(monkeypatch, [CLOSED])
