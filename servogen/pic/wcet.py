@@ -427,7 +427,7 @@ class TimedProgram:
             self._heads = set(self.functions) | set(self.bounds)
             for address, word in self._defined.items():
                 if word.flow in ("jump", "call"):
-                    self._heads |= {word.k, address + 1}
+                    self._heads |= {word.k, _beyond(address, 1)}
         return self._heads
 
     @cached_property
@@ -452,7 +452,7 @@ class TimedProgram:
         after: dict[int, list[int]] = {}
         for address, word in self._defined.items():
             if word.flow == "call":
-                after.setdefault(word.k, []).append(address + 1)
+                after.setdefault(word.k, []).append(_beyond(address, 1))
         callers: dict[int, dict[int, None]] = {}
         for start, returns in after.items():
             body: set[int] = set()
@@ -503,7 +503,7 @@ class TimedProgram:
                 for follower in followers:
                     after |= live.get(follower, 0)
                 if returns is None:  # a call: what it returns to
-                    at_return |= live.get(address + 1, 0)
+                    at_return |= live.get(_beyond(address, 1), 0)
                 # Backward liveness. The bit sets only grow, so the iteration ends.
                 before = uses | after & ~kills
                 if before != live[address]:
@@ -922,7 +922,7 @@ class _Walk:
         if (self.ends or self.without) and self.program.reached(word.k) & (self.ends | self.without):
             if not self._has_levels(len(stack) + 1):
                 return self._no_bound("stack", address)
-            return [(2, 2, (word.k, word.k, (*stack, address + 1), known))]
+            return [(2, 2, (word.k, word.k, (*stack, _beyond(address, 1)), known))]
         times = self._call_times(address, word, known)
         if not self._has_levels(len(stack) + 1 + times.levels):
             return self._no_bound("stack", address)
@@ -931,7 +931,7 @@ class _Walk:
         changed = self.program.changes(word.k)
         unchanged = {place: value for place, value in known.items() if place not in changed}
         maximum = None if times.longest is None else 2 + times.longest
-        return [(2 + times.shortest, maximum, (address + 1, home, stack, unchanged))]
+        return [(2 + times.shortest, maximum, (_beyond(address, 1), home, stack, unchanged))]
 
     def _call_times(self, address: int, word: DecodedWord, known: Known) -> Times:
         """Return the times of the function that is entered at `address`."""
@@ -988,28 +988,29 @@ def _counted_loop(
          GOTO loop           BTFSS STATUS,Z          BTFSS STATUS,Z
                              GOTO loop               GOTO loop
     """
-    if address + 1 in stops:
+    following = _beyond(address, 1)
+    if following in stops:
         return None
-    if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, address + 1, address):
+    if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, following, address):
         # A counter of 0 is decremented to 255 first: 256 turns.
         turns = known[word.f] or 256
         known[word.f] = 0
-        return 3 * (turns - 1) + 2, address + 2
+        return 3 * (turns - 1) + 2, _beyond(address, 2)
     place = (
         word.f if word.name == "DECF" and word.d else W if word.name == "ADDLW" and word.k == 0xFF else None
     )
-    if place is None or place not in known or not _is_goto(program, address + 2, address):
+    if place is None or place not in known or not _is_goto(program, _beyond(address, 2), address):
         return None
-    if address + 2 in stops:
+    if _beyond(address, 2) in stops:
         return None
-    test = program.word(address + 1)
+    test = program.word(following)
     if (test.name, test.f, test.b) != ("BTFSS", STATUS, 2):
         return None
     turns = known[place] or 256
     known[place], known[ZERO] = 0, 1
     if place == W:
         known[CARRY] = 1  # the last addition is 1 + 0xFF
-    return 4 * (turns - 1) + 3, address + 3
+    return 4 * (turns - 1) + 3, _beyond(address, 3)
 
 
 def _is_goto(program: TimedProgram, address: int, target: int) -> bool:

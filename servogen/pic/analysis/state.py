@@ -526,9 +526,7 @@ def _write(
         if operand.port is not None:
             may, must = _pins_meant(word, result)
             effects.pins.append((operand.port, may, must if definitely else 0))
-            first, count = PORT_BITS[operand.port]
-            if definitely:
-                state.written |= bits(LATCHES + first + pin for pin in range(count))
+            _write_latches(before, state, word, operand.port, result, definitely=definitely)
         elif operand.special == STATUS:
             _write_status(before, state, word, result, copied, effects, definitely=definitely)
         elif operand.special == TMR0:
@@ -552,6 +550,28 @@ def _write(
             _write_place(state, operand.place, result, effects, definitely=definitely)
             if definitely and copied:
                 state.saved[operand.place] = copied
+
+
+def _write_latches(
+    before: AbstractState,
+    state: AbstractState,
+    word: DecodedWord,
+    port: int,
+    result: Value,
+    *,
+    definitely: bool,
+) -> None:
+    """Note which latches of a port are written. An instruction that reads the port writes to the latches of
+    inputs what their surroundings say, which is no value of the program (DS35007 section 4).
+    """
+    first, count = PORT_BITS[port]
+    inputs = before.get(TRISA if port == PORTA else TRISB).may_be_1
+    for pin in range(count):
+        if "f" in word.reads and (result.may_be_0 & result.may_be_1) >> pin & 1:
+            if inputs >> pin & 1:
+                state.written &= ~bit(LATCHES + first + pin)
+        elif definitely:
+            state.written |= bit(LATCHES + first + pin)
 
 
 def _requests_timer(before: AbstractState, word: DecodedWord) -> bool:

@@ -87,6 +87,37 @@ def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
         assert max(measured) <= numbers["maximum_cycles"]
 
 
+@pytest.mark.parametrize(
+    "last",
+    [
+        " movlw 10\n movwf 0x20\n decfsz 0x20, f\n goto $-1\n",
+        " movlw 10\n movwf 0x20\n decf 0x20, f\n btfss STATUS, 2\n goto $-2\n",
+        " movlw 10\n addlw 0xFF\n btfss STATUS, 2\n goto $-2\n",
+        " call short\n",
+        " call within\n",
+    ],
+)
+def test_behind_its_last_word_a_program_goes_on_at_its_first(last: str) -> None:
+    """DS35007 section 2.1: the 1024 words repeat. A loop or a call ends there, with the mark inside a
+    called function or after it.
+    """
+    words = last.count("\n")
+    text = (
+        f" goto $+1\n nop\n goto on\nshort\n nop\n return\nwithin\n nop\n{{0}}\n return\n"
+        f"on\n nop\n{{1}}\n nop\n goto start\n org {0x400 - words - 1}\nstart\n nop\n{last}"
+    ).format(*(("done\n nop", "") if "within" in last else ("", "done\n nop")))
+    made = assembled(text)
+    found = Facts(made.image, made.listing, CLOCK)
+    machine = Machine(made.image, CLOCK, SimulatorOptions())
+    rows = np.concatenate(
+        [rows for _, rows in machine.observe(500, Observation(trace=np.zeros((512, 4), dtype=np.int64)))]
+    )
+    (measured,) = {*spans(rows, found.mark("start")[0], found.mark("done")[0])}
+    answer = found.time("start", "done", interrupts=True)
+    assert answer.status is Status.HOLDS, answer.text
+    assert dict(answer.numbers) == {"minimum_cycles": measured, "maximum_cycles": measured}
+
+
 def test_the_programs_of_the_law_reach_its_bounds() -> None:
     """A law of loose bounds proves little: some run must reach each of them exactly."""
     stack = least = most = unwritten = decided = 0

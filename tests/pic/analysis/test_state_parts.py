@@ -224,7 +224,35 @@ def test_the_pins_that_a_write_of_a_port_means(
     state, effects = step(text, state_of({W: values.of(w)}))
     assert effects.pins == pins
     latches = {5: range(LATCHES, LATCHES + 5), 6: range(LATCHES + 5, LATCHES + 13)}
-    assert state.written & bits(range(LATCHES, LATCHES + 13)) == (bits(latches[pins[0][0]]) if pins else 0)
+    written: list[int] = []
+    for port, may, _ in pins:
+        every = text.split()[0] in ("movwf", "clrf")
+        written += [place for number, place in enumerate(latches[port]) if every or may >> number & 1]
+    assert state.written & bits(range(LATCHES, LATCHES + 13)) == bits(written)
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        (" bcf PORTB, 0", 0xF1),
+        (" andwf PORTB, f", 0xFE),
+        (" iorwf PORTB, f", 0xF1),
+        (" incf PORTB, f", 0xF0),
+        (" movwf PORTB", 0xFF),
+    ],
+)
+def test_a_latch_holds_no_value_of_the_program_once_an_instruction_has_read_its_input(
+    text: str, written: int
+) -> None:
+    """RB0 to RB3 are inputs; what is read of them is written to their latches, but for bits that are known:
+    W is 1, and of a byte ANDed with it seven bits are 0.
+    """
+    latches = [LATCHES + 5 + pin for pin in range(8)]
+    before = state_of({W: values.of({1}), TRISB: values.of({0x0F})}, bits(latches))
+    after = step(text, before)[0].written
+    assert [bit for bit, place in enumerate(latches) if after & bits((place,))] == [
+        bit for bit in range(8) if written >> bit & 1
+    ]
 
 
 def test_a_pointer_that_may_address_both_ports_writes_neither_for_certain() -> None:
