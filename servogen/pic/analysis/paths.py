@@ -636,7 +636,8 @@ class PathExplorer:
         self._note(address, stack, state, after, word, effects, inside=inside)
         low, high, table = _low_byte(state, word, address), state.get(PCLATH), self._table(address)
         targets = {(page << 8 | byte) % PROGRAM_WORDS for page in high for byte in low}
-        if len(targets) > 1 and not targets <= set(table):
+        leaves = bool(table) and targets.isdisjoint(table)  # whatever the index is: PCLATH is of another page
+        if len(targets) > 1 and not targets <= set(table) and not leaves:
             self._leave_open(address, stack, W)
             if not table:
                 paths.lost[address] = "a computed jump"

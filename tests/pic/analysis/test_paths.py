@@ -72,6 +72,15 @@ def test_writes_of_pins_before_and_after_their_directions_are_set() -> None:
     )  # fmt: skip
 
 
+def test_a_jump_that_pclath_leads_to_another_page_does_not_stay_in_the_table_after_it() -> None:
+    """DS35007 section 2.4: PC<12:8> are PCLATH. The table after the jump is never reached."""
+    found = paths(
+        " movlw 3\n movwf PCLATH\n movf PORTB, w\n andlw 1\n addwf PCL, f\n goto one\n goto two\none\n nop\n"
+        "two\n goto two\n org 0x305\n goto there\n goto there\nthere\n goto there"
+    )
+    assert_are(found, executed={*range(5), 0x305, 0x306, 0x307}, computed={4: {0x305, 0x306}})
+
+
 def test_what_is_read_or_driven_unwritten() -> None:
     found = paths(" incf 0x20, f\n bsf STATUS, 5\n bcf TRISB, 7\n bcf STATUS, 5\nhere\n goto here")
     assert_are(
