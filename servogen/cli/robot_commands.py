@@ -201,6 +201,11 @@ def ik(
     hidden = answer["found"] - len(answer["solutions"])
     if hidden:
         print(f"and {hidden} more: --all")
+    if answer["free"]:
+        free = " and ".join(answer["free"])
+        print(f"{free} can move while the tool stays there: there are infinitely many solutions")
+    elif not answer["complete"]:
+        print("found by a numerical search: there may be more solutions")
 
 
 def _print_wheel_speeds(answer: dict[str, Any]) -> None:

@@ -14,8 +14,14 @@ import numpy as np
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
-from servogen.kinematics.inverse.configuration import configuration_of, has_roll, ik_of_configuration
-from servogen.kinematics.inverse.solve import ik_all
+from servogen.kinematics.inverse.checked_forms import has_closed_form
+from servogen.kinematics.inverse.configuration import (
+    configuration_of,
+    free_of_configuration,
+    has_roll,
+    ik_of_configuration,
+)
+from servogen.kinematics.inverse.solve import free_joints, ik_all
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import (
     FrameName,
@@ -225,10 +231,19 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
         if not 0 < missed <= TYPED_M:
             raise
         solutions = _reached(arm, np.array(error.nearest), angles)
+    free = free_joints(arm, solutions, oriented=bool(len(angles)))
+    return _solutions_answer(arm, solutions, everything, free, missed, oriented=bool(len(angles)))
+
+
+def _solutions_answer(
+    arm: Arm, solutions: Floats, everything: bool, free: Sequence[str], missed: float, *, oriented: bool
+) -> Answer:
     return {
         "solutions": _plain(solutions if everything else solutions[:1]),
         "joints": [joint.name for joint in arm.joints],
         "found": len(solutions),
+        "free": list(free),
+        "complete": not free and has_closed_form(arm, oriented),
         "missed_m": missed,
     }
 
@@ -270,12 +285,8 @@ def configuration_answer(name: str, vector: Sequence[float], everything: bool = 
     wanted = _finite(vector) / ([1000.0] * 3 + [1.0] * 3)
     solutions = ik_of_configuration(arm, wanted)
     missed = np.linalg.norm(configuration_of(arm, solutions[0])[:3] - wanted[:3])
-    return {
-        "solutions": _plain(solutions if everything else solutions[:1]),
-        "joints": [joint.name for joint in arm.joints],
-        "found": len(solutions),
-        "missed_m": float(missed),
-    }
+    free = free_of_configuration(arm, solutions)
+    return _solutions_answer(arm, solutions, everything, free, float(missed), oriented=True)
 
 
 def mobility_answer(name: str) -> Answer:

@@ -108,18 +108,30 @@ def test_fk_in_symbols_numbers_the_links_from_one(run: Run, answer: Answer) -> N
 
 
 @pytest.mark.parametrize(
-    ("found", "missed", "lines"),
+    ("values", "lines"),
     [
-        (1, 0.0, []),
-        (1, 1e-9, []),  # rounding noise
-        (1, 1.1e-9, ["for the nearest reachable point, 0.000001 mm away"]),
-        (3, 0.0125, ["for the nearest reachable point, 12.500000 mm away", "and 2 more: --all"]),
+        ({}, []),
+        ({"missed_m": 1e-9}, []),  # rounding noise
+        ({"missed_m": 1.1e-9}, ["for the nearest reachable point, 0.000001 mm away"]),
+        (
+            {"found": 3, "missed_m": 0.0125},
+            ["for the nearest reachable point, 12.500000 mm away", "and 2 more: --all"],
+        ),
+        (
+            {"found": 2, "complete": False},
+            ["and 1 more: --all", "found by a numerical search: there may be more solutions"],
+        ),
+        (
+            {"free": ["q4", "q6"], "complete": False},
+            ["q4 and q6 can move while the tool stays there: there are infinitely many solutions"],
+        ),
     ],
 )
 def test_ik_prints_solutions_the_miss_and_how_many_are_hidden(
-    run: Run, answer: Answer, found: int, missed: float, lines: list[str]
+    run: Run, answer: Answer, values: dict[str, Any], lines: list[str]
 ) -> None:
-    asked = answer("ik_answer", {"solutions": [[0.5, 0, 0, 0]], "missed_m": missed, "found": found})
+    plain = {"solutions": [[0.5, 0, 0, 0]], "missed_m": 0.0, "found": 1, "free": [], "complete": True}
+    asked = answer("ik_answer", plain | values)
     first, *others = run("ik", "scara", 1, 2, 3).out.splitlines()
     assert first.split()[:2] == ["q1", "28.648°"]  # 0.5 rad
     assert others == lines
@@ -128,7 +140,7 @@ def test_ik_prints_solutions_the_miss_and_how_many_are_hidden(
 
 
 def test_ik_of_a_configuration_vector_asks_for_it(run: Run, answer: Answer) -> None:
-    value: dict[str, Any] = {"solutions": [], "missed_m": 0.0, "found": 0}
+    value: dict[str, Any] = {"solutions": [], "missed_m": 0.0, "found": 0, "free": [], "complete": True}
     asked = answer("configuration_answer", value)
     assert run("ik", "scara", 1, 2, "--configuration").out == ""
     assert asked == [("scara", [1, 2], False)]

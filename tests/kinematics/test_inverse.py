@@ -15,6 +15,7 @@ from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, TargetComponents, spherical
 from servogen.kinematics.inverse.solve import (
     Solutions,
+    free_joints,
     ik,
     ik_all,
     nearest_point,
@@ -515,6 +516,45 @@ def test_no_configuration_is_nearer_than_the_nearest_point(any_arm, configuratio
     for target in ([2.5, 0.3, 0.2], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]):
         here = np.linalg.norm(np.subtract(nearest_point(any_arm, target), target))
         assert here <= np.linalg.norm(cloud - target, axis=1).min() + 1e-6
+
+
+def test_the_nearest_point_inside_a_cylindrical_arm_is_straight_out() -> None:
+    """Its points are 180 to 480 mm from the axis and 200 to 500 mm high: q3 from 100 to 400, and l4 = 80."""
+    for x, y, z in np.random.default_rng(1).uniform((-0.1, -0.1, 0.0), (0.1, 0.1, 0.7), (30, 3)):
+        out, up = np.hypot(x, y), np.clip(z, 0.2, 0.5)
+        nearest = (0.18 * x / out, 0.18 * y / out, up)
+        assert nearest_point(arm("cylindrical"), (x, y, z)) == pytest.approx(nearest, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "free"),
+    [
+        ("anthropomorphic", (0, 0, 300), ("q1",)),
+        ("anthropomorphic", (1, 0, 300), ()),
+        ("scara", (400, 0, 300), ()),
+        ("spherical", (0, 0, 200), ("q1",)),
+        ("cylindrical", (200, 0, 300), ()),
+    ],
+)
+def test_a_joint_is_free_if_the_target_is_on_its_axis(
+    name: str, target: tuple[float, ...], free: tuple[str, ...]
+) -> None:
+    solutions = ik_all(arm(name), np.array(target) / 1000)
+    assert free_joints(arm(name), solutions, oriented=False) == free
+
+
+def test_a_stretched_wrist_has_two_free_joints_and_a_stretched_elbow_none() -> None:
+    """Only q4 + q6 is determined where q5 = 0; the elbow's fold would pull the hand back."""
+    robot = arm("spherical-wrist")
+    for bent, free in ((0.0, ("q4", "q6")), (0.3, ())):
+        middle = np.array([(joint.lower + joint.upper) / 2 for joint in robot.joints])
+        pose = fk(robot, [0.3, 0.4, middle[2], 0.2, bent, 0.1])
+        solutions = ik_all(robot, pose[:3, 3], pose[:3, :3])
+        assert free_joints(robot, solutions, oriented=True) == free
+    robot = arm("anthropomorphic")
+    reach = robot.length["l2"] + robot.length["l3"]
+    for point, alone in (((0.0, reach, 0.0), ()), ((0.0, 0.0, reach), ("q1",))):
+        assert free_joints(robot, ik_all(robot, point), oriented=False) == alone
 
 
 def test_limits_are_hard(configurations) -> None:

@@ -7,14 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import servogen
 from servogen.errors import InputError
 from servogen.kinematics import queries as q
 from servogen.kinematics.arm import length_text
 from servogen.kinematics.catalogue import arm, names
 from servogen.kinematics.forward import fk_position
+from servogen.kinematics.inverse.configuration import configuration_of
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transforms import parse
 from servogen.robot.model import Length
+
+ROBOTS = Path(servogen.__file__).parent / "robot" / "catalogue" / "robots"
 
 
 def test_the_worked_product_of_three_transforms() -> None:
@@ -107,6 +111,24 @@ def test_ik_with_an_orientation_and_with_the_wrong_number_of_values() -> None:
     assert q.ik_answer("irb6400c", (900, 300, 700, 10, 20, 30), everything=True)["found"] == 8
     with pytest.raises(Unreachable):
         q.ik_answer("scara", (900, 0, 300))
+
+
+def test_ik_says_if_there_are_more_solutions_than_it_lists(tmp_path: Path) -> None:
+    """On the first axis there is one for each q1; with a stretched wrist a configuration vector leaves q4
+    free; a robot without a closed form is searched.
+    """
+    every = q.ik_answer("anthropomorphic", (200, 0, 300))
+    assert (every["free"], every["complete"]) == ([], True)
+    above = q.ik_answer("anthropomorphic", (0, 0, 300))
+    assert (above["free"], above["complete"]) == (["q1"], False)
+    vector = configuration_of(arm("spherical-wrist"), [0.3, 0.4, 0.3, 0.2, 0.0, 0.1]) * ([1000] * 3 + [1] * 3)
+    stretched = q.configuration_answer("spherical-wrist", vector.tolist())
+    assert (stretched["free"], stretched["complete"]) == (["q4"], False)
+    searched = tmp_path / "searched.toml"
+    text = (ROBOTS / "anthropomorphic.toml").read_text()
+    searched.write_text(text.replace('closed_form = "anthropomorphic"\n', ""))
+    answer = q.ik_answer(str(searched), (200, 0, 300))
+    assert (answer["free"], answer["complete"]) == ([], False)
 
 
 @pytest.mark.parametrize(("name", "joints"), [("leg", (10, 30)), ("wrist-arm", (30, 45, 60))])

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from servogen.errors import InputError
 from servogen.kinematics.forward import fk, joint_array, row_axes
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.solve import ik_all, sorted_without_doubles
+from servogen.kinematics.inverse.solve import free_joints, ik_all, sorted_without_doubles
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.orientation import configuration_vector, from_configuration_vector
 from servogen.kinematics.transforms import Floats
@@ -74,7 +74,7 @@ def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
             hint=f"its limits are {degrees(joint.lower):zg}° to {degrees(joint.upper):zg}°",
         )
     # With any orientation about the approach vector the other joints are the same; only the last one differs.
-    free = replace(arm, joints=(*arm.joints[:-1], replace(joint, lower=-pi, upper=pi, home=0.0)))
+    free = _any_roll(arm)
     turn = _any_about(approach)
     try:
         solutions = ik_all(free, position, turn)
@@ -87,6 +87,20 @@ def ik_of_configuration(arm: Arm, vector: ArrayLike) -> Floats:
         solutions = ik_all(free, pose[:3, 3], pose[:3, :3])
     solutions[:, -1] = roll
     return sorted_without_doubles(arm, solutions, None)
+
+
+def free_of_configuration(arm: Arm, solutions: Floats) -> tuple[str, ...]:
+    """Return the joints that can move while the configuration vector stays the same, at one of `solutions`.
+
+    The tool may turn about its approach vector, which the last joint would undo.
+    """
+    last = arm.joints[-1].name
+    return tuple(name for name in free_joints(_any_roll(arm), solutions, oriented=True) if name != last)
+
+
+def _any_roll(arm: Arm) -> Arm:
+    """Return the arm with a last joint that rolls the tool all around."""
+    return replace(arm, joints=(*arm.joints[:-1], replace(arm.joints[-1], lower=-pi, upper=pi, home=0.0)))
 
 
 def _check_roll(arm: Arm) -> None:

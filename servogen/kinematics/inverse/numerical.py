@@ -31,6 +31,8 @@ BATCH = 512
 """The number of simultaneous descents when only few targets are left."""
 BEND = 0.1
 """The part of a step at which its curvature is measured."""
+BENT = 1e-5
+"""Half of the radians or metres over which the curvature of a distance is measured."""
 SEED = 1984
 """The seed of the random starts: the same targets give the same answers."""
 
@@ -203,6 +205,42 @@ def _descend(
     result[which] = q
     middle = (lower + upper) / 2
     return np.asarray(np.where(free, np.clip(middle + wrapped(result - middle), lower, upper), result))
+
+
+def nearest(arm: Arm, q: Floats, position: Floats) -> Floats:
+    """Return `q` (m, n) moved to the nearest local minimum of the distance from a point (3,), by Newton.
+
+    `_descend` neglects how the path bends, which is what counts where the distance does not become 0.
+    """
+    lower, upper = limits(arm)
+    count = len(lower)
+    offsets = BENT * np.vstack([np.eye(count), -np.eye(count)])
+
+    def slope(at: Floats) -> tuple[Floats, Floats]:
+        """Return half of the squared distances (...,) and their gradients (..., n)."""
+        matrix, pose = with_pose(arm, at)
+        error = pose[..., :3, 3] - position
+        return 0.5 * np.einsum("...i,...i->...", error, error), np.einsum(
+            "...ij,...i->...j", matrix[..., :3, :], error
+        )
+
+    q, damping = np.array(q), np.full(len(q), 1e-9)
+    cost, gradient = slope(q)
+    for _ in range(ITERATIONS):
+        ahead, behind = np.split(slope(q[:, None, :] + offsets)[1], 2, axis=1)
+        curvature = (ahead - behind) / (2 * BENT)
+        stuck = ((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0))
+        curvature = np.where(stuck[:, :, None] | stuck[:, None, :], 0.0, curvature)
+        values, axes = np.linalg.eigh((curvature + np.swapaxes(curvature, 1, 2)) / 2)
+        # Along an axis along which the distance has a maximum the step leads away from it, too.
+        along = np.einsum("ijk,ij->ik", axes, np.where(stuck, 0.0, gradient))
+        step = -np.einsum("ijk,ik->ij", axes, along / (np.abs(values) + damping[:, None]))
+        trial = np.clip(q + np.where(stuck, 0.0, step), lower, upper)
+        new_cost, new_gradient = slope(trial)
+        good = new_cost < cost
+        q[good], cost[good], gradient[good] = trial[good], new_cost[good], new_gradient[good]
+        damping = np.where(good, damping * 0.1, np.maximum(damping, 1e-9) * 10.0)
+    return q
 
 
 class _Step:

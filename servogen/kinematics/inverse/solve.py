@@ -13,14 +13,14 @@ Conventions:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from servogen.errors import InputError
-from servogen.kinematics.forward import fk_position
+from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.checked_forms import (
     RIGHT_HANDED,
@@ -31,7 +31,8 @@ from servogen.kinematics.inverse.checked_forms import (
 from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
 from servogen.kinematics.inverse.numerical import limits
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.kinematics.transforms import Floats, is_rotation
+from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.transforms import Floats, is_rotation, wrapped
 from servogen.robot.model import Arm
 
 NUMERICAL_TOLERANCE = 1e-7
@@ -42,6 +43,11 @@ TURN = 2 * np.pi
 SAME = 1e-7
 """Solutions whose joints all differ by less than this (radians, metres) count once."""
 
+
+FREE, NEARLY_SINGULAR = 1e-3, 1e-6
+"""The step (radians, metres) by which a joint is moved to see whether it is free, where singular values are
+below this part of the largest.
+"""
 
 MAX_LISTED = 10_000
 """The maximum number of solutions of one target; each joint multiplies them by its turns."""
@@ -199,6 +205,38 @@ def ik_all(
     return sorted_without_doubles(arm, q, near)
 
 
+def free_joints(arm: Arm, solutions: Floats, oriented: bool) -> tuple[str, ...]:
+    """Return the joints that can move while the tool stays where it is, at one of `solutions` (k, n).
+
+    Then there are infinitely many solutions, of which these are a few. Without an orientation, the joints
+    that stay at home are not free.
+    """
+    held = [not oriented and is_held for is_held in _held(arm)]
+    joints = [
+        replace(joint, lower=joint.home, upper=joint.home) if is_held else joint
+        for joint, is_held in zip(arm.joints, held, strict=True)
+    ]
+    bound = replace(arm, joints=tuple(joints))
+    lower, upper = limits(bound)
+    turning = np.array([joint.turning for joint in arm.joints])
+    free = np.zeros(len(lower), dtype=bool)
+    for q in solutions:
+        pose = fk(arm, q)
+        target, turn = pose[None, :3, 3], pose[None, :3, :3] if oriented else None
+        matrix = jacobian(arm, q)[: 6 if oriented else 3] * ~np.array(held)
+        _, values, directions = np.linalg.svd(matrix)
+        rank = int(np.sum(values > NEARLY_SINGULAR * values.max()))
+        # A singular arm need not be free, as a stretched one is not: so a step is tried.
+        for step in FREE * np.vstack([directions[rank:], -directions[rank:]]):
+            trial = np.clip(q + step, lower, upper)
+            found = numerical.improved(bound, trial[None], target, turn)
+            moved = np.where(turning, wrapped(found[0] - q), found[0] - q)
+            error = (fk(arm, found[0]) - pose)[:3, 0 if oriented else 3 :]
+            if np.abs(error).max() < TOLERANCE and np.abs(moved).max() > FREE / 2:
+                free |= np.abs(moved) > FREE / 10
+    return tuple(joint.name for joint, is_free in zip(arm.joints, free, strict=True) if is_free)
+
+
 def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
     """Return the error for one target without a solution: limits, distance or orientation, and the nearest
     point.
@@ -246,8 +284,9 @@ def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
     # A descent can end at a local minimum, so the best of many starts is taken.
     starts = np.vstack([arm.home, _spread(arm, 47)])
     approached = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
-    best = approached.q[int(np.argmin(approached.distance_m))]
-    return tuple(float(value) for value in fk_position(arm, best))
+    points = fk_position(arm, numerical.nearest(arm, approached.q, target))
+    best = points[int(np.argmin(np.linalg.norm(points - target, axis=1)))]
+    return tuple(float(value) for value in best)
 
 
 def _checked(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, Floats | None]:
