@@ -1,6 +1,7 @@
 """A walking robot's feet stand still on the ground, step where they should, and the robot does not fall."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from random import Random
 
@@ -210,6 +211,31 @@ def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
         walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
     made = walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48, allow_falling=True)
     assert made.minimum_margin_m < -0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "segment"),
+    [("tripod", Segment(forward=0.02, left=0.035)), ("ripple", Segment(forward=0.02, turn=math.radians(15)))],
+)
+def test_the_margin_is_the_least_at_any_time_not_only_at_the_beginning_of_a_frame(
+    name: str, segment: Segment
+) -> None:
+    """The centre of mass is in front of the middle: the margin is least just before a foot lands."""
+    robot = replace(hexapod(), centre_of_mass=(0.02, 0.0, 0.0))
+    few, many = (
+        walk(
+            robot,
+            gait(name, robot),
+            [segment],
+            Posture(),
+            PERIOD,
+            CLOCK,
+            frames_per_cycle=count,
+            allow_falling=True,
+        )
+        for count in (30, 600)
+    )
+    assert few.minimum_margin_m == pytest.approx(many.minimum_margin_m, abs=1e-5)
 
 
 def test_a_single_leg_walks_as_it_does_on_the_robot() -> None:

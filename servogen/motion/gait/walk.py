@@ -78,7 +78,8 @@ class Walk:
 
     `feet` (frames, legs, 3): in the body's frame, by forward kinematics; `ground` (frames, legs): standing.
     `corrections` (frames, legs, 3): how the springs yield, from the foot to where it should stand, metres.
-    `margins` (frames,): from the centre of mass to the nearest edge of the support polygon, metres.
+    `margins` (frames,): from the centre of mass to the nearest edge of the support polygon, metres: the
+    minimum during each frame.
     """
 
     trajectory: JointTrajectory
@@ -260,7 +261,7 @@ def walk(
     trajectory = JointTrajectory(
         joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
     )
-    margins = _margins(robot, frames)
+    margins = _margins(robot, frames, loop_start)
     changes = rounded.changes_from(gait, count)
     result = Walk(
         trajectory=trajectory,
@@ -287,13 +288,27 @@ def _whole(gait: Gait, frames: int) -> int:
     return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
 
 
-def _margins(robot: WalkingRobot, frames: Frames) -> Floats:
-    """Return the stability margin of each frame, inf for one or two legs, which something else supports."""
+def _margins(robot: WalkingRobot, frames: Frames, loop_start: int) -> Floats:
+    """Return the minimum stability margin during each frame, inf for one or two legs, which something else
+    supports.
+
+    The feet that stand at its beginning stand up to its end. As they move in a straight line under the body,
+    the margin is smallest at one of the two: at the end, where a foot lands only then.
+    """
     if len(robot.limbs) < 3:
         return np.full(len(frames.angles), math.inf)
     centre = np.array(robot.centre_of_mass[:2])
-    stand = (frames.feet + frames.corrections)[:, :, :2]
-    return np.array([margin(feet[down], centre) for feet, down in zip(stand, frames.ground, strict=True)])
+    following = np.append(np.arange(1, len(frames.angles)), loop_start)
+    stays = (frames.ground & frames.ground[following])[:, :, None]
+    begin = (frames.feet + frames.corrections)[:, :, :2]
+    lifted = (frames.feet[following] + frames.corrections)[:, :, :2]
+    end = np.where(stays, begin[following], lifted)
+    return np.array(
+        [
+            min(margin(feet[down], centre) for feet in both)
+            for *both, down in zip(begin, end, frames.ground, strict=True)
+        ]
+    )
 
 
 def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
