@@ -10,12 +10,14 @@ or, if the machine's complete state repeats, over a span after which nothing new
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import lcm
+from pathlib import Path
 
 import numpy as np
 
-from servogen.edges import EdgeTrace, Expected
+from servogen.edges import PINS, UNDRIVEN, EdgeTrace, Expected, join
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
@@ -25,7 +27,8 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, SimulatorOptions, find_repeat
 from servogen.traces.captures import Capture
-from servogen.units import Cycles
+from servogen.traces.vcd import read_header
+from servogen.units import Clock, Cycles
 from servogen.verify import (
     CaptureVerdict,
     Tolerances,
@@ -67,8 +70,59 @@ def running(
     return EdgeTrace(schedule.clock, machine_of(schedule, image, options).stream(limit), limit)
 
 
+def hidden_by(file: Path, clock: Clock) -> tuple[str, ...]:
+    """Return what a file of edges cannot show: pins without a wire, and edges between the steps of its time.
+
+    Only a VCD file says which pins it holds, and what its steps are. Raises InputError if it is malformed.
+    """
+    if file.suffix.lower() != ".vcd":
+        return ()
+    header = read_header(file)
+    absent = [name for number, name in enumerate(PINS) if number not in header.pins.values()]
+    hidden = [f"the file has no wire for {', '.join(absent)}"] if absent else []
+    cycles = header.step_s * clock.cycles_per_second
+    if cycles > 1:
+        step = float(header.step_s * 1_000_000)
+        hidden.append(f"the file's times are whole steps of {step:g} µs, {float(cycles):g} cycles each")
+    return tuple(hidden)
+
+
+def _not_driven(schedule: PulseSchedule, trace: EdgeTrace, begin: Cycles) -> list[str]:
+    """Return the scheduled pins that a recording says are not driven, or have no known level, from `begin`
+    on: they count as low.
+    """
+    edges = join(trace.chunks)
+    lost = (edges.level == UNDRIVEN) & (edges.cycle >= begin)
+    reasons = []
+    for channel in schedule.channels:
+        cycles = edges.cycle[lost & (edges.pin == PINS.index(channel.pin))]
+        if len(cycles):
+            seconds = float(trace.clock.seconds(int(cycles[0])))
+            reasons.append(
+                f"{channel.pin} is not driven, or its level is unknown, after {seconds:g} s, "
+                "which counts as low"
+            )
+    return reasons
+
+
 def prove_file(
-    schedule: PulseSchedule, trace: EdgeTrace, tells_end: bool, span: Cycles | None = None
+    schedule: PulseSchedule,
+    trace: EdgeTrace,
+    tells_end: bool,
+    span: Cycles | None = None,
+    hidden: Sequence[str] = (),
+) -> Verdict:
+    """Return the verdict on a recorded trace; what is `hidden` from it is not proven (see `hidden_by`)."""
+    stored = trace.stored()
+    verdict = _prove_stored(schedule, stored, tells_end, span)
+    unseen = [] if verdict.start is None else _not_driven(schedule, stored, verdict.start)
+    for reason in (*hidden, *unseen):
+        verdict = verdict.not_all(reason)
+    return verdict
+
+
+def _prove_stored(
+    schedule: PulseSchedule, stored: EdgeTrace, tells_end: bool, span: Cycles | None
 ) -> Verdict:
     """Return the verdict on a recorded trace, which is checked to its end.
 
@@ -76,7 +130,6 @@ def prove_file(
     CSV, JSONL), it must also contain every edge of its last frame; such a recording ends at the schedule's
     next edge. If the caller requests a shorter `span`, the rest is not compared, and the verdict says so.
     """
-    stored = trace.stored()
     if span is not None:
         verdict = prove(schedule, stored, span)
         after = 0 if verdict.start is None else stored.end - verdict.start - span
@@ -176,6 +229,8 @@ def prove_capture(
     longest_us = (tolerances or Tolerances()).glitch_us
     sampling(trace, capture.sample).check(longest_us, Location(capture.file))
     verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
+    for reason in _not_driven(schedule, trace, Cycles(0)):
+        verdict = verdict.but(reason)
     if capture.missing is not None:
         return verdict.but(f"the capture is incomplete: {capture.missing}")
     return verdict

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
-from servogen.build.proof import motion_cycles, prove_capture, prove_file, running
+from servogen.build.proof import hidden_by, motion_cycles, prove_capture, prove_file, running
 from servogen.build.twinning import twin_of_build
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
@@ -140,5 +140,6 @@ def _verdict(schedule: PulseSchedule, capture: Capture, path: Path) -> CaptureVe
     verdict = prove_capture(schedule, capture)
     if is_capture(path):
         return verdict
-    exact = prove_file(schedule, read_vcd(path, schedule.clock), tells_end=True)
-    return verdict if exact.agrees else verdict.but(exact.reasons[0])
+    hidden = hidden_by(path, schedule.clock)
+    exact = prove_file(schedule, read_vcd(path, schedule.clock), tells_end=True, hidden=hidden)
+    return verdict if exact.agrees and not hidden else verdict.but(exact.reasons[0])

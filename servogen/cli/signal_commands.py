@@ -65,6 +65,7 @@ def verify(
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
     from servogen.build import prove_file, prove_image
+    from servogen.build.proof import hidden_by
     from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options
     from servogen.traces import read_edges
     from servogen.traces.captures import is_capture
@@ -99,7 +100,8 @@ def verify(
             verdict = prove_image(schedule, program.image, span, program.listing, board)
         else:
             trace = read_edges(file, schedule.clock)
-            verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span)
+            hidden = hidden_by(file, schedule.clock)
+            verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
     if json:
         as_json(verdict.to_json(), verdict.warnings)
     else:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from servogen.build import proof
@@ -16,6 +18,7 @@ from servogen.build.proof import (
     chip_warnings,
     cycle_of,
     end_of,
+    hidden_by,
     motion_cycles,
     prove,
     prove_capture,
@@ -24,7 +27,7 @@ from servogen.build.proof import (
     running,
 )
 from servogen.checker import Refused
-from servogen.edges import EdgeTrace
+from servogen.edges import PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing, ListingRow
@@ -119,6 +122,42 @@ def test_what_follows_an_asked_span_is_named_as_not_compared() -> None:
         assert (found.agrees, found.proven, found.reasons) == (True, not reasons, reasons)
     silent = prove_file(SCHEDULE, seen(0, end), True, Cycles(FRAME))
     assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
+
+
+def vcd(folder: Path, timescale: str = "1 us", pins: Sequence[str] = PINS) -> Path:
+    wires = "".join(f"$var wire 1 {chr(33 + n)} {pin} $end\n" for n, pin in enumerate(pins))
+    file = folder / "seen.vcd"
+    file.write_text(
+        f"$version servogen $end\n$timescale {timescale} $end\n{wires}$enddefinitions $end\n#0\n#9\n"
+    )
+    return file
+
+
+def test_a_file_hides_pins_without_a_wire_and_what_is_between_its_steps(tmp_path: Path) -> None:
+    """A cycle at 4 MHz takes 1 µs, at 20 MHz 0.2 µs."""
+    assert hidden_by(vcd(tmp_path), CLOCK) == hidden_by(vcd(tmp_path, "100 ns"), CLOCK) == ()
+    assert hidden_by(tmp_path / "edges.csv", CLOCK) == ()
+    assert hidden_by(vcd(tmp_path, pins=PINS[:-2]), CLOCK) == ("the file has no wire for RB6, RB7",)
+    coarse = ("the file's times are whole steps of 1 µs, 5 cycles each",)
+    assert hidden_by(vcd(tmp_path), Clock(20_000_000)) == coarse
+    found = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True, hidden=coarse)
+    assert (found.agrees, found.proven, found.reasons) == (True, False, coarse)
+
+
+@pytest.mark.parametrize("at", [FIRST + 1000, FIRST + FRAME + 1500])
+def test_a_scheduled_pin_without_a_known_level_is_not_proven_to_be_low(at: int) -> None:
+    """Instead of the fall the recording says that nothing is known of RB0 any more."""
+    whole = seen(3, FIRST + 3 * FRAME)
+    (edges,) = whole.chunks
+    lost = edges._replace(level=np.where(edges.cycle == at, UNDRIVEN, edges.level).astype(np.uint8))
+    found = prove_file(SCHEDULE, replace(whole, chunks=(lost,)), tells_end=True)
+    reason = f"RB0 is not driven, or its level is unknown, after {at / 1e6:g} s, which counts as low"
+    assert (found.agrees, found.proven, found.reasons) == (True, False, (reason,))
+    before = edge_chunk([0, *edges.cycle], [5, *edges.pin], [UNDRIVEN, *edges.level])
+    assert prove_file(SCHEDULE, replace(whole, chunks=(before,)), tells_end=True).proven
+    capture = Capture(replace(whole, chunks=(lost,)), 1.0)
+    assert reason in prove_capture(SCHEDULE, capture).reasons
+    assert reason not in prove_capture(SCHEDULE, replace(capture, trace=whole)).reasons
 
 
 def test_by_default_a_motion_is_compared_with_its_loop_three_times() -> None:
