@@ -286,7 +286,10 @@ def prove_forever(
     """Find a repetition of the machine's state within `limit` cycles from reset; return the verdict on all
     cycles up to it.
     """
-    first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
+    first = next((chunk for chunk in expected(schedule).chunks if len(chunk.cycle)), None)
+    if first is None:
+        verdict = prove_image(schedule, image, None, listing, options)
+        return Forever(verdict, 0, 0, "the schedule has no pulse, with which frames would begin")
     repeat = find_repeat(
         image,
         schedule.clock,

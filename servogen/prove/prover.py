@@ -22,7 +22,7 @@ from servogen.prove.explore import Explorer, Node, SearchAnswer, SearchFinding, 
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
-from servogen.prove.specification import START_FRAMES, Specification
+from servogen.prove.specification import OVER, START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
 from servogen.prove.trims import Trimmed, TrimProof, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
@@ -165,6 +165,8 @@ class _Prover:
         """Return the answer for any content of the EEPROM, where that of the file has been proven, with which
         the program writes the places in `written`.
         """
+        if self._spec.start().phase == OVER:
+            return replace(plain, proven=False, reason="any EEPROM: the schedule has no pulses")
         runs = TrimSearch(self._image, self._schedule, self._board, self._held)
         erased = runs.erased()
         if erased is not None:

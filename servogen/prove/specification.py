@@ -122,7 +122,9 @@ class Specification:
         return frozenset(self._pins)
 
     def start(self) -> SpecState:
-        """Return the state at reset."""
+        """Return the state at reset; without any pulse in the schedule nothing is ever due."""
+        if not any(self._frames):
+            return SpecState(OVER, 0, self._loop)
         running = 0 if self.rule and self.rule.start else 1
         heard = self._commands.reader.at_power_up if self._commands else 0
         return SpecState(BEFORE, 0, self._waiting, running, heard=heard)

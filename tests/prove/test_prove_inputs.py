@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from servogen.build import planned
+from servogen.build.proof import prove_forever
 from servogen.edges import EdgeChunk
 from servogen.engines.firmware import Firmware
 from servogen.job import loads, plan_job
@@ -170,6 +171,22 @@ def test_a_servo_s_pin_that_the_chip_itself_pulls_up_is_not_assumed_to_be_low() 
     found = prove_for_all(assembled(BETWEEN.format(change="bsf", before=on)), schedule_of(299 + 7, 299))
     assert not found.proven
     assert "RB1: a pin with pulses, and an input with a pull-up" in found.reason
+
+
+def test_a_schedule_without_pulses_is_followed_by_a_program_without_pulses() -> None:
+    nothing = replace(schedule_of(306, 299), loop=(Run(1, (None,)),))
+    silent = assembled("stop    goto stop\n")
+    found = prove_for_all(silent, nothing)
+    assert found.proven, found.counterexample or found.reason
+    trimmed = prove_for_all(silent, nothing, Quantifiers(any_eeprom=True))
+    assert trimmed.reason == "any EEPROM: the schedule has no pulses"
+    forever = prove_forever(nothing, silent, Cycles(100_000))
+    assert forever.verdict.proven and not forever.proven
+    for body in (RELEASED, "        nop\n" * 300 + "        bsf PORTB, 1\nstop    goto stop\n"):
+        pulsing = assembled(body)
+        shown = prove_for_all(pulsing, nothing).counterexample
+        assert shown is not None
+        assert is_wrong(pulsing, nothing, shown)
 
 
 SECOND = """
