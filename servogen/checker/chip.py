@@ -268,9 +268,11 @@ def timer(s: Ints, cycle: int) -> int:
 
 @compiled
 def plan_time_out(s: Ints, board: ChipSurroundings, changed: int, cycle: int) -> None:
-    """Set the first cycle in which any chip's watchdog may time out, after bits of OPTION have changed."""
+    """Set the first cycle in which any chip's watchdog may time out: after CLRWDT, or after PSA or PS have
+    `changed`, of which the prescaler may have kept any count.
+    """
     if board.watchdog:
-        scaled = s[OPTION] & PSA and not changed & PSA  # its prescaler's count is 0 since CLRWDT
+        scaled = s[OPTION] & PSA and not changed  # its prescaler's count is 0 since CLRWDT
         s[WDT_DUE] = s[CLEARED] + (board.watchdog << (s[OPTION] & PS) if scaled else board.watchdog)
         if changed and cycle - s[CLEARED] >= board.watchdog:
             s[WDT_DUE] = cycle
@@ -349,7 +351,8 @@ def write(s: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, cycle: int,
         s[OPTION] = r
         if changed & (T0CS | PSA | PS):  # when TMR0 begins to count by the new clock is not specified
             s[T0], s[T0_FROM], s[T0_ZERO], s[T0_DUE] = UNKNOWN, 0, 0, NEVER
-            plan_time_out(s, board, changed, cycle)
+            if changed & (PSA | PS):
+                plan_time_out(s, board, changed, cycle)
     elif slot == EECON1:
         if m & ~8 or r & 0x12:
             return EEPROM_WRITE

@@ -64,10 +64,13 @@ def image_of(text: str) -> Image:
     return assemble(text + " end\n", "test.asm", device("PIC16F84")).image
 
 
-def plain_program(config: str = "0x3ff1", width: int = WIDTH, clear: str = "nop") -> Image:
-    """One servo, and nothing else."""
-    text = SET_UP.replace("0x3ff1", config) + delay(width - 1) + f" bcf 6,0\n {clear}\n"
-    return image_of(text + delay(PERIOD - width - 4) + " goto frame\n")
+def plain_program(
+    config: str = "0x3ff1", width: int = WIDTH, clear: str = "nop", first: str = "clrf 5", after: str = ""
+) -> Image:
+    """One servo, and nothing else; `first` is the first instruction, `after` follows the frame's."""
+    text = SET_UP.replace("0x3ff1", config).replace("clrf 5", first)
+    text += delay(width - 1) + f" bcf 6,0\n {clear}\n"
+    return image_of(text + delay(PERIOD - width - 4) + " goto frame\n" + after)
 
 
 def button_program(read: str = "btfss 5,4", seen: int = SEEN_FRAMES) -> Image:

@@ -132,6 +132,23 @@ def test_a_watchdog_that_is_cleared_in_every_frame_does_no_harm() -> None:
     assert check(certified(image, schedule), image, schedule).states == 1
 
 
+@pytest.mark.parametrize("cleared", [True, False])
+def test_a_prescaler_that_counted_for_tmr0_may_let_the_watchdog_time_out_early(cleared: bool) -> None:
+    """DS35007 section 5.2.1: it keeps its count when PSA is set, here after it counted 128 cycles for TMR0.
+    Then its ratio becomes 1:128, and 10 ms without CLRWDT follow.
+    """
+    option = " bsf 3,5\n movlw 0x{}\n movwf 1\n bcf 3,5\n"
+    start = " org 0x200\nstart clrf 6\n bsf 3,5\n clrf 6\n bcf 3,5\n clrf 0x21\n clrwdt\n"
+    start += option.format("D7") + " clrf 1\n" + certify.delay(128)
+    start += option.format("D8") + option.format("DF") + " clrwdt\n" * cleared + " clrf 1\n"
+    start += certify.delay(10_000) + " clrwdt\n goto frame\n"
+    image = certify.plain_program(config="0x3ff5", clear="clrwdt", first="goto start", after=start)
+    if cleared:
+        assert check(certified(image, certify.schedule()), image, certify.schedule()).frames
+    else:
+        assert "a watchdog that may time out" in refusal(image, certify.schedule())
+
+
 def test_a_certificate_of_something_else_is_refused() -> None:
     image, schedule = certify.plain_program(), certify.schedule()
     packed = certified(image, schedule)

@@ -158,10 +158,10 @@ WATCHED = NOTHING._replace(watchdog=7000)
         (0x08, 0, AT, 60 + 7000),
         (0x0B, 0, AT, 60 + 7000 * 8),
         (0x0F, 0, AT, 60 + 7000 * 128),
-        (0x0F, 0x04, AT, 60 + 7000 * 128),
-        (0x0F, 0x08, AT, 60 + 7000),  # its count is not 0
+        (0x0F, 0x04, AT, 60 + 7000),  # its count may not be 0: PSA may have been set since CLRWDT
+        (0x0F, 0x08, AT, 60 + 7000),
         (0x07, 0x08, AT, 60 + 7000),
-        (0x0F, 0x04, 60 + 6999, 60 + 7000 * 128),
+        (0x0F, 0x04, 60 + 6999, 60 + 7000),
         (0x0F, 0x04, 60 + 7000, 60 + 7000),  # a chip's prescaler may have counted one period
         (0x0F, 0x04, 60 + 9000, 60 + 9000),
         (0x0F, 0, 60 + 9000, 60 + 7000 * 128),
