@@ -53,15 +53,28 @@ def is_program(file: Path) -> bool:
 
 
 def device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str:
-    """Return the name of the chip that a schedule was built for, or else the requested one.
+    """Return the name of the chip that a schedule was built for, or else the requested one, or else the first
+    one that is fast enough.
 
-    Raises InputError if they differ.
+    Raises InputError if they differ, or if the chip is not made for the schedule's clock.
     """
     try:
         built = None if schedule.device is None else device_named(schedule.device)
     except InputError as error:
         raise error.at(Location(str(against), key="device")) from error
-    return chosen_device(built, against, asked).name
+    hz = schedule.clock.hz
+    enough = next((device for device in DEVICES if hz <= device.max_clock_hz), None)
+    chip = enough if built is None and asked is None else chosen_device(built, against, asked)
+    if chip is None or hz > chip.max_clock_hz:
+        limit = max(device.max_clock_hz for device in ((chip,) if chip else DEVICES))
+        largest = ", ".join(f"{device.name} {device.max_clock_hz} Hz" for device in DEVICES)
+        raise InputError(
+            "wrong-clock",
+            f"is for {hz} Hz, the chip runs at no more than {limit} Hz",
+            Location(str(against)),
+            f"the largest clocks: {largest}",
+        )
+    return chip.name
 
 
 def chosen_device(built: Device | None, file: Path, asked: str | None) -> Device:

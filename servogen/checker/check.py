@@ -335,6 +335,8 @@ def check_certificate(certificate: Certificate, image: Image, schedule: bytes, f
     config = RC if image.config is None else image.config
     if plan.clock_hz > FASTEST[config & RC]:
         raise Refused("the oscillator that the configuration word selects has no exact frequency")
+    if plan.clock_hz > plan.fastest:
+        raise Refused("the clock is faster than the chip")
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:
         raise Refused("the certificate is of another schedule")
     return Checker(image, plan, certificate).check()

@@ -196,6 +196,8 @@ class Plan:
     """Of the stance and of each direction: the first frames of its start, cycle and stop, and the frame
     after; empty if none is commanded.
     """
+    fastest: int = 20_000_000
+    """The chip's largest clock in Hz."""
 
     @property
     def waiting(self) -> int:
@@ -292,6 +294,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
         if commands
         else [],
+        fastest=20_000_000 if data.get("device") in (None, "PIC16F84A") else 10_000_000,
     )
 
 

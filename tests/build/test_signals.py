@@ -51,6 +51,31 @@ def test_the_device_is_the_schedules_and_may_not_be_another() -> None:
         device_for(old, SCHEDULE, "PIC16F84A")
 
 
+@pytest.mark.parametrize(
+    ("device", "asked", "hz", "chosen"),
+    [
+        (None, None, 10_000_000, "PIC16F84"),
+        (None, None, 10_000_001, "PIC16F84A"),
+        (None, None, 20_000_001, None),
+        (None, "PIC16F84", 10_000_001, None),
+        ("PIC16F84", None, 10_000_000, "PIC16F84"),
+        ("PIC16F84", None, 10_000_001, None),
+        ("PIC16F84A", None, 20_000_000, "PIC16F84A"),
+        ("PIC16F84A", None, 20_000_001, None),
+    ],
+)
+def test_a_schedule_is_for_a_chip_that_is_fast_enough(
+    device: str | None, asked: str | None, hz: int, chosen: str | None
+) -> None:
+    """DS30430 section 8.1: 10 MHz at most; DS35007 section 6.1: 20 MHz."""
+    schedule = replace(read_schedule(SCHEDULE), device=device, clock=Clock(hz))
+    if chosen is None:
+        with pytest.raises(InputError, match=f"is for {hz} Hz, the chip runs at no more than"):
+            device_for(schedule, SCHEDULE, asked)
+    else:
+        assert device_for(schedule, SCHEDULE, asked) == chosen
+
+
 def test_a_program_with_another_clock_than_the_schedules_is_refused() -> None:
     image = read_program(HEX).image
     schedule = read_schedule(SCHEDULE)

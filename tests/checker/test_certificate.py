@@ -75,6 +75,21 @@ def test_an_oscillator_without_an_exact_frequency_is_refused(config: str, clock_
         check(certified(image, schedule), image, schedule)
 
 
+@pytest.mark.parametrize(("device", "hz"), [("PIC16F84", 10_000_000), ("PIC16F84A", 20_000_000)])
+def test_a_clock_that_is_too_fast_for_the_chip_is_refused(device: str, hz: int) -> None:
+    """DS30430 section 8.1, DS35007 section 6.1; the oscillator is HS."""
+    image = certify.plain_program(config="0x3ff2")
+    allowed, faster = (
+        certify.schedule()
+        .replace(b'PIC16F84"', device.encode() + b'"')
+        .replace(b"4000000", str(clock).encode())
+        for clock in (hz, hz + 4)
+    )
+    assert check(certified(image, allowed), image, allowed).states == 1
+    with pytest.raises(Refused, match=r"faster than the chip|no exact frequency"):
+        check(certified(image, faster), image, faster)
+
+
 def test_a_button_splits_every_frame_in_which_it_is_read() -> None:
     image, schedule = certify.button_program(), certify.schedule(STOP)
     found = check(certified(image, schedule), image, schedule)
