@@ -8,7 +8,9 @@ In: joint positions (..., n). Out: arrays (..., 6, n); the upper three rows are 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import count, islice
 from typing import Literal
 
 import numpy as np
@@ -139,14 +141,14 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     return Singularity(rank, full, _tuples(lost), _tuples(right[rank:]))
 
 
-def _lost(arm: Arm, missing: Floats, count: int) -> Floats:
-    """Return the `count` directions (count, 6) in the span of the columns of `missing` that the arm has
+def _lost(arm: Arm, missing: Floats, number: int) -> Floats:
+    """Return the `number` directions (number, 6) in the span of the columns of `missing` that the arm has
     elsewhere: with fewer than six joints it has some nowhere.
     """
     axes, values, _ = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))
     possible = axes[:, : _rank(values)]
     shares = np.linalg.svd(possible.T @ missing)[2]
-    return np.asarray(shares[:count] @ missing.T)
+    return np.asarray(shares[:number] @ missing.T)
 
 
 def _tuples(rows: Floats) -> tuple[tuple[float, ...], ...]:
@@ -162,7 +164,8 @@ def _far_apart(arm: Arm) -> Floats:
     """Return eight configurations at irrational parts of the limits, so that none of them is special."""
     lower = np.array([joint.lower for joint in arm.joints])
     upper = np.array([joint.upper for joint in arm.joints])
-    parts = np.outer(np.arange(1, 9), np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29])[: len(lower)]) % 1.0
+    primes = (n for n in count(2) if all(n % divisor for divisor in range(2, math.isqrt(n) + 1)))
+    parts = np.outer(np.arange(1, 9), np.sqrt([*islice(primes, len(lower))])) % 1.0
     return np.asarray(lower + parts * (upper - lower))
 
 

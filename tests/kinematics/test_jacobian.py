@@ -1,5 +1,7 @@
 """Jacobians against differences, frames, singularities, statics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,12 @@ def test_the_legs_load_is_the_formula() -> None:
     for beta in (0.0, 0.4, -0.7):
         loads = static_torques(robot, [0.3, beta], [0, 0, 4.0])
         assert loads == pytest.approx([0, 4.0 * robot.length["bc"] * np.sin(beta)], abs=1e-15)
+
+
+def test_an_arm_may_have_more_than_ten_joints() -> None:
+    """Two arms of six joints, one on the tool of the other, move in all six directions."""
+    one = arm("irb6400c")
+    rows = [replace(row, joint=None if row.joint is None else row.joint + 6) for row in one.rows]
+    both = replace(one, joints=one.joints * 2, rows=(*one.rows, *rows), closed_form=None)
+    found = singularity(both, np.linspace(0.1, 1.2, 12))
+    assert (found.rank, found.full_rank, len(found.idle)) == (6, 6, 6)
