@@ -23,10 +23,11 @@ from servogen.errors import InputError, Location
 from servogen.programs import chip_of, read_schedule
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from servogen.edges import EdgeTrace
     from servogen.pulse import PulseSchedule
+    from servogen.pulse.schedule import Input
     from servogen.simulator import SimulatorOptions
 
 FOREVER_SECONDS = 3 * 3600.0
@@ -94,6 +95,7 @@ def verify(
             "out-of-range",
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing",
         )
+    held = schedule.inputs if is_program(file) else ()
     with status("comparing every edge"):
         if is_program(file):
             program = program_for(schedule, file, board.device, read_program)
@@ -103,9 +105,9 @@ def verify(
             hidden = hidden_by(file, schedule.clock)
             verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
     if json:
-        as_json(verdict.to_json(), verdict.warnings)
+        as_json(verdict.to_json() | _held_json(held), verdict.warnings)
     else:
-        print("\n".join(verdict_lines(verdict)))
+        print("\n".join((*verdict_lines(verdict), *_held_lines(held))))
     raise typer.Exit(0 if verdict.accepted(partial) else 1)
 
 
@@ -125,11 +127,23 @@ def _verify_forever(
     with status("looking for a repeat of the chip's state"):
         forever = prove_forever(schedule, program.image, limit, program.listing, board)
     if json:
-        as_json(forever.to_json(), forever.verdict.warnings)
+        as_json(forever.to_json() | _held_json(schedule.inputs), forever.verdict.warnings)
     else:
         print(forever.text())
-        print("\n".join(verdict_lines(forever.verdict)))
+        print("\n".join((*verdict_lines(forever.verdict), *_held_lines(schedule.inputs))))
     return 0 if forever.proven else 1
+
+
+def _held_lines(inputs: Sequence[Input]) -> list[str]:
+    """Return what is assumed of the inputs of a program that ran, which have one level throughout."""
+    if not inputs:
+        return []
+    levels = ", ".join(f"{source.pin} at {source.level}" for source in inputs)
+    return [f"with its inputs held throughout: {levels}; `prove` covers other levels"]
+
+
+def _held_json(inputs: Sequence[Input]) -> dict[str, object]:
+    return {"held": {source.pin: source.level for source in inputs}}
 
 
 def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, partial: bool, json: bool) -> int:

@@ -56,6 +56,9 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     monkeypatch.setattr(signals, "program_for", noted("program", lambda: program))
     monkeypatch.setattr(build, "prove_image", noted("image", lambda: found["verdict"]))
     monkeypatch.setattr(build, "prove_file", noted("file", lambda: found["verdict"]))
+    monkeypatch.setattr(
+        proof, "hidden_by", lambda file, clock: ("what it hides",) if file.suffix == ".vcd" else ()
+    )
     monkeypatch.setattr(proof, "prove_capture", noted("capture", lambda: found["verdict"]))
     monkeypatch.setattr(captures, "read_capture", noted("read", lambda: "recorded"))
     monkeypatch.setattr(captures, "sampled_at", noted("sampled", lambda: "resampled"))
@@ -110,9 +113,9 @@ def test_a_program_is_compared_for_the_time_that_is_given(run: Command, seen: di
     assert seen["image"][2] == 100_000
     assert seen["image"][4].device == "PIC16F84A"
     run("verify", "a.vcd", "--against", "s.json", "--seconds", 0.1)
-    assert seen["file"] == (SCHEDULE, "trace", True, 100_000)
+    assert seen["file"] == (SCHEDULE, "trace", True, 100_000, ("what it hides",))
     run("verify", "a.csv", "--against", "s.json")
-    assert seen["file"] == (SCHEDULE, "trace", False, None)
+    assert seen["file"] == (SCHEDULE, "trace", False, None, ())
 
 
 @pytest.mark.parametrize(("seconds", "code"), [(0.02, 0), (0.0199, 2), (0, 2)])

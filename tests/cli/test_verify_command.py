@@ -345,3 +345,15 @@ def test_a_shorter_time_that_is_asked_for_is_not_the_whole(run: Run, tmp_path: P
     assert ran.out.startswith(f"{AGREES}: 1 of 3 different frames; ")
     assert run("verify", program, "--against", SCHEDULE, "--seconds", 1, "--partial").code == 0
     assert run("verify", program, "--against", SCHEDULE, "--seconds", 10).code == 0
+
+
+@pytest.mark.parametrize("options", [[], ["--forever", "--seconds", "5"]])
+def test_inputs_that_are_held_while_a_program_runs_are_named(run: Run, options: list[str]) -> None:
+    """What the program does at other levels was not seen; a recording has no inputs that are held."""
+    folder = ROOT / "firmware" / "hexapod-command"
+    asked = ("verify", folder / "main.hex", "--against", folder / "schedule.json", *options)
+    assert "with its inputs held throughout: RA4 at 1; `prove` covers other levels" in run(*asked).out
+    assert json.loads(run(*asked, "--json").out)["held"] == {"RA4": 1}
+    plain = ("verify", LAB8 / "main.hex", "--against", SCHEDULE, "--seconds", "1")
+    assert "held" not in run(*plain).out
+    assert json.loads(run(*plain, "--json").out)["held"] == {}

@@ -16,6 +16,7 @@ from servogen.prove.explore import SearchAnswer, SearchFinding, SearchResult
 from servogen.prove.generalise import Guess
 from servogen.prove.prover import AS_IN_THE_FILE, Proof, _Prover
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
+from servogen.prove.specification import Specification
 from servogen.prove.trims import Trimmed, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import (
@@ -99,7 +100,8 @@ def prover_of(
     values = {
         "_schedule": SCHEDULE, "_quantifiers": EVERYTHING, "_held": {}, "_board": SimulatorOptions(),
         "_write_us": 20_000, "_chip": Chip(), "_program": SimpleNamespace(eeprom_accesses=frozenset()),
-        "_image": Image({}), "_spec": None, "_cuts": set(), "_transitions": Transitions(),
+        "_image": Image({}), "_spec": Specification(SCHEDULE, None), "_cuts": set(),
+        "_transitions": Transitions(),
         "_always": frozenset({1}), "_max_states": 77, "_tell": None, "_longest": None,
     }  # fmt: skip
     for name, value in (values | changes).items():
