@@ -16,7 +16,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,9 @@ from llvmlite import binding as llvm
 from servogen.errors import ToolError
 from servogen.pic.device import REGISTERS
 from servogen.simulator.program import OPS
+
+if os.name == "posix":
+    import fcntl
 
 ENTRY = "servogen_run"
 SIGNATURE = "pipppppppipp"
@@ -44,13 +47,14 @@ def loop(observed: bool = False, tracked: bool = False, visits: bool = False) ->
     """Return the compiled loop; it takes the addresses of vectors and returns the reason why it stopped."""
     kind = "observed" if observed else "tracked" if tracked else "visits" if visits else "plain"
     name = f"simulator-{kind}-{_digest()}.o"
-    for folder in _folders():
-        existing = _kept(folder / name)
-        if existing is not None:
-            return _load(existing)
-    _LOG.info("compiling the simulator for this processor, which takes several seconds")
-    code = compile_loop(observed, tracked, visits)
-    _keep(name, code)
+    code = _found(name)
+    if code is None:
+        _LOG.info("compiling the simulator for this processor, which takes several seconds")
+        with _one_at_a_time():
+            code = _found(name)  # another process may have compiled it meanwhile
+            if code is None:
+                code = compile_loop(observed, tracked, visits)
+                _keep(name, code)
     return _load(code)
 
 
@@ -77,6 +81,36 @@ def _folders() -> Iterator[Path]:
         base = base.expanduser()
         if base.is_absolute():
             yield base / "servogen"
+
+
+def _found(name: str) -> bytes | None:
+    """Return the machine code that an earlier process has kept under this name."""
+    return next((code for folder in _folders() if (code := _kept(folder / name)) is not None), None)
+
+
+@contextmanager
+def _one_at_a_time() -> Iterator[None]:
+    """Wait for the other processes that compile the loop, and keep them waiting: their result will do."""
+    with ExitStack() as stack:
+        for folder in _folders():
+            with suppress(OSError):  # it cannot be made, or its file system has no locks
+                _make_own(folder)
+                stack.enter_context(_locked(folder / "simulator.lock"))
+                break
+        yield
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    if os.name != "posix":  # each process compiles for itself
+        yield
+        return
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _kept(path: Path) -> bytes | None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -164,6 +167,30 @@ def test_a_later_start_says_nothing(
     assert caplog.text == ""
 
 
+@pytest.mark.skipif(os.name != "posix", reason="there each process compiles for itself")
+def test_a_process_waits_for_another_that_compiles_the_same(
+    folders: list[Path], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    waiting = threading.Event()
+
+    class Listening(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            waiting.set()
+
+    def compiled_again(*kind: bool) -> bytes:
+        raise AssertionError("the other process was about to keep it")
+
+    monkeypatch.setattr(aot_cache, "compile_loop", compiled_again)
+    monkeypatch.setattr(aot_cache, "_load", lambda code: code)
+    monkeypatch.setattr(logging.getLogger(aot_cache.__name__), "handlers", [Listening()])
+    with caplog.at_level("INFO", "servogen"), ThreadPoolExecutor() as threads:
+        with aot_cache._one_at_a_time():
+            found = threads.submit(aot_cache.loop.__wrapped__, False)
+            assert waiting.wait(60)
+            aot_cache._keep(f"simulator-plain-{aot_cache._digest()}.o", CODE)
+        assert found.result() == CODE
+
+
 def test_the_name_depends_on_every_source_and_on_the_processor(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -216,7 +243,8 @@ def test_each_kind_of_loop_has_its_file(monkeypatch: pytest.MonkeyPatch, tmp_pat
         asked.clear()
         assert aot_cache.loop.__wrapped__(*flags) == CODE
         name = f"simulator-{kind}-{aot_cache._digest()}.o"
-        assert asked == [tmp_path / "one" / name, tmp_path / "two" / name, Path(name)]
+        places = [tmp_path / "one" / name, tmp_path / "two" / name]
+        assert asked == [*places, *places, Path(name)]  # once more under the lock
     assert compiled == [(False,) * 3, (True, False, False), (False, True, False), (False, False, True)]
 
 
