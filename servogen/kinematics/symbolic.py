@@ -52,15 +52,13 @@ def symbolic_fk(arm: Arm) -> SymbolicKinematics:
     """Return the forward kinematics of `arm` in symbols: joints q1 …, and the lengths by name."""
     sympy = _sympy()
 
-    joints = _joint_symbols(arm)
-    base, tool = _frame(arm.base), _frame(arm.tool)
-    links = tuple(sympy.ImmutableMatrix(_link(arm, row, joints)) for row in arm.rows)
-    product = base
-    for link in links:
-        product = (product * link).applyfunc(_tidy)
-    product = (product * tool).applyfunc(_tidy)
+    links, tool = _links(arm), _frame(arm.tool)
     return SymbolicKinematics(
-        joints=joints, base=base, links=links, tool=tool, product=sympy.ImmutableMatrix(product)
+        joints=_joint_symbols(arm),
+        base=_frame(arm.base),
+        links=links,
+        tool=tool,
+        product=sympy.ImmutableMatrix((_first(arm, len(links)) * tool).applyfunc(_tidy)),
     )
 
 
@@ -93,23 +91,37 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
 
 
 @cache
-def _before(arm: Arm, index: int) -> Any:
-    """Return the frame whose z is the axis of row `index`: the row's own if modified, else the one before."""
-    chain = symbolic_fk(arm)
-    product = chain.base
-    for link in chain.links[: index + (arm.convention == "modified")]:
-        product = (product * link).applyfunc(_tidy)
-    return product
+def _links(arm: Arm) -> tuple[Any, ...]:
+    sympy = _sympy()
+
+    joints = _joint_symbols(arm)
+    return tuple(sympy.ImmutableMatrix(_link(arm, row, joints)) for row in arm.rows)
 
 
 @cache
+def _first(arm: Arm, count: int) -> Any:
+    """Return the product of the base and the first `count` links."""
+    if not count:
+        return _frame(arm.base)
+    return (_first(arm, count - 1) * _links(arm)[count - 1]).applyfunc(_tidy)
+
+
+@cache
+def _last(arm: Arm, count: int) -> Any:
+    """Return the product of the last `count` links and the tool."""
+    if not count:
+        return _frame(arm.tool)
+    return (_links(arm)[-count] * _last(arm, count - 1)).applyfunc(_tidy)
+
+
+def _before(arm: Arm, index: int) -> Any:
+    """Return the frame whose z is the axis of row `index`: the row's own if modified, else the one before."""
+    return _first(arm, index + (arm.convention == "modified"))
+
+
 def _after(arm: Arm, index: int) -> Any:
     """Return the tool's frame seen from the frame of `_before`."""
-    chain = symbolic_fk(arm)
-    product = chain.tool
-    for link in reversed(chain.links[index + (arm.convention == "modified") :]):
-        product = (link * product).applyfunc(_tidy)
-    return product
+    return _last(arm, len(arm.rows) - index - (arm.convention == "modified"))
 
 
 def _column_at_tool(seen: Any, turning: bool) -> Any:
