@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from itertools import pairwise
 from math import isnan
@@ -76,17 +77,20 @@ class LazyCommands(TyperGroup):
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         wanted = [module for module, names in COMMANDS.items() if cmd_name in names]
         for module in wanted or COMMANDS:  # all for an unknown name, which may be close to one of theirs
-            self._load(module)
+            self.commands.update(_commands_of(module))
         return super().get_command(ctx, cmd_name)
 
-    def _load(self, module: str) -> None:
-        if not self.commands.keys() >= set(COMMANDS[module]):
-            part = typer.Typer()
-            part.callback()(_options)  # makes it a group, even of a single command
-            import_module(f"servogen.cli.{module}").register(part)
-            for name, command in typer.main.get_group(part).commands.items():
-                command.rich_help_panel = PANELS[name]  # type: ignore[attr-defined]  # typer's own
-                self.commands[name] = command
+
+@cache
+def _commands_of(module: str) -> Mapping[str, Command]:
+    """Return the commands that a module defines, by name; to make them takes longer than many of them run."""
+    part = typer.Typer()
+    part.callback()(_options)  # makes it a group, even of a single command
+    import_module(f"servogen.cli.{module}").register(part)
+    commands = typer.main.get_group(part).commands
+    for name, command in commands.items():
+        command.rich_help_panel = PANELS[name]  # type: ignore[attr-defined]  # typer's own
+    return commands
 
 
 app = typer.Typer(
