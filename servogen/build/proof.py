@@ -87,21 +87,24 @@ def hidden_by(file: Path, clock: Clock) -> tuple[str, ...]:
     return tuple(hidden)
 
 
-def _not_driven(schedule: PulseSchedule, trace: EdgeTrace, begin: Cycles) -> list[str]:
-    """Return the scheduled pins that a recording says are not driven, or have no known level, from `begin`
-    on: they count as low.
+def _not_driven(
+    schedule: PulseSchedule, trace: EdgeTrace, begin: Cycles, pieces: Sequence[tuple[int, int]] = ()
+) -> list[str]:
+    """Return the scheduled pins that a recording says are not driven from `begin` on: they count as low.
+
+    Between the `pieces` of a capture no pin has a level; there nothing is compared.
     """
     edges = join(trace.chunks)
-    lost = (edges.level == UNDRIVEN) & (edges.cycle >= begin)
+    compared = edges.cycle >= begin
+    if pieces:
+        compared &= np.any([(first <= edges.cycle) & (edges.cycle < end) for first, end in pieces], axis=0)
+    lost = (edges.level == UNDRIVEN) & compared
     reasons = []
     for channel in schedule.channels:
         cycles = edges.cycle[lost & (edges.pin == PINS.index(channel.pin))]
         if len(cycles):
             seconds = float(trace.clock.seconds(int(cycles[0])))
-            reasons.append(
-                f"{channel.pin} is not driven, or its level is unknown, after {seconds:g} s, "
-                "which counts as low"
-            )
+            reasons.append(f"{channel.pin} is not driven after {seconds:g} s, which counts as low")
     return reasons
 
 
@@ -229,7 +232,7 @@ def prove_capture(
     longest_us = (tolerances or Tolerances()).glitch_us
     sampling(trace, capture.sample).check(longest_us, Location(capture.file))
     verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
-    for reason in _not_driven(schedule, trace, Cycles(0)):
+    for reason in _not_driven(schedule, trace, Cycles(0), capture.pieces):
         verdict = verdict.but(reason)
     if capture.missing is not None:
         return verdict.but(f"the capture is incomplete: {capture.missing}")

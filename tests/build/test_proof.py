@@ -145,19 +145,22 @@ def test_a_file_hides_pins_without_a_wire_and_what_is_between_its_steps(tmp_path
 
 
 @pytest.mark.parametrize("at", [FIRST + 1000, FIRST + FRAME + 1500])
-def test_a_scheduled_pin_without_a_known_level_is_not_proven_to_be_low(at: int) -> None:
-    """Instead of the fall the recording says that nothing is known of RB0 any more."""
+def test_a_scheduled_pin_that_is_not_driven_is_not_proven_to_be_low(at: int) -> None:
+    """Instead of the fall the recording says that RB0 is not driven any more."""
     whole = seen(3, FIRST + 3 * FRAME)
     (edges,) = whole.chunks
     lost = edges._replace(level=np.where(edges.cycle == at, UNDRIVEN, edges.level).astype(np.uint8))
     found = prove_file(SCHEDULE, replace(whole, chunks=(lost,)), tells_end=True)
-    reason = f"RB0 is not driven, or its level is unknown, after {at / 1e6:g} s, which counts as low"
+    reason = f"RB0 is not driven after {at / 1e6:g} s, which counts as low"
     assert (found.agrees, found.proven, found.reasons) == (True, False, (reason,))
     before = edge_chunk([0, *edges.cycle], [5, *edges.pin], [UNDRIVEN, *edges.level])
     assert prove_file(SCHEDULE, replace(whole, chunks=(before,)), tells_end=True).proven
     capture = Capture(replace(whole, chunks=(lost,)), 1.0)
     assert reason in prove_capture(SCHEDULE, capture).reasons
     assert reason not in prove_capture(SCHEDULE, replace(capture, trace=whole)).reasons
+    for pieces, is_seen in (([(0, at), (at + 1, whole.end)], False), ([(0, at + 1)], True)):
+        verdict = prove_capture(SCHEDULE, replace(capture, pieces=tuple(pieces)))
+        assert any(reason in each for each in verdict.reasons) == is_seen
 
 
 def test_by_default_a_motion_is_compared_with_its_loop_three_times() -> None:

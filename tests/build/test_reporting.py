@@ -84,16 +84,22 @@ def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch:
     exact = SimpleNamespace(agrees=True, reasons=("RB0 rises late", "more"))
     monkeypatch.setattr(reporting, "prove_capture", lambda schedule, capture: verdict)
     monkeypatch.setattr(reporting, "read_vcd", lambda path, clock: clock)
+    unseen: list[tuple[str, ...]] = []
+    monkeypatch.setattr(reporting, "hidden_by", lambda path, clock: unseen[-1])
     monkeypatch.setattr(
-        reporting, "prove_file", lambda schedule, trace, tells_end: exact if tells_end else None
+        reporting,
+        "prove_file",
+        lambda schedule, trace, tells_end, hidden: exact if tells_end and hidden == unseen[-1] else None,
     )
     schedule: Any = SimpleNamespace(clock=Clock(4_000_000))
-    for of_analyser, agrees, expected in (
-        (True, False, verdict),
-        (False, True, verdict),
-        (False, False, "but RB0 rises late"),
+    for of_analyser, agrees, hidden, expected in (
+        (True, False, ("steps",), verdict),
+        (False, True, (), verdict),
+        (False, True, ("steps",), "but RB0 rises late"),
+        (False, False, (), "but RB0 rises late"),
     ):
         exact.agrees = agrees
+        unseen.append(hidden)
         monkeypatch.setattr(reporting, "is_capture", lambda path, found=of_analyser: found)
         assert reporting._verdict(schedule, CAPTURE, Path("run.vcd")) == expected
 

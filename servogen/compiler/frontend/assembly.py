@@ -196,7 +196,7 @@ def decimal(text: str) -> str:
     """Return a text whose binary numbers, 0b101 and C2C's 101b, are decimal."""
     return re.sub(
         r"\b(?:0[bB]([01]+)(?=[uUlL]*\b)|([01]+)[bB]\b)",
-        lambda found: f"{int(found[1] or found[2], 2)}",
+        lambda match: f"{int(match[1] or match[2], 2)}",
         text,
     )
 

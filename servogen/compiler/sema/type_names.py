@@ -72,6 +72,7 @@ def in_eeprom(declarator: Any) -> bool:
 
 
 def _qualified(analyser: Analyser, kind: CType, declarator: Any, variable: bool) -> CType:
+    """Return a type with the qualifiers of its declarator; `__eeprom` is only allowed for a variable."""
     quals = declarator.quals or []
     if EEPROM in quals and not variable:
         raise analyser.fail(
