@@ -276,6 +276,11 @@ def planned(*segments: Segment, name: str = "tripod", frames: int | None = 24, *
 WALKED = planned(Segment(forward=0.03, cycles=1))
 
 
+def test_servos_lose_no_motion_unless_it_is_stated() -> None:
+    assert (WALKED.lost, WALKED.beyond) == (0.0, 0.0)
+    assert planned(Segment(forward=0.03, cycles=1), lost=math.radians(1.5)).beyond > 0
+
+
 def test_a_spring_may_yield_as_far_as_it_can() -> None:
     worst = WALKED.largest_correction_m
     assert worst == pytest.approx(max(np.linalg.norm(each) for frame in WALKED.corrections for each in frame))
