@@ -381,6 +381,17 @@ def test_what_is_known_of_a_task_is_its_time_its_length_and_how_far_it_is() -> N
     assert known(answered(rig.board, query), 0x0A) == (7, size + 2, len(firmata.delay_ms(3)), messages)
 
 
+def test_messages_for_a_task_that_does_not_exist_are_an_error() -> None:
+    """FirmataScheduler takes one byte of them; a command without any has no effect."""
+    board = Rig(program(IDLE)).board
+    assert answered(board, bytes.fromhex("F0 7B 02 09 00 F7")) == answered(
+        board, bytes.fromhex("F0 7B 02 09 00 00 F7")
+    )
+    (answer,) = answered(board, bytes.fromhex("F0 7B 02 09 00 F7"))
+    assert answer.data[:3] == bytes.fromhex("7B 08 09")
+    assert answered(board, bytes.fromhex("F0 7B 02 09 F7")) == []
+
+
 def test_the_client_stores_a_run_on_the_board_and_starts_it(serve: Serve) -> None:
     rig = Rig(program(IDLE))
     with input_adapter(serve({"inputs": rig.board}).paths["inputs"], rig.wiring) as adapter:

@@ -109,6 +109,14 @@ def test_wires_of_other_names_are_given_their_pins(tmp_path: Path) -> None:
         read(tmp_path, text, wires={"D0": "RB9"})
 
 
+def test_the_first_twenty_wires_are_named_where_none_is_a_pins(tmp_path: Path) -> None:
+    names = [f"D{number}" for number in range(22)]
+    wires = "".join(f"$var wire 1 {chr(48 + number)} {name} $end\n" for number, name in enumerate(names))
+    with pytest.raises(InputError, match="has no wire that is named by a pin") as refused:
+        read(tmp_path, f"$timescale 1 us $end\n{wires}$enddefinitions $end\n#0\n")
+    assert str(refused.value.hint).startswith(f"its 1-bit wires: {', '.join(names[:20])}; ")
+
+
 def test_two_wires_of_one_pin_are_an_error_but_two_names_of_one_wire_are_not(tmp_path: Path) -> None:
     second = '$var wire 1 " RB0_again $end\n$upscope'
     with pytest.raises(InputError, match="'RB0' and 'RB0_again' are both RB0"):

@@ -58,6 +58,15 @@ def test_a_robot_stands_in_its_first_frame_with_its_lowest_foot_on_the_ground(wa
         assert world.data.qpos[:3] == pytest.approx([0, 0, above - lowest], abs=1e-9)
 
 
+def test_a_route_leads_where_it_is_told() -> None:
+    """120 mm ahead and 40 mm to the left; a quarter turn; as much again, now to the left and back; twice."""
+    walked = "forward_mm = 30, left_mm = 10, cycles = 4"
+    route = f"{{ {walked} }}, {{ turn_deg = 15, cycles = 6 }}, {{ {walked} }}"
+    job = plan_job(loads(text_of(route), str(JOBS / "test.toml")))
+    assert planned_of(job, 0, 1).way == pytest.approx((0.12 - 0.04, 0.04 + 0.12, math.pi / 2), abs=1e-12)
+    assert planned_of(job, 0, 2).way == pytest.approx((0.08 - 0.16, 0.16 + 0.08, math.pi), abs=1e-12)
+
+
 def test_a_step_may_be_a_part_of_a_millisecond(walk: PlannedJob) -> None:
     """A step of the physics is a millisecond, or the part of one that is asked for."""
     for parts in (1, 4):

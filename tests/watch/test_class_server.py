@@ -24,7 +24,7 @@ from servogen.build.grading import Graded, GradingTask, grade_submissions
 from servogen.grade import Submission, load_lab, page_names
 from servogen.programs import read_submission
 from servogen.watch import server as module
-from servogen.watch.graded import class_pages, class_rooms
+from servogen.watch.graded import _subject, class_pages, class_rooms
 from servogen.watch.server import WatchServer
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 from tests.watch.browser import Browser, needs_axe, violations, wait
@@ -65,6 +65,12 @@ def graded(tmp_path_factory: pytest.TempPathFactory) -> list[Graded]:
 
 def task() -> GradingTask:
     return GradingTask.of(load_lab("lab8-exercise"), read_submission, 60.0, 300)
+
+
+def test_it_is_said_that_a_program_is_being_compiled(graded: list[Graded]) -> None:
+    said: list[str] = []
+    assert _subject(task(), graded[0], said.append).image.program
+    assert said == ["compiling"]
 
 
 def server(graded: list[Graded]) -> WatchServer:

@@ -14,8 +14,11 @@ from servogen.checker.plan import Line, read_plan
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import ResourceError
+from servogen.engines.player import shares
+from servogen.engines.player.encoding import Encoded
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
+from servogen.motion.trajectory import Part
 from servogen.pic.image import Image
 from servogen.prove import prove_for_all
 from servogen.pulse.schedule import from_json
@@ -68,6 +71,24 @@ def test_the_random_line_has_every_direction_from_every_other() -> None:
     directions = ("forward", "back", "left", "right")
     assert changes >= {(one, other) for one in directions for other in directions if one != other}
     assert changes >= {(one, "stance") for one in directions} | {("stance", one) for one in directions}
+
+
+def test_each_pair_of_directions_begins_where_its_frames_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steps of the script are those of the lead-in and of the forward directions, one after the other."""
+    taken: list[tuple[int, list[Part]]] = []
+    right = shares._shares
+
+    def noted(encoded: Encoded, parts: list[Part], frames: int, loop: int) -> object:
+        # The first step only tells where the second begins.
+        taken.append((sum(step.timing.frames for step in encoded.steps[1:]), parts))
+        return right(encoded, parts, frames, loop)
+
+    monkeypatch.setattr(shares, "_shares", noted)
+    shares.shares(target().job)
+    ((end, parts),) = taken
+    assert [part.name for part in parts[-2:]] == ["forward and back", "left and right"]
+    ahead, turn = (len(target().directions[name]) for name in ("forward", "left"))
+    assert [end - part.begin for part in parts[-2:]] == [ahead + turn, turn]
 
 
 def test_a_wrong_byte_of_a_pose_is_seen_and_refuted() -> None:
