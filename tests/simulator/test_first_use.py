@@ -56,6 +56,21 @@ def test_a_use_is_at_its_instruction(name: str) -> None:
     assert (address, cycle) == (place, place)
 
 
+def test_a_wait_for_tmr0_ends_where_an_unknown_bit_may_end_it() -> None:
+    """The byte is 0x10 or 0x11: that it is not 0x0F is known, but 0x10 depends on the chip, whatever it has.
+
+    TMR0 counts every 8 cycles, so that the wait of 5 sees each of its values.
+    """
+    timer = " bsf STATUS, RP0\n movlw 0x82\n movwf 0x81\n bcf STATUS, RP0\n"
+    byte = " movf 0x30, w\n andlw 1\n iorlw 0x10\n movwf 0x20\n clrf TMR0\n"
+    wait = "l movf TMR0, w\n xorwf 0x20, w\n btfss STATUS, Z\n goto l\n"
+    uses = {use(tracked(OUTPUTS + timer + byte + wait, 400, start_seed=seed)) for seed in range(6)}
+    ((_, address, cycle),) = uses
+    begin = SET_UP + 9
+    assert address == begin + 2
+    assert 16 * 8 <= cycle - begin < 16 * 8 + 2 + 5 + 3
+
+
 LOAD = {"w": " movf 0x30, w\n"}
 """An instruction that makes W unknown."""
 

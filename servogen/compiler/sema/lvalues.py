@@ -351,7 +351,7 @@ def sizeof(analyser: Analyser, node: Any) -> Expr:
             kind = expression(analyser, node.expr).type
     if isinstance(kind, StructType) and kind.layout.size is None:
         raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
-    return Num(kind.size, U16 if not analyser.c2c else analyser.types["uint16_t"], analyser.place(node))
+    return Num(kind.size, U16, analyser.place(node))
 
 
 def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:

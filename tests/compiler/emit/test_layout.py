@@ -8,7 +8,15 @@ from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.ast.types import U8, U16, U32, ArrayType
 from servogen.compiler.codegen.tables import table_code
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.emit.layout import MemoryMap, address_byte, allocate, file_address, frame, lay_out
+from servogen.compiler.emit.layout import (
+    MemoryMap,
+    address_byte,
+    allocate,
+    file_address,
+    frame,
+    lay_out,
+    symbol_conflicts,
+)
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Instruction, Reg
 from servogen.errors import InputError
@@ -155,6 +163,17 @@ def test_parameters_lie_apart_and_so_do_the_variables_of_assembly() -> None:
     assembly.inline_asm = True
     library.name = "__f"
     assert [frame(made)[1] for made in (plain, assembly, library)] == [4, 8, 8]
+
+
+def test_a_result_that_is_read_late_lies_apart_from_the_parameters_only() -> None:
+    names = Names()
+    made = function("MOVF p,W; MOVWF ga; MOVWF l; MOVF l,W; MOVWF ga; CLRF t; RETURN", names)
+    made.parameters, made.result = [names["p"]], names["t"]
+    result, parameter = names["t"], names["p"]
+    result.type = U8  # it is written as a whole
+    alone, late = symbol_conflicts(made, []), symbol_conflicts(made, [result])
+    assert alone == {names[name]: set() for name in "plt"}
+    assert late == {**alone, result: {parameter}, parameter: {result}}
 
 
 def test_the_bytes_of_addresses() -> None:

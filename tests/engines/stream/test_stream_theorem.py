@@ -80,6 +80,13 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
         ("addlw   72", "addlw   88", "does not end within"),
         # The fall is one interrupt early.
         ("sublw   16", "sublw   15", "after the rise of a pulse"),
+        # The fall of a pulse of one round, and of no other, is an interrupt late.
+        (
+            "movwf   _ticks\n    sublw   16",
+            "movwf   _ticks\n    decf    _next_hi, W\n    btfsc   STATUS, 2\n    incf    _ticks, F\n"
+            "    movf    _ticks, W\n    sublw   16",
+            "^after the rise of a pulse of 1 round",
+        ),
         # A bit's time.
         ("movlw   104", "movlw   103", "the receiver's clock"),
         # A bit is sampled too late.
