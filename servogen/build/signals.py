@@ -63,14 +63,14 @@ def device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str
     except InputError as error:
         raise error.at(Location(str(against), key="device")) from error
     hz = schedule.clock.hz
-    enough = next((device for device in DEVICES if hz <= device.max_clock_hz), None)
-    chip = enough if built is None and asked is None else chosen_device(built, against, asked)
-    if chip is None or hz > chip.max_clock_hz:
-        limit = max(device.max_clock_hz for device in ((chip,) if chip else DEVICES))
+    chip = chosen_device(built, against, asked)
+    if built is None and asked is None and hz > chip.max_clock_hz:
+        chip = max(DEVICES, key=lambda device: device.max_clock_hz)
+    if hz > chip.max_clock_hz:
         largest = ", ".join(f"{device.name} {device.max_clock_hz} Hz" for device in DEVICES)
         raise InputError(
             "wrong-clock",
-            f"is for {hz} Hz, the chip runs at no more than {limit} Hz",
+            f"is for {hz} Hz, the chip runs at no more than {chip.max_clock_hz} Hz",
             Location(str(against)),
             f"the largest clocks: {largest}",
         )

@@ -39,6 +39,7 @@ from servogen.build.proof import (
     chip_warnings,
     cycle_of,
     end_of,
+    hidden_by,
     prove,
     prove_capture,
     prove_file,
@@ -96,6 +97,8 @@ class SeenPins:
     """The part that is judged; None: all of it."""
     file: Path | None = None
     """The existing recording, if there is one."""
+    hidden: tuple[str, ...] = ()
+    """What that file cannot show, so that it is not proven."""
     warnings: tuple[Diagnostic, ...] = ()
     """The warnings of a simulated program."""
 
@@ -287,7 +290,8 @@ class Replay:
             )
         source = f"the recording {path}"
         if not is_capture(path):
-            return SeenPins(read_edges(path, clock).stored(), source, file=path)
+            trace = read_edges(path, clock).stored()
+            return SeenPins(trace, source, file=path, hidden=hidden_by(path, clock))
         return captured(path, source)
 
 
@@ -531,7 +535,7 @@ def check(seen: SeenPins, schedule: PulseSchedule, tolerances: Tolerances | None
         )
     if seen.span is None:
         tells_end = seen.file is not None and seen.file.suffix.lower() == ".vcd"
-        verdict = prove_file(schedule, seen.trace, tells_end)
+        verdict = prove_file(schedule, seen.trace, tells_end, hidden=seen.hidden)
     else:
         verdict = prove(schedule, seen.trace, seen.span)
     end = end_of(verdict)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,10 +14,11 @@ import pytest
 from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, SerialAdapter
 from servogen.bench.inputs.wiring import InputWiring
 from servogen.bench.programmers.table import ProgrammingRequest
-from servogen.build.proof import cycle_of
+from servogen.build.proof import checked_cycles, cycle_of, running
 from servogen.edges import EdgeTrace, edge_chunk, join
 from servogen.errors import Diagnostic, InputError, Location, ToolError
-from servogen.pic.image import Image
+from servogen.pic.image import Image, read_hex
+from servogen.pulse.schedule import from_json
 from servogen.testing import targets
 from servogen.testing.targets import (
     Bench,
@@ -35,8 +37,10 @@ from servogen.testing.targets import (
     record,
     uses_eeprom,
 )
+from servogen.traces import write_edges
 from servogen.units import Clock, Cycles
 
+LAB8 = Path(__file__).parents[2] / "firmware" / "lab8-exercise"
 MHZ4 = Clock(4_000_000)
 RB0 = 5
 CONTACT = frozenset({"RB0", "RB4"})
@@ -323,7 +327,7 @@ def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPa
     class Told(Exception):
         pass
 
-    def prove_file(schedule: object, trace: object, tells_end: bool) -> None:
+    def prove_file(schedule: object, trace: object, tells_end: bool, hidden: object) -> None:
         told.append(tells_end)
         raise Told
 
@@ -332,6 +336,22 @@ def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPa
         with pytest.raises(Told):
             check(SeenPins(shown(), "a recording", file=file), cast(Any, None))
     assert told == [True, True, False, False]
+
+
+def test_what_a_recording_does_not_show_is_not_proven(tmp_path: Path) -> None:
+    """The program's edges, with every wire, and without that of a pin that should be silent."""
+    schedule = from_json((LAB8 / "schedule.json").read_text(), "schedule.json")
+    image = read_hex((LAB8 / "main.hex").read_text()).image
+    write_edges(running(schedule, image, checked_cycles(schedule)), tmp_path / "edges.vcd")
+    text = (tmp_path / "edges.vcd").read_text()
+    (code,) = re.findall(r"\$var wire 1 (\S+) RB7 \$end\n", text)
+    lacking = re.sub(r"\$var wire 1 \S+ RB7 \$end\n", "", text).replace(f"z{code}\n", "")
+    for name, content, missing in (("whole", text, ()), ("lacking", lacking, ("RB7",))):
+        (tmp_path / f"{name}.vcd").write_text(content)
+        seen = Replay(tmp_path, name).recording(name, schedule.clock)
+        found = check(seen, schedule)
+        assert (found.agrees, found.proven) == (True, not missing)
+        assert seen.hidden == tuple(f"the file has no wire for {pin}" for pin in missing)
 
 
 def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
