@@ -42,7 +42,7 @@ def run(made: Compilation, a: int, b: int, size: int) -> tuple[int, int]:
 
 def routines(made: Compilation) -> set[str]:
     names = (each.name for each in made.listing.functions)
-    return {name for name in names if name.startswith(("__divide", "__sdivide", "__mul"))}
+    return {name for name in names if name.startswith(("__divide", "__sdivide", "__mul", "__smul"))}
 
 
 def dividends(bits: int) -> list[int]:
@@ -168,3 +168,72 @@ def test_the_quotient_behind_the_remainder_is_not_computed_again(between: str, c
     made = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
     routine = next(each for each in made.listing.functions if each.name.startswith("__divide"))
     assert [row.assembly for row in made.listing.rows].count(f"CALL 0x{routine.start:03X}") == calls
+
+
+KINDS = {"uint8_t": (0, 0xFF), "int8_t": (-0x80, 0x7F), "uint16_t": (0, 0xFFFF), "int16_t": (-0x8000, 0x7FFF)}
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "kind", "names"),
+    [
+        ("uint16_t", "uint16_t", "uint32_t", {"__mul_2_2_4"}),
+        ("uint16_t", "int16_t", "int32_t", {"__mul_2_2_4", "__smul_2_0"}),
+        ("int16_t", "uint16_t", "int32_t", {"__mul_2_2_4", "__smul_2_0"}),
+        ("int16_t", "int16_t", "int32_t", {"__mul_2_2_4", "__smul_2_1"}),
+        ("int16_t", "int8_t", "int32_t", {"__mul_2_2_4", "__smul_2_1"}),
+        ("uint16_t", "uint8_t", "uint32_t", {"__mul_2_1_3"}),
+        ("uint8_t", "uint16_t", "int32_t", {"__mul_2_1_3"}),
+        ("int16_t", "uint8_t", "int32_t", {"__mul_3_1_3"}),
+        ("uint8_t", "uint8_t", "uint32_t", {"__mul_1_1_2"}),
+    ],
+)
+def test_a_long_product_of_narrow_factors(left: str, right: str, kind: str, names: set[str]) -> None:
+    """All pairs of corners, and random pairs, against Python's integers."""
+    made = compiled("uint32_t", "uint32_t", f"result = ({kind})({left})a * ({right})b;")
+    assert routines(made) == names
+    (low, high), (least, most) = KINDS[left], KINDS[right]
+    dice = random.Random(f"{left} {right}")
+    pairs = [
+        *product(corners(low, high), corners(least, most)),
+        *((dice.randint(low, high), dice.randint(least, most)) for _ in range(40)),
+    ]
+    for a, b in pairs:
+        assert run(made, a, b, 4)[0] == a * b & 0xFFFFFFFF, (a, b)
+
+
+def corners(low: int, high: int) -> list[int]:
+    return sorted({low, low + 1, -1 if low else 2, 0, 1, 0x55, high // 2, high // 2 + 1, high - 1, high})
+
+
+@pytest.mark.parametrize(
+    ("kind", "wide", "a", "b", "most"),
+    [
+        ("unsigned int", "unsigned long", 0x1234, 0x5678, 230),
+        ("unsigned int", "unsigned long", 0xFFFF, 0xFFFF, 266),
+        ("int", "long", -1, -1, 294),
+    ],
+)
+def test_the_time_of_a_long_product(kind: str, wide: str, a: int, b: int, most: int) -> None:
+    text = (
+        f"#include <xc.h>\nvolatile {kind} a = {a}, b = {b};\nunsigned long r;\n"
+        f"void main(void) {{ TRISA = 0; TRISB = 0; RA0 = 1; r = ({wide})a * b; RA0 = 0;"
+        " PORTB = (unsigned char)(r >> 16); while (1); }\n"
+    )
+    made = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
+    machine = Machine(made.image, Clock(4_000_000))
+    rise, fall = machine.run_to_edge(0, 1, 1_000), machine.run_to_edge(0, 0, 1_000)
+    assert rise is not None and fall is not None
+    machine.run(100)
+    assert fall - rise <= most
+    assert machine.pins >> 5 & 0xFF == (a * b >> 16) & 0xFF
+
+
+def test_a_wide_product_brings_no_second_routine_for_a_byte() -> None:
+    made = compiled(
+        "uint32_t",
+        "uint32_t",
+        "result = (uint16_t)a * (uint32_t)(uint16_t)b; rest = (uint16_t)a * (uint32_t)(uint8_t)b;",
+    )
+    assert routines(made) == {"__mul_2_2_4"}
+    for a, b in product((0, 1, 0x1234, 0xFFFF), (1, 0xFF, 0x100, 0xFFFF)):
+        assert run(made, a, b, 4) == (a * b, a * (b & 0xFF))

@@ -15,7 +15,13 @@ from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Division, FunctionGenerator
 from servogen.compiler.codegen.operands import apart, operands_of, pair, preserved, widen
 from servogen.compiler.codegen.operators import to_w
-from servogen.compiler.codegen.routines import halvings, is_byte, is_power_of_two, quotient
+from servogen.compiler.codegen.routines import (
+    halvings,
+    is_byte,
+    is_power_of_two,
+    negative,
+    quotient,
+)
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
 
@@ -95,12 +101,18 @@ def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     if isinstance(right, Num) and _multiply_constant(gen, left, right.value, target):
         return
     # the routine takes one turn for each bit of its second factor
-    if is_byte(left) and not is_byte(right):
+    if (is_byte(left) and not is_byte(right)) or negative(right):
         left, right = right, left
-    function = gen.library("mul", gen.context.routines.multiply(left, right, size))
-    one, two = pair(gen, left, right, max(parameter.size for parameter in function.parameters))
-    result = library_call(gen, function, [one, two])
-    gen.move_all(target, list(result[:size]))
+    key = gen.context.routines.multiply(left, right, size)
+    width, factor, bytes_ = key
+    if width < min(bytes_, size) and negative(left):
+        function = gen.library("smul", (width, int(negative(right))))
+    else:
+        function = gen.library("mul", key)
+    one, two = pair(gen, left, right, max(width, factor))
+    result = library_call(gen, function, [one, two[:factor]])
+    gen.move_all(target[:bytes_], list(result[:size]))
+    widen(gen, target, bytes_, signed=False)
 
 
 def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: list[Loc]) -> bool:

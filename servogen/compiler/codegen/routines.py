@@ -71,6 +71,16 @@ def is_byte(expr: Expr) -> bool:
     return low >= 0 and high <= 0xFF
 
 
+def negative(expr: Expr) -> bool:
+    """Return whether a value may be negative."""
+    return interval(expr)[0] < 0
+
+
+def keeps_all_bits(left: Expr, right: Expr, size: int) -> bool:
+    """Return whether a product of two factors of at most two bytes needs more than two."""
+    return size > 2 and all(width_of(*interval(factor))[0] <= 2 for factor in (left, right))
+
+
 class Routines:
     """The routines of one program."""
 
@@ -79,10 +89,17 @@ class Routines:
         self._negative_divisors: set[int] = set()
         """The sizes in which a signed division may have one."""
         self._byte_factor = True
+        self._long_byte_factor = True
+        """Whether every product that keeps all its bits has an unsigned factor and one of one byte."""
         for function in functions:
             for expr in _computed(function):
                 if expr.op == "*":
-                    self._byte_factor &= is_byte(expr.left) or is_byte(expr.right)
+                    byte_factor = is_byte(expr.left) or is_byte(expr.right)
+                    self._byte_factor &= byte_factor
+                    if keeps_all_bits(expr.left, expr.right, expr.type.size):
+                        self._long_byte_factor &= byte_factor and not any(
+                            map(negative, (expr.left, expr.right))
+                        )
                 else:
                     self._count(expr)
 
@@ -105,9 +122,14 @@ class Routines:
         return *self.divide(one), int(negative)
 
     def multiply(self, left: Expr, right: Expr, size: int) -> tuple[int, ...]:
-        """Return the key: the bytes of both factors, and of the product."""
-        if is_byte(left) and is_byte(right) and size <= 2:
-            return 1, 1, size
+        """Return the key: the bytes of both factors, and of the product, which may be wider or narrower."""
+        if is_byte(left) and is_byte(right):
+            return 1, 1, min(size, 2)
+        # signed factors need a second routine: with a byte, a few turns of the wide one are shorter than that
+        signed = negative(left) or negative(right)
+        if keeps_all_bits(left, right, size) and not (signed and self._byte_factor):
+            factor = 1 if self._byte_factor or self._long_byte_factor else 2
+            return 2, factor, 2 + factor
         return size, 1 if self._byte_factor and (is_byte(left) or is_byte(right)) else size, size
 
 

@@ -58,6 +58,9 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     if (width, factor, size) == (1, 1, 2):
         _multiply_8_to_16(gen)
         return
+    if width + factor == size:
+        _multiply_to_the_right(gen, width, factor)
+        return
     a, b = parameter(gen, "a", size), parameter(gen, "b", factor)
     product = variable(gen, "product", size)
     assert isinstance(product[0], Byte)
@@ -102,6 +105,56 @@ def _multiply_8_to_16(gen: InstructionBuilder) -> None:
     gen.emit("RRF", high, 1)
     gen.emit("RRF", low, 1)
     gen.goto_if(C, False, loop)
+    gen.emit("RETURN")
+
+
+def _multiply_to_the_right(gen: InstructionBuilder, width: int, factor: int) -> None:
+    """Emit a multiplication without a lost bit: each sum is added at the top, and the product moves right
+    into the bytes that the second factor, its first contents, leaves bit by bit.
+    """
+    a, product = parameter(gen, "a", width), parameter(gen, "product", width + factor)
+    count = variable(gen, "count", 1)[0]
+    assert isinstance(product[0], Byte)
+    gen.function.result = product[0].symbol
+    low, high = product[:factor], product[factor:]
+    for byte in high:
+        gen.emit("CLRF", byte)
+    gen.emit("MOVLW", k=8 * factor)
+    gen.store(count)
+    # from here on C is the next bit of the factor; what it was before leaves the product at its end
+    for byte in reversed(low):
+        gen.emit("RRF", byte, 1)
+    loop, no_add = gen.new_label(), gen.new_label()
+    gen.label(loop)
+    gen.goto_if(C, False, no_add)
+    add(gen, high, list(high), list(a))
+    gen.label(no_add)
+    for byte in reversed(product):
+        gen.emit("RRF", byte, 1)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.emit("RETURN")
+
+
+def multiply_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a product of `key[0]` signed bytes and as many, which are signed if `key[1]` is not 0: the
+    unsigned product, from whose upper half each factor is taken away if the other is negative.
+    """
+    width, both = key
+    inner = library("mul", (width, width, 2 * width))
+    a, product = ([Byte(symbol, index) for index in range(symbol.size)] for symbol in inner.parameters)
+    gen.function.parameters, gen.function.result = list(inner.parameters), inner.result
+    b, high = product[:width], product[width:]
+    excess = variable(gen, "excess", width)
+    for byte in excess:
+        gen.emit("CLRF", byte)
+    for signed, other in ((a, b), (b, a)) if both else ((a, b),):
+        positive = gen.new_label()
+        gen.goto_if(7, False, positive, signed[-1])
+        add(gen, excess, list(excess), list(other))
+        gen.label(positive)
+    gen.emit("CALL", target=inner.name)
+    subtract(gen, list(high), list(high), list(excess))
     gen.emit("RETURN")
 
 
@@ -378,6 +431,7 @@ def _flash_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
 
 _BUILDERS: dict[str, Callable[[InstructionBuilder, tuple[int, ...], Library], None]] = {
     "mul": multiply,
+    "smul": multiply_signed,
     "divide": divide,
     "sdivide": divide_signed,
     "flash": _flash_read,

@@ -89,6 +89,15 @@ def test_a_product(width: int, factor: int, size: int) -> None:
     assert routine.function.w_parameter == (b if (width, factor, size) == (1, 1, 2) else None)
 
 
+@every(("width", "factor"), [(2, 1), (2, 2)])
+def test_a_product_that_keeps_all_bits(width: int, factor: int) -> None:
+    routine = Routine("mul", width, factor, width + factor)
+    # CLRF of the upper half, MOVLW, MOVWF, RRF of the factor; a test, the sum in place; RRF of all, the count
+    assert routine.function.size == width + 2 + factor + 2 + (4 * width - 2) + (width + factor) + 3
+    for one, two in product(values(width)[::2], values(factor)):
+        assert routine.result(one, two) == one * two
+
+
 @every("carry", [0, 1])
 @every(("size", "width"), [(1, 1), (2, 1), (2, 2), (3, 2), (4, 1), (4, 4)])
 def test_a_quotient_and_its_remainder(size: int, width: int, carry: int) -> None:
