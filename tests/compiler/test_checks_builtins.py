@@ -549,7 +549,7 @@ PRINT = "#include <stdio.h>\nchar t[9]; int n; long w; unsigned char c; float f;
         ('sprintf(t, "%d", n, ‸c, w);', "error c-argument: 'sprintf': the format has no conversion for "
             "this argument"),
         ('sprintf(t, ‸"%f", f);', "error c-unsupported: the format of 'sprintf': '%f' is not supported; "
-            "there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"),
+            "there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, hh h l"),
         ("sprintf(t, ‸s);", "error c-unsupported: the format of 'sprintf' must be a string constant"),
         ("‸sprintf(t);", "error c-argument: 'sprintf' needs a format string"),
         ("‸printf();", "error c-argument: 'printf' needs a format string"),

@@ -451,7 +451,7 @@ ROWS = [
         'char b[9];void main(void) { sprintf(b, ‸"%f"); }',
         "error",
         "the format of 'sprintf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and "
-        "space, a width up to 255, l",
+        "space, a width up to 255, hh h l",
     ),
     (
         "xc8",

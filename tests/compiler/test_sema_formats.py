@@ -55,5 +55,5 @@ def test_characters_strings_and_text() -> None:
 )
 def test_a_conversion_that_is_not_supported(text: str) -> None:
     (part,) = parts(text.encode())
-    allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"
+    allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, hh h l"
     assert part == FormatPart("", spelling=text, problem=f"'{text}' is not supported; there are {allowed}")

@@ -393,8 +393,9 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
             hint="in assembly, the global variable v is called _v",
         )
         strings = []
-    text = "".join(string.text[1:-1] for string in strings)
-    body = text.replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"')
+    body = "".join(
+        string.text[1:-1].replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"') for string in strings
+    )
     lines = [(token.place.line or 0, line) for line in body.split("\n") if line.strip()]
     self.blocks.append(AsmBlock(token.place.file or "", tuple(lines)))
     _asm_marker(self, token, len(self.blocks) - 1)

@@ -147,6 +147,16 @@ class _Parser(CParser):  # type: ignore[misc]
             self.parenthesised.add(id(node))
         return node
 
+    def _parse_unified_string_literal(self) -> Any:
+        """Parse adjacent strings. Each keeps its quotes, because an escape ends with its string (ISO C
+        5.1.1.2): `"\\x1" "2"` has two characters.
+        """
+        first = self._expect("STRING_LITERAL")
+        spelled = [first.value]
+        while self._peek_type() == "STRING_LITERAL":
+            spelled.append(self._advance().value)
+        return c_ast.Constant("string", " ".join(spelled), self._tok_coord(first))
+
     def _fix_decl_name_type(self, decl: Any, typename: Any) -> Any:
         """Complete a declaration; its location is that of its name, also behind a `*` or `(`."""
         declaration = super()._fix_decl_name_type(decl, typename)

@@ -31,7 +31,7 @@ from servogen.compiler.ast.nodes import (
     Unary,
     Update,
 )
-from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, FloatType, IntType
+from servogen.compiler.ast.types import BIT, S8, U8, U16, U32, VOID, FloatType, IntType
 from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
@@ -398,6 +398,8 @@ def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, ar
             argument,
             hint="convert it to an integer with a cast",
         )
+    if isinstance(value.type, IntType) and "hh" in part.spelling:
+        value = cast(analyser, value, S8 if part.spelling[-1] in "di" else U8)
     kinds = {"int": U16, "long": U32, "char": U8}
     if isinstance(value.type, IntType) and part.function in kinds:
         return cast(analyser, value, kinds[part.function])

@@ -57,9 +57,12 @@ def parts(text: bytes) -> Iterator[FormatPart]:
         if match.group() == b"%%":
             plain += b"%"
             continue
-        yield from _plain(plain)
-        plain = b""
-        yield _conversion(match)
+        part = _conversion(match)
+        spaces = b" " * (int(match["width"] or 1) - 1) if part.function == "char" else b""
+        before, after = (b"", spaces) if b"-" in match["flags"] else (spaces, b"")
+        yield from _plain(plain + before)
+        plain = after
+        yield part
     yield from _plain(plain)
 
 
@@ -77,8 +80,9 @@ def _conversion(match: re.Match[bytes]) -> FormatPart:
     for flag in match["flags"]:
         flags |= _FLAGS.get(flag, 0)
     unsupported = b"#" in match["flags"] or match["width"] == b"*" or match["precision"]
-    if unsupported or width > 255 or match["size"] == b"ll" or kind not in (b"c", b"s", *_NUMBERS):
-        allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"
+    unsupported = unsupported or match["size"] == b"ll" or (match["size"] and kind not in _NUMBERS)
+    if unsupported or width > 255 or kind not in (b"c", b"s", *_NUMBERS):
+        allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, hh h l"
         return FormatPart(
             "", spelling=spelling, problem=f"'{spelling}' is not supported; there are {allowed}"
         )

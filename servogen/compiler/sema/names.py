@@ -71,6 +71,8 @@ _ESCAPES = {
     '"': 34,
     "?": 63,
 }
+_LITERAL = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'', re.DOTALL)
+_CHARACTER = re.compile(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", re.DOTALL)
 
 
 def expression(analyser: Analyser, node: Any) -> Expr:
@@ -116,26 +118,32 @@ def literal(analyser: Analyser, node: Any) -> Expr:
 
 
 def characters(analyser: Analyser, text: str, place: Location) -> list[int]:
-    """Return the character codes of a string or character literal, given with its quotes; adjacent strings
-    are already joined.
-    """
+    """Return the character codes of a character literal or of adjacent strings, given with their quotes."""
     values = []
-    for match in re.finditer(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", text[1:-1], re.DOTALL):
-        if match[1]:
-            values.append(int(match[1], 16) & 0xFF)
-        elif match[2]:
-            values.append(int(match[2], 8) & 0xFF)
-        elif match[3]:
-            if match[3] not in _ESCAPES:
-                analyser.reporter.warn("c-number", f"unknown escape '\\{match[3]}'", place)
-            values.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
-        else:
-            encoded = match[4].encode("latin-1", "replace")
-            if match[4] != "?" and encoded == b"?":
-                analyser.reporter.warn(
-                    "c-number", f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place
-                )
-            values.append(encoded[0])
+    for spelled in _LITERAL.findall(text):
+        for match in _CHARACTER.finditer(spelled[1:-1]):
+            hexadecimal, octal, escape, plain = match.groups()
+            if hexadecimal or octal:
+                value = int(hexadecimal or octal, 16 if hexadecimal else 8)
+                if value > 0xFF:
+                    analyser.reporter.warn(
+                        "c-number",
+                        f"the escape '{match[0]}' is more than 8 bits and becomes 0x{value & 0xFF:02X}",
+                        place,
+                        hint='a string that ends behind an escape ends it too: "\\xDF" "C"',
+                    )
+                values.append(value & 0xFF)
+            elif escape:
+                if escape not in _ESCAPES:
+                    analyser.reporter.warn("c-number", f"unknown escape '\\{escape}'", place)
+                values.append(_ESCAPES.get(escape, ord(escape) & 0xFF))
+            else:
+                encoded = plain.encode("latin-1", "replace")
+                if plain != "?" and encoded == b"?":
+                    analyser.reporter.warn(
+                        "c-number", f"the character '{plain}' is not in Latin-1 and becomes '?'", place
+                    )
+                values.append(encoded[0])
     return values
 
 

@@ -73,7 +73,7 @@ void main(void) {
   // error: 'printf': %d cannot print 'float'
   // hint: convert it to an integer with a cast
   printf("%d", f);
-  // error: the format of 'printf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l
+  // error: the format of 'printf': '%f' is not supported; there are %d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, hh h l
   printf("%f", f);
   // error: the library has no 'sin'
   // hint: of <math.h> it has fabs, sqrt, floor and ceil
