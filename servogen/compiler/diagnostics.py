@@ -38,6 +38,7 @@ WARNINGS = frozenset(
         "c-port-direction",
         "c-pragma",
         "c-precedence",
+        "c-preprocessor",
         "c-return",
         "c-shared-variable",
         "c-shift",

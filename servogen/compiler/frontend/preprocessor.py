@@ -164,10 +164,12 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         tokens = self.tokenstrip(tokens)
         written = "".join(tok.value for tok in tokens)
         place = Location(original_line[0].source, original_line[0].lineno)
-        match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
+        match = re.fullmatch(r'(?:<([^>]+)>|"([^"]+)")(\s*;)?', written.strip())
         if not match:
             self.reporter.error("c-preprocessor", "#include needs a file name in <…> or quotes", place)
             return
+        if match[3]:
+            self.reporter.warn("c-preprocessor", "the ';' behind #include is ignored", place)
         name = match[1] or match[2]
         if name in self.headers:
             named_text: tuple[str, str] | None = (f"<{name}>", self.headers[name])
@@ -211,6 +213,36 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             return None
         expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
         return plain_numbers("".join(tok.value for tok in expanded).strip())
+
+    def macro_expand_args(self, macro: Any, args: list[list[Any]]) -> list[Any]:
+        """Replace a macro with arguments. pcpp alone would double every backslash of `#x`, not only those of
+        literals (ISO C 6.10.3.2).
+        """
+        if macro.str_patch:
+            macro = copy.copy(macro)
+            macro.value = list(macro.value)
+            for argument, index in macro.str_patch:
+                macro.value[index] = tok = copy.copy(macro.value[index])
+                tok.value = self.spelled(args[argument])
+            macro.str_patch = []
+        return list(super().macro_expand_args(macro, args))
+
+    def spelled(self, tokens: list[Any]) -> str:
+        """Return the string of the spelling of an argument."""
+        text = ""
+        for tok in tokens:
+            if tok.type in self.t_WS:
+                text = text.rstrip(" ") + " "
+            elif tok.type in (self.t_STRING, self.t_CHAR):
+                text += re.sub(r'["\\]', r"\\\g<0>", tok.value)
+            else:
+                text += tok.value
+        text = text.strip(" ")
+        if not re.fullmatch(r'(?:[^"\\]|\\.)*', text, re.DOTALL):
+            place = Location(self.outer, self.linemacro or None)
+            self.reporter.error("c-preprocessor", f"the '#' of a macro makes no string of '{text}'", place)
+            text = ""
+        return f'"{text}"'
 
     def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
         """Expand the macros in a list of tokens, up to a limit on the size of the result."""

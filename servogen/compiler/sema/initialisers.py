@@ -259,13 +259,18 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
         if items:
             raise analyser.fail("c-initialiser", f"too many initialisers for '{kind}'", items[0])
         return
-    if isinstance(init, c_ast.InitList):
-        if len(init.exprs) != 1:
-            raise analyser.fail(
-                "c-initialiser", f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init
-            )
-        init = init.exprs[0]
-    out.append(Leaf(offset, kind, init))
+    out.append(Leaf(offset, kind, _scalar(analyser, kind, init)))
+
+
+def _scalar(analyser: Analyser, kind: CType, init: Any) -> Any:
+    """Return the initialiser of a scalar without its braces (ISO C 6.7.9)."""
+    if not isinstance(init, c_ast.InitList):
+        return init
+    if len(init.exprs) != 1:
+        raise analyser.fail(
+            "c-initialiser", f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init
+        )
+    return init.exprs[0]
 
 
 def _aggregate(
@@ -314,11 +319,14 @@ def _aggregate(
         else:
             item = items.pop(0)
             if member is not None and member.width:
-                out.append(Leaf(offset + where, element, item, member.bit, member.width))
+                value = _scalar(analyser, element, item)
+                out.append(Leaf(offset + where, element, value, member.bit, member.width))
             else:
                 _leaves(analyser, element, item, offset + where, out)
         initialised.add(position)
         position += 1
+    while isinstance(first, c_ast.InitList) and len(first.exprs) == 1:
+        first = first.exprs[0]
     zero = isinstance(first, c_ast.Constant) and first.value == "0" and position == 1  # `{ 0 }`: all zero
     if parts and braced and not by_name and 0 < position < len(slots) and not zero and not items:
         analyser.reporter.warn(

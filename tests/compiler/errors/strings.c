@@ -8,3 +8,7 @@ void main(void) {
   text[0] = '\777';
   text[1] = unit[2];
 }
+
+#define SPELLED(x) #x
+// error: the '#' of a macro makes no string of 'a\'
+char bad[] = SPELLED(a\);
