@@ -17,6 +17,7 @@ from bisect import bisect_left, bisect_right, insort
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
@@ -111,6 +112,11 @@ class TimeMachine:
         """Return the changes of all inputs, in order of cycles."""
         changes = [change for one in self._inputs for change in one.changes]
         return tuple(sorted(changes, key=lambda change: change.cycle))
+
+    @property
+    def touched(self) -> float:
+        """Return the cycle of the first change from outside; infinite where there is none."""
+        return min((change.cycle for one in self._inputs[:1] for change in one.changes), default=inf)
 
     @property
     def snapshots(self) -> int:

@@ -59,10 +59,16 @@ class Editor:
                 return self._record(text, [float(angle) for angle in request["angles"]]), None
             if request.get("do") == "pose":
                 return self._change(text, request), None
-            job = plan_job(loads(text, str(self._path)))
             if request.get("do") == "check":
-                return _found(job), None
-            write_text(self._path, text)
+                return _found(plan_job(loads(text, str(self._path)))), None
+            try:
+                job = plan_job(loads(text, str(self._path)))
+                changed = self._changed(text, request)
+                if changed is not None:
+                    return changed, None
+                write_text(self._path, text)
+            except ServogenError as error:
+                return {**_checked(error.diagnostics), "failed": True}, None
             if request.get("do") == "save":
                 return {**_found(job), "saved": True}, None
             return self._build(job, progress)
@@ -70,6 +76,13 @@ class Editor:
             return _checked(error.diagnostics), None
         except (ValueError, TypeError, KeyError, IndexError) as error:
             return {"is": "problem", "text": f"the request is wrong: {error}"}, None
+
+    def _changed(self, text: str, request: Mapping[str, Any]) -> Message | None:
+        """Return the file's text if it is neither what the window may overwrite nor what it would write."""
+        there = self.opened()
+        if there["is"] == "editor" and there["text"] not in (text, request.get("over")):
+            return {**there, "is": "differs"}
+        return None
 
     def _build(self, job: PlannedJob, progress: Progress) -> tuple[Message, Subject]:
         result = build(job, progress)

@@ -1,15 +1,16 @@
-"""`Recording`: the edges of a capture, gone through like a running program.
+"""`Recording`: the edges of a capture, gone through like a running program; `LatestEdges`: those of a run.
 
-In: an `EdgeTrace` in memory. Out: the same moments, edges and levels as from a `TimeMachine`; nothing runs.
+In: an `EdgeTrace` in memory, or edges as they are made. Out: the same edges and levels as from a
+`TimeMachine`; nothing runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 import numpy as np
 
-from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace, join, part
+from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace, edge_chunk, join, part
 from servogen.units import Cycles
 
 
@@ -36,13 +37,7 @@ class Recording:
 
     def levels_before(self, begin: int) -> tuple[int, ...]:
         """Return the level of each pin before cycle `begin`."""
-        before = self.edges(0, begin)
-        levels = [UNDRIVEN] * len(PINS)
-        for pin in range(len(PINS)):
-            mine = np.flatnonzero(before.pin == pin)
-            if len(mine):
-                levels[pin] = int(before.level[mine[-1]])
-        return tuple(levels)
+        return _levels((UNDRIVEN,) * len(PINS), self.edges(0, begin))
 
     def step_edge(self, forwards: bool, pins: Set[int] = frozenset()) -> bool:
         """Go to just after the next or the previous edge of one of `pins` (none: of any)."""
@@ -53,3 +48,42 @@ class Recording:
             return False
         self.now = Cycles(int(after[place]))
         return True
+
+
+class LatestEdges:
+    """The edges of the latest cycles of a run, from `begin` on, so that the waves need no second run."""
+
+    def __init__(self, begin: int, levels: Sequence[int]) -> None:
+        """Begin with the level of each pin before cycle `begin`."""
+        self.begin = self.end = begin
+        self._levels = tuple(levels)
+        self._edges = edge_chunk((), (), ())
+
+    def add(self, edges: EdgeChunk, end: int, keep: int) -> None:
+        """Take the edges of the cycles up to `end`; of the past at least `keep` cycles are kept."""
+        self._edges, self.end = join((self._edges, edges)), end
+        if end - self.begin > 2 * keep:
+            self._levels = self.levels_before(end - keep)
+            self._edges = self.edges(end - keep, end)
+            self.begin = end - keep
+
+    def has(self, begin: int, end: int) -> bool:
+        """Return whether all edges of the cycles from `begin` up to `end` are known here."""
+        return self.begin <= begin <= self.end and end <= self.end
+
+    def edges(self, begin: int, end: int) -> EdgeChunk:
+        """Return the edges of the cycles from `begin` up to `end`."""
+        first, last = np.searchsorted(self._edges.cycle, (begin, end))
+        return part(self._edges, slice(int(first), int(last)))
+
+    def levels_before(self, begin: int) -> tuple[int, ...]:
+        """Return the level of each pin before cycle `begin`."""
+        return _levels(self._levels, self.edges(self.begin, begin))
+
+
+def _levels(levels: tuple[int, ...], edges: EdgeChunk) -> tuple[int, ...]:
+    """Return the level of each pin after some edges, from those before."""
+    after = list(levels)
+    for pin in np.unique(edges.pin).tolist():
+        after[pin] = int(edges.level[np.flatnonzero(edges.pin == pin)[-1]])
+    return tuple(after)

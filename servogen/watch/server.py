@@ -232,6 +232,10 @@ class Room:
         except Exception as error:
             answer, subject = {"is": "problem", "text": f"a defect of servogen: {error!r}"}, None
         self._send(window, answer)
+        if answer.get("saved") or answer["is"] == "built":  # the other windows see the same file
+            for other in self._windows.values():
+                if other is not window:
+                    self._send(other, self._editor.opened())
         if subject is not None:
             self._show(subject)
 
@@ -300,6 +304,10 @@ class WatchServer:
         if page is not None:
             nonce = secrets.token_urlsafe(16)
             return _answer(page.kind, page.text(nonce).encode(), f"'nonce-{nonce}'", f"'nonce-{nonce}'")
+        if name in self._rooms and not path.endswith("/"):  # the page's own files are beside it
+            moved = _plain(connection, HTTPStatus.PERMANENT_REDIRECT, "")
+            moved.headers["Location"] = f"{path}/"
+            return moved
         if folder in self._rooms and file in FILES:
             return _file(FILES[file], self.port)
         return _plain(connection, HTTPStatus.NOT_FOUND, "There is no such file.\n")

@@ -43,7 +43,7 @@ from servogen.simulator.sources import pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
-from servogen.watch.recording import Recording
+from servogen.watch.recording import LatestEdges, Recording
 from servogen.watch.subject import Subject
 
 Message = dict[str, Any]
@@ -54,6 +54,10 @@ MAX_AHEAD_S = 60
 """The maximum jump beyond the latest moment reached: the server answers no other request meanwhile."""
 MAX_EDGES = 20_000
 """The maximum number of edges in one answer; a range with more is cut."""
+SCOPE_SPEED = 0.1
+"""The speed above which the waves show whole frames of the past, like a scope triggered by the frame."""
+AHEAD = 0.25
+"""The part of the waves that is kept free for the future at lower speeds."""
 SILENT_FRAMES = 2
 """The number of frames without a pulse after which a servo is not driven."""
 HELD_S = (1, 10)
@@ -103,11 +107,12 @@ class WatchSession:
         self._stopped = ""
         self._line_free = 0
         self._period = _period(subject)
+        self._sight = (0, 4 * self._period)
+        """The window of time that the waves show."""
         self._pulses = LatestPulses()
         self._servo_pins = _servo_pins(subject)
-        if subject.begin:
-            self._place.seek(subject.begin)
-            self._look_back()
+        self._place.seek(subject.begin)
+        self._look_back()
 
     @property
     def now(self) -> int:
@@ -173,7 +178,8 @@ class WatchSession:
         try:
             yield from action(self, message)
         except ServogenError as error:
-            yield _problem(" ".join(diagnostic.sentence for diagnostic in error.diagnostics))
+            sentences = " ".join(diagnostic.sentence for diagnostic in error.diagnostics)
+            yield {**_problem(sentences), "about": message["do"]}
         except (ValueError, TypeError, KeyError, OverflowError) as error:
             yield _problem(f"the request {str(message.get('do'))[:40]!r} is wrong: {error}")
 
@@ -186,7 +192,8 @@ class WatchSession:
             self._run_on(min(elapsed_s, LONGEST_TICK_S))
             self._since_full += elapsed_s
             whole = self._since_full >= FULL_S or not self.running
-            yield self.shown(whole=whole)
+            self._follow()
+            yield {**self.shown(whole=whole), "waves": self._waves(*self._sight)}
         if self.bodies is not None:
             try:
                 yield from self.bodies.follow()
@@ -216,7 +223,7 @@ class WatchSession:
         first = max(1, self.now)  # levels at time 0 are those before the recording
         hit = first_stop(self.breakpoints, recording.edges(first, end))
         recording.seek(end if hit is None else hit[0] + 1)
-        self._look_back()
+        self._take(recording.edges(self._latest.end, self.now))
         if hit is not None:
             self._stop(hit[1].text)
         elif self.now >= recording.end:
@@ -226,7 +233,7 @@ class WatchSession:
         assert self.chip is not None and self.subject.image is not None
         chunks: list[EdgeChunk] = []
         hit = run_to(self.chip, self.now + cycles, self.breakpoints, self.subject.image, chunks)
-        self._pulses.add(join(chunks))
+        self._take(join(chunks))
         if hit is not None:
             self._stop(hit.text)
 
@@ -235,8 +242,28 @@ class WatchSession:
         self._stopped = why
         self._due = 0.0
 
+    def _take(self, edges: EdgeChunk) -> None:
+        """Take the edges that were made up to now."""
+        self._pulses.add(edges)
+        begin, end = self._sight
+        self._latest.add(edges, self.now, end - begin + 2 * self._period)
+
+    def _follow(self) -> None:
+        """Move the window of the waves so that the moment stays in sight while it runs."""
+        begin, end = self._sight
+        span = end - begin
+        if self.speed is None or self.speed > SCOPE_SPEED:
+            placed = self.subject.wanted
+            period = round(placed[0].steps * placed[0].schedule.period) if len(placed) == 1 else self._period
+            frames = (self.now - end) // period
+            begin = max(begin + frames * period, begin % period)
+        elif not begin <= self.now <= begin + (1 - AHEAD / 2) * span:
+            begin = max(0, round(self.now - (1 - AHEAD) * span))
+        self._sight = begin, begin + span
+
     def _look_back(self) -> None:
         """Determine the pulses after a jump: those just before, or the latest before a silence."""
+        self._latest = LatestEdges(self.now, self._place.levels_before(self.now))
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
@@ -254,8 +281,10 @@ class WatchSession:
             "running": self.running,
             "widths": self._pulses.widths(self.now, SILENT_FRAMES * self._period),
             "levels": self._levels(),
-            "planned": self.now < self._commanded_at(),
+            "planned": self.now < self._intervened_at(),
         }
+        if self._intervened_at() < inf:
+            message["intervened"] = self._intervened_at()
         if not self.running:
             message["held"] = self._pulses.held
         if whole:
@@ -394,36 +423,47 @@ class WatchSession:
         """Answer with the edges of a window of the past, what the schedule asks for, and how they differ."""
         longest = int(self.subject.clock.round_seconds(MAX_WINDOW_S))
         begin = max(0, int(message["begin"]))
-        end = max(begin + 1, min(int(message["end"]), begin + longest))
+        self._sight = begin, max(begin + 1, min(int(message["end"]), begin + longest))
+        yield self._waves(*self._sight)
+
+    def _waves(self, begin: int, end: int) -> Message:
         seen = min(end, int(self._place.reach))
-        edges = self._place.edges(begin, seen) if begin < seen else join(())
-        before = self._place.levels_before(begin)
+        edges = zip(*(column.tolist() for column in self._edges(begin, seen)), strict=True)
         asked = sorted(edge for wanted in self._wanted() for edge in wanted.edges(begin, end))
         given = self._outside(begin, seen)
-        yield {
+        return {
             "is": "waves",
             "begin": begin,
             "end": end,
             "seen": seen,
-            "before": list(before),
-            "edges": _packed(zip(*(column.tolist() for column in edges), strict=True), begin),
+            "before": list(self._levels_before(begin)),
+            "edges": _packed(edges, begin),
             "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
             "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
             "wanted": _packed(asked, begin),
             "differing": _packed(self._differing(begin, seen), begin),
         }
 
-    def _commanded_at(self) -> float:
-        """Return the cycle from which the robot follows the window's commands instead of the plan."""
-        job = self.subject.job
-        if job is None or job.firmware.commands is None or self.chip is None:
-            return inf
-        pins = {pin_number(pressed.pin) for pressed in job.firmware.commands.inputs}
-        return min((change.cycle for change in self.chip.inputs if change.pin in pins), default=inf)
+    def _edges(self, begin: int, end: int) -> EdgeChunk:
+        """Return the edges of a window of the past: nothing is run that has not been reached."""
+        if begin >= end:
+            return join(())
+        return (
+            self._latest.edges(begin, end) if self._latest.has(begin, end) else self._place.edges(begin, end)
+        )
+
+    def _levels_before(self, begin: int) -> tuple[int, ...]:
+        begin = min(begin, int(self._place.reach))
+        source = self._latest if self._latest.has(begin, begin) else self._place
+        return source.levels_before(begin)
+
+    def _intervened_at(self) -> float:
+        """Return the cycle from which the pins follow this window's hands, of which no schedule speaks."""
+        return self.chip.touched if self.chip is not None else inf
 
     def _wanted(self) -> tuple[ScheduledEdges, ...]:
-        """Return the scheduled edges for comparison, up to the first command."""
-        end = self._commanded_at()
+        """Return the scheduled edges for comparison, up to the first intervention."""
+        end = self._intervened_at()
         return tuple(
             wanted if end == inf else replace(wanted, end=int(end)) for wanted in self.subject.wanted
         )
@@ -434,8 +474,8 @@ class WatchSession:
         for wanted in self._wanted():
             first = max(0, begin - wanted.margin)
             last = min(end + wanted.margin, int(self._place.reach))
-            made = self._place.edges(first, last) if first < last else join(())
-            edges += differing(wanted, _driven(self._place.levels_before(first), made), begin, end)
+            made = _driven(self._levels_before(first), self._edges(first, last))
+            edges += differing(wanted, made, begin, end)
         return sorted(edges)
 
     def _outside(self, begin: int, end: int) -> list[Edge]:

@@ -9,7 +9,6 @@ import { Timeline } from "./timeline.js";
 import { timeText, Waves } from "./waves.js";
 
 const $ = id => document.getElementById(id);
-const WAVES_MS = 250;   // between two requests for edges while it runs
 const PLACE = `window of ${location.pathname}`;   // where a tab keeps which window of the server's it is
 const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
 const AROUND_US = 2000;   // of a difference, shown on both sides
@@ -20,7 +19,7 @@ let twin = null, followed = 0, asked = 0, waiting = false, handPose = null;
 window.watched = { pictures: 0, latest: null };   // for whoever measures
 
 const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
-const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), progress: $("build-progress"), download: $("download") }, send, poses => timeline.show(poses));
+const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), conflict: $("job-conflict"), progress: $("build-progress"), download: $("download") }, send, poses => timeline.show(poses));
 const timeline = new Timeline(
   { area: $("timeline-area"), list: $("timeline"), move_s: $("pose-move"), hold_s: $("pose-hold"), pause_s: $("pose-pause"), earlier: $("pose-earlier"), later: $("pose-later"), set: $("pose-set"), remove: $("pose-remove") },
   change => send({ do: "pose", text: $("job-text").value, ...change, ...(change.kind === "angles" ? { angles: hands?.angles } : {}) }),
@@ -40,11 +39,12 @@ const RECEIVE = {
   model: start,
   now: show,
   waves: message => { waiting = false; waves.take(message); },
-  problem: message => say(message.text, "bad"),
+  problem: message => (message.about === "breakpoint" ? breakpointSaid : say)(message.text, "bad"),
   explanation: message => { $("explanation").replaceChildren(...message.lines.map(text => element("p", {}, text))); $("explanation").hidden = false; },
   bodies: message => { twin.take(message); picture(); },
   "bodies-model": message => { twin.model(message.model, message.text); picture(); },
   editor: message => editor.open(message),
+  differs: message => editor.differs(message.text),
   checked: message => editor.checked(message),
   building: message => editor.say(message.text),
   built: message => editor.built(message),
@@ -58,18 +58,18 @@ function say(text, kind = "") {
 }
 
 function start(message) {
-  const again = model !== null;
   model = message;
   document.title = `${model.name} · servogen`;
   $("name").textContent = model.name;
   $("views").hidden = false;
   $("difference").disabled = model.first_difference === null;
-  $("difference-text").textContent = model.verdict || (!model.compared ? "" : model.first_difference === null ? "every edge as scheduled" : `first difference at ${timeText(model.first_difference * model.cycle_us, 100)}`);
+  handPose = null;
+  compared();
+  servos = model.robot ? new Servos(model.robot) : null;
+  $("robot-area").hidden = !model.robot;
   if (model.robot) {
-    servos = new Servos(model.robot);
-    $("robot-area").hidden = false;
-    robot = again && robot ? robot : new RobotView($("robot"), model.robot);
-    robot.model = model.robot;
+    if (robot) robot.use(model.robot);
+    else robot = new RobotView($("robot"), model.robot);
     window.watched.robot = robot;
     twin ||= new Twin({ area: $("twin"), show: $("twin-show"), text: $("twin-text") }, on => { send({ do: "bodies", on }); picture(); });
     twin.start(model, robot);
@@ -94,19 +94,29 @@ function start(message) {
       return servo ? `${+us.toFixed(2)} µs ${(angleOf(servo, us) * 180 / Math.PI).toFixed(1)}${servo.continuous ? " °/s" : "°"}` : timeText(us);
     },
   };
-  if (again) Object.assign(waves, { model, options });
+  if (waves) waves.use(model, options);
   else waves = window.watched.waves = new Waves($("waves"), model, options);
   $("chip-area").hidden = !model.runs;
   for (const id of ["back-instruction", "next-instruction", "back-line", "next-line"]) $(id).disabled = !model.runs;
   if (model.runs) chip = new ChipView(model, { package: $("package"), registers: $("registers"), peripherals: $("peripherals"), variables: $("variables"), ram: $("ram"), stack: $("stack"), eeprom: $("eeprom"), instructions: $("instructions"), source: $("source"), warnings: $("warnings") }, pin => send({ do: "explain", pin }));
-  if (!again) {
-    hands = new Hands(model, { area: $("hands"), pose: $("pose"), sliders: $("sliders"), record: $("record"), buttons: $("buttons"), walk: $("walk"), pin: $("pin"), high: $("pin-high"), low: $("pin-low"), free: $("pin-free"), serial: $("serial"), serialForm: $("serial-form"), serialPin: $("serial-pin"), baud: $("baud"), bytes: $("bytes"), sent: $("sent") }, send, {
-      record: angles => send({ do: "record", text: $("job-text").value, angles }),
-      walk: way => { send({ do: "walk", way }); if (!latest.running) run(true); },
-      shown: angles => { handPose = angles; picture(); },
-    });
-  }
+  hands?.end();
+  hands = new Hands(model, { area: $("hands"), pose: $("pose"), sliders: $("sliders"), record: $("record"), follow: $("follow"), buttons: $("buttons"), walk: $("walk"), pin: $("pin"), high: $("pin-high"), low: $("pin-low"), free: $("pin-free"), serial: $("serial"), serialForm: $("serial-form"), serialPin: $("serial-pin"), baud: $("baud"), bytes: $("bytes"), sent: $("sent") }, send, {
+    record: angles => send({ do: "record", text: $("job-text").value, angles }),
+    walk: way => { send({ do: "walk", way }); if (!latest.running) run(true); },
+    shown: angles => { handPose = angles; picture(); },
+  });
   ask(true);
+}
+
+// What the comparison with the schedule says: of the run as it is now, or why it says nothing.
+function compared() {
+  const difference = model.first_difference, since = latest?.intervened ?? null;
+  const untouched = since === null || (difference !== null && difference < since);
+  const first = () => `first difference at ${timeText(difference * model.cycle_us, 100)}`;
+  $("difference").disabled = difference === null || !untouched;
+  const said = !untouched ? `you intervened at ${timeText(since * model.cycle_us, 1e5)}: not compared from there`
+    : model.verdict || (!model.compared ? "" : difference === null ? "every edge as scheduled" : first());
+  if ($("difference-text").textContent !== said) $("difference-text").textContent = said;
 }
 
 // The widths in µs of the servos' pulses, or of what the schedule asks for at the moment.
@@ -126,8 +136,10 @@ function ghost(cycle) {
   return null;
 }
 
-function show(message) {
+function show({ waves: seen, ...message }) {
   latest = window.watched.latest = { ...latest, ...message };
+  if (seen) waves.take(seen, true);
+  compared();
   if (servos) {
     const widths = widthsOf(message);
     if (!message.running) servos.jump(model.robot.servos.map((servo, index) => widths[index] || (servo.continuous ? 0 : message.held[servo.pin] * model.cycle_us)));
@@ -136,7 +148,8 @@ function show(message) {
   const time = performance.now();
   if (!message.running || time - followed > FOLLOW_MS) {   // drawing the waves is what costs most
     followed = time;
-    waves.follow(message.cycle, message.running);
+    if (message.running) waves.mark(message.cycle);   // what is in sight then is the server's choice
+    else waves.follow(message.cycle, false);
   }
   chip?.showLevels(message.levels);
   if (message.chip) chip?.show(message.chip, message.cycle);
@@ -180,7 +193,7 @@ function ask(soon = false) {
   if (!waves || !latest) return;
   const time = performance.now();
   if (waiting && time - asked < 2000) { pending = true; return; }
-  if (!soon && latest.running && time - asked < WAVES_MS) return;
+  if (!soon && latest.running) return;   // they come by themselves
   asked = time;
   waiting = true;
   pending = false;
@@ -189,7 +202,14 @@ function ask(soon = false) {
 let pending = false;
 setInterval(() => { if (pending) ask(true); }, 60);
 
+// Beside the field: what is wrong with it, which stays there to be mended.
+function breakpointSaid(text) {
+  $("breakpoint-said").textContent = text;
+  $("breakpoint").setAttribute("aria-invalid", !!text);
+}
+
 function breakpoints(texts) {
+  if (texts.includes($("breakpoint").value.trim())) { $("breakpoint").value = ""; breakpointSaid(""); }
   $("breakpoints").replaceChildren(...texts.map(text => element("li", {}, element("code", {}, text), " ", element("button", { type: "button", class: "plain", "aria-label": `remove ${text}`, click: () => send({ do: "breakpoint", text, on: false }) }, "remove"))));
 }
 
@@ -213,10 +233,12 @@ $("moment").addEventListener("input", () => send({ do: "seek", cycle: +$("moment
 $("breakpoint-form").addEventListener("submit", event => {
   event.preventDefault();
   send({ do: "breakpoint", text: $("breakpoint").value, on: true });
-  $("breakpoint").value = "";
 });
 
 const KEYS = { " ": "run", n: "next-instruction", N: "back-instruction", l: "next-line", L: "back-line", e: "next-edge", E: "back-edge", f: "next-frame", F: "back-frame", d: "difference" };
+// Escape is the emergency stop wherever the focus is; a button is held down as long as the key.
+document.addEventListener("keydown", event => { if (event.key === "Escape" && !event.repeat && hands?.emergency(true)) event.preventDefault(); });
+document.addEventListener("keyup", event => { if (event.key === "Escape") hands?.emergency(false); });
 document.addEventListener("keydown", event => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, textarea, select, button, a, summary")) return;
   if (event.target === document.body && hands?.steer(event)) return;

@@ -5,9 +5,10 @@ import { angleOf, widthOf } from "./robot.js";
 
 const POSITIONS = 254;
 const COMMAND_MS = 30;   // between two commands of a slider that is dragged
-const WAY_OF_KEY = { ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "left", ArrowRight: "right", Escape: "stop" };
+const WAY_OF_KEY = { ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "left", ArrowRight: "right" };
 const degrees = angle => angle * 180 / Math.PI;
 
+// Made anew for each version of what is watched: pins, levels, servos and ways are those of its model alone.
 export class Hands {
   constructor(model, places, send, posed) {
     this.model = model;
@@ -16,10 +17,22 @@ export class Hands {
     this.posed = posed;
     this.angles = model.robot ? model.robot.servos.map(servo => servo.neutral) : [];
     this.touched = false;
+    this.ended = new AbortController();   // takes its listeners off the parts of the page that stay
+    this.pressed = new Map();   // the buttons that are held down: what lets each go
+    for (const place of [places.sliders, places.buttons, places.walk, places.pin, places.serialPin]) place.replaceChildren();
     this.sliders();
     this.buttons();
     this.walk();
     this.console();
+    const release = () => { for (const up of [...this.pressed.values()]) up(); };
+    this.on(window, "blur", release);
+    this.on(document, "visibilitychange", () => { if (document.hidden) release(); });
+  }
+  on(place, event, action) { place.addEventListener(event, action, { signal: this.ended.signal }); }
+  end() {
+    for (const up of [...this.pressed.values()]) up();
+    this.waiting?.clear();
+    this.ended.abort();
   }
   sliders() {
     const servos = this.model.robot ? this.model.robot.servos : [];
@@ -35,11 +48,19 @@ export class Hands {
       said.textContent = `${(+input.value).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
       return [input, said];
     });
-    this.places.record.addEventListener("click", () => this.posed.record(this.angles));
+    this.on(this.places.record, "click", () => this.posed.record(this.angles));
+    this.on(this.places.follow, "click", () => this.touch(false));
+    this.places.follow.hidden = true;
+  }
+  // From now on the sliders are where the hand puts them; `follow` gives them back to the chip.
+  touch(touched = true) {
+    this.touched = touched;
+    this.places.follow.hidden = !touched;
+    if (!touched) this.posed.shown(null);
   }
   // Put the sliders where a pose has the servos.
   pose(angles) {
-    this.touched = true;
+    this.touch();
     this.inputs.forEach(([input, said], index) => {
       this.angles[index] = angles[index];
       input.value = degrees(angles[index]);
@@ -50,7 +71,7 @@ export class Hands {
   move(index, angle, said) {
     const servo = this.model.robot.servos[index];
     this.angles[index] = angle;
-    this.touched = true;
+    this.touch();
     said.textContent = `${degrees(angle).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
     if (this.model.serial) {
       const width = widthOf(servo, angle), ends = servo.limits.map(limit => widthOf(servo, limit)).sort((a, b) => a - b);
@@ -87,21 +108,30 @@ export class Hands {
   buttons() {
     for (const each of this.model.inputs) {
       const made = element("button", { type: "button", class: each.name === "stop" ? "stop" : "" }, each.name === "stop" ? "emergency stop" : each.name);
-      const press = down => () => {
+      const set = down => {
+        if (down === this.pressed.has(made)) return;
+        if (down) this.pressed.set(made, () => set(false));
+        else this.pressed.delete(made);
         made.classList.toggle("pressed", down);
         this.send({ do: "pin", pin: each.pin, level: down ? each.pressed : 1 - each.pressed });
       };
-      made.addEventListener("pointerdown", press(true));
-      made.addEventListener("pointerup", press(false));
-      made.addEventListener("keydown", event => { if ((event.key === " " || event.key === "Enter") && !event.repeat) press(true)(); });
-      made.addEventListener("keyup", event => { if (event.key === " " || event.key === "Enter") press(false)(); });
+      const ofKey = down => event => { if (event.key === " " || event.key === "Enter") set(down); };
+      // While the pointer is captured, its end comes here wherever it is; a touch that scrolls ends so, too.
+      made.addEventListener("pointerdown", event => {
+        set(true);
+        if (event.pointerId) made.setPointerCapture(event.pointerId);   // 0: no pointer, but a script
+      });
+      for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) made.addEventListener(end, () => set(false));
+      made.addEventListener("keydown", ofKey(true));
+      made.addEventListener("keyup", ofKey(false));
+      if (each.name === "stop") this.stop = set;
       this.places.buttons.append(made);
     }
     this.places.area.hidden = !this.model.runs;
     if (!this.model.runs) return;
     for (const name of [...this.model.pins, "MCLR"]) this.places.pin.append(element("option", { value: name }, name));
     for (const [place, level] of [[this.places.high, 1], [this.places.low, 0], [this.places.free, 2]])
-      place.addEventListener("click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
+      this.on(place, "click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
   }
   // The ways of a robot that walks on command: buttons, and arrow keys while nothing else takes them.
   walk() {
@@ -110,11 +140,17 @@ export class Hands {
     if (!walk) return;
     this.ways = new Map([...walk.ways, walk.stop].map(way => [way, element("button", { type: "button", class: way === walk.stop ? "stop" : "", "aria-pressed": way === walk.stop, click: () => this.go(way) }, way)]));
     this.places.walk.append(...this.ways.values(), element("span", { class: "soft" }, `arrow keys walk, Escape stops: codes on ${walk.pin}`));
-    this.places.walk.addEventListener("keydown", event => { if (this.steer(event)) event.stopPropagation(); });
+    this.on(this.places.walk, "keydown", event => { if (this.steer(event)) event.stopPropagation(); });
   }
   go(way) {
     for (const [name, made] of this.ways) made.setAttribute("aria-pressed", name === way);
     this.posed.walk(way);
+  }
+  // Hold the emergency stop down while Escape is; return whether the robot has one, a button or a command.
+  emergency(down) {
+    if (this.stop) this.stop(down);
+    else if (down && this.ways) this.go(this.model.walk.stop);
+    return !!(this.stop || this.ways);
   }
   // Take a key that steers; return whether it does.
   steer(event) {
@@ -130,7 +166,7 @@ export class Hands {
     if (!this.model.runs) return;
     for (const name of this.model.pins) this.places.serialPin.append(element("option", { value: name }, name));
     if (serial) { this.places.serialPin.value = serial.pin; this.places.baud.value = serial.baud; }
-    this.places.serialForm.addEventListener("submit", event => {
+    this.on(this.places.serialForm, "submit", event => {
       event.preventDefault();
       const text = this.places.bytes.value.trim();
       const plain = /^([0-9a-f]{1,2}\s+)*[0-9a-f]{1,2}$/i.test(text);

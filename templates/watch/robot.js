@@ -142,16 +142,21 @@ export class Servos {
 export class RobotView {
   constructor(canvas, model) {
     this.canvas = canvas;
-    this.model = model;
     this.azimuth = -0.9;
     this.elevation = 0.5;
     this.zoom = 1;
+    this.use(model);
+    this.steer();
+  }
+  // Show another version of the robot, from the same side.
+  use(model) {
+    this.model = model;
+    this.angles = this.ghost = null;
     this.trails = model.ends.map(() => []);
     this.paths = [];
     const bound = new Set([...model.ends.flatMap(end => end.joints.map(joint => joint.servo)), ...(model.base ? model.base.wheels : [])]);
     this.loose = model.servos.map((_, index) => index).filter(index => !bound.has(index));
     this.box = this.extent(model.servos.map(servo => servo.neutral));
-    this.steer();
   }
   extent(angles) {
     const points = [...this.model.body, ...this.model.ends.flatMap(end => cornersOf(end, angles)), ...(this.model.base ? this.model.base.outline.flat().map(([x, y]) => [x, y, 0]) : [])];

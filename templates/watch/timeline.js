@@ -25,7 +25,10 @@ export class Timeline {
     places.remove.addEventListener("click", () => this.remove());
     places.set.addEventListener("click", () => this.change({ kind: "angles", index: this.selected }));
   }
+  // Show the poses of the job; null: the text has changed since and its poses are not known.
   show(poses) {
+    this.places.area.classList.toggle("stale", !poses);
+    if (!poses) return;
     this.poses = poses;
     this.selected = Math.max(0, Math.min(this.selected, poses.length - 1));
     this.places.area.hidden = !poses.length;

@@ -52,18 +52,22 @@ export class Waves {
   // rows: [{name, pin, colour, servo, serial}]; describe(row, width in cycles) is what a pulse means.
   constructor(canvas, model, options) {
     this.canvas = canvas;
-    this.model = model;
-    this.options = options;
     this.begin = 0;
     this.end = Math.round(model.period * 4);
     this.now = 0;
     this.cursors = [null, null];
-    this.data = null;
-    this.rows = [];
     this.hover = null;
     this.width = canvas.clientWidth;
-    this.maxSpan = Math.round(model.cycles_per_second * (options.maxSeconds || 4));
+    this.use(model, options);
     this.listen();
+  }
+  // Show another version of what is watched, at the same place.
+  use(model, options) {
+    this.model = model;
+    this.options = options;
+    this.data = null;
+    this.rows = [];
+    this.maxSpan = Math.round(model.cycles_per_second * (options.maxSeconds || 4));
   }
   us(cycles) { return cycles * this.model.cycle_us; }
   show(begin, end) {
@@ -83,9 +87,13 @@ export class Waves {
     if (now < this.begin || now > this.end || (running && now > this.begin + 0.9 * span)) this.show(now - 0.75 * span, now + 0.25 * span);
     else this.paint();
   }
-  take(packed) {
+  mark(now) { this.now = now; this.paint(); }
+  // Take the edges of a window of time; `followed`: while it runs, the window is the server's.
+  take(packed, followed = false) {
     const edges = name => unpack(packed[name], packed.begin);
+    if (followed) [this.begin, this.end] = [packed.begin, packed.end];
     this.set({ ...packed, edges: edges("edges"), wanted: edges("wanted"), differing: edges("differing"), inputs: edges("inputs") });
+    if (!followed) this.paint();   // what follows is painted with the moment
   }
   set(data) {
     this.data = data;
@@ -96,7 +104,6 @@ export class Waves {
     this.rows = [...named.values()];
     const height = `${HEAD + ROW * Math.max(1, this.rows.length) + 6}px`;
     if (this.canvas.style.height !== height) this.canvas.style.height = height;
-    this.paint();
   }
   x(cycle) { return LABEL + (cycle - this.begin) / (this.end - this.begin) * (this.width - LABEL); }
   cycleAt(x) { return Math.round(this.begin + (x - LABEL) / Math.max(1, this.canvas.clientWidth - LABEL) * (this.end - this.begin)); }

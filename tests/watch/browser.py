@@ -152,7 +152,12 @@ class Page:
         found: list[Any] = []
 
         def true() -> bool:
-            found[:] = [self.run(f"typeof watched === 'undefined' ? false : ({script})")]
+            try:
+                found[:] = [self.run(f"typeof watched === 'undefined' ? false : ({script})")]
+            except RuntimeError as error:
+                if "navigated" not in str(error):
+                    raise
+                return False  # the page was just loaded again
             return bool(found[0])
 
         try:

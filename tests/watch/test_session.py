@@ -515,7 +515,9 @@ def test_an_editor_writes_its_own_file_only_when_it_is_right(tmp_path: Path) -> 
         assert "400" in found["diagnostics"][0]["message"]
     assert file.read_text() == text
     good = text.replace("arm_deg = 30", "arm_deg = 40")
-    found, _ = editor.handle({"do": "save", "text": good, "path": str(tmp_path / "other.toml")}, print)
+    found, _ = editor.handle(
+        {"do": "save", "text": good, "over": text, "path": str(tmp_path / "other.toml")}, print
+    )
     assert found["saved"] and file.read_text() == good
     assert [each.name for each in tmp_path.iterdir()] == ["job.toml"]
 

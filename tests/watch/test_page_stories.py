@@ -1,0 +1,245 @@
+"""What a person does to the page: hands on pins, waves while it runs, a text that must not be lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
+
+from tests.watch.browser import Page
+from tests.watch.test_page import LAB8, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
+
+TRIPOD = ROOT / "jobs" / "hexapod-tripod.toml"
+STOP = "#buttons .stop"
+
+
+def held(page: Page, selector: str) -> tuple[float, float]:
+    """Press the mouse on the middle of an element, and return where."""
+    box = page.run(
+        f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
+        " e.scrollIntoView({block: 'center'});"
+        " const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+    page.call(
+        "Input.dispatchMouseEvent", type="mousePressed", x=box[0], y=box[1], button="left", clickCount=1
+    )
+    return box[0], box[1]
+
+
+def let_go(page: Page, x: float, y: float) -> None:
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
+
+
+def build(page: Page) -> None:
+    page.until("!document.getElementById('build').disabled")
+    page.run("document.getElementById('build-progress').textContent = ''")
+    page.click("#build")
+    page.until("!!document.querySelector('#download a') && !document.getElementById('download').hidden")
+
+
+def level(page: Page, pin: str) -> int:
+    """The level at which a pin is held from outside: 0, 1, or 2 where it is not held."""
+    return int(page.run(f"watched.latest.chip.outside[{['RA0', 'RA1', 'RA2', 'RA3', 'RA4'].index(pin)}]"))
+
+
+@pytest.fixture
+def stop_job(tmp_path: Path) -> Path:
+    """The tripod walk with an emergency stop on RA4, pressed while it is low."""
+    job = tmp_path / "stop.toml"
+    job.write_text(TRIPOD.read_text().rstrip("\n") + '\nstop_pin = "RA4"\n')
+    return job
+
+
+def test_after_a_build_the_emergency_stop_has_the_new_level(watch: Open, stop_job: Path) -> None:  # noqa: F811
+    page = watch(stop_job)
+    typed(page, 'stop_pin = "RA4"', 'stop_pin = "RA4"\nstop_level = "high"')
+    build(page)
+    page.until(f"!!document.querySelector('{STOP}')")
+    x, y = held(page, STOP)
+    page.until("watched.latest.chip.outside[4] === 1")
+    let_go(page, x, y)
+    page.until("watched.latest.chip.outside[4] === 0")
+    assert page.run(f"document.querySelectorAll('{STOP}').length") == 1
+
+
+def test_a_button_is_let_go_wherever_the_pointer_ends(watch: Open, stop_job: Path) -> None:  # noqa: F811
+    page = watch(stop_job)
+    held(page, STOP)
+    page.until("watched.latest.chip.outside[4] === 0")
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=5, y=5, button="left")
+    let_go(page, 5, 5)
+    page.until("watched.latest.chip.outside[4] === 1")
+    held(page, STOP)
+    page.until("watched.latest.chip.outside[4] === 0")
+    page.run(f"document.querySelector('{STOP}').dispatchEvent(new PointerEvent('pointercancel'))")
+    page.until("watched.latest.chip.outside[4] === 1")
+    held(page, STOP)
+    page.until("watched.latest.chip.outside[4] === 0")
+    page.run("window.dispatchEvent(new Event('blur'))")
+    page.until("watched.latest.chip.outside[4] === 1")
+    assert page.run("document.querySelector('.pressed')") is None
+
+
+def test_escape_is_the_emergency_stop_wherever_the_focus_is(watch: Open, stop_job: Path) -> None:  # noqa: F811
+    page = watch(stop_job)
+    page.run("document.getElementById('job-text').focus()")
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="Escape", windowsVirtualKeyCode=27)
+    page.until("watched.latest.chip.outside[4] === 0")
+    page.call("Input.dispatchKeyEvent", type="keyUp", key="Escape", windowsVirtualKeyCode=27)
+    page.until("watched.latest.chip.outside[4] === 1")
+
+
+def test_after_an_intervention_nothing_is_said_of_the_edges_that_follow(watch: Open, stop_job: Path) -> None:  # noqa: F811
+    page = watch(stop_job)
+    go(page, 4_000_000)
+    assert "scheduled" in text(page, "#difference-text")
+    x, y = held(page, STOP)
+    let_go(page, x, y)
+    said = page.until(
+        "(t => t.includes('intervened') && t)(document.getElementById('difference-text').textContent)"
+    )
+    assert said == "you intervened at 4 s: not compared from there"
+    go(page, 6_000_000)
+    page.until("watched.waves.data.begin > 4_000_000 && watched.waves.data.edges.length > 10")
+    assert page.run("watched.waves.data.differing.length") == 0
+
+
+def test_a_build_of_another_robot_shows_its_servos(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    page.run("document.getElementById('job-text').select()")
+    page.call("Input.insertText", text=TRIPOD.read_text())
+    build(page)
+    page.until("document.querySelectorAll('#sliders .slider').length === 12")
+    page.click("#run")
+    page.until("watched.latest.cycle > 400_000")
+    page.click("#run")
+    assert page.run("watched.robot.trails.length") == 6
+    assert page.run("document.querySelectorAll('#pin option').length") == 14
+
+
+COVERED = """
+(async () => {
+  const shares = [];
+  for (let n = 0; n < 40; n++) {
+    await new Promise(done => requestAnimationFrame(done));
+    const { begin, end, data } = watched.waves, past = Math.min(end, watched.latest.cycle);
+    if (past <= begin) continue;
+    shares.push(Math.max(0, Math.min(past, data.seen) - Math.max(begin, data.begin)) / (past - begin));
+  }
+  return shares.reduce((sum, share) => sum + share, 0) / shares.length;
+})()
+"""
+
+
+@pytest.mark.parametrize("job", [LAB8, TRIPOD], ids=lambda job: job.stem)
+def test_the_visible_past_is_covered_while_it_runs(watch: Open, tmp_path: Path, job: Path) -> None:  # noqa: F811
+    page = watch(copy(job, tmp_path))
+    go(page, 1_000_000)
+    for speed in ("1/1000", "1/10", "real time", "10 ×", "as fast as it goes"):
+        page.run(
+            f"(e => {{ e.value = [...e.options].find(o => o.textContent === '{speed}').value;"
+            " e.dispatchEvent(new Event('change')); })(document.getElementById('speed'))"
+        )
+        page.run("if (!watched.latest.running) document.getElementById('run').click()")
+        page.until("watched.latest.running")
+        assert page.run(COVERED) >= 0.98, speed
+
+
+def test_what_is_typed_during_a_build_is_not_saved(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    page.until("!document.getElementById('build').disabled")
+    page.run("document.getElementById('build').click()")
+    typed(page, "arm_deg = 140", "arm_deg = 141")
+    page.until("!!document.querySelector('#download a')")
+    assert text(page, "#job-state") == "changed" and "arm_deg = 140" in job.read_text()
+    assert page.run("document.getElementById('download').hidden"), "the HEX file is not this text's"
+    typed(page, "arm_deg = 141", "arm_deg = 140")
+    assert text(page, "#job-state") == "saved"
+    assert not page.run("document.getElementById('download').hidden")
+
+
+def test_a_file_that_was_changed_outside_is_not_overwritten(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    outside = LAB8.read_text() + "# by another editor\n"
+    job.write_text(outside)
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    page.until("!document.getElementById('save').disabled")
+    page.click("#save")
+    page.until("!document.getElementById('job-conflict').hidden")
+    assert job.read_text() == outside
+    page.click("#job-conflict button")
+    assert page.run("document.getElementById('job-text').value") == outside
+    assert text(page, "#job-state") == "saved"
+    job.write_text(LAB8.read_text())
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    page.until("!document.getElementById('save').disabled")
+    page.click("#save")
+    page.until("!document.getElementById('job-conflict').hidden")
+    page.click("#job-conflict button:last-child")
+    page.until("document.getElementById('job-state').textContent === 'saved'")
+    assert "arm_deg = 140" in job.read_text() and "another" in job.read_text()
+
+
+def test_undo_takes_back_what_the_timeline_did(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    before = page.run("document.getElementById('job-text').value")
+    page.until("!document.getElementById('timeline-area').hidden")
+    page.run("document.getElementById('timeline').focus()")
+    page.press("+")
+    page.until(f"document.getElementById('job-text').value !== {json.dumps(before)}")
+    assert page.run("document.activeElement.id") == "timeline"
+    page.run("document.getElementById('job-text').focus(); document.execCommand('undo')")
+    assert page.run("document.getElementById('job-text').value") == before
+
+
+def test_leaving_the_page_with_unsaved_text_is_asked(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    event = "new Event('beforeunload', { cancelable: true })"
+    leaving = f"(e => {{ window.dispatchEvent(e); return e.defaultPrevented; }})({event})"
+    assert page.run(leaving) is False
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    assert page.run(leaving) is True
+    typed(page, "arm_deg = 140", "arm_deg = 120")
+
+
+def test_a_wrong_breakpoint_stays_to_be_mended_beside_its_reason(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    page.run("document.getElementById('breakpoint').focus()")
+    page.call("Input.insertText", text="main.c:99999")
+    page.press("Enter")
+    page.until("document.getElementById('breakpoint-said').textContent.includes('99999')")
+    assert page.run("document.getElementById('breakpoint').value") == "main.c:99999"
+    page.run("document.getElementById('breakpoint').select()")
+    page.call("Input.insertText", text="RB0 rise")
+    page.press("Enter")
+    page.until("document.querySelectorAll('#breakpoints li').length === 1")
+    assert page.run("document.getElementById('breakpoint').value") == ""
+    assert text(page, "#breakpoint-said") == ""
+
+
+def test_the_sliders_can_follow_the_chip_again(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    go(page, 1_000_000)
+    slide(page, "77")
+    go(page, 1_200_000)
+    assert page.run("document.querySelector('#sliders input').value") == "77"
+    page.click("#follow")
+    go(page, 1_400_000)
+    assert page.run("+document.querySelector('#sliders input').value") == pytest.approx(30, abs=0.2)
+
+
+def test_far_requests_simulate_nothing(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path))
+    reach = page.run("watched.latest.reach")
+    page.run("watched.waves.show(1e12, 1.00000001e12)")
+    page.until("watched.waves.data.begin === 1e12")
+    assert page.run("watched.waves.data.edges.length") == 0
+    page.run("document.getElementById('next-frame').click()")
+    page.until(f"watched.latest.reach !== {reach}")
+    assert page.run("watched.latest.reach") < 1_000_000
