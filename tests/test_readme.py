@@ -3,23 +3,33 @@
 import re
 from pathlib import Path
 
+from tools import demo_table
+
 ROOT = Path(__file__).parent.parent
+TABLE_PAGE = ROOT / "README.md"
+"""The page with the table of the demo."""
 README = (ROOT / "README.md").read_text()
 
 
 def test_the_table_of_the_demo_is_the_kept_firmware() -> None:
-    cell = r" (\d+) \|"
-    rows = re.findall(rf"^\| ([\w-]+) \| \w+ \|{cell * 6} 0 cycles \| ([^|]+) \| proven \|$", README, re.M)
-    told = {job: (*map(int, numbers), distance) for job, *numbers, distance in rows}
-    kept = {}
-    for report in (ROOT / "firmware").glob("*/report.txt"):
-        text = report.read_text()
-        programs = re.findall(r"^(?:c2c|xc8|sdcc) +\S+ +\S+ +(\d+) +(\d+) +(\d+) of 68", text, re.M)
-        words, left, ram = zip(*(map(int, program) for program in programs), strict=True)
-        (frames,) = set(re.findall(r"^  proven: .*?, (\d+) frames", text, re.M))
-        (distance,) = set(re.findall(r"^  proven: .*within (.+) of the plan$", text, re.M))
-        kept[report.parent.name] = (*words, min(left), max(ram), int(frames), distance)
-    assert told == kept
+    """Every cell of it is what the reports under firmware/ say, as the command beside it prints them."""
+    shown = TABLE_PAGE.read_text().partition("\n| job | engine |")
+    assert f"| job | engine |{shown[2]}".startswith("\n".join(demo_table.lines()) + "\n\n")
+    assert "`python tools/demo_table.py`" in shown[0]
+
+
+def test_a_row_follows_its_report(tmp_path: Path) -> None:
+    """A frame more, an edge a cycle off, a word more: each changes the row."""
+    report = (ROOT / "firmware" / "lab8-exercise" / "report.txt").read_text()
+    (tmp_path / "report.txt").write_text(report)
+    before = demo_table.row(tmp_path / "report.txt")
+    assert before[1:5] == ("sequence", "91", "91", "128")
+    for old, new, column in (("1500 frames", "1501 frames", 7), ("0 cycles from", "1 cycles from", 8),
+                             ("   91     933", "   92     932", 2)):  # fmt: skip
+        (tmp_path / "report.txt").write_text(report.replace(old, new))
+        after = demo_table.row(tmp_path / "report.txt")
+        assert after[column] == str(new.split()[0]) + (" cycles" if column == 8 else "")
+        assert before[column] != after[column]
 
 
 def test_every_command_is_told_and_every_command_told_is_there() -> None:

@@ -19,6 +19,8 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 137, 137, 137, 2, 2, 2, 44, 44, 44, 95, 95, 95, 26, 62, 44, 60, 130, 95, 44, 79, 9, 95, 113, 77, 62, 44, 26, 130, 95, 60, 79, 9, 44, 113, 77, 95, 44, 26, 62, 95, 60, 130, 9, 44, 79, 77, 95, 113 };

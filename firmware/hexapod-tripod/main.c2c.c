@@ -19,6 +19,8 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 128, 128, 128, 2, 2, 2, 35, 35, 35, 95, 95, 95, 61, 8, 61, 122, 69, 122, 8, 61, 8, 69, 122, 69 };

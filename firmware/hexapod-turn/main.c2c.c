@@ -19,6 +19,8 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
 const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 125, 129, 129, 129, 2, 125, 218, 36, 36, 36, 95, 218, 245, 9, 62, 62, 69, 245, 192, 62, 9, 9, 122, 192, 86, 10, 242, 168, 121, 12, 49, 36, 205, 205, 95, 49, 12, 61, 168, 242, 70, 86 };

@@ -19,6 +19,8 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
 const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 144, 144, 144, 2, 2, 2, 51, 51, 51, 95, 95, 95, 69, 86, 51, 131, 113, 95, 78, 95, 7, 122, 104, 86, 86, 51, 15, 113, 95, 77, 95, 7, 24, 104, 86, 68, 51, 15, 33, 95, 77, 60, 7, 24, 42, 86, 68, 51, 15, 33, 51, 77, 60, 95, 24, 42, 60, 68, 51, 139, 33, 51, 69, 60, 95, 131, 42, 60, 78, 51, 139, 122, 51, 69, 86, 95, 131, 113, 60, 78, 95, 139, 122, 104 };

@@ -9,6 +9,8 @@
  * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* arm 1167 us */
 void position_1(unsigned char frames)

@@ -10,6 +10,8 @@
  * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* vertical 1500 us, horizontal 1250 us */
 void position_1(unsigned char frames)

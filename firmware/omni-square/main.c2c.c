@@ -11,6 +11,8 @@
  * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* wheel1 1583 us, wheel2 1417 us, wheel3 1500 us */
 void position_1(unsigned char frames)

@@ -52,6 +52,7 @@ unsigned char channel, key, next, weight, value, value_low, value_high, bits, si
 
 void blend(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // key * 256 + (next - key) * weight: 16 bits.
     // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
     asm("    movf    _key, W");
@@ -91,6 +92,7 @@ void blend(void)
 /* One slot, to the cycle. */
 void pulses(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // One slot of the frame: two servos of one port rise together and fall each at its own cycle.
     // 
     // STATUS bit 0 is the carry, bit 2 is zero.
@@ -363,6 +365,7 @@ void make_width(void)
     blend();
     next = CONSTANT[BASE_LOW + channel];
     key = CONSTANT[BASE_HIGH + channel];
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // The width of a channel: base + value * steps + trim, in cycles.
     // In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
     asm("    clrf    _value_high");

@@ -14,6 +14,8 @@
  * 128 cycles looks at the line and makes the edges; the C prepares a pulse while another one lasts.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /*
  * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,

@@ -11,6 +11,8 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
+/* XT, watchdog off, power-up timer on, no code protection: */
+asm __config 0x3FF1
 
 /* Poses, 4 bytes each, in steps of 2 us from each channel's base width. */
 const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };

@@ -48,6 +48,7 @@ unsigned char ticks, rest, fine, t, rx_bits, rx_left, rx_last, rx_byte, command;
 
 void __interrupt() tick(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // Every 128 cycles: one or two looks at the line. In the rounds of 256 cycles that have an edge: the edge, and the looks around it.
     // 
     // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles. A round without an edge has two interrupts: each adds 128 to TMR0, so
@@ -336,6 +337,7 @@ void __interrupt() tick(void)
 
 void extend(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // The trim that the byte _x_lo is, as cycles in _x_hi, _x_lo; the erased byte is none.
     asm("    clrf    _x_hi");
     asm("    incf    _x_lo, W");
@@ -348,6 +350,7 @@ void extend(void)
 /* The trim of servo n: x. */
 void read_trim(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // Byte _n of the data EEPROM (DS35007 section 3.1) to _x_lo.
     asm("    movf    _n, W");
     asm("    movwf   EEADR");
@@ -361,6 +364,7 @@ void read_trim(void)
 
 void keep_trim(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // Begins to write _value to byte _n of the data EEPROM (DS35007 section 3.2); it takes about 10 ms.
     asm("    movf    _n, W");
     asm("    movwf   EEADR");
@@ -383,6 +387,7 @@ void keep_trim(void)
 
 void ready(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // _x_lo: 0 when no byte of the EEPROM is being written.
     asm("    bsf     STATUS, 5");   // bank 1
     asm("    movf    0x08, W");   // EECON1
@@ -394,6 +399,7 @@ void ready(void)
 
 void multiply(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // _sum_hi, _sum_lo = (_value * _x + 128) / 256; _value is used up.
     asm("    movlw   128");
     asm("    movwf   _sum_lo");
@@ -419,6 +425,7 @@ void multiply(void)
 
 void add(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // _sum += _x
     asm("    movf    _x_lo, W");
     asm("    addwf   _sum_lo, F");
@@ -431,6 +438,7 @@ void add(void)
 /* What lies between a servo's width (next) and its goal (x). */
 void way(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // The way from _next to _x: its length in _x_hi, _x_lo; _sum_hi is 0xFF where it goes down, else 0.
     asm("    clrf    _sum_hi");
     asm("    movf    _next_lo, W");
@@ -452,6 +460,7 @@ void way(void)
 
 void step(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // _next goes on by _x, down where _sum_hi is not 0.
     asm("    movf    _sum_hi, F");
     asm("    btfss   STATUS, 2");
@@ -475,6 +484,7 @@ void step(void)
 
 void divide(void)
 {
+    asm("bcf STATUS, 5");   // bank 0: the compiler may have left the other one selected
     // _x_hi, _x_lo = _x / _left, rounded down; _left is not 0.
     asm("    movf    _x_hi, W");
     asm("    movwf   _sum_lo");   // the remainder

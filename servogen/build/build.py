@@ -257,7 +257,9 @@ def checked_edges(result: Build) -> EdgeTrace:
 
 def report(result: Build) -> str:
     """Return the text of report.txt."""
-    return report_text(BuildFacts(result.job, result.plan, program_facts(result), result.warnings))
+    return report_text(
+        BuildFacts(result.job, result.engine, result.plan, program_facts(result), result.warnings)
+    )
 
 
 def program_facts(result: Build) -> tuple[ProgramFacts, ...]:

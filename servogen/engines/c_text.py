@@ -16,7 +16,7 @@ from traceback import walk_tb
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 
 from servogen.errors import Location, ServogenError
-from servogen.pic.device import Device, oscillator_for
+from servogen.pic.device import Device, config_word, oscillator_for
 from servogen.pulse import PulseSchedule
 
 SUFFIXES = (".j2", ".asm")
@@ -115,6 +115,7 @@ def header_values(dialect: str, title: str, device: Device, schedule: PulseSched
         "clock_hz": clock.hz,
         "clock_mhz": decimal(Fraction(clock.hz, 1_000_000)),
         "oscillator": oscillator_for(clock.hz),
+        "configuration": f"0x{config_word(oscillator_for(clock.hz)):04X}",
         "period_us": decimal(clock.us(schedule.period)),
         "ports": list(ports_of(schedule)),
     }

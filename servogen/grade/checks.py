@@ -22,7 +22,9 @@ from servogen.robot.servo_models import names as model_names
 from servogen.robot.servo_models import servo_model
 from servogen.units import counted
 
-TURN_OFF = "turn it off (C2C: #pragma _CONFIG, XC8: #pragma config WDTE = OFF, assembly: __CONFIG _WDT_OFF)"
+TURN_OFF = (
+    "turn it off (C2C: asm __config 0x3FF1, XC8: #pragma config WDTE = OFF, assembly: __CONFIG _WDT_OFF)"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from servogen.units import Clock, Cycles, counted
 from servogen.verify import Verdict, verdict_lines
 
 COMMANDS = (
+    ("C2C", "its own editor opens main.c2c.c, which states the configuration word"),
     ("XC8", "xc8-cc -mcpu={chip} -std=c99 -O1 -o main.hex main.xc8.c"),
     ("SDCC", "sdcc -mpic14 -p{chip} --use-non-free --stack-size 5 main.sdcc.c"),
 )
@@ -71,6 +72,7 @@ class BuildFacts:
     """Everything in a report."""
 
     job: PlannedJob
+    engine: str
     plan: PulsePlan
     programs: tuple[ProgramFacts, ...]
     warnings: tuple[Diagnostic, ...]
@@ -174,6 +176,7 @@ def _paths(facts: BuildFacts) -> Iterator[str]:
 
 
 def _programs(facts: BuildFacts) -> Iterator[str]:
+    yield f"Engine: {facts.engine}"
     yield from _table(
         ("dialect", "C", "HEX", "words", "left", "RAM bytes"),
         [

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.player.engine import play
 from servogen.engines.player.rendering import render_player
 from servogen.engines.stored_script import in_flash
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.rendering import render_stream
 from servogen.job import load, plan_job
+from servogen.pic.image import read_hex
 from servogen.pulse.schedule import from_json
 
 ROOT = Path(__file__).parent.parent.parent
@@ -54,3 +56,27 @@ def test_a_stream_s_c_is_the_committed_one(name: str) -> None:
         text = render_stream(streamed, dialect, job.device, job.name)
         assert text == committed(name, f"main.{dialect}.c")
     assert replace(streamed.plan.schedule, device=job.device.name).json_text() == planned_schedule(name)
+
+
+@pytest.mark.parametrize(("name", "word"), [("lab8-exercise", 0x3FF1), ("stream-fast", 0x3FF2)])
+def test_the_c_for_c2c_states_the_configuration_word(name: str, word: int) -> None:
+    """XT at 4 MHz, HS at 20 MHz, watchdog off, power-up timer on: DS35007 register 6-1; so has the HEX."""
+    text = committed(name, "main.c2c.c")
+    assert text.count(f"\nasm __config 0x{word:04X}\n") == 1
+    assert read_hex(committed(name, "main.hex"), name).image.config == word
+    changed = text.replace(f"__config 0x{word:04X}", f"__config 0x{word | 4:04X}")
+    assert compile_sources([Source(changed, "main.c2c.c")], Options(dialect="c2c")).image.config == word | 4
+
+
+@pytest.mark.parametrize("name", ["hexapod-tripod", "stream-arm"])
+def test_each_assembly_of_the_c_for_xc8_selects_bank_0_first(name: str) -> None:
+    """XC8 may have left bank 1 selected; a block of assembly begins where the line before it is none."""
+    lines = committed(name, "main.xc8.c").splitlines()
+    assembly = [line.lstrip().startswith(("asm(", "// ")) for line in lines]
+    firsts = [
+        line
+        for line, now, before in zip(lines[1:], assembly[1:], assembly, strict=False)
+        if now and not before
+    ]
+    assert firsts
+    assert all(line.startswith('    asm("bcf STATUS, 5");') for line in firsts)

@@ -16,7 +16,7 @@ JOBS = Path(__file__).parents[2] / "jobs"
 
 def report(name: str) -> str:
     job = plan_job(load(JOBS / f"{name}.toml"))
-    return report_text(BuildFacts(job, plan(job.trajectory, job.servos, job.frame), (), ()))
+    return report_text(BuildFacts(job, "engine", plan(job.trajectory, job.servos, job.frame), (), ()))
 
 
 @pytest.mark.parametrize(

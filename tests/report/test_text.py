@@ -103,12 +103,14 @@ def test_a_motion_has_its_levels_its_parts_and_its_notes() -> None:
 def test_programs_have_what_is_left_and_the_commands_of_other_compilers() -> None:
     """1024 words and 68 bytes: DS35007 sections 2.1 and 2.2."""
     job = SimpleNamespace(clock=CLOCK, device=SimpleNamespace(name="PIC16F84A"))
-    lines = list(text._programs(facts(programs=(program(),), job=job)))
+    lines = list(text._programs(facts(engine="player", programs=(program(),), job=job)))
+    assert lines.pop(0) == "Engine: player"
     assert lines[1].split() == ["c2c", "main.c", "main.hex", "200", "824", "8", "of", "68"]
     assert lines[2] == ""
-    assert [line.split()[0] for line in lines[4:]] == ["compiler", "XC8", "SDCC"]
-    assert "xc8-cc -mcpu=16f84a " in lines[5]
-    assert "sdcc -mpic14 -p16f84a " in lines[6]
+    assert [line.split()[0] for line in lines[4:]] == ["compiler", "C2C", "XC8", "SDCC"]
+    assert "main.c2c.c, which states the configuration word" in lines[5]
+    assert "xc8-cc -mcpu=16f84a " in lines[6]
+    assert "sdcc -mpic14 -p16f84a " in lines[7]
 
 
 def test_the_c_between_the_pulses_has_a_bound_and_what_is_left_of_its_room() -> None:
