@@ -76,7 +76,10 @@ def width(most: int) -> str:
     return f"error c-bit: a bit-field has 1 to {most} bits of an integer type"
 
 
-UNPLACED = "error c-address: only a variable can have a fixed address"
+UNPLACED = "error c-address: only a variable or a function can have a fixed address"
+NO_NAME = "error c-syntax: '{}' stands where no {} is declared"
+INTERRUPTS = "error c-address: only a function can be an interrupt function"
+KEPT = "error c-initialiser: 'x' keeps its value through a reset and cannot be initialised"
 INTO_EEPROM = (
     "error c-unsupported: there are no pointers into the EEPROM // a pointer that is itself in the EEPROM is "
     "'char *__eeprom p'"
@@ -177,7 +180,29 @@ ERRORS = [
     ("char ‸x @ 0x100;", ["error c-address: the address 0x100 is not in the data memory (0x00-0xFF)"]),
     ("char ‸x @ -1;", ["error c-address: the address 0x-1 is not in the data memory (0x00-0xFF)"]),
     ("char *x @ 0x20; char (*y)[3] @ 0x21; char (*z)(void) @ 0x22;", []),
-    ("void ‸f(void) @ 0x100;", [UNPLACED]),
+    ("void f(void) @ 0x100;", []),
+    ("void f(void ‸g(void) @ 0x100);", [UNPLACED]),
+    ("void f(char ‸x @ 0x20); char y;", [UNPLACED]),
+    ("void ‸f(void) @ 0x400;", ["error c-address: 'f' at 0x400 is not in the program memory (0x000-0x3FF)"]),
+    ("void f(void) @ 0x10; void ‸f(void) @ 0x11;", ["error c-redeclared: 'f' has two addresses: 0x10 and "
+        "0x11"]),
+    ("const char ‸x[2] @ 0x3FF = {1, 2};", ["error c-address: 'x' at 0x3FF is not in the program "
+        "memory (0x000-0x3FF)"]),
+    ("const char x[2] @ 0x3FE = {1, 2};", []),
+    ("void ‸f(void) @ PORTB.3;", ["error c-address: a fixed address must be a number"]),
+    ("void f(char ‸__at(0x20)); char y;", [NO_NAME.format("__at", "name")]),
+    ("struct s { char a; } ‸__at(0x20); char x;", [NO_NAME.format("__at", "name")]),
+    ("void f(void) { char x = (char ‸__at(0x20))1; } char y;", [NO_NAME.format("__at", "name")]),
+    ("char ‸interrupt x; void f(void) { }", [NO_NAME.format("interrupt", "function")]),
+    ("void f(char ‸interrupt x) { }", [NO_NAME.format("interrupt", "function")]),
+    ("typedef void ‸__interrupt() t; void f(void) { }", [NO_NAME.format("__interrupt", "function")]),
+    ("void (*‸p)(void) __interrupt 0; void f(void) { }", [INTERRUPTS]),
+    ("void f(void ‸g(void) __interrupt(0)); void g(void) { }", [INTERRUPTS]),
+    ("void (*‸p)(void) __naked; void f(void) { }", ["error c-address: only a function can be naked"]),
+    ("struct { persistent char ‸x; } y; char x;", ["error c-address: only a variable can be persistent"]),
+    ("persistent void ‸f(void); char x;", ["error c-address: only a variable can be persistent"]),
+    ("persistent char ‸x = 1;", [KEPT]),
+    ("persistent const char ‸x;", [KEPT]),
     ("struct { char ‸m @ 0x20; } x;", [UNPLACED]),
     ("typedef char ‸t @ 0x20;", [UNPLACED]),
     ("__eeprom char ‸x @ 0x20;", ["error c-address: 'x' in the EEPROM cannot have a fixed address"]),

@@ -434,9 +434,9 @@ ROWS = [
     ),
     (
         "xc8",
-        "void ‸f(void) @ 0x100;\nvoid main(void) {  }",
+        "void f(char ‸x @ 0x20);\nvoid main(void) {  }",
         "error",
-        "only a variable can have a fixed address",
+        "only a variable or a function can have a fixed address",
     ),
     ("xc8", "struct ‸s { };\nvoid main(void) {  }", "error", "a structure needs a member"),
     ("xc8", "char b[9];void main(void) { ‸sprintf(b); }", "error", "'sprintf' needs a format string"),

@@ -30,6 +30,8 @@ class Symbol:
     volatile: bool = False
     initial: dict[int, Data] | None = None
     """What it starts with: a byte each, by offset."""
+    persistent: bool = False
+    """Not initialised: it keeps its value through a reset."""
     asm_name: str = ""
 
     @property
@@ -396,6 +398,8 @@ class FunctionDefinition:
     """Its body is assembly that returns by itself: no code is added before or after it."""
     prototyped: bool = True
     static: bool = False
+    origin: int | None = None
+    """The word of program memory at which it must begin."""
     locals: list[Symbol] = field(default_factory=list)
     end: Location = field(default_factory=Location)
 

@@ -95,6 +95,7 @@ class ProgramGenerator:
         if full not in self.functions:
             definition = self.program.functions[name]
             function = Function(full, place=definition.place)
+            function.origin = definition.origin if full == name else None
             function.parameters = [self._symbol(symbol, isr=isr) for symbol in definition.parameters]
             result = definition.result
             if not isinstance(result, VoidType):

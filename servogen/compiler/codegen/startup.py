@@ -18,7 +18,7 @@ from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.tables import add_tables, pointed_to
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, TARGETED, Byte, Instruction, Label, Z
-from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS
 
 RESET, START = "__reset", "__start"
 _CLEAR_LABEL = f"{START}.clear"
@@ -55,9 +55,13 @@ def arrange(generator: ProgramGenerator, program: ProgramTree) -> Arrangement:
     start = Function(START, falls_into="main")
     _initialise(start, statics)
     functions[START] = start
-    if generator.graph.handler:
-        functions[RESET] = Function(RESET)
+    placed = [symbol for symbol in program.symbols if symbol.kind == "flash" and _in_flash(symbol)]
+    anywhere = not placed and all(function.origin is None for function in functions.values())
+    if generator.graph.handler or not anywhere:
+        functions[RESET] = Function(RESET, origin=0)
         functions[RESET].append(Instruction("GOTO", target=START))
+        arrangement.first = [RESET]
+    if generator.graph.handler:
         handler = functions[generator.graph.handler]
         isr = [
             handler,
@@ -77,14 +81,19 @@ def arrange(generator: ProgramGenerator, program: ProgramTree) -> Arrangement:
         else:
             _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
         arrangement.roots.append(handler.name)
-        arrangement.first = [RESET, handler.name]
-    arrangement.tables = add_tables(functions, statics)
+        arrangement.first.append(handler.name)
+    arrangement.tables = add_tables(functions, statics, placed)
     arrangement.first += [
         START,
         "main",
         *(name for name, function in functions.items() if function.table is not None),
     ]
     return arrangement
+
+
+def _in_flash(symbol: Symbol) -> bool:
+    """Return whether a constant has a fixed address among the program words."""
+    return symbol.address is not None and symbol.address < PROGRAM_WORDS
 
 
 def _leaves(function: Function, functions: dict[str, Function]) -> bool:
@@ -96,6 +105,7 @@ def _leaves(function: Function, functions: dict[str, Function]) -> bool:
 
 def _initialise(function: Function, statics: list[Symbol]) -> None:
     """Emit the initial values: constants are stored; zeros are cleared, in a loop where that is shorter."""
+    statics = [symbol for symbol in statics if not symbol.persistent]
     zero = [symbol for symbol in statics if symbol.kind == "global" and not symbol.initial]
     together = all(symbol.kind == "global" for symbol in statics)
     if together and sum(symbol.size for symbol in zero) > _CLEAR_LOOP_WORDS:
@@ -139,7 +149,7 @@ def _clear_loop(zero: list[Symbol]) -> list[Line]:
 
 def used_statics(statics: list[Symbol], functions: dict[str, Function]) -> list[Symbol]:
     """Return the variables that an instruction refers to, or that the initial value of a used variable or
-    constant refers to; those that start as zero come first.
+    constant refers to; those that start as zero come first, those that are not initialised last.
     """
     named: set[Symbol] = set()
     waiting: list[Symbol] = []
@@ -157,7 +167,7 @@ def used_statics(statics: list[Symbol], functions: dict[str, Function]) -> list[
             named.add(symbol)
             waiting += pointed_to(symbol)
     used = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
-    return sorted(used, key=lambda symbol: bool(symbol.initial))
+    return sorted(used, key=lambda symbol: (symbol.persistent, bool(symbol.initial)))
 
 
 def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:

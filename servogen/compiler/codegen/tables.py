@@ -44,15 +44,17 @@ def data_label(name: str) -> str:
     return name + ".data"
 
 
-def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Symbol, str]:
-    """Create a Function for every flash object that is referred to, and return the labels of their first
-    bytes.
+def add_tables(
+    functions: dict[str, Function], statics: list[Symbol], placed: list[Symbol]
+) -> dict[Symbol, str]:
+    """Create a Function for every flash object that is referred to or `placed` at a fixed address, and return
+    the labels of their first bytes.
 
     A table that both main and the interrupt read exists twice, because its routine keeps the index in a byte.
     """
     tables: dict[Symbol, str] = {}
     called: dict[str, Symbol] = {}
-    waiting: list[Symbol] = []
+    waiting = [*placed]
     for function in functions.values():
         for ins in function.instructions():
             if ins.table is not None:
@@ -74,7 +76,7 @@ def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Sy
         symbol = waiting.pop(0)
         if symbol.kind == "flash" and symbol not in tables:
             name = table_name(symbol)
-            functions[name] = Function(name, table=symbol)
+            functions[name] = Function(name, table=symbol, origin=symbol.address, place=symbol.place)
             tables[symbol] = data_label(name)
             waiting += pointed_to(symbol)
     return tables
@@ -133,8 +135,10 @@ def flash_byte(gen: FunctionGenerator, expr: Ref) -> None:
 
 
 def _flash_index(gen: FunctionGenerator, expr: Ref) -> list[Operand]:
-    """Return the index of a byte in its table: one operand byte, or two for large tables."""
-    size = 1 if expr.symbol.size <= 256 else 2
+    """Return the index of a byte in its table: one operand byte; two for large tables, and for one at a fixed
+    address, in front of which no instructions fit.
+    """
+    size = 1 if expr.symbol.size <= 256 and expr.symbol.address is None else 2
     if expr.index is None:
         return [Imm(expr.offset >> 8 * number & 0xFF) for number in range(size)]
     index = expr.index
@@ -153,7 +157,7 @@ def _flash_call(gen: FunctionGenerator, symbol: Symbol, index: list[Operand], st
         call = gen.emit("CALL", target=table_name(symbol) + (ISR_SUFFIX if gen.isr else ""))
         call.table = symbol
         return
-    # more than 256 bytes: the address is computed in two bytes and read as through a pointer
+    # the address is computed in two bytes and read as through a pointer
     pointer: list[Loc] = gen.temp(2)
     add(gen, pointer, index, [Imm(AddressByte(symbol, step, 0)), Imm(AddressByte(symbol, step, 1))])
     _read_pointer(gen, pointer)

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
+from servogen.compiler.codegen.startup import RESET
 from servogen.compiler.codegen.tables import table_code
 from servogen.compiler.diagnostics import WORDS_NEEDED, Reporter
 from servogen.compiler.ir.function import Block, Function
@@ -18,7 +19,7 @@ from servogen.compiler.ir.instruction import TARGETED, Byte, Instruction, Label,
 from servogen.compiler.passes.copy_coalescing import interference
 from servogen.compiler.passes.liveness import Liveness
 from servogen.errors import Location
-from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import by_mnemonic, encode
 
 FLASH_FLAG = 0x80
@@ -133,12 +134,18 @@ def lay_out(
     With `small`, the program is already as small as the compiler can make it: the error has no hint.
     """
     pointers = any(function.name.startswith("__flash") for function in order)
-    layout = None if pointers else _place(order, only_first_page=True)
+    layout = None if pointers else _place(order, reporter, only_first_page=True)
     if layout is None:
-        layout = _place(order, only_first_page=False)
+        layout = _place(order, reporter, only_first_page=False)
     assert layout is not None
     if layout.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
+        size = len(layout.words)
+        if any(function.origin not in (None, 0, INTERRUPT_VECTOR) for function in order) and (
+            size <= PROGRAM_WORDS
+        ):
+            text = f"the program's {size} words do not fit around what lies at fixed addresses"
+            raise reporter.fatal("program-too-large", text, Location(file))
         reporter.details[WORDS_NEEDED] = layout.end
         raise reporter.fatal(
             "program-too-large",
@@ -151,30 +158,77 @@ def lay_out(
     return layout
 
 
-def _place(order: list[Function], *, only_first_page: bool) -> CodeLayout | None:
-    """Assign addresses in order; return None if a table misses the first page although all should lie
-    there.
+def _place(order: list[Function], reporter: Reporter, *, only_first_page: bool) -> CodeLayout | None:
+    """Assign addresses: what has a fixed one first, then the others in order; return None if a table
+    misses the first page although all should lie there.
     """
-    words: list[PlacedWord] = []
-    labels: dict[str, int] = {}
-    starts: dict[str, tuple[int, int]] = {}
-    address = 0
-    for function in order:
+    layout = CodeLayout([], {}, {}, 0)
+    fixed = sorted(
+        (function for function in order if function.origin is not None), key=lambda each: each.origin or 0
+    )
+    taken: list[tuple[int, int]] = []
+    for number, function in enumerate(fixed):
+        begin = function.origin or 0
         if function.table is not None:
-            table = table_code(function, address, only_first_page=only_first_page)
-            if table is None:
-                return None
-            function.replace(table)
-        address = function.origin if function.origin is not None else address
-        labels[function.name] = begin = address
-        for line in function.lines():
-            if isinstance(line, Label):
-                labels[line.name] = address
-            else:
-                words.append(PlacedWord(address, line, function.name))
-                address += 1
-        starts[function.name] = (begin, address)
-    return CodeLayout(words, labels, starts, address)
+            function.replace(table_code(function, begin, only_first_page=False) or [])
+        if taken and begin < taken[-1][1]:
+            before = fixed[number - 1]
+            raise reporter.fatal(
+                "c-address",
+                f"{_called(function)} at 0x{begin:03X} overlaps {_called(before)}, "
+                f"which ends at 0x{taken[-1][1] - 1:03X}",
+                function.place or before.place or Location(),
+            )
+        taken.append((begin, _put(function, begin, layout)))
+    address = 0
+    for unit in _units(order):
+        while True:
+            if unit[0].table is not None:
+                table = table_code(unit[0], address, only_first_page=only_first_page)
+                if table is None:
+                    return None
+                unit[0].replace(table)
+            end = address + sum(function.size for function in unit)
+            clash = [behind for begin, behind in taken if begin < end and address < behind]
+            if not clash:
+                break
+            address = clash[0]
+        for function in unit:
+            address = _put(function, address, layout)
+    layout.words.sort(key=lambda word: word.address)
+    return layout
+
+
+def _units(order: list[Function]) -> Iterator[list[Function]]:
+    """Yield the functions without a fixed address, those together of which one falls into the next."""
+    unit: list[Function] = []
+    for function in order:
+        if function.origin is None:
+            unit.append(function)
+            if not function.falls_into:
+                yield unit
+                unit = []
+
+
+def _called(function: Function) -> str:
+    """Return what messages call a function or a constant."""
+    if function.table is not None:
+        return f"'{function.table.name}'"
+    return "the reset vector" if function.name == RESET else f"'{function.name}'"
+
+
+def _put(function: Function, address: int, layout: CodeLayout) -> int:
+    """Add a function to the program at an address; return the address behind it."""
+    layout.labels[function.name] = begin = address
+    for line in function.lines():
+        if isinstance(line, Label):
+            layout.labels[line.name] = address
+        else:
+            layout.words.append(PlacedWord(address, line, function.name))
+            address += 1
+    layout.starts[function.name] = (begin, address)
+    layout.end = max(layout.end, address)
+    return address
 
 
 def _encode(

@@ -23,15 +23,23 @@ ID_NAME = "__servogen_id"
 BIT_MEMBER = "__servogen_bit"
 CRITICAL_LABEL = "__servogen_critical"
 _DROPPED = frozenset((
-    "near", "far", "__near", "__far", "persistent", "__persistent", "__reentrant", "reentrant", "__ram",
-    "__data", "__idata", "__xdata", "__pdata",
+    "near", "far", "__near", "__far", "__reentrant", "reentrant", "__ram", "__data", "__idata", "__xdata",
+    "__pdata", "bank0", "bank1", "bank2", "bank3",
 ))  # fmt: skip
+"""Qualifiers without a meaning on this chip: RAM is the same in both banks."""
 _NOT_TYPES = frozenset(("return", "case", "else", "do", "goto", "sizeof"))
 _TYPE_WORDS = frozenset(["void", "int", "char", "unsigned", "signed", "long", "short", "static"])
+_SPECIFIERS = _TYPE_WORDS | frozenset((
+    "float", "double", "bit", "bool", "const", "volatile", "register", "extern", "auto", "typedef", "inline",
+))  # fmt: skip
+"""Words that declare no name."""
+_WITH_ARGUMENTS = frozenset(("__at", "__interrupt", "__attribute__", "__using", "__bank", "__section"))
 
 
-Position = tuple[str | None, int | None, int | None]
-"""File, line and column."""
+Position = tuple[str | None, int | None, int | None, str]
+"""Where a name is declared: file, line, column, and the name; all names that a macro makes share the first
+three.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +60,22 @@ class Rewritten:
     tokens: list[PToken] = field(default_factory=list)
     addresses: dict[Position, FixedAddress] = field(default_factory=dict)
     """Fixed addresses by the position of the declared name."""
-    naked: set[str] = field(default_factory=set)
+    interrupts: set[Position] = field(default_factory=set)
+    naked: set[Position] = field(default_factory=set)
     """Functions declared with `__naked`."""
+    persistent: set[Position] = field(default_factory=set)
+    """Variables that keep their values through a reset."""
     hoisted: list[PToken] = field(default_factory=list)
     """Declarations at file level that were made from `__CONFIG` and its like inside functions."""
-    interrupts: set[str] = field(default_factory=set)
     file_asm: list[tuple[int, Location]] = field(default_factory=list)
     """Blocks of assembly outside functions, by number."""
 
 
 class _Rewriter:
-    """The state of rewriting one file: the next token, the depth of braces, and what waits for a name."""
+    """The state of rewriting one file: the next token and the depth of braces.
+
+    No word waits for the name that it belongs to: `declared` looks for the name at once.
+    """
 
     def __init__(self, tokens: list[PToken], blocks: list[AsmBlock], reporter: Reporter, serial: int) -> None:
         self.tokens = tokens
@@ -72,9 +85,6 @@ class _Rewriter:
         self.depth = 0
         self.index = 0
         self.serial = serial
-        self.pending_address: tuple[FixedAddress, int] | None = None
-        """An address before the name that it is for, and the depth of braces at which it stands."""
-        self.pending_interrupt = False
 
     def text(self, ahead: int = 0) -> str:
         """Return the text of the token so many places ahead; empty behind the end."""
@@ -113,22 +123,27 @@ class _Rewriter:
         return self.out
 
     def plain(self, token: PToken) -> None:
-        """Copy a token; attach a pending address or interrupt to the name that it declares."""
-        if token.text == "{":
-            self.depth += 1
-        elif token.text == "}":
-            self.depth -= 1
-        is_name = re.match(r"[A-Za-z_]", token.text) is not None
-        if self.pending_interrupt and is_name and self.text(1) == "(":
-            self.out.interrupts.add(token.text)
-            self.pending_interrupt = False
-        if self.pending_address is not None and is_name and self.depth == self.pending_address[1]:
-            after_star = self.out.tokens and self.out.tokens[-1].text == "*"
-            if self.text(1) in (";", "=", "[", ",") or (after_star and self.text(1) == ")"):
-                self.out.addresses[position(token.place)] = self.pending_address[0]
-                self.pending_address = None
+        """Copy a token."""
+        self.depth += {"{": 1, "}": -1}.get(token.text, 0)
         self.out.tokens.append(token)
         self.index += 1
+
+    def declared(self, word: PToken, *, function: bool = False) -> Position | None:
+        """Return the name that a word such as `__at` at its declaration is for: the one that the declaration
+        goes on to declare, else the one in front of the word. Reports an error if there is none.
+        """
+        ahead = _name_ahead(self.tokens, self.index)
+        name = self.tokens[ahead] if ahead is not None else _declared_name(self.out.tokens)
+        called = name is not None and (
+            self.tokens[_behind_words(self.tokens, ahead + 1)].text == "("
+            if ahead is not None
+            else self.out.tokens[-1].text == ")"
+        )
+        if name is None or not _is_free(name.text) or (function and not called):
+            kind = "function" if function else "name"
+            self.reporter.error("c-syntax", f"'{word.text}' stands where no {kind} is declared", word.place)
+            return None
+        return position(name.place, name.text)
 
     def arguments(self) -> list[PToken]:
         """Return the tokens in the parentheses at `index`, and advance past them."""
@@ -160,8 +175,65 @@ class _Rewriter:
         return value
 
 
-def position(place: Location) -> Position:
-    return place.file, place.line, place.column
+def position(place: Location, name: str) -> Position:
+    return place.file, place.line, place.column, name
+
+
+_TAGGED = frozenset(("struct", "union", "enum"))
+
+
+def _is_free(text: str) -> bool:
+    """Return whether a word can be a name that is declared."""
+    return re.match(r"[A-Za-z_]", text) is not None and text not in _SPECIFIERS | _NOT_TYPES | _TAGGED
+
+
+def _behind_words(tokens: list[PToken], index: int) -> int:
+    """Return the first index from there on at which no word such as `__at(0x20)` stands; the last token at
+    the end.
+    """
+    while index < len(tokens) and tokens[index].text in _WITH_ARGUMENTS:
+        index += 1
+        if index < len(tokens) and tokens[index].text == "(":
+            index = _closing(tokens, index)
+            index += 1
+        elif index < len(tokens) and tokens[index].text[0].isdigit():
+            index += 1
+    return min(index, len(tokens) - 1)
+
+
+def _name_ahead(tokens: list[PToken], index: int) -> int | None:
+    """Return the index of the name that a declaration declares from there on; None if it declares none before
+    its end.
+    """
+    while index < len(tokens):
+        index = _behind_words(tokens, index)
+        text = tokens[index].text
+        after = _behind_words(tokens, index + 1) if index + 1 < len(tokens) else index
+        if text in _TAGGED:
+            index += 1 + (re.match(r"[A-Za-z_]", tokens[after].text) is not None)
+            if index < len(tokens) and tokens[index].text == "{":
+                index = _closing(tokens, index) + 1
+        elif text in _SPECIFIERS or text in ("*", "("):
+            index += 1
+        elif not _is_free(text):
+            return None
+        elif re.match(r"[A-Za-z_*]", tokens[after].text) or (
+            tokens[after].text == "(" and tokens[min(after + 1, len(tokens) - 1)].text == "*"
+        ):
+            index += 1  # the name of a type, or a qualifier
+        else:
+            return index
+    return None
+
+
+def _closing(tokens: list[PToken], opening: int) -> int:
+    """Return the index of the bracket that closes the one at `opening`; the number of tokens if none does."""
+    depth = 0
+    for index in range(opening, len(tokens)):
+        depth += {"(": 1, "[": 1, "{": 1, ")": -1, "]": -1, "}": -1}.get(tokens[index].text, 0)
+        if depth == 0:
+            return index
+    return len(tokens)
 
 
 def _assembler_spelling(text: str) -> str:
@@ -196,13 +268,16 @@ def _opening(tokens: list[PToken], closing: int) -> int:
 
 def _at_sign(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `name @ address`."""
-    name = _declared_name(self.out.tokens)
     self.index += 1
-    after_sign = []
-    while self.index < len(self.tokens) and self.text() not in (";", ",", "="):
+    after_sign: list[PToken] = []
+    depth = 0
+    while self.index < len(self.tokens) and self.text() not in (";", ",", "=", "{"):
+        depth += {"(": 1, ")": -1}.get(self.text(), 0)
+        if depth < 0:
+            break  # the end of the parameters, or of parentheses around a declarator
         after_sign.append(self.tokens[self.index])
         self.index += 1
-    self.out.addresses[position((name or token).place)] = self.address(after_sign, token.place)
+    _fix(self, token, after_sign)
     return True
 
 
@@ -216,13 +291,15 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
     else:
         tokens = [self.tokens[self.index]]
         self.index += 1
-    value = self.address(tokens, token.place)
-    before = _declared_name(self.out.tokens)
-    if self.text() in (";", "=", ",") and before is not None:
-        self.out.addresses[position(before.place)] = value
-    else:
-        self.pending_address = value, self.depth
+    _fix(self, token, tokens)
     return True
+
+
+def _fix(self: _Rewriter, word: PToken, address: list[PToken]) -> None:
+    """Note the address of the name that it is for."""
+    value, name = self.address(address, word.place), self.declared(word)
+    if name is not None:
+        self.out.addresses[name] = value
 
 
 def _interrupt(self: _Rewriter, token: PToken) -> bool:
@@ -230,7 +307,7 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
     SDCC; a function named interrupt is kept.
     """
     if token.text == "interrupt" and self.text(1) == "(":
-        self.out.interrupts.add("interrupt")
+        self.out.interrupts |= {position(token.place, token.text)} if not self.depth else set()
         return False
     # inside a function the word is an ordinary name
     if self.depth or self.is_name():
@@ -240,17 +317,19 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
         self.arguments()
     elif self.text().isdigit():
         self.index += 1
-    if self.out.tokens and self.out.tokens[-1].text == ")":
-        self.out.interrupts.add(_name_before_parameters(self.out.tokens))
-    else:
-        self.pending_interrupt = True
+    name = self.declared(token, function=True)
+    self.out.interrupts |= {name} if name is not None else set()
     return True
 
 
-def _name_before_parameters(tokens: list[PToken]) -> str:
-    """Return the name in front of the parentheses that the tokens end with."""
-    opening = _opening(tokens, len(tokens) - 1)
-    return tokens[opening - 1].text if opening > 0 else ""
+def _persistent(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite XC8's `persistent` and `__persistent`."""
+    if self.is_name():
+        return False
+    self.index += 1
+    name = self.declared(token)
+    self.out.persistent |= {name} if name is not None else set()
+    return True
 
 
 def _code(self: _Rewriter, token: PToken) -> bool:
@@ -301,15 +380,25 @@ def _naked(self: _Rewriter, token: PToken) -> bool:
     if self.depth or not self.out.tokens or self.out.tokens[-1].text != ")":
         return False
     self.index += 1
-    self.out.naked.add(_name_before_parameters(self.out.tokens))
+    name = self.declared(token, function=True)
+    self.out.naked |= {name} if name is not None else set()
     return True
 
 
 def _critical(self: _Rewriter, token: PToken) -> bool:
     """Rewrite SDCC's `__critical { … }`, and a function's body declared with it, as a labelled block."""
+    opening = self.index + 1
+    if not self.depth and (not self.out.tokens or self.out.tokens[-1].text != ")"):
+        return False
+    if not self.depth:  # other words may stand before the body
+        opening = _behind_words(self.tokens, opening)
+        while opening < len(self.tokens) - 1 and self.tokens[opening].text in _BEHIND_PARAMETERS:
+            opening = _behind_words(self.tokens, opening + 1)
+    if opening >= len(self.tokens) or (self.depth and self.tokens[opening].text != "{"):
+        return False
     self.index += 1
-    if self.text() != "{":
-        return self.text() == ";" and not self.depth  # a prototype
+    if self.tokens[opening].text != "{":
+        return True  # a prototype
     self.serial += 1
     label = f"{CRITICAL_LABEL}{self.serial}"
     if self.depth:
@@ -317,24 +406,15 @@ def _critical(self: _Rewriter, token: PToken) -> bool:
         self.emit(":", token.place)
         return True
     # of a function declared so, the whole body becomes the labelled block
-    closing = _matching_brace(self.tokens, self.index)
-    if closing is None:
+    closing = _closing(self.tokens, opening)
+    if closing == len(self.tokens):
         return True  # the parser reports that the file ends too early
     self.tokens.insert(closing, PToken("}", self.tokens[closing].place))
-    self.tokens.insert(self.index + 1, PToken("{", token.place))
-    self.tokens.insert(self.index + 1, PToken(":", token.place))
-    self.tokens.insert(self.index + 1, PToken(label, token.place))
+    self.tokens[opening + 1 : opening + 1] = [PToken(text, token.place) for text in (label, ":", "{")]
     return True
 
 
-def _matching_brace(tokens: list[PToken], opening: int) -> int | None:
-    """Return the index of the brace that closes the one at `opening`, or None if none does."""
-    depth = 0
-    for index in range(opening, len(tokens)):
-        depth += {"{": 1, "}": -1}.get(tokens[index].text, 0)
-        if depth == 0:
-            return index
-    return None
+_BEHIND_PARAMETERS = frozenset(("__naked", "__reentrant", "reentrant"))
 
 
 def _drop(self: _Rewriter, token: PToken) -> bool:
@@ -368,12 +448,16 @@ def _attribute(self: _Rewriter, token: PToken) -> bool:
     return True
 
 
-def _using(self: _Rewriter, token: PToken) -> bool:
-    """Drop SDCC's `__using(…)`: this chip has one bank of working registers."""
+def _drop_call(self: _Rewriter, token: PToken) -> bool:
+    """Drop SDCC's `__using(…)` and XC8's `__bank(…)`, which mean nothing on this chip, and, with a warning,
+    `__section(…)`.
+    """
     if self.text(1) != "(":
         return False
     self.index += 1
     self.arguments()
+    if token.text == "__section":
+        self.reporter.warn("c-attribute", "the section is ignored", token.place)
     return True
 
 
@@ -485,7 +569,11 @@ _HANDLERS = {
     "__naked": _naked,
     "__critical": _critical,
     "__attribute__": _attribute,
-    "__using": _using,
+    "persistent": _persistent,
+    "__persistent": _persistent,
+    "__using": _drop_call,
+    "__bank": _drop_call,
+    "__section": _drop_call,
     "asm": _asm_call,
     "__asm": _asm_call,
     "__asm__": _asm_call,

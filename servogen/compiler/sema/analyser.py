@@ -133,8 +133,9 @@ class Analyser:
         self.asm_symbols: dict[str, Symbol] = {}
         self.accessing = True
         """Whether the object that an expression names is read or written; not by `&` and `sizeof`."""
-        self.addressed: set[Position] = set()
-        """Where variables are declared: the only names to which a fixed address may belong."""
+        self.variables: set[Position] = set()
+        self.heads: set[Position] = set()
+        """Where variables and functions are declared: only to these names may words such as `__at` belong."""
         self.eeprom_used = 0
         """The bytes of the EEPROM that declarations have taken so far."""
         self.reading_config = False

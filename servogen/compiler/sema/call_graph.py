@@ -26,6 +26,7 @@ from servogen.compiler.ast.types import VoidType
 from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
 from servogen.errors import Location
+from servogen.pic.device import INTERRUPT_VECTOR
 
 
 def _called(function: FunctionDefinition) -> dict[str, Call]:
@@ -124,6 +125,14 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
         if handler.parameters or not isinstance(handler.result, VoidType):
             reporter.error(
                 "c-interrupt", "an interrupt function has no parameters and returns void", handler.place
+            )
+    for function in (functions["main"], *handlers):
+        if function.origin not in (None, INTERRUPT_VECTOR if function.interrupt else None):
+            reporter.error(
+                "c-address",
+                f"'{function.name}' cannot have this address: main lies anywhere, "
+                f"an interrupt function at 0x{INTERRUPT_VECTOR:03X}",
+                function.place,
             )
     # a function that nothing calls may stay undefined (ISO C 6.9)
     for name in dict.fromkeys([*graph.main, *graph.isr]):

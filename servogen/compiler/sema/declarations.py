@@ -48,6 +48,7 @@ from servogen.pic.device import (
     CONFIG_ADDRESS,
     EEPROM_ADDRESS,
     EEPROM_BYTES,
+    PROGRAM_WORDS,
     RAM_BYTES,
     RAM_FIRST,
     RAM_LAST,
@@ -79,8 +80,9 @@ def declare(analyser: Analyser, node: Any) -> None:
         raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
     storage = node.storage or []
     static = "static" in storage
-    address = analyser.scopes.source.addresses.get(position(place))
-    analyser.addressed.add(position(place))
+    here = position(place, node.name)
+    address = analyser.scopes.source.addresses.get(here)
+    analyser.variables.add(here)
     if address is not None and isinstance(kind, IntType) and kind.is_bit:
         _bit_alias(analyser, node, address)
         return
@@ -146,9 +148,14 @@ def _new_global(analyser: Analyser, node: Any, kind: CType, address: int | None)
     where = "flash" if is_const_object(kind) else "global"
     symbol = Symbol(name, kind, where, place, asm_name=f"_{name}")
     symbol.volatile = holds_volatile(kind)
+    symbol.persistent = position(place, name) in analyser.scopes.source.persistent
+    if symbol.persistent and (where == "flash" or node.init is not None):
+        raise analyser.reporter.fatal(
+            "c-initialiser", f"'{name}' keeps its value through a reset and cannot be initialised", place
+        )
     if address is not None:
         _fix(analyser, symbol, address, place)
-    elif where == "flash" and symbol.volatile:
+    if where == "flash" and symbol.volatile:
         raise analyser.reporter.fatal(
             "c-const", f"the constant '{name}' cannot have a volatile member", place
         )
@@ -184,7 +191,11 @@ def _in_eeprom(analyser: Analyser, name: str, kind: CType, place: Location) -> S
 
 
 def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> None:
-    """Assign a fixed address to a variable."""
+    """Assign a fixed address to a variable, or to a constant: that of a word of the program memory."""
+    if symbol.kind == "flash":
+        symbol.address = address
+        _check_in_flash(analyser, symbol.name, address, symbol.size, place)
+        return
     symbol.kind, symbol.address, symbol.pinned = "fixed", address, True
     in_ram = RAM_FIRST <= address & 0x7F <= RAM_LAST
     symbol.volatile = symbol.volatile or not RAM_FIRST <= address <= RAM_LAST
@@ -200,6 +211,16 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> N
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
             place,
             hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+        )
+
+
+def _check_in_flash(analyser: Analyser, name: str, address: int, words: int, place: Location) -> None:
+    """Report an address that leaves the program memory."""
+    if not 0 <= address <= PROGRAM_WORDS - words:
+        analyser.reporter.error(
+            "c-address",
+            f"'{name}' at 0x{address:X} is not in the program memory (0x000-0x{PROGRAM_WORDS - 1:X})",
+            place,
         )
 
 
@@ -415,8 +436,6 @@ def declare_function(
         )
         known.prototyped = kind.parameters is not None or define
         known.static = static
-        known.interrupt = name in analyser.scopes.source.interrupts
-        known.naked = name in analyser.scopes.source.naked
         analyser.program.functions[mangled] = known
         if not static:
             analyser.externals[name] = known
@@ -427,6 +446,7 @@ def declare_function(
         _replace_library(analyser, known, kind, node)
     else:
         _same_signature(analyser, known, kind, node)
+    _function_words(analyser, known, node)
     analyser.scopes.stack[0].names[name] = known
     if define:
         if known in analyser.defined:
@@ -441,6 +461,28 @@ def declare_function(
         known.place = place
         known.prototyped = True
     return known
+
+
+def _function_words(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
+    """Add what the words `interrupt`, `__naked` and `__at` of a declaration say of its function."""
+    here = position(analyser.place(node), node.name)
+    analyser.heads.add(here)
+    source = analyser.scopes.source
+    function.interrupt |= here in source.interrupts
+    function.naked |= here in source.naked
+    address = source.addresses.get(here)
+    if address is None or address == function.origin:
+        return
+    if isinstance(address, BitAddress):
+        raise analyser.fail("c-address", "a fixed address must be a number", node)
+    if function.origin is not None:
+        raise analyser.fail(
+            "c-redeclared",
+            f"'{function.name}' has two addresses: 0x{function.origin:02X} and 0x{address:02X}",
+            node,
+        )
+    _check_in_flash(analyser, function.name, address, 1, analyser.place(node))
+    function.origin = address
 
 
 def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any) -> None:

@@ -177,10 +177,20 @@ def analyse(
 
 
 def _check_addresses(analysis: Analyser) -> None:
-    """Report the fixed addresses that belong to no variable, such as a function's or a member's."""
+    """Report the words such as `__at` and `interrupt` whose name is none that can have them: a member or a
+    parameter, for instance.
+    """
     for scopes in analysis.file_scopes:
-        for place in scopes.source.addresses.keys() - analysis.addressed:
-            analysis.reporter.error("c-address", "only a variable can have a fixed address", Location(*place))
+        source = scopes.source
+        anything = analysis.variables | analysis.heads
+        for strays, problem in (
+            (source.addresses.keys() - anything, "only a variable or a function can have a fixed address"),
+            (source.interrupts - analysis.heads, "only a function can be an interrupt function"),
+            (source.naked - analysis.heads, "only a function can be naked"),
+            (source.persistent - analysis.variables, "only a variable can be persistent"),
+        ):
+            for *place, _ in strays:
+                analysis.reporter.error("c-address", problem, Location(*place))
 
 
 def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:

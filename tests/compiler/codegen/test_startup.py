@@ -128,3 +128,14 @@ def test_the_vectors() -> None:
         next(each for each in plain.listing.functions if each.name == name) for name in ("__start", "main")
     )
     assert (start.start, main.start) == (0, start.end)
+
+
+def test_persistent_variables_keep_their_values() -> None:
+    """Beside 20 bytes that a loop clears and an initial value, the persistent byte is not written."""
+    text = (
+        "unsigned char z[20], n, i = 3; persistent unsigned char kept; static __persistent int also;"
+        "void main(void) { PORTB = z[n] + kept + i + also; z[0] = n = i = kept = also = 1; }"
+    )
+    found = [row for row in started(text) if "F " in row]
+    assert not any("kept" in row or "also" in row for row in found)
+    assert any(row.endswith(" i") for row in found)
