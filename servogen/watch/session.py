@@ -56,6 +56,8 @@ MAX_EDGES = 20_000
 """The maximum number of edges in one answer; a range with more is cut."""
 SCOPE_SPEED = 0.1
 """The speed above which the waves show whole frames of the past, like a scope triggered by the frame."""
+SCOPE_S = 0.1
+"""The interval between two such views; more slowly, the edges come with every picture."""
 AHEAD = 0.25
 """The part of the waves that is kept free for the future at lower speeds."""
 SILENT_FRAMES = 2
@@ -104,6 +106,7 @@ class WatchSession:
         """The level at which the user holds each pin."""
         self._due = 0.0
         self._since_full = 0.0
+        self._since_waves = 0.0
         self._stopped = ""
         self._line_free = 0
         self._period = _period(subject)
@@ -192,8 +195,13 @@ class WatchSession:
             self._run_on(min(elapsed_s, LONGEST_TICK_S))
             self._since_full += elapsed_s
             whole = self._since_full >= FULL_S or not self.running
-            self._follow()
-            yield {**self.shown(whole=whole), "waves": self._waves(*self._sight)}
+            message = self.shown(whole=whole)
+            self._since_waves += elapsed_s
+            if not self._as_scope() or self._since_waves >= SCOPE_S or not self.running:
+                self._since_waves = 0.0
+                self._follow()
+                message["waves"] = self._waves(*self._sight)
+            yield message
         if self.bodies is not None:
             try:
                 yield from self.bodies.follow()
@@ -248,11 +256,14 @@ class WatchSession:
         begin, end = self._sight
         self._latest.add(edges, self.now, end - begin + 2 * self._period)
 
+    def _as_scope(self) -> bool:
+        return self.speed is None or self.speed > SCOPE_SPEED
+
     def _follow(self) -> None:
         """Move the window of the waves so that the moment stays in sight while it runs."""
         begin, end = self._sight
         span = end - begin
-        if self.speed is None or self.speed > SCOPE_SPEED:
+        if self._as_scope():
             placed = self.subject.wanted
             period = round(placed[0].steps * placed[0].schedule.period) if len(placed) == 1 else self._period
             frames = (self.now - end) // period
@@ -355,6 +366,7 @@ class WatchSession:
         speed = message.get("speed", self.speed)
         self.speed = None if speed is None else min(MAX_SPEED, max(MIN_SPEED, float(speed)))
         self.running, self._stopped = bool(message.get("running", True)), ""
+        self._since_waves = SCOPE_S  # what is in sight fits the new speed at once
         yield self.shown()
 
     def _do_step(self, message: Mapping[str, Any]) -> Iterator[Message]:
