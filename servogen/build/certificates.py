@@ -35,8 +35,9 @@ def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:
         return CertificateVerdict("no certificate", False, missing=True)
     claim = read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
     try:
-        check_certificate(claim, image, schedule.encode(), "schedule.json")
+        result = check_certificate(claim, image, schedule.encode(), "schedule.json")
     except Refused as refused:
         return CertificateVerdict(f"refused: {refused}", False)
-    held = ", ".join(f"{pin} held" for pin in claim.held)
-    return CertificateVerdict(f"proven, {held}" if held else "proven", True)
+    # The held line of a stream is part of the theorem: the schedule says nothing of other levels.
+    held = ["with " + " and ".join(claim.held) + " held"] if result.restrictions else []
+    return CertificateVerdict(", ".join(["proven", "checked", *held]), True)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 from bisect import bisect_left
 from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -54,14 +55,32 @@ class Refused(Exception):
     """The certificate does not prove that the edges are the schedule's; the text says where and why."""
 
 
+class NotCovered(Refused):
+    """The program does something that the checker does not cover; the text says what, and where."""
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(f"{where}: the checker does not cover: {what}")
+        self.what = what
+
+
+OUTSIDE = (chip.SLEEPS, chip.EEPROM_WRITE, chip.REGISTER, chip.PHASE, chip.INTERRUPT)
+"""Reasons to stop that are no fault of the program."""
+
+
 @dataclass(frozen=True)
 class Checked:
-    """How much was covered: listed states, frames, cycles, and ways that were split."""
+    """What was checked: the theorem's quantities and restrictions, as texts, and how much was run."""
 
     states: int
+    """Listed states."""
     frames: int
     cycles: int
     forks: int
+    """Ways that were split."""
+    over: tuple[str, ...] = ()
+    """What the theorem is quantified over."""
+    restrictions: tuple[str, ...] = ()
+    """The pins for whose held level alone it was checked."""
 
 
 class Checker:
@@ -107,7 +126,17 @@ class Checker:
         for group in np.split(order, changes):
             for first in range(0, len(group), ROWS):
                 self._follow(self._states[group[first : first + ROWS]])
-        return Checked(len(order), self._frames, self._cycles, self._forks)
+        return Checked(len(order), self._frames, self._cycles, self._forks, self._over())
+
+    def _over(self) -> tuple[str, ...]:
+        """Return what all runs together are about."""
+        but = " that is not held" if self._board.held else ""
+        over = ["every value of RAM and registers after a reset in any cycle"]
+        over += [f"every level of every input{but} in every cycle"]
+        over += [f"every watchdog that is not faster than {WATCHDOG_US // 1000} ms"] * bool(
+            self._board.watchdog
+        )
+        return tuple(over)
 
     def _known(self, certificate: Certificate) -> Ints:
         """Return the listed states with their places numbered, once they can be found. Raises Refused."""
@@ -193,9 +222,10 @@ class Checker:
                 elif why == chip.CUT:
                     arrived.append(rows)
                 else:
-                    raise self._refused(rows[0], chip.REASONS[why])
+                    reason, outside = chip.REASONS[why], why in OUTSIDE
+                    raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
                 if self._run > MAX_CYCLES or sum(map(len, stopped)) > MAX_ROWS:
-                    raise self._refused(rows[0], "more cycles, or ways, than are allowed")
+                    raise _refused(rows[0], "more cycles, or ways, than are allowed")
             states = np.concatenate([states, *stopped])
         if arrived:
             self._compare(np.concatenate(arrived))
@@ -223,7 +253,7 @@ class Checker:
         for row in rows:
             following = self._following(*row[[FRAME_NUMBER, PLACE]].tolist())
             if following is None:
-                raise self._refused(row, "an input was not read in the frame")
+                raise _refused(row, "an input was not read in the frame")
             row[[FRAME_NUMBER, PLACE, DUE]] = following
         over = rows[:, FRAME_NUMBER] < 0
         rows[:, chip.FRAME] = np.where(over, chip.NEVER, rows[:, chip.FRAME] + self._plan.period)
@@ -252,7 +282,7 @@ class Checker:
             if why == chip.BUTTON and its[0, chip.FRAME] not in (chip.BEFORE, chip.NEVER):
                 its[:, PLACE] = [self._sampled(place, pin, level) for place in its[:, PLACE].tolist()]
                 for row in its[its[:, PLACE] < 0]:
-                    raise self._refused(row, "an input is read again")
+                    raise _refused(row, "an input is read again")
         return both
 
     def _sample(self, number: int, pin: int, level: int) -> int:
@@ -273,21 +303,25 @@ class Checker:
                 within &= (settled[:, ages] >= self._states[numbers][:, ages]).all(axis=1)
             missing &= ~within
         for row in rows[missing]:
-            raise self._refused(row, "the state is within no listed one")
+            raise _refused(row, "the state is within no listed one")
 
-    def _refused(self, row: Ints, reason: str) -> Refused:
-        """Return what is wrong, and where."""
-        frame = f"frame {row[FRAME_NUMBER]}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
-        if row[chip.FRAME] in (chip.BEFORE, chip.NEVER):
-            frame = "before the first pulse" if row[chip.FRAME] < 0 else "after the last pulse"
-        origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
-        levels = (row[chip.PORTA] | row[chip.PORTA] >> 8) & 0x1F | (
-            row[chip.PORTB] | row[chip.PORTB] >> 8
-        ) << 5
-        driven = levels & ~(row[chip.TRISA] | row[chip.TRISB] << 5)
-        high = " ".join(pin for bit, pin in enumerate(PINS) if driven >> bit & 1) or "none"
-        where = f"{row[chip.CYCLE]} cycles after {origin}, at address 0x{row[chip.PC]:03X}, {frame}"
-        return Refused(f"{where}, high pins: {high}: {reason}")
+
+def _refused(row: Ints, reason: str) -> Refused:
+    """Return what is wrong, and where."""
+    return Refused(f"{_place_of(row)}: {reason}")
+
+
+def _place_of(row: Ints) -> str:
+    """Return where a chip is: cycle, state, address, frame, pins."""
+    frame = f"frame {row[FRAME_NUMBER]}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
+    if row[chip.FRAME] in (chip.BEFORE, chip.NEVER):
+        frame = "before the first pulse" if row[chip.FRAME] < 0 else "after the last pulse"
+    origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
+    levels = (row[chip.PORTA] | row[chip.PORTA] >> 8) & 0x1F | (row[chip.PORTB] | row[chip.PORTB] >> 8) << 5
+    driven = levels & ~(row[chip.TRISA] | row[chip.TRISB] << 5)
+    high = " ".join(pin for bit, pin in enumerate(PINS) if driven >> bit & 1) or "none"
+    where = f"{row[chip.CYCLE]} cycles after {origin}, at address 0x{row[chip.PC]:03X}, {frame}"
+    return f"{where}, high pins: {high}"
 
 
 def _ratio(rows: Ints) -> Ints:
@@ -324,10 +358,28 @@ def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     return [key.tobytes() if fit else None for key, fit in zip(keys, fits, strict=True)]
 
 
-def check_certificate(certificate: Certificate, image: Image, schedule: bytes, file: str) -> Checked:
+def _restrictions(held: dict[str, int], plan: Plan, allowed: Collection[str]) -> tuple[str, ...]:
+    """Return the levels at which the certificate holds pins, and why that is no gap. Raises Refused."""
+    texts = []
+    for pin, level in held.items():
+        if (pin, level) in plan.stated:
+            texts.append(f"{pin} held at {level}, the only level that the schedule is about")
+        elif pin in allowed:
+            texts.append(f"{pin} held at {level}, as was allowed")
+        else:
+            raise Refused(
+                f"it holds {pin} at {level}: the theorem is about every level, unless this is allowed"
+            )
+    return tuple(texts)
+
+
+def check_certificate(
+    certificate: Certificate, image: Image, schedule: bytes, file: str, allowed: Collection[str] = ()
+) -> Checked:
     """Return what was run to check the certificate of a program against a schedule, the contents of `file`.
 
-    Raises Refused if the certificate does not prove it, InputError if the file has no schedule.
+    The certificate may hold the pins that are `allowed`, and those at the one level that a schedule without a
+    rule for them states. Raises Refused if it does not prove the rest, InputError if there is no schedule.
     """
     plan = read_plan(schedule, file)
     if certificate.image != fingerprint(image):
@@ -339,4 +391,5 @@ def check_certificate(certificate: Certificate, image: Image, schedule: bytes, f
         raise Refused("the clock is faster than the chip")
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:
         raise Refused("the certificate is of another schedule")
-    return Checker(image, plan, certificate).check()
+    restrictions = _restrictions(certificate.held, plan, allowed)
+    return replace(Checker(image, plan, certificate).check(), restrictions=restrictions)

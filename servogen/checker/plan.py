@@ -196,6 +196,9 @@ class Plan:
     """Of the stance and of each direction: the first frames of its start, cycle and stop, and the frame
     after; empty if none is commanded.
     """
+    stated: frozenset[tuple[str, int]] = frozenset()
+    """Input pins with the one level of which the schedule says what follows; it says nothing of other levels.
+    """
     fastest: int = 20_000_000
     """The chip's largest clock in Hz."""
 
@@ -294,6 +297,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
         if commands
         else [],
+        stated=frozenset() if buttons else frozenset(map(_stated, data.get("inputs", []))),
         fastest=20_000_000 if data.get("device") in (None, "PIC16F84A") else 10_000_000,
     )
 
@@ -310,6 +314,10 @@ def _number(value: Any, least: int, largest: int = LARGEST) -> int:
     if type(value) is not int or not least <= value <= largest:
         raise ValueError(f"{value!r} is not a number of {least} to {largest}")
     return value
+
+
+def _stated(data: Any) -> tuple[str, int]:
+    return PINS[PINS.index(data["pin"])], _number(data["level"], 0, 1)
 
 
 def _button(data: Any) -> Button:

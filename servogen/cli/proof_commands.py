@@ -72,6 +72,14 @@ def prove(
             "--hold-inputs", help="With --against: assume that the inputs keep the schedule's levels."
         ),
     ] = False,
+    certify_held_inputs: Annotated[
+        bool,
+        typer.Option(
+            "--certify-held-inputs",
+            help="With --certificate and --hold-inputs: write the certificate although it is not about the "
+            "other levels of the buttons; check-certificate needs --allow-held.",
+        ),
+    ] = False,
     plain_tmr0: Annotated[
         bool,
         typer.Option(
@@ -183,6 +191,7 @@ def prove(
             times=given,
             max_states=max_states,
             any_line=any_line,
+            certify_held=certify_held_inputs,
         )
         raise typer.Exit(prove_schedule(file, device, request, json))
     switched = hold_inputs or plain_tmr0 or any_eeprom or power_up or no_resets
@@ -236,6 +245,8 @@ class ProofRequest:
     max_states: int | None
     any_line: Path | None
     """The job whose serial line may have any waveform."""
+    certify_held: bool = False
+    """Whether a certificate may be about one level of each button."""
 
     @property
     def content(self) -> Path:
@@ -278,9 +289,10 @@ def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: 
 
         text = read_input(request.against, MAX_SCHEDULE_BYTES)
         try:
-            packed = certificate(proof, program.image, schedule, text)
+            packed = certificate(proof, program.image, schedule, text, request.certify_held)
         except ValueError as error:
-            raise InputError("no-certificate", f"proven, but {error}", Location(str(file))) from None
+            hint = "--certify-held-inputs writes it" if proof.held and not request.certify_held else ""
+            raise InputError("no-certificate", f"proven, but {error}", Location(str(file)), hint) from None
         write_bytes(request.certificate, packed)
     line = _any_line(program, *planned) if proof.proven and planned is not None else None
     shown = proof.counterexample if line is None else line.counterexample
@@ -471,12 +483,20 @@ def check_certificate(
     ],
     hex_file: Annotated[Path, typer.Argument(metavar="HEX", help="The program.", show_default=False)],
     against: Annotated[Path, typer.Option(help="The schedule.json of the proof.", show_default=False)],
+    allow_held: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--allow-held",
+            metavar="PIN",
+            help="Accept a certificate that is about one level of this button or line only (repeatable).",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check a certificate of `prove` with an independent checker.
 
-    Exit code 0: the certificate proves that every edge is the schedule's; 1: refused, with the reason; 2: a
-    file is not valid.
+    Exit code 0: the certificate proves that every edge is the schedule's; 1: refused, or outside what the
+    checker covers, with the reason; 2: a file is not valid.
     """
     from servogen import checker
     from servogen.build.certificates import MAX_CERTIFICATE_BYTES
@@ -486,21 +506,22 @@ def check_certificate(
     claim = checker.read_certificate(read_input(certificate, MAX_CERTIFICATE_BYTES), str(certificate))
     hex_file = program_file(hex_file)
     image = read_hex(read_source(hex_file), str(hex_file)).image
-    held = ", ".join(f"{pin} held at {level}" for pin, level in claim.held.items())
     try:
         with status(f"{hex_file.name}: checking {claim.count} states"):
             schedule = read_input(against, MAX_SCHEDULE_BYTES)
-            checked = checker.check_certificate(claim, image, schedule, str(against))
+            checked = checker.check_certificate(claim, image, schedule, str(against), allow_held or ())
     except checker.Refused as refused:
+        covered = not isinstance(refused, checker.NotCovered)
         if json:
-            as_json({"valid": False, "reason": str(refused), "held": claim.held})
+            as_json({"valid": False, "covered": covered, "reason": str(refused), "held": claim.held})
         else:
-            print(f"{certificate}: refused: {refused}")
+            print(f"{certificate}: {'refused' if covered else 'not covered'}: {refused}")
         raise typer.Exit(NOT_PROVEN) from None
     if json:
         as_json({"valid": True, "held": claim.held} | asdict(checked))
         return
-    print(f"{certificate}: valid{', with ' + held if held else ''}")
+    print(f"{certificate}: valid{''.join(f', with {text}' for text in checked.restrictions)}")
+    print("\n".join(f"  over {text}" for text in checked.over))
     counts = (
         f"{checked.states} states, {checked.frames} frames, {checked.cycles} cycles, {checked.forks} splits"
     )

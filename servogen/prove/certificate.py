@@ -44,10 +44,17 @@ def image_digest(image: Image) -> str:
     return sha256(f"{words}config {config}\n{eeprom}\n".encode()).hexdigest()
 
 
-def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_text: bytes) -> bytes:
-    """Return the certificate of a proof. Raises ValueError for a proof that is none, or has gaps."""
+def certificate(
+    proof: Proof, image: Image, schedule: PulseSchedule, schedule_text: bytes, hold_inputs: bool = False
+) -> bytes:
+    """Return the certificate of a proof. Raises ValueError for a proof that is none, or has gaps.
+
+    With `hold_inputs`, it may be about one level of each button or line; the checker must be told so.
+    """
     if not proof.proven or proof.transitions is None or not proof.quantifiers.complete:
         raise ValueError("only a proof over every power-up, reset and chip has a certificate")
+    if proof.held and (schedule.buttons or schedule.commands) and not hold_inputs:
+        raise ValueError("only a proof over every level of the buttons and the line has a certificate")
     if proof.asynchronous:
         raise ValueError("interrupts by INT and port B, SLEEP and EEPROM writes are not certified")
     listed = [node for node in proof.nodes if node.parent >= 0 and node.spec.phase != BEFORE]

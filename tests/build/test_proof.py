@@ -26,7 +26,7 @@ from servogen.build.proof import (
     prove_forever,
     running,
 )
-from servogen.checker import Refused
+from servogen.checker import Checked, Refused
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.image import Image
@@ -271,12 +271,13 @@ def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: 
     file.write_bytes(b"x")
     refused: list[str] = []
 
-    def check_certificate(*given: object) -> None:
+    def check_certificate(claim: Any, *given: object) -> Checked:
         if refused:
             raise Refused(refused[0])
+        return Checked(1, 2, 3, 4, ("every input",), tuple(claim.held))
 
     monkeypatch.setattr("servogen.build.certificates.check_certificate", check_certificate)
-    for held, text in (((), "proven"), (("RB0", "RA4"), "proven, RB0 held, RA4 held")):
+    for held, text in (((), "proven, checked"), (("RB0", "RA4"), "proven, checked, with RB0 and RA4 held")):
         claim = SimpleNamespace(held=held)
         monkeypatch.setattr("servogen.build.certificates.read_certificate", lambda *given, claim=claim: claim)
         found = checked(file, Image({}), "{}")

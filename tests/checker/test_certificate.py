@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import lzma
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,9 @@ FRAME = 6
 """The address at which a frame of the test programs begins."""
 
 
-def check(packed: bytes, image: Image, schedule: bytes) -> Checked:
-    return check_certificate(read_certificate(packed, "certificate"), image, schedule, "schedule.json")
+def check(packed: bytes, image: Image, schedule: bytes, allowed: Collection[str] = ()) -> Checked:
+    claim = read_certificate(packed, "certificate")
+    return check_certificate(claim, image, schedule, "schedule.json", allowed)
 
 
 def certified(image: Image, schedule: bytes) -> bytes:
@@ -52,7 +54,12 @@ def test_one_servo_is_one_state_that_repeats_each_frame() -> None:
     image, schedule = certify.plain_program(), certify.schedule()
     packed = certified(image, schedule)
     assert certify.unpack(packed)["count"] == 1
-    assert check(packed, image, schedule) == Checked(states=1, frames=2, cycles=2 * PERIOD + FRAME, forks=0)
+    found = check(packed, image, schedule)
+    assert replace(found, over=()) == Checked(states=1, frames=2, cycles=2 * PERIOD + FRAME, forks=0)
+    assert found.over == (
+        "every value of RAM and registers after a reset in any cycle",
+        "every level of every input in every cycle",
+    )
 
 
 @pytest.mark.parametrize("cycle", [1, 2, WIDTH])
@@ -234,16 +241,44 @@ def test_a_position_that_the_schedule_does_not_have_is_refused() -> None:
             check(certify.pack(data), image, schedule)
 
 
-def test_a_held_input_is_part_of_the_claim() -> None:
+def test_a_held_input_is_part_of_the_claim_and_allowed_by_name_only() -> None:
     image, schedule = certify.plain_program(clear="btfsc 5,2"), certify.schedule()
     data = certify.unpack(certified(certify.plain_program(), schedule)) | {"image": fingerprint(image)}
     data["held"] = {"RA2": 1}
     assert certify.reread(data).held == {"RA2": 1}
-    assert check(certify.pack(data), image, schedule).states == 1
+    with pytest.raises(Refused, match="it holds RA2 at 1: the theorem is about every level"):
+        check(certify.pack(data), image, schedule)
+    with pytest.raises(Refused, match="it holds RA2"):
+        check(certify.pack(data), image, schedule, ["RA3"])
+    assert check(certify.pack(data), image, schedule, ["RA2"]).restrictions == (
+        "RA2 held at 1, as was allowed",
+    )
+    # A schedule that states one level, and no rule, is about that level: no other is allowed by itself.
+    stating = json.dumps(json.loads(schedule) | {"inputs": [{"pin": "RA2", "level": 1}]}).encode()
+    data["schedule"] = hashlib.sha256(stating).hexdigest()
+    found = check(certify.pack(data), image, stating)
+    assert found.restrictions == ("RA2 held at 1, the only level that the schedule is about",)
+    assert "every level of every input that is not held in every cycle" in found.over
+    with pytest.raises(Refused, match="it holds RA2 at 0"):
+        check(certify.pack(data | {"held": {"RA2": 0}}), image, stating)
+    data["schedule"] = hashlib.sha256(schedule).hexdigest()
     for held in ({"RA2": 0}, {"RA3": 1}, {}):  # the skip shortens the frame
         data["held"] = held
         with pytest.raises(Refused, match=r"no listed|missing"):
-            check(certify.pack(data), image, schedule)
+            check(certify.pack(data), image, schedule, ["RA2", "RA3"])
+
+
+def test_a_held_button_needs_its_name_also_where_the_schedule_states_its_level() -> None:
+    """The button's other level has a meaning, so a certificate of one level is not about the schedule."""
+    stop = {**STOP, "pulses": "hold"}
+    schedule = json.loads(certify.schedule(stop)) | {"inputs": [{"pin": "RA4", "level": 1}]}
+    text = json.dumps(schedule).encode()
+    image = certify.plain_program()
+    data = certify.unpack(certified(image, certify.schedule()))
+    data |= {"schedule": hashlib.sha256(text).hexdigest(), "held": {"RA4": 1}}
+    with pytest.raises(Refused, match="it holds RA4 at 1"):
+        check(certify.pack(data), image, text)
+    assert check(certify.pack(data), image, text, ["RA4"]).restrictions
 
 
 @pytest.mark.parametrize("limit", ["MAX_CYCLES", "MAX_ROWS"])

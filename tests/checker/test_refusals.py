@@ -19,6 +19,10 @@ PLAIN, SCHEDULE = certify.plain_program(), certify.schedule()
 BUTTON, STOPPABLE = certify.button_program(), certify.schedule(STOP)
 
 
+FAULTS = ("a pin whose level is unknown or not driven", "a word that is not an instruction",
+          "an edge that is not expected", "a stack of more than eight levels")  # fmt: skip
+
+
 def refusal(image: Image, schedule: bytes, cuts: list[int]) -> str:
     with pytest.raises(Refused) as refused:
         certify.certify(image, schedule, cuts)
@@ -49,6 +53,8 @@ def verdict(packed: bytes, image: Image, schedule: bytes) -> Checked:
 def test_what_a_program_does_between_its_pulses(clear: str, why: str) -> None:
     text = refusal(certify.plain_program(clear=clear), SCHEDULE, [FRAME])
     assert text.endswith(f": {why}")
+    outside = why not in FAULTS
+    assert text.endswith(f": the checker does not cover: {why}") == outside
     assert re.match(r"\d+ cycles after power-up, at address 0x\w{3}, frame 0, cycle \d+, high pins: ", text)
 
 

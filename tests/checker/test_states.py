@@ -433,15 +433,13 @@ def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bo
     ],
 )  # fmt: skip
 def test_a_refusal_says_where_it_was_and_which_pins_were_high(changes: dict[str, int], text: str) -> None:
-    assert str(checker()._refused(row(**changes), "why")) == text
+    assert check._place_of(row(**changes)) + ": why" == text
 
 
 def test_a_refusal_names_the_listed_state_and_the_frame() -> None:
     state = row()
     state[[ORIGIN, FRAME_NUMBER]] = 17, 23
-    assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in str(
-        checker()._refused(state, "")
-    )
+    assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in check._place_of(state)
     state[ORIGIN] = -1
     assert str(checker()._refused(state, "")).startswith("1000 cycles after power-up, ")
 

@@ -320,29 +320,38 @@ def test_the_answers_about_a_program_are_text_or_json(
 def test_check_certificate_says_what_was_checked(
     run: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, held: dict[str, int]
 ) -> None:
-    from dataclasses import make_dataclass
-
-    names = ("states", "frames", "cycles", "forks")
-    counts = make_dataclass("Counts", names)(5, 6, 7, 8)
+    held_texts = tuple(f"{pin} held at {level}" for pin, level in held.items())
+    counts = checker.Checked(5, 6, 7, 8, ("every input",), held_texts)
     claim = SimpleNamespace(held=held, count=5)
     monkeypatch.setattr(checker, "read_certificate", lambda data, name: claim)
-    monkeypatch.setattr(checker, "check_certificate", lambda *_: counts)
+    allowed: list[Any] = []
+    monkeypatch.setattr(checker, "check_certificate", lambda *given: allowed.append(given[-1]) or counts)
     for name in ("c.xz", "s.json"):
         (tmp_path / name).write_text("x")
     (tmp_path / "a.hex").write_text(":00000001FF\n")
     words = ("check-certificate", tmp_path / "c.xz", tmp_path / "a.hex", "--against", tmp_path / "s.json")
-    with_held = ", with RB1 held at 1, RA0 held at 0" if held else ""
+    with_held = ", with RB1 held at 1, with RA0 held at 0" if held else ""
     ran = run(*words)
     assert (ran.code, ran.out.splitlines()) == (
         0,
-        [f"{tmp_path / 'c.xz'}: valid{with_held}", "  checked: 5 states, 6 frames, 7 cycles, 8 splits"],
+        [
+            f"{tmp_path / 'c.xz'}: valid{with_held}",
+            "  over every input",
+            "  checked: 5 states, 6 frames, 7 cycles, 8 splits",
+        ],
     )
-    shown = json.loads(run(*words, "--json").out)
+    shown = json.loads(run(*words, "--json", "--allow-held", "RB1", "--allow-held", "RA0").out)
+    assert allowed == [(), ["RB1", "RA0"]]
     assert shown == {
         "diagnostics": [],
         "valid": True,
         "held": held,
-        **dict(zip(names, (5, 6, 7, 8), strict=True)),
+        "states": 5,
+        "frames": 6,
+        "cycles": 7,
+        "forks": 8,
+        "over": ["every input"],
+        "restrictions": list(held_texts),
     }
 
     def refuse(*_: Any) -> None:
@@ -354,5 +363,16 @@ def test_check_certificate_says_what_was_checked(
     ran = run(*words, "--json")
     assert (ran.code, json.loads(ran.out)) == (
         1,
-        {"diagnostics": [], "valid": False, "reason": "state 3", "held": held},
+        {"diagnostics": [], "valid": False, "covered": True, "reason": "state 3", "held": held},
     )
+
+    def leave(*_: Any) -> None:
+        raise checker.NotCovered("SLEEP", "at address 3")
+
+    monkeypatch.setattr(checker, "check_certificate", leave)
+    ran = run(*words)
+    assert (ran.code, ran.out) == (
+        1,
+        f"{tmp_path / 'c.xz'}: not covered: at address 3: the checker does not cover: SLEEP\n",
+    )
+    assert json.loads(run(*words, "--json").out)["covered"] is False

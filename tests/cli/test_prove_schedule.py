@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 
+from servogen.pic.image import to_hex
 from servogen.programs import read_schedule
 from servogen.pulse.expected import expected
 from servogen.traces import read_edges
 from servogen.units import Cycles
 from servogen.verify import verify
+from tests.checker import certify
 
 Run = Callable[..., Any]
 
@@ -37,6 +39,30 @@ def test_a_proof_names_its_assumptions_and_writes_a_certificate(run: Run) -> Non
     other = Path("other.json")
     other.write_text(SCHEDULE.read_text().replace("1500", "1501"))
     assert run("check-certificate", "good.xz", "good.hex", "--against", other).code == 1
+
+
+def test_a_button_that_is_held_has_a_certificate_only_if_asked_for_and_no_valid_one_unless_allowed(
+    run: Run,
+) -> None:
+    """The program has no stop button. With the button held, nobody can tell."""
+    text = json.loads(certify.schedule({**certify.STOP, "pulses": "hold"}))
+    Path("s.json").write_text(json.dumps(text | {"inputs": [{"pin": "RA4", "level": 1}]}))
+    Path("a.hex").write_text(to_hex(certify.plain_program()))
+    prove = ("prove", "a.hex", "--against", "s.json", "--certificate", "c.xz")
+    assert run(*prove).code == 1
+    held = run(*prove, "--hold-inputs")
+    assert held.code == 2
+    assert "a proof over every level of the buttons and the line" in held.err
+    assert "--certify-held-inputs" in held.err
+    assert not Path("c.xz").exists()
+    assert run(*prove, "--hold-inputs", "--certify-held-inputs").code == 0
+    check = ("check-certificate", "c.xz", "a.hex", "--against", "s.json")
+    refused = run(*check)
+    assert refused.code == 1
+    assert "refused: it holds RA4 at 1" in refused.out
+    allowed = run(*check, "--allow-held", "RA4")
+    assert allowed.code == 0
+    assert "valid, with RA4 held at 1, as was allowed" in allowed.out
 
 
 @pytest.mark.parametrize("name", ["floatin", "ram", "latch", "wdt_pre2"])
