@@ -100,6 +100,29 @@ class Diagnostic:
         }
 
 
+def rendered(diagnostics: Iterable[Diagnostic], lines: SourceLines | None = None) -> str:
+    """Return diagnostics as text. A warning that is said several times is shown once, with the places of the
+    others.
+    """
+    groups: dict[object, list[Diagnostic]] = {}
+    for each in diagnostics:
+        same = (each.code, each.message, each.hint) if each.severity == "warning" else id(each)
+        groups.setdefault(same, []).append(each)
+    shown = []
+    for first, *others in groups.values():
+        shown.append(first.render(lines))
+        places = [str(each.location) for each in others if each.location]
+        if others:
+            more = ", …" if len(places) > MAX_PLACES else ""
+            where = f": {', '.join(places[:MAX_PLACES])}{more}" if places else ""
+            shown.append(f"  and {len(others)} more like it{where}")
+    return "\n".join(shown)
+
+
+MAX_PLACES = 5
+"""How many places of equal warnings are listed."""
+
+
 class ServogenError(Exception):
     """The base class of all errors that are shown to users without a traceback.
 
@@ -157,7 +180,7 @@ class ServogenError(Exception):
         return moved
 
     def __str__(self) -> str:
-        return "\n".join(diagnostic.render(self.source_lines) for diagnostic in self.diagnostics)
+        return rendered(self.diagnostics, self.source_lines)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Return how to rebuild the error in another process, whatever arguments a subclass takes."""

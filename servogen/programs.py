@@ -7,7 +7,7 @@ The compiler and the assembler are imported where they are called: reading a HEX
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -86,6 +86,7 @@ def is_job(path: Path) -> bool:
 def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
     """Return the contents of a text file, read as Latin-1 if it is not UTF-8. Raises InputError."""
     raw = read_input(path, limit)
+    _refuse_utf16(raw, path)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -94,7 +95,17 @@ def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
 
 def read_assembly(path: Path) -> str:
     """Return an assembly file's text, one character per byte as in old assemblers. Raises InputError."""
-    return read_input(path).decode("latin-1")
+    raw = read_input(path)
+    _refuse_utf16(raw, path)
+    return raw.decode("latin-1")
+
+
+def _refuse_utf16(raw: bytes, path: Path) -> None:
+    """Raise InputError for UTF-16, which has a mark, or a zero in every second byte."""
+    start = raw[:256]
+    zeros = [start[first::2].count(0) for first in (0, 1)]
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff") or (len(start) > 3 and max(zeros) > len(start) // 3):
+        raise InputError("not-utf8", "is UTF-16 text", Location(str(path)), "save the file as UTF-8")
 
 
 def program_file(path: Path) -> Path:
@@ -215,18 +226,25 @@ def _assembly_includes(included: Included, source: Path) -> Callable[[str], str 
     return read
 
 
-def beside_c(name: str, including: str) -> tuple[str, str] | None:
-    """Return (file name, text) of an include file beside the file that includes it; None if it is missing."""
-    path = Path(including).parent / name
-    return (str(path), read_source(path)) if path.is_file() else None
+def beside_c(name: str, including: str, folders: Sequence[Path] = ()) -> tuple[str, str] | None:
+    """Return (file name, text) of an include file beside the file that includes it, else in the first of the
+    folders that has it; None if it is missing.
+    """
+    for folder in (Path(including).parent, *folders):
+        if (folder / name).is_file():
+            return str(folder / name), read_source(folder / name)
+    return None
 
 
-XC8_HEADERS = frozenset(["xc.h", "pic.h", "htc.h"])
+XC8_HEADERS = frozenset(["xc.h", "pic.h", "htc.h", "builtins.h", "language_support.h", "xc8debug.h"])
 SDCC_HEADERS = frozenset(["pic16f84.h", "pic16f84a.h", "pic14regs.h", "pic16regs.h"])
 """The headers that identify a dialect, besides the folder `pic14/`; XC8 if a source has both."""
 DEVICE_HEADERS = {"pic16f84.h": "PIC16F84", "pic16f84a.h": "PIC16F84A", "p16f84a.h": "PIC16F84A"}
 MAX_HEADERS = 200
 """The maximum number of the program's own headers that are searched."""
+_XC8_WORD = re.compile(r"^[ \t]*#[ \t]*pragma[ \t]+config\b|\b__delay_[mu]s\b", re.MULTILINE)
+_OWN_DELAY = re.compile(r"\b(?:void|define)\s+__delay_[mu]s\b")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*[<"]([^>"\n]+)[>"]', re.MULTILINE)
 
 CInclude = Callable[[str, str], tuple[str, str] | None]
@@ -235,7 +253,7 @@ CInclude = Callable[[str, str], tuple[str, str] | None]
 
 def included_names(sources: Iterable[tuple[str, str]], include: CInclude) -> set[str]:
     """Return the names of all headers that sources, as (file, text), include directly or through their own
-    headers.
+    headers. One with `#pragma config` or `__delay_us`, which only XC8 has, counts as including <xc.h>.
     """
     names: set[str] = set()
     waiting = list(sources)
@@ -243,6 +261,9 @@ def included_names(sources: Iterable[tuple[str, str]], include: CInclude) -> set
     while waiting and len(seen) < MAX_HEADERS:
         file, text = waiting.pop()
         seen.add(file)
+        code = _COMMENT.sub(" ", text)
+        if _XC8_WORD.search(code) and not _OWN_DELAY.search(code):
+            names.add("xc.h")
         for name in _INCLUDE.findall(text):
             names.add(name.lower())
             try:

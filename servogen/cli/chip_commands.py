@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +13,7 @@ import typer
 from servogen.cli.files import keep_apart, read_image, within_limits
 from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import as_json, warn_of_all
+from servogen.errors import InputError, Location
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.programs import (
     beside_c,
@@ -55,6 +58,14 @@ def compile_c(
             help="-O0: no optimisation; -O1: fewest cycles; -Os: fewest words (equal code as subroutines).",
         ),
     ] = "speed",
+    include: Annotated[
+        list[Path],
+        typer.Option("-I", metavar="DIR", help="Search a folder for include files (repeatable)."),
+    ] = [],  # noqa: B006
+    define: Annotated[
+        list[str],
+        typer.Option("-D", metavar="NAME[=VALUE]", help="Define a macro; its value is 1 (repeatable)."),
+    ] = [],  # noqa: B006
     device: Annotated[
         str | None,
         typer.Option(
@@ -96,7 +107,8 @@ def compile_c(
     from servogen.compiler import Options, Source, compile_sources
 
     texts = [Source(read_source(path), str(path)) for path in sources]
-    names = included_names([(source.file, source.text) for source in texts], beside_c)
+    found = partial(beside_c, folders=_folders(include))
+    names = included_names([(source.file, source.text) for source in texts], found)
     spoken = dialect.value if dialect else dialect_of(names)
     chip, faster = devices_of(device, names)
     options = Options(
@@ -106,7 +118,8 @@ def compile_c(
         clock_hz=clock_hz,
         float_bits=float_bits,
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
-        include=beside_c,
+        include=found,
+        defines=_macros(define),
         dump_ir=_pass_to_dump(dump),
         unwanted=_unwanted(no_warning),
     )
@@ -145,10 +158,29 @@ def compile_c(
     warn_of_all(compilation.diagnostics, compilation.source_lines)
 
 
+def _folders(folders: list[Path]) -> list[Path]:
+    """Return the folders of `-I`. Raises InputError."""
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError("bad-option", "-I names no folder", Location(str(folder)))
+    return folders
+
+
+def _macros(definitions: list[str]) -> dict[str, str]:
+    """Return the macros of `-D`. Raises InputError."""
+    macros = {}
+    for text in definitions:
+        name, equals, value = text.partition("=")
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or "\n" in value:
+            raise InputError("bad-option", f"-D takes NAME or NAME=VALUE, not '{text}'")
+        macros[name] = value if equals else "1"
+    return macros
+
+
 def _unwanted(codes: list[str]) -> frozenset[str]:
     """Return the codes of `--no-warning`. Raises InputError."""
     from servogen.compiler.diagnostics import WARNINGS
-    from servogen.errors import InputError, did_you_mean
+    from servogen.errors import did_you_mean
 
     for code in codes:
         if code not in WARNINGS:
@@ -163,7 +195,6 @@ def _unwanted(codes: list[str]) -> frozenset[str]:
 def _pass_to_dump(asked: str | None) -> str | None:
     """Return the pass of `--dump ir[:PASS]`. Raises InputError."""
     from servogen.compiler.passes.manager import PASSES
-    from servogen.errors import InputError
 
     if asked is None:
         return None

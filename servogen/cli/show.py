@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from servogen.errors import Diagnostic, ServogenError, SourceLines
+from servogen.errors import Diagnostic, ServogenError, SourceLines, rendered
 from servogen.units import counted
 
 WIDE = 200
@@ -89,8 +89,7 @@ def warn_of_all(warnings: Sequence[Diagnostic], lines: SourceLines | None = None
         return
     sys.stdout.flush()  # on a terminal both streams go to one screen
     print(f"{counted(len(warnings), 'warning')}:", file=sys.stderr)
-    for warning in warnings:
-        print(warning.render(lines), file=sys.stderr)
+    print(rendered(warnings, lines), file=sys.stderr)
 
 
 def show_error(error: ServogenError, arguments: Sequence[str]) -> None:

@@ -19,7 +19,16 @@ from servogen.compiler.emit.layout import allocate, lay_out
 from servogen.compiler.emit.listing import make_listing
 from servogen.compiler.emit.timing import function_times
 from servogen.compiler.frontend.assembly import AsmBlock
-from servogen.compiler.frontend.dialects import DIALECTS, FLOAT_BITS, float_type, headers, macros
+from servogen.compiler.frontend.dialects import (
+    DIALECTS,
+    FLOAT_BITS,
+    NAMES,
+    float_type,
+    headers,
+    is_ours,
+    macros,
+    other_compiler,
+)
 from servogen.compiler.frontend.extensions import Rewritten, rewrite_tokens
 from servogen.compiler.frontend.preprocessor import Preprocessed, preprocess
 from servogen.compiler.frontend.settings import PragmaSettings
@@ -102,10 +111,34 @@ def _reported(sources: Sequence[Source], options: Options) -> Compilation:
     try:
         return _compile(sources, options, reporter)
     except Fatal:
-        raise reporter.failure() from None
+        error = reporter.failure()
     except RecursionError:
         reporter.too_deep(Location(sources[0].file))
-        raise reporter.failure() from None
+        error = reporter.failure()
+    except InputError as failure:
+        error = failure
+    raise _for_other_compiler(error, sources) or error
+
+
+def _for_other_compiler(error: InputError, sources: Sequence[Source]) -> InputError | None:
+    """Return the one error that stands for all, if an error's line is written for another compiler."""
+    if any(is_ours(source.text) for source in sources):
+        return None
+    for diagnostic in error.diagnostics:
+        place = diagnostic.location or Location()
+        line = error.source_lines.get((place.file or "", place.line or 0), "")
+        if place.line is None and diagnostic.code == "c-undefined":  # there is no main
+            line = "\n".join(source.text for source in sources)
+        if diagnostic.severity == "error" and (name := other_compiler(line)):
+            single = InputError(
+                "c-dialect",
+                f"this is written for {name}, another compiler",
+                place,
+                hint=f"there are the dialects {', '.join(NAMES.values())}",
+            )
+            single.source_lines = error.source_lines
+            return single
+    return None
 
 
 def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) -> Compilation:
@@ -188,7 +221,7 @@ def _clock(files: Sequence[Preprocessed], options: Options, settings: PragmaSett
     """Read the pragmas and macros of all files, and return the clock that they or the options state. Raises
     _TooFast.
     """
-    macros_of_program: dict[str, tuple[str, Location]] = {}
+    macros_of_program = {name: (value, Location()) for name, value in options.defines.items()}
     for preprocessed in files:
         macros_of_program.update(preprocessed.macros)
         for pragma in preprocessed.pragmas:

@@ -12,7 +12,7 @@ import pytest
 
 from servogen import compiler
 from servogen.cli import chip_commands
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic import assembler
 from servogen.pic.image import Image
 from servogen.units import Clock
@@ -98,6 +98,68 @@ def test_the_options_of_compile_reach_the_compiler(
     assert (options.float_bits, options.verify_ir, options.optimise) == (24, True, name)
     assert compiled["limits"][1:3] == (5.0, 77)
     assert Path("a.lst").read_text() == "listing\n"
+
+
+def test_compile_takes_folders_of_headers_and_macros(run: Run, tmp_path: Path) -> None:
+    """A header beside the source comes before those of -I; -D can state the clock."""
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "board.h").write_text(f"#include <xc.h>\n#define BOARD {folder}\n")
+    (tmp_path / "two" / "pins.h").write_text("#define LED RB3\n")
+    source = tmp_path / "main.c"
+    source.write_text(
+        '#include "board.h"\n#include "pins.h"\nint one = N;\n'
+        "void main(void) { TRISB = BOARD; LED = FLAG; __delay_us(4); }\n"
+    )
+    words = ("-I", tmp_path / "one", f"-I{tmp_path / 'two'}", "-DN=300", "-D", "FLAG")
+    ran = run("compile", source, *words, "-D_XTAL_FREQ=8000000", "--json")
+    found = json.loads(ran.out)
+    assert (ran.code, found["dialect"], found["clock_hz"]) == (0, "xc8", 8_000_000)
+    (tmp_path / "board.h").write_text("#include <xc.h>\n#define BOARD nowhere\n")
+    assert "'nowhere' is not declared" in run("compile", source, *words).err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("-I", "nowhere"), "nowhere: error: -I names no folder [bad-option]"),
+        (("-D", "5=3"), "error: -D takes NAME or NAME=VALUE, not '5=3' [bad-option]"),
+        (("-D", "=3"), "error: -D takes NAME or NAME=VALUE, not '=3' [bad-option]"),
+    ],
+)
+def test_a_folder_or_macro_that_is_none(
+    run: Run, compiled: dict[str, Any], words: tuple[str, ...], said: str
+) -> None:
+    ran = run("compile", "a.c", *words)
+    assert ran.code == 2
+    assert said in ran.err
+
+
+def test_equal_warnings_are_shown_once_with_their_number(run: Run, compiled: dict[str, Any]) -> None:
+    places = [Location("a.c", line, 3) for line in range(1, 9)]
+    again = [Diagnostic("warning", "again", "rounded", place) for place in places]
+    compiled["result"].diagnostics = (*again, WARNING)
+    ran = run("compile", "a.c")
+    assert ran.err.splitlines() == [
+        "9 warnings:",
+        "a.c:1:3: warning: rounded [again]",
+        "  and 7 more like it: a.c:2:3, a.c:3:3, a.c:4:3, a.c:5:3, a.c:6:3, …",
+        "servogen: warning: odd [w]",
+    ]
+    found = json.loads(run("compile", "a.c", "--json").out)
+    assert len(found["diagnostics"]) == 9
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("name", ["main.c", "main.asm"])
+def test_a_source_in_utf_16_is_named_as_such(run: Run, tmp_path: Path, encoding: str, name: str) -> None:
+    file = tmp_path / name
+    file.write_bytes("void main(void) { PORTB = 1; }\n".encode(encoding))
+    ran = run("compile" if name == "main.c" else "assemble", file)
+    assert (ran.code, ran.err) == (
+        2,
+        f"{file}: error: is UTF-16 text [not-utf8]\n  save the file as UTF-8\n",
+    )
 
 
 def test_compile_as_json_has_the_form_only_if_it_is_dumped(run: Run, compiled: dict[str, Any]) -> None:

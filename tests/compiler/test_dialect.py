@@ -24,6 +24,12 @@ CASES = [
     ("#include <system.h>\n", "c2c", None),
     ('char text[] = "#include <xc.h>";\n', "c2c", None),
     ("", "c2c", None),
+    ("#include <pic16f84.h>\n#include <builtins.h>\n", "xc8", "PIC16F84"),
+    ("#include <pic16f84a.h>\n  # pragma  config FOSC = XT\n", "xc8", "PIC16F84A"),
+    ("void main(void) { __delay_us(5); }\n", "xc8", None),
+    ("// __delay_us(5);\n/* #pragma config FOSC = XT\n*/\n", "c2c", None),
+    ("void __delay_ms(char n) { }\nvoid main(void) { __delay_ms(5); }\n", "c2c", None),
+    ("#pragma DATA _CONFIG, 0x3FF1\n", "c2c", None),
 ]
 
 

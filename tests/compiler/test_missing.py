@@ -36,8 +36,8 @@ MISSING = {
     "assembly outside functions": (f'asm("nop");\n{END}', "outside functions"),
     "assembly with operands": ('void main(void) { asm("movlw %0" : : "i"(5)); }', "operands"),
     "delay": ("void main(void) { delay_ms(300); }", "0 to 255"),
-    "mikroC": ("void main(void) { TRISB.F0 = 0; }", "has no members"),
-    "CCS C": (f"#include <16F84A.h>\n#use delay(clock=4000000)\n{END}", "16F84A.h"),
+    "mikroC": ("void main(void) { TRISB.F0 = 0; }", "written for mikroC"),
+    "CCS C": (f"#include <16F84A.h>\n#use delay(clock=4000000)\n{END}", "written for CCS C"),
 }
 
 
@@ -49,3 +49,29 @@ def test_what_is_missing_is_refused_and_named(name: str) -> None:
         compile_sources([Source(text)], Options(dialect, clock_hz=4_000_000))
     errors = [each.message for each in caught.value.diagnostics if each.severity == "error"]
     assert any(said in each for each in errors), errors
+
+
+OTHERS = {
+    "mikroC": "sbit LED at RB0_bit;\nvoid main() { TRISB = 0; LED = 1; Delay_ms(500); PORTB.F1 = 0; }",
+    "CCS C": "#include <16F84A.h>\n#fuses XT\n#use delay(clock=4M)\nvoid main() { output_low(PIN_B0); }",
+    "Arduino": "void setup() { pinMode(13, OUTPUT); }\nvoid loop() { digitalWrite(13, HIGH); delay(500); }",
+    "Arduino ": "void setup() { }\n\nvoid loop() { }",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_source_for_another_compiler_has_one_error_that_names_it(name: str) -> None:
+    with pytest.raises(InputError) as caught:
+        compile_sources([Source(OTHERS[name])], Options("c2c"))
+    (error,) = caught.value.diagnostics
+    assert error.code == "c-dialect"
+    assert error.message == f"this is written for {name.strip()}, another compiler"
+    assert error.hint == "there are the dialects C2C, XC8, SDCC"
+
+
+def test_words_of_another_compiler_in_a_source_of_ours_are_errors_of_their_own() -> None:
+    """The header of a dialect says for which compiler it is; and what compiles is not looked at."""
+    with pytest.raises(InputError, match="'Delay_ms' is not declared"):
+        compile_sources([Source("#include <xc.h>\nvoid main(void) { Delay_ms(5); }")], Options("xc8"))
+    own = "void Delay_ms(char n) { PORTB = n; }\nvoid main(void) { Delay_ms(5); }"
+    compile_sources([Source(own)], Options("c2c"))

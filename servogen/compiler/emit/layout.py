@@ -164,7 +164,8 @@ def _place(order: list[Function], reporter: Reporter, *, only_first_page: bool) 
     """
     layout = CodeLayout([], {}, {}, 0)
     fixed = sorted(
-        (function for function in order if function.origin is not None), key=lambda each: each.origin or 0
+        (function for function in order if function.origin is not None),
+        key=lambda function: function.origin or 0,
     )
     taken: list[tuple[int, int]] = []
     for number, function in enumerate(fixed):

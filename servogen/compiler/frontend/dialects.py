@@ -6,6 +6,7 @@ BoostC's and SDCC's add to them are listed here.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -150,6 +151,11 @@ _LIMITS = """
 #define LONG_MAX 2147483647L
 #define ULONG_MAX 4294967295UL
 """
+_INTTYPES = _STDINT_LIMITS + "".join(
+    f'#define PRI{kind}{bits} "{size}{kind}"\n'
+    for kind in "diuxXo"
+    for bits, size in ((8, "hh"), (16, ""), (32, "l"))
+)
 _STDBOOL = "#define true 1\n#define false 0\n#define __bool_true_false_are_defined 1\n"
 _STDDEF = "#define NULL 0\n#define offsetof(type, member) ((size_t)&((type *)0)->member)\n"
 
@@ -197,13 +203,15 @@ def headers(dialect: str) -> Mapping[str, str]:
     """Return the compiler's own header files by name, but for those of the library."""
     common = {
         "stdint.h": _STDINT_LIMITS,
+        "inttypes.h": _INTTYPES,
         "limits.h": _LIMITS,
         "stdbool.h": _STDBOOL,
         "stddef.h": _STDDEF,
     }
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL
-        return {**common, **dict.fromkeys(("xc.h", "htc.h", "pic.h", "pic16f84a.h", "pic16f84.h"), xc)}
+        names = ("xc.h", "htc.h", "pic.h", "pic16f84a.h", "pic16f84.h", "builtins.h", "language_support.h")
+        return {**common, **dict.fromkeys(names, xc), "xc8debug.h": "#define __debug_break() ((void)0)\n"}
     if dialect == SDCC:
         chip = _sdcc_chip()
         files = ("pic16f84", "pic16f84a", "pic14regs", "pic16regs")
@@ -219,6 +227,28 @@ def _sdcc_chip() -> str:
     masks = {f"_{name.lstrip('_')}": mask for name, mask in _CONFIG_NAMES.items() if "_" in name}
     lines = [f"#define {name} 0x{mask:04X}" for name, mask in masks.items()]
     return "\n".join([*lines, f"#define _CONFIG 0x{CONFIG_ADDRESS:04X}", ""])
+
+
+_OTHER_COMPILERS: Mapping[str, str] = {
+    "CCS C": r"^\s*#\s*(?:fuses|use|byte|bit|int_\w+|priority|device)\b|\bPIN_[A-E]\d\b"
+    r"|#\s*include\s*[<\"](?:10|12|16|18)F\w+\.h|\boutput_(?:high|low|toggle|[a-e])\s*\(",
+    "mikroC": r"\bs?bit\s+\w+\s+at\b|\b(?:PORT|TRIS)[A-E]\.[FB]\d\b|\b(?:R|TRIS)[A-E]\d_bit\b"
+    r"|\b(?:V?Delay_(?:ms|us|Cyc)|Lcd_(?:Init|Out|Cmd|Chr)|Sound_(?:Init|Play)|UART1_\w+)\s*\(",
+    "Arduino": r"#\s*include\s*[<\"]Arduino\.h|\bSerial\.\w+\s*\(|\bvoid\s+setup\s*\(.*\bvoid\s+loop\s*\("
+    r"|\b(?:pinMode|digital(?:Write|Read)|analog(?:Write|Read)|delayMicroseconds)\s*\(",
+}
+_OUR_HEADER = r"^\s*#\s*include\s*[<\"](?:xc|htc|pic\w*|pic14/\w+|system|boostc)\.h"
+
+
+def other_compiler(line: str) -> str | None:
+    """Return the compiler for which a line that cannot be compiled was written, if that is clear."""
+    names = (name for name, mark in _OTHER_COMPILERS.items() if re.search(mark, line, re.DOTALL))
+    return next(names, None)
+
+
+def is_ours(text: str) -> bool:
+    """Return whether a source includes a header that only the three dialects have."""
+    return re.search(_OUR_HEADER, text, re.MULTILINE | re.IGNORECASE) is not None
 
 
 FLOAT_BITS = (24, 32)
