@@ -16,6 +16,7 @@ import numpy as np
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
+from servogen.job.tip import ArmTip
 from servogen.motion import JointTrajectory, Part, PlannedPoses, bound
 from servogen.motion.limits import JointLimits
 from servogen.movemaster import Budget, Hand, Manipulator, ProgramRun, input_of, manipulator, read, run
@@ -26,6 +27,9 @@ from servogen.toml.file import Document, exact
 
 HAND = "the hand"
 """The hand's column of a run; not a valid name of a joint."""
+
+SLACK = 1e-9
+"""The distance (radians, metres) by which rounding may take a home beyond a limit."""
 
 
 def program_of(
@@ -43,7 +47,7 @@ def program_of(
             "missing-robot", ("program",), "a program moves an arm", 'add [robot] name = "rv-m1"'
         )
     hand = _hand(document, table, servos, bindings)
-    arm = _reachable(document, robot, bindings, servos)
+    arm = _on_servos(job, robot)
     source = read(Path(document.file).parent / table.file)
     program_run = run(
         source,
@@ -59,7 +63,7 @@ def program_of(
         budget=Budget(table.max_commands, exact(table.max_s)),
     )
     return PlannedPoses(
-        _on_servos(document, program_run, table, bindings, servos),
+        _of_servos(document, program_run, table, bindings, servos),
         program_run.warnings,
         _notes(document, program_run),
         tuple(Part(f"line {step.statement.number}", step.frame) for step in program_run.steps if step.frames),
@@ -86,11 +90,11 @@ def _hand(
     return Hand(HAND, opened, closed, by_name[name].model.speed)
 
 
-def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos: Sequence[Servo]) -> Arm:
-    """Return the arm with its joints' limits narrowed to the travel of their servos."""
-    by_name = {servo.name: servo for servo in servos}
-    by_joint = {binding.joint: binding for binding in bindings}
-    joints = []
+def _on_servos(job: Job, arm: Arm) -> Arm:
+    """Return the arm with its joints' limits narrowed to those of their servos. Raises InputError for a joint
+    without a servo, and for a home that a servo does not reach.
+    """
+    document, by_joint = job.document, {binding.joint: binding for binding in job.bindings}
     for joint in arm.joints:
         if joint.name not in by_joint:
             raise document.error(
@@ -99,20 +103,20 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
                 f"no servo turns the joint '{joint.name}'",
                 f'add joint = "{joint.name}" to a servo',
             )
-        binding = by_joint[joint.name]
-        ends = sorted(binding.position(by_name[binding.servo].limits).tolist())
-        lower, upper = max(joint.lower, ends[0]), min(joint.upper, ends[1])
-        slack = 1e-9
-        if not lower - slack <= joint.home <= upper + slack:
-            factor, unit = (math.degrees(1), "°") if joint.turning else (1000, " mm")
+    assert isinstance(job.tip, ArmTip)
+    joints = []
+    for joint in job.tip.on_servos.joints:
+        if not joint.lower - SLACK <= joint.home <= joint.upper + SLACK:
+            servo = by_joint[joint.name].servo
             raise document.error(
                 "servo-limit",
-                ("servo", list(by_name).index(binding.servo), "zero_deg"),
-                f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:zg}{unit}: "
-                f"it reaches {ends[0] * factor:zg}{unit} to {ends[1] * factor:zg}{unit}",
+                ("servo", [one.name for one in job.servos].index(servo), "zero_deg"),
+                f"{servo} cannot bring {joint.name} to its home of {joint.shown(joint.home)}: "
+                f"it reaches {joint.shown(joint.lower)} to {joint.shown(joint.upper)}",
                 "a program begins at home: change zero_deg or ratio",
             )
-        joints.append(replace(joint, lower=min(lower, joint.home), upper=max(upper, joint.home)))
+        ends = min(joint.lower, joint.home), max(joint.upper, joint.home)
+        joints.append(replace(joint, lower=ends[0], upper=ends[1]))
     return replace(arm, joints=tuple(joints))
 
 
@@ -133,7 +137,7 @@ def _manipulator(
         raise error.at(document.place("program")) from error
 
 
-def _on_servos(
+def _of_servos(
     document: Document,
     program_run: ProgramRun,
     table: ProgramTable,

@@ -21,7 +21,7 @@ from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.job import FirmwareSettings, Job
-from servogen.job.rig import rig_of, servos_of
+from servogen.job.rig import rig_of
 from servogen.job.schema import (
     SECTIONS,
     CommandsTable,
@@ -332,8 +332,8 @@ def _job(document: Document) -> Job:
     """Return the job of a document. Raises InputError."""
     table = toml_file.validate(document, JobTable)
     chip, clock = _chip(document, table)
-    servos = servos_of(document, table.servo)
-    rig = rig_of(document, table, servos)
+    rig = rig_of(document, table)
+    servos = rig.servos
     frame = _frame(document, table, clock)
     firmware, stream = firmware_of(document, table, servos, frame, clock)
     return Job(

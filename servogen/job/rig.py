@@ -1,14 +1,16 @@
 """[[servo]], [leg] and [robot] of a job -> `Servo` values, the joints that they turn, and the end of the leg
 or arm.
 
-In: the validated tables. Out: one servo for each table, and `JobRig`. Raises InputError for two servos on one
-pin, an open drain, limits beyond the travel, and joints that do not exist.
+In: the validated tables. Out: `JobRig`, whose servos, one for each table, have the limits that they and their
+joints have in common. Raises InputError for two servos on one pin, an open drain, limits beyond the travel,
+and joints that do not exist.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.edges import PINS
@@ -20,7 +22,7 @@ from servogen.kinematics.leg import Leg
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
 from servogen.robot.calibration import read_calibration
-from servogen.robot.model import Arm, Robot
+from servogen.robot.model import Arm, Joint, Robot
 from servogen.robot.servo import Calibration, Servo, ServoModel, servo
 from servogen.robot.servo_models import FILE_ENDING, points_of, servo_model
 from servogen.toml.file import Document
@@ -164,13 +166,15 @@ SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
 class JobRig:
     """What the servos move; `tip` is None if it cannot be positioned: no robot, or joints without servos."""
 
+    servos: tuple[Servo, ...]
     robot: Robot | None
     bindings: tuple[Binding, ...]
     tip: Tip | None
 
 
-def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> JobRig:
+def rig_of(document: Document, table: JobTable) -> JobRig:
     """Return what the servos of a job move. Raises InputError."""
+    servos = servos_of(document, table.servo)
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(
@@ -178,13 +182,19 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Jo
             )
         bindings_of(document, table.servo, {})
         tip = _leg(document, table.leg, servos)
-        return JobRig(None, tip.bindings, tip)
+        return JobRig(servos, None, tip.bindings, tip)
     if table.robot is None:
-        return JobRig(None, bindings_of(document, table.servo, {}), None)
+        return JobRig(servos, None, bindings_of(document, table.servo, {}), None)
     robot = _robot(document, table.robot.name)
-    joints = {name: not joint.turning for limb in robot.limbs for name, joint in limb.joints.items()}
-    bindings = bindings_of(document, table.servo, joints)
-    return JobRig(robot, bindings, _tip(robot, bindings, servos))
+    joints = {name: joint for limb in robot.limbs for name, joint in limb.joints.items()}
+    bindings = bindings_of(document, table.servo, {name: not joint.turning for name, joint in joints.items()})
+    by_name = {servo.name: servo for servo in servos}
+    for binding in bindings:
+        place = document.place("servo", list(by_name).index(binding.servo), "zero_deg")
+        joints[binding.joint], by_name[binding.servo] = binding.within_both(
+            replace(joints[binding.joint], name=binding.joint), by_name[binding.servo], place
+        )
+    return JobRig(tuple(by_name.values()), robot, bindings, _tip(robot, joints, bindings, by_name))
 
 
 def _robot(document: Document, name: str) -> Robot:
@@ -202,16 +212,18 @@ def _robot(document: Document, name: str) -> Robot:
         raise error.at(document.place("robot", "name")) from error
 
 
-def _tip(robot: Robot, bindings: tuple[Binding, ...], servos: tuple[Servo, ...]) -> ArmTip | None:
+def _tip(
+    robot: Robot, joints: Mapping[str, Joint], bindings: tuple[Binding, ...], servos: Mapping[str, Servo]
+) -> ArmTip | None:
     """Return the tip of an arm whose joints all have a servo; None for other robots."""
     if not isinstance(robot, Arm):
         return None
     by_joint = {binding.joint: binding for binding in bindings}
-    by_name = {servo.name: servo for servo in servos}
     if any(joint.name not in by_joint for joint in robot.joints):
         return None
     mine = tuple(by_joint[joint.name] for joint in robot.joints)
-    return ArmTip(robot, mine, tuple(by_name[binding.servo] for binding in mine))
+    on_servos = replace(robot, joints=tuple(joints[joint.name] for joint in robot.joints))
+    return ArmTip(robot, on_servos, mine, tuple(servos[binding.servo] for binding in mine))
 
 
 def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegTip:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -133,9 +133,12 @@ NEAR_SURFACE_M = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class ArmTip:
-    """An arm; `bindings` and `servos` are in the order of its joints."""
+    """An arm, and the same with its joints' limits narrowed to what their servos allow; `bindings` and
+    `servos` are in the order of its joints.
+    """
 
     arm: Arm
+    on_servos: Arm
     bindings: tuple[Binding, ...]
     servos: tuple[Servo, ...]
 
@@ -155,7 +158,7 @@ class ArmTip:
         """
         turn = None if orientation is None else self._turn(point, orientation, place)
         try:
-            joints = ik_all(self._on_servos(), point, turn, self._positions(before[None])[0])
+            joints = ik_all(self.on_servos, point, turn, self._positions(before[None])[0])
         except Unreachable:
             joints = solve(self.arm, point, turn).q
             if np.isnan(joints).any(axis=1).all():
@@ -169,7 +172,7 @@ class ArmTip:
     ) -> Floats:
         """Return all servo angles (n, solutions, k) for points (n, 3), NaN where there is no solution."""
         rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
-        angles = solutions_near(self._on_servos(), points, rotations, self._positions(near))
+        angles = solutions_near(self.on_servos, points, rotations, self._positions(near))
         return _within(self._bound(angles), self.servos)
 
     def where(self, angles: Floats) -> Floats:
@@ -180,14 +183,6 @@ class ArmTip:
         """Return the joint positions (n, k) at servo angles (n, k)."""
         columns = [binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)]
         return np.stack(columns, axis=1)
-
-    def _on_servos(self) -> Arm:
-        """Return the arm with its joints' limits narrowed to the servos' travel."""
-        joints = []
-        for joint, binding, servo in zip(self.arm.joints, self.bindings, self.servos, strict=True):
-            low, high = sorted(binding.position(servo.limits).tolist())
-            joints.append(replace(joint, lower=max(joint.lower, low), upper=min(joint.upper, high)))
-        return replace(self.arm, joints=tuple(joints))
 
     def _turn(self, point: Floats, orientation: Floats, place: Location) -> Floats:
         try:

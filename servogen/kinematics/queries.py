@@ -184,9 +184,7 @@ def _finite(values: Sequence[float]) -> Floats:
 def _beyond(arm: Arm, q: Floats) -> list[str]:
     """Return the names of the joints that are beyond their limits, which forward kinematics accepts."""
     return [
-        joint.name
-        for joint, value in zip(arm.joints, q.tolist(), strict=True)
-        if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9
+        joint.name for joint, value in zip(arm.joints, q.tolist(), strict=True) if not joint.allows(value)
     ]
 
 

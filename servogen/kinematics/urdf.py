@@ -211,14 +211,20 @@ def _urdf_joint(
     scale = abs(row.ratio)
     # A negative ratio exchanges the ends.
     ends = sorted((joint.lower * row.ratio, joint.upper * row.ratio))
+    if joint.continuous:
+        kind, limit = "continuous", None if joint.speed is None else urdf.JointLimit(NOT_STATED, joint.speed)
+    else:
+        speed = NOT_STATED if joint.speed is None else joint.speed * scale
+        kind = "revolute" if joint.turning else "prismatic"
+        limit = urdf.JointLimit(NOT_STATED, speed, *ends)
     return urdf.Joint(
         name,
         parent,
         child,
-        "revolute" if joint.turning else "prismatic",
+        kind,
         axis=[0, 0, 1],
         origin=_pose(urdf, at),
-        limit=urdf.JointLimit(0.0, (joint.speed or 0.0) * scale, ends[0], ends[1]),
+        limit=limit,
         mimic=urdf.JointMimic(owners[number], row.ratio, 0.0) if follows else None,
     )
 
@@ -285,6 +291,11 @@ MAX_JOINTS = 1000
 MAX_NUMBER = 1e6
 """The maximum absolute value of a number, in metres, radians, and those per second."""
 
+NOT_STATED = MAX_NUMBER
+"""What is written for a speed or an effort that is not known: URDF requires both of a joint with limits, 0
+says that the joint cannot move, and parsers refuse inf (https://wiki.ros.org/urdf/XML/joint).
+"""
+
 _NUMBERS = f"numbers are finite, in metres and radians, of at most {MAX_NUMBER:g}"
 
 
@@ -349,6 +360,9 @@ def _joint(joint: Any, file: str) -> Joint:
         lower, upper, speed = -np.pi, np.pi, joint.limit.velocity if joint.limit else None
     else:
         lower, upper, speed = joint.limit.lower or 0.0, joint.limit.upper or 0.0, joint.limit.velocity
+    if speed is not None and not 0 < speed < NOT_STATED:
+        # Exporters write 0 for a speed that they do not know.
+        speed = None
     if not lower < upper:
         raise InputError(
             "urdf-syntax",
@@ -362,7 +376,8 @@ def _joint(joint: Any, file: str) -> Joint:
         lower=lower,
         upper=upper,
         home=home,
-        speed=speed or None,
+        speed=speed,
+        continuous=joint.type == "continuous" or (kind == "turning" and joint.limit is None),
     )
 
 

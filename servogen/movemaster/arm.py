@@ -269,12 +269,11 @@ class Mover:
         """Move each joint by radians (metres), within its limits."""
         target = self.q + by
         for joint, value in zip(self.manipulator.arm.joints, target.tolist(), strict=True):
-            if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
-                factor, unit = (180 / math.pi, "°") if joint.turning else (1000.0, " mm")
+            if not joint.allows(value):
                 raise InputError(
                     "servo-limit",
-                    f"joint {joint.name} would turn to {value * factor:zg}{unit}",
-                    hint=f"its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}",
+                    f"joint {joint.name} would turn to {joint.shown(value)}",
+                    hint=f"its limits are {joint.shown(joint.lower)} to {joint.shown(joint.upper)}",
                 )
         self.go_joints(target)
 

@@ -7,6 +7,7 @@ Lengths are in metres and angles in radians. Nothing is calculated here: that is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Protocol
@@ -52,11 +53,22 @@ class Joint:
     """The mass of the link that the joint moves, in kg; 0 if not stated."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """The centre of that mass, in metres, in the frame after the joint's DH row."""
+    continuous: bool = False
+    """Whether it turns without limits: `lower` to `upper` is then the turn in which its positions are given.
+    """
 
     @property
     def turning(self) -> bool:
         """Return whether the joint is revolute."""
         return self.kind == "turning"
+
+    def shown(self, position: float) -> str:
+        """Return a position as text, in degrees or millimetres."""
+        return f"{math.degrees(position):zg}°" if self.turning else f"{1000 * position:zg} mm"
+
+    def allows(self, position: float) -> bool:
+        """Return whether a position (radians, metres) is within the limits, to rounding."""
+        return self.continuous or self.lower - 1e-9 <= position <= self.upper + 1e-9
 
 
 @dataclass(frozen=True, slots=True)

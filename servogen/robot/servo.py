@@ -181,7 +181,9 @@ class ServoModel:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """One servo on one pin; `limits` (radians) are set by the user, within the travel."""
+    """One servo on one pin; `limits` (radians) are within the travel: those of the user and of the joint that
+    it turns.
+    """
 
     name: str
     pin: str
@@ -191,6 +193,8 @@ class Servo:
     trim_us: float = 0.0
     reverse: bool = False
     place: Location | None = None
+    limited_by: str = "the servo's travel_deg, min_deg, max_deg and calibration points set it"
+    """What sets the limits, for messages."""
 
     @property
     def widths_us(self) -> tuple[float, float]:
@@ -226,9 +230,7 @@ class Servo:
                 "servo-limit",
                 f"{self.name} cannot {what[0]} {self.model.shown(angle)}: its {what[1]} {low} to {high}",
                 place or self.place,
-                "the servo's calibration points set it"
-                if self.model.continuous
-                else "the servo's travel_deg, min_deg, max_deg and calibration points set it",
+                "the servo's calibration points set it" if self.model.continuous else self.limited_by,
             )
         return self._width_us(angle)
 

@@ -24,8 +24,8 @@ from servogen.toml.edit import append_element, move_element, remove_element, set
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 
-DEGREES = 1
-"""The number of decimals of a recorded angle in degrees."""
+DEGREES, ROUNDING = 1, 1e-7
+"""The number of decimals of a recorded angle in degrees, and of its last digit what rounding may be off."""
 HOLD_S = 1
 """The time for which a recorded pose is held."""
 POSES = ("motion", "poses")
@@ -157,8 +157,12 @@ def _degrees(job: Job, angles: Sequence[float]) -> Iterator[tuple[str, str]]:
     if len(angles) != len(job.servos) or not all(map(math.isfinite, angles)):
         raise ValueError(f"{len(angles)} angles for {len(job.servos)} servos")
     for servo, angle in zip(job.servos, angles, strict=True):
-        low, high = servo.limits
-        yield f"{servo.name}_deg", f"{round(math.degrees(min(max(angle, low), high)), DEGREES):g}"
+        low, high = (math.degrees(limit) for limit in servo.limits)
+        parts = 10.0**DEGREES
+        # Limits are rounded inward: what is recorded at a limit can be built.
+        least, most = math.ceil(low * parts - ROUNDING), math.floor(high * parts + ROUNDING)
+        degrees = min(max(round(math.degrees(angle) * parts), least), most) / parts
+        yield f"{servo.name}_deg", f"{degrees:g}"
 
 
 def _pose(job: Job, angles: Sequence[float]) -> str:

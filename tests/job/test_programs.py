@@ -118,7 +118,7 @@ def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
         (
             'joint = "q1"\nzero_deg = 0',
             'joint = "q1"\nzero_deg = 120',
-            "servo[1].zero_deg: waist cannot bring q1 to its home of 90°: it reaches -120° to 60°",
+            "servo[1].zero_deg: waist cannot bring q1 to its home of 90°: it reaches -60° to 60°",
         ),
         ('name = "rv-m1"', 'name = "omni"', "robot"),
         (

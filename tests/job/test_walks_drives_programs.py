@@ -323,9 +323,9 @@ def test_a_hand_opens_and_closes_between_its_angles(tmp_path: Path) -> None:
 
 def test_a_servo_that_cannot_bring_its_joint_home_is_refused_with_what_it_reaches(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        program(tmp_path, "10 ED", servo="max_deg = 89")
+        program(tmp_path, "10 ED", servo="min_deg = 91")
     assert (
-        "servo[1].zero_deg: s0 cannot bring q1 to its home of 90°: it reaches 0° to 89° [servo-limit]"
+        "servo[1].zero_deg: s0 cannot bring q1 to its home of 90°: it reaches 91° to 180° [servo-limit]"
         in str(caught.value)
     )
     assert program(tmp_path, "10 ED", servo="max_deg = 120").trajectory.loop_start >= 0

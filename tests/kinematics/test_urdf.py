@@ -88,6 +88,22 @@ def test_the_limits_home_and_speed_of_each_kind_of_joint() -> None:
         joint_of(SHOULDER.replace('lower="-1"', 'lower="2"').replace('"shoulder"', '"j"'))
 
 
+def test_a_continuous_joint_keeps_its_type_and_an_unset_speed_is_not_0() -> None:
+    """Written and read again: no limits; no number below 1e6 for a speed and an effort that nobody stated."""
+    endless = re.sub("<limit[^>]*>", "", SHOULDER.replace("revolute", "continuous"))
+    slow = SLIDE.replace('velocity="3"', 'velocity="0"')
+    found = from_urdf(robot(LINKS, endless, slow), "made.urdf")
+    text = to_urdf(found)
+    assert [joint.continuous for joint in found.joints] == [True, False]
+    assert text.count('type="continuous"') == 1 and 'type="revolute"' not in text
+    assert text.count("<limit") == 1
+    assert re.findall(r'(?:velocity|effort)="([^"]*)"', text) == ["1000000.0", "1000000.0"]
+    again = from_urdf(text, "again.urdf").joints
+    assert [(joint.continuous, joint.speed) for joint in again] == [(True, None), (False, None)]
+    fast = from_urdf(robot(LINKS, SHOULDER.replace("revolute", "continuous"), SLIDE), "made.urdf")
+    assert [joint.speed for joint in from_urdf(to_urdf(fast), "again.urdf").joints] == [3, 3]
+
+
 def test_what_a_description_does_not_state_is_the_identity_and_the_axis_x() -> None:
     bare = re.sub("<origin[^>]*>|<axis[^>]*>", "", SHOULDER)
     found = from_urdf(robot(LINKS, bare, SLIDE), "made.urdf")
