@@ -210,8 +210,8 @@ def headers(dialect: str) -> Mapping[str, str]:
     }
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL
-        names = ("xc.h", "htc.h", "pic.h", "pic16f84a.h", "pic16f84.h", "builtins.h", "language_support.h")
-        return {**common, **dict.fromkeys(names, xc), "xc8debug.h": "#define __debug_break() ((void)0)\n"}
+        own = ("xc.h", "htc.h", "pic.h", "pic16f84a.h", "pic16f84.h", "builtins.h", "language_support.h")
+        return {**common, **dict.fromkeys(own, xc), "xc8debug.h": "#define __debug_break() ((void)0)\n"}
     if dialect == SDCC:
         chip = _sdcc_chip()
         files = ("pic16f84", "pic16f84a", "pic14regs", "pic16regs")

@@ -189,8 +189,8 @@ def _check_addresses(analysis: Analyser) -> None:
             (source.naked - analysis.heads, "only a function can be naked"),
             (source.persistent - analysis.variables, "only a variable can be persistent"),
         ):
-            for *place, _ in strays:
-                analysis.reporter.error("c-address", problem, Location(*place))
+            for file, line, column, _ in strays:
+                analysis.reporter.error("c-address", problem, Location(file, line, column))
 
 
 def _parsed(analysis: Analyser, rewritten: Rewritten) -> list[Any]:
