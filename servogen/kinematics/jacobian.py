@@ -28,6 +28,9 @@ FrameName = int | Literal["n"]
 SINGULAR = 1e-9
 """A singular value below this part of the largest counts as zero."""
 
+BESIDE = 1e-4
+"""How far (radians, metres) beside a singular configuration its lost directions are looked for."""
+
 
 def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
     """Return the geometric Jacobian (..., 6, n) in the base's frame, and the tool's pose (..., 4, 4)."""
@@ -96,22 +99,36 @@ def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
     return np.concatenate([matrix[..., :3, :], lower], axis=-2)
 
 
-def manipulability(arm: Arm, q: ArrayLike, rows: Literal["position", "all"] = "position") -> Floats:
-    """Return Yoshikawa's measure: the product of the singular values of J; 0 if the arm is singular.
+def manipulability(arm: Arm, q: ArrayLike) -> Floats:
+    """Return Yoshikawa's measure (...) of the task: the product of as many singular values as its rank has
+    elsewhere; 0 exactly where `singularity` finds one.
 
-    For six joints or more it is √det(J Jᵀ). For an arm with fewer joints, `rows` selects the directions:
-    "position" the upper three rows, "all" all six, whose units differ.
+    The task's rows are those of the velocity if the arm's targets are positions, otherwise all six, whose
+    units differ. For six joints it is |det J|.
     """
-    matrix = jacobian(arm, q)
-    values = np.linalg.svd(matrix[..., :3, :] if rows == "position" else matrix, compute_uv=False)
-    return np.asarray(np.prod(values, axis=-1))
+    matrix, result = jacobian(arm, q), np.array(1.0)
+    for index, rows in enumerate(_tasks(arm)):
+        values, full = np.linalg.svd(matrix[..., :rows, :], compute_uv=False), _general_rank(arm, rows)
+        kept = np.where(values > SINGULAR * values.max(axis=-1, keepdims=True), values, 0.0)[..., :full]
+        result = result * (np.prod(kept, axis=-1) if index == 0 else (kept > 0).all(axis=-1))
+    return np.asarray(result)
+
+
+def _tasks(arm: Arm) -> tuple[int, ...]:
+    """Return the numbers of the Jacobian's first rows whose rank tells what an arm's target asks for.
+
+    An orientation that follows in part from the position, as with five joints, hides the loss of a
+    direction of the position in the rank of all rows, so these are examined, too.
+    """
+    return (6, 3) if arm.orientation else (3,)
 
 
 @dataclass(frozen=True, slots=True)
 class Singularity:
-    """What the Jacobian can do at one configuration, by its singular value decomposition.
+    """What the Jacobian's rows for the arm's task can do at one configuration, by their singular value
+    decomposition.
 
-    `lost` are the tool speeds (6,) that no joint speed makes although another configuration of the arm could;
+    `lost` are the tool speeds (6,) that no joint speed makes, although beside this configuration one does;
     `idle` the joint speeds (n,) that do not move the tool (redundancy); both are unit vectors.
     """
 
@@ -134,21 +151,33 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     matrix = jacobian(arm, q)
     if matrix.ndim != 2:
         raise InputError("wrong-count", "one configuration at a time: give n joint positions")
+    _, values, right = np.linalg.svd(matrix)
+    idle, lost = right[_rank(values) :], np.zeros((0, 6))
+    for rows in _tasks(arm):
+        if not len(lost):
+            lost = _lost(arm, np.asarray(q, float), matrix[:rows])
+    full = _general_rank(arm, _tasks(arm)[0])
+    return Singularity(full - len(lost), full, _tuples(lost), _tuples(idle))
+
+
+def _lost(arm: Arm, q: Floats, matrix: Floats) -> Floats:
+    """Return the directions (k, 6) that the rows of `matrix` (rows, n) lose at the joint positions q (n,).
+
+    Beside q, what the joint speeds that stand still at q do becomes the lost directions. The other directions
+    outside the range of `matrix` are those that the arm has nowhere.
+    """
+    rows = len(matrix)
     left, values, right = np.linalg.svd(matrix)
     rank = _rank(values)
-    full = _general_rank(arm)
-    lost = _lost(arm, left[:, rank:], full - rank) if rank < full else np.zeros((0, 6))
-    return Singularity(rank, full, _tuples(lost), _tuples(right[rank:]))
-
-
-def _lost(arm: Arm, missing: Floats, number: int) -> Floats:
-    """Return the `number` directions (number, 6) in the span of the columns of `missing` that the arm has
-    elsewhere: with fewer than six joints it has some nowhere.
-    """
-    axes, values, _ = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))
-    possible = axes[:, : _rank(values)]
-    shares = np.linalg.svd(possible.T @ missing)[2]
-    return np.asarray(shares[:number] @ missing.T)
+    missing, number = left[:, rank:], _general_rank(arm, rows) - rank
+    if number <= 0:
+        return np.zeros((0, 6))
+    aside = np.random.default_rng(0).uniform(-BESIDE, BESIDE, (4 * len(q), len(q)))
+    beside = jacobian(arm, q + aside)[:, :rows] @ right[rank:].T
+    shares = np.linalg.svd(np.concatenate(list(missing.T @ beside), axis=1))[0]
+    lost = np.zeros((number, 6))
+    lost[:, :rows] = (missing @ shares[:, :number]).T
+    return lost
 
 
 def _tuples(rows: Floats) -> tuple[tuple[float, ...], ...]:
@@ -169,8 +198,8 @@ def _far_apart(arm: Arm) -> Floats:
     return np.asarray(lower + parts * (upper - lower))
 
 
-def _general_rank(arm: Arm) -> int:
-    values = np.linalg.svd(jacobian(arm, _far_apart(arm)), compute_uv=False)
+def _general_rank(arm: Arm, rows: int) -> int:
+    values = np.linalg.svd(jacobian(arm, _far_apart(arm))[:, :rows], compute_uv=False)
     return max(_rank(value) for value in values)
 
 

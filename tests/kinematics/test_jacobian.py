@@ -84,7 +84,7 @@ def test_the_spherical_arms_determinant_is_its_manipulability(configurations) ->
 def test_the_manipulability_of_six_joints_is_the_determinant(configurations) -> None:
     robot = arm("irb6400c")
     for q in configurations(robot, 5):
-        assert manipulability(robot, q, "all") == pytest.approx(abs(np.linalg.det(jacobian(robot, q))))
+        assert manipulability(robot, q) == pytest.approx(abs(np.linalg.det(jacobian(robot, q))))
 
 
 def test_a_stretched_anthropomorphic_arm_cannot_go_outwards() -> None:
@@ -93,7 +93,7 @@ def test_a_stretched_anthropomorphic_arm_cannot_go_outwards() -> None:
     assert (regular.rank, regular.singular) == (3, False)
     assert regular.lost == ()
     assert stretched.full_rank == 3
-    assert manipulability(robot, [0.3, 0.4, 0.0]) == pytest.approx(0, abs=1e-12)
+    assert manipulability(robot, [0.3, 0.4, 0.0]) == 0
     outwards = fk_position(robot, [0.3, 0.4, 0.0])
     assert jacobian(robot, [0.3, 0.4, 0.0])[:3].T @ outwards == pytest.approx([0, 0, 0], abs=1e-15)
 
@@ -116,6 +116,54 @@ def test_a_stretched_scara_loses_the_direction_along_its_arm(q1: float) -> None:
     (lost,) = found.lost
     along = np.array([np.cos(q1), np.sin(q1), 0, 0, 0, 0])
     assert np.abs(np.array(lost) @ along) == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "lost"),
+    [
+        ("anthropomorphic", (0, np.pi / 6, 0), (0, -np.cos(np.pi / 6), -0.5)),  # outwards
+        ("theta1-theta2", (np.pi / 6, 0), (np.cos(np.pi / 6), 0.5, 0)),  # outwards
+        ("spherical", (np.pi / 6, 0, 0.2), (0.5, -np.cos(np.pi / 6), 0)),  # upright: sideways to the slide
+    ],
+)
+def test_a_positioning_arm_is_singular_where_its_position_loses_a_direction(
+    name: str, q: tuple[float, ...], lost: tuple[float, ...]
+) -> None:
+    """Although it still turns in as many directions as it has joints."""
+    found = singularity(arm(name), q)
+    assert (found.rank, found.full_rank) == (len(q) - 1, len(q))
+    ((*direction, a, b, c),) = found.lost
+    assert abs(np.dot(direction, lost)) == pytest.approx(1, abs=1e-6) and (a, b, c) == (0, 0, 0)
+
+
+def test_a_leg_loses_where_its_neighbours_go() -> None:
+    """At β = 0 both joints move the foot one way; the planes in which it moves beside that are nearly one."""
+    leg = arm("leg")
+    (lost,) = singularity(leg, [0.2, 0.0]).lost
+    for beta in (0.001, -0.001):
+        normal = np.cross(*jacobian(leg, [0.2, beta])[:3].T)
+        assert abs(normal @ lost[:3]) < 1e-6 * np.linalg.norm(normal)
+    assert jacobian(leg, [0.2, 0.0]).T @ lost == pytest.approx([0, 0], abs=1e-15)
+
+
+def test_a_tool_on_the_first_axis_of_five_joints_cannot_go_sideways() -> None:
+    """The first joint still turns the tool, so all six rows keep their rank."""
+    robot, q = arm("rv-m1"), np.array([0.4, 0.5, -0.6, 0.3, 0.2])
+    out = np.array([np.cos(0.4), np.sin(0.4), 0])
+    back = fk_position(robot, q) @ out / (fk(robot, q)[:3, 2] @ out)  # along the axis of the roll
+    robot = robot.with_tool(replace(robot.tool, z=robot.tool.z - back))
+    assert fk_position(robot, q)[:2] == pytest.approx([0, 0], abs=1e-12)
+    found = singularity(robot, q)
+    assert (found.rank, found.full_rank, manipulability(robot, q)) == (4, 5, 0)
+    assert np.abs(found.lost[0]) == pytest.approx(np.abs([np.sin(0.4), np.cos(0.4), 0, 0, 0, 0]), abs=1e-6)
+
+
+def test_manipulability_is_0_where_the_rank_falls_and_nowhere_else(any_arm, configurations) -> None:
+    straight = np.where([joint.turning for joint in any_arm.joints], 0.0, 0.1)
+    for q in [straight, *configurations(any_arm, 5)]:
+        found = singularity(any_arm, q)
+        assert bool(manipulability(any_arm, q) == 0) is found.singular
+        assert len(found.lost) == found.full_rank - found.rank
 
 
 def test_static_loads_are_the_work_of_the_force_per_joint_step(any_arm, configurations) -> None:
