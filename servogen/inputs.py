@@ -8,6 +8,7 @@ could block or never end.
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 from typing import IO
@@ -16,6 +17,16 @@ from servogen.errors import InputError, Location
 
 MAX_TEXT_BYTES = 1 << 20
 """The maximum size of a text that is read whole: a job, a program, a HEX file. Real ones have a tenth."""
+
+_NUMBER = re.compile(r"[-+]?(\d{1,20}(\.\d{0,20})?|\.\d{1,20})([eE][-+]?\d{1,3})?", re.ASCII)
+
+
+def number_in(text: str) -> float | None:
+    """Return the number that is the whole `text`, spaces aside: plain decimal notation, not all of Python's
+    (`1_000`, `nan`, `infinity`, other digits), and so short that its exact value does not fill the memory.
+    """
+    return float(text) if _NUMBER.fullmatch(text.strip()) else None
+
 
 _KINDS = (
     (stat.S_ISDIR, "a directory"),

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from servogen.errors import InputError, Location
+from servogen.inputs import number_in
 from servogen.robot.model import FixedFrame, Mount
 
 Floats = NDArray[np.float64]
@@ -306,10 +307,9 @@ def _turn(axis: str, degrees: float) -> Floats:
 
 
 def _number(text: str, position: int) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise _error(position, f"'{text.strip()}' is not a number") from None
+    value = number_in(text)
+    if value is None:
+        raise _error(position, f"'{text.strip()}' is not a number")
     if not np.isfinite(value):
         raise _error(position, f"'{text.strip()}' is not a finite number")
     if abs(value) > MAX_NUMBER:

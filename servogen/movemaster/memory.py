@@ -188,12 +188,12 @@ class Output:
     strobe: bool
 
 
-_INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{1,3}))\s*$")
+_INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{1,3}))\s*", re.ASCII)
 
 
 def input_of(text: str, place: Location | None = None) -> PortInput:
     """Return an input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
-    match = _INPUT.match(text)
+    match = _INPUT.fullmatch(text)
     value = -1 if match is None else int(match[2], 16) if match[2] else int(match[3])
     if match is None or not 0 <= value < 1 << PORT_BITS:
         raise InputError(

@@ -264,9 +264,9 @@ def _arguments(
     )
 
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)$")
-_WHOLE = re.compile(r"[+-]?\d+$")
-_HEX = re.compile(r"&[0-9A-Fa-f]{1,4}$")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)", re.ASCII)
+_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
+_HEX = re.compile(r"&[0-9A-Fa-f]{1,4}")
 
 
 def _value(command: Command, parameter: Parameter, text: str, place: Location) -> Value:
@@ -284,7 +284,7 @@ def _value(command: Command, parameter: Parameter, text: str, place: Location) -
         return text.upper()
     if parameter.kind is ArgumentKind.BIT:
         # -100 is out of range, so text that is not a number gets the same error.
-        number = int(text) if _WHOLE.match(text) else -100
+        number = int(text) if _WHOLE.fullmatch(text) else -100
         if not parameter.low <= abs(number) <= parameter.high:
             raise InputError(
                 "program-argument", f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}"
@@ -308,7 +308,7 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
                 place,
                 f"allowed: {parameter.allowed}",
             )
-        if not _HEX.match(text):
+        if not _HEX.fullmatch(text):
             raise InputError(
                 "program-argument",
                 f"{who}: '{text}' is not a hexadecimal number",
@@ -318,12 +318,12 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
         value = int(text[1:], 16)
         # A signed word, in two's complement.
         return value - 0x10000 if parameter.low < 0 and value > 0x7FFF else value
-    if not _NUMBER.match(text):
+    if not _NUMBER.fullmatch(text):
         raise InputError(
             "program-argument", f"{who}: '{text}' is not a number", place, f"allowed: {parameter.allowed}"
         )
     if parameter.kind is ArgumentKind.WHOLE:
-        if not _WHOLE.match(text):
+        if not _WHOLE.fullmatch(text):
             raise InputError(
                 "program-argument",
                 f"{who} is not a whole number: {text}",

@@ -339,7 +339,7 @@ def _row(
     )
 
 
-_TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?(?:e[+-]?\d+)?)|([A-Za-z]\w*))\s*")
+_TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?(?:e[+-]?\d+)?)|([A-Za-z]\w*))\s*", re.ASCII)
 
 
 def _length(document: Document, key: tuple[str, int, str], text: str, lengths: Mapping[str, float]) -> Length:

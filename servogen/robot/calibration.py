@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from servogen.errors import InputError, Location, ToolError
-from servogen.inputs import read_input
+from servogen.inputs import number_in, read_input
 from servogen.outputs import write_text
 from servogen.robot.servo import Calibration, Servo
 from servogen.robot.servo_models import MAX_US, MIN_US, PointTable, points_of
@@ -30,11 +30,8 @@ WIDTH, ANGLE, SPEED = "width_us", "angle_deg", "speed_deg_s"
 
 def angle_of(text: str, what: str = "") -> float:
     """Return a number of degrees in radians; `what` names it in the error. Raises InputError."""
-    try:
-        degrees = float(text)
-    except ValueError:
-        degrees = math.nan
-    if not math.isfinite(degrees):
+    degrees = number_in(text)
+    if degrees is None or not math.isfinite(degrees):
         raise InputError(
             "bad-angle", f"{what}'{text.strip()}' is not a number of degrees", hint="90, or 92.5"
         )
@@ -77,12 +74,9 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
     readings = []
     for row in rows:
         place = Location(str(path), rows.line_num)
-        try:
-            width_us, degrees = float(row[WIDTH]), float(row[wanted])
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                "csv-syntax", f"a reading is two numbers, {WIDTH} and {wanted}", place
-            ) from error
+        width_us, degrees = (number_in(row[column] or "") for column in (WIDTH, wanted))
+        if width_us is None or degrees is None:
+            raise InputError("csv-syntax", f"a reading is two numbers, {WIDTH} and {wanted}", place)
         if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
             raise InputError("csv-syntax", f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
         readings.append(Reading(width_us, math.radians(degrees)))

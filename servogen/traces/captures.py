@@ -19,7 +19,7 @@ from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
-from servogen.traces.channels import rate_in, step_clock
+from servogen.traces.channels import rate_of, step_clock
 from servogen.traces.csv import HEADER as EDGES_HEADER
 from servogen.traces.formats import EdgeWriter
 from servogen.traces.lines import first_lines
@@ -29,7 +29,9 @@ from servogen.traces.vcd import MADE, PARTIAL, STITCHED, VcdWriter, read_header,
 
 SUFFIXES = (".vcd", ".sr", ".csv")
 
-_PIECES = re.compile(r"(?:\d{1,18}-\d{1,18}(?:\s+|\Z|(?=;)))+", re.ASCII)
+_PIECES = re.compile(r"(?:\s*\d{1,18}-\d{1,18}(?=\s|\Z))+\s*", re.ASCII)
+_RATE = re.compile(r"(?:Acquisition with \d+/\d+ (?:channels|probes)|captured on all channels) at ([^;\n]*)")
+"""The comments in which sigrok and `capture_writer` state the sampling rate."""
 _CHANGED_COMMENT = "the comment of the file is not as it was written"
 _VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
 
@@ -124,8 +126,8 @@ def capture_writer(
 def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     header = read_header(path, wires)
     clock = step_clock(1 / header.step_s, Location(str(path)))
-    rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
-    rate = next((rate for rate in rates if rate), None)
+    rates = (stated[1] for comment in header.comments if (stated := _RATE.match(comment)))
+    rate = next((rate_of(text.strip(), Location(str(path))) for text in rates), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
     is_made = not is_capture(path)
     if is_made:
@@ -183,11 +185,10 @@ def _pieces(comments: Iterable[str], steps: Fraction, place: Location) -> tuple[
     InputError for a comment that names pieces without their limits.
     """
     mark = STITCHED.rstrip()
-    stated = next((text.partition(mark)[2].lstrip() for text in comments if mark in text), None)
+    stated = next((text.partition(mark)[2].partition(";")[0] for text in comments if mark in text), None)
     if stated is None:
         return ()
-    match = _PIECES.match(stated)
-    if match is None:
+    if not _PIECES.fullmatch(stated):
         raise InputError("vcd-syntax", "does not say which captures are in it", place, _CHANGED_COMMENT)
-    ranges = (tuple(map(int, span.split("-"))) for span in match.group().split())
+    ranges = (tuple(map(int, span.split("-"))) for span in stated.split())
     return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

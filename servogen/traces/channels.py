@@ -70,14 +70,23 @@ def _pin_in(name: str) -> int | None:
     return next((PINS.index(pin) for pin in pins if pin in PINS), None)
 
 
-_RATE = re.compile(r"(\d{1,18}(?:\.\d{1,18})?)\s*([kMG]?)Hz")
-_FACTOR = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
+_RATE = re.compile(r"\s*\+?(\d{1,18})(\.\d{1,18}(?= ))? *([kmg]?)(?:hz)?", re.ASCII | re.IGNORECASE)
+_FACTOR = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
-def rate_in(text: str) -> Fraction | None:
-    """Return the sampling rate in hertz given in `text`: `200 kHz`, `1.5 MHz`."""
-    stated = _RATE.search(text)
-    return Fraction(stated.group(1)) * _FACTOR[stated.group(2)] if stated else None
+def rate_of(text: str, place: Location) -> int:
+    """Return the sampling rate in hertz that is the whole `text`: `200 kHz`, `1.5 MHz`, `1 M`, `1000000`.
+
+    Source: libsigrok's `sr_parse_sizestring`: a number, spaces, k, M or G in either case, `Hz` or nothing.
+    It loses the letter directly after a fraction (1.5MHz is 1 Hz) and fractions of a hertz: neither is a rate
+    here. Raises InputError, which quotes the text.
+    """
+    stated = _RATE.fullmatch(text)
+    rate = Fraction(stated[1] + (stated[2] or "")) * _FACTOR[stated[3].lower()] if stated else Fraction(0)
+    if rate <= 0 or rate.denominator != 1:
+        message = f"sampling rate '{text[:40]}' is not understood"
+        raise InputError("bad-rate", message, place, "such as 200 kHz, 1.5 MHz or 1000000")
+    return int(rate)
 
 
 def step_clock(steps_per_second: Fraction, place: Location) -> Clock:

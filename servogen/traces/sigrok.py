@@ -16,6 +16,7 @@ import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
-from servogen.traces.channels import pins_of, rate_in, step_clock
+from servogen.traces.channels import pins_of, rate_of, step_clock
 from servogen.units import Cycles, counted
 
 MAX_UNIT_BYTES = 8
@@ -137,11 +138,12 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
             "file-too-large", f"has more than {size_text(MAX_METADATA_BYTES)} of metadata", place
         )
     device = _device(metadata, place)
-    rate = rate_in(device.get("samplerate", ""))
-    if not rate:
+    stated = device.get("samplerate")
+    if stated is None:
         raise InputError(
             "sigrok-syntax", "does not contain its samplerate", place, "capture with a samplerate set"
         )
+    rate = rate_of(stated, place)
     unit = str(device.get("unitsize"))
     if not re.fullmatch(f"[1-{MAX_UNIT_BYTES}]", unit):
         raise InputError(
@@ -180,7 +182,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
     if not samples:
         raise InputError("sigrok-syntax", "holds no samples of logic probes", place)
     pins = pins_of(_probes(device, size), wires, place)
-    return EdgeTrace(step_clock(rate, place), _Session(path, pieces, size, pins), Cycles(samples))
+    return EdgeTrace(step_clock(Fraction(rate), place), _Session(path, pieces, size, pins), Cycles(samples))
 
 
 def _device(metadata: str, place: Location) -> Mapping[str, str]:
@@ -197,7 +199,7 @@ def _device(metadata: str, place: Location) -> Mapping[str, str]:
 
 def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
     """Return (name, bit) of each probe in a sample of `size` bytes."""
-    numbered = ((name, re.fullmatch(r"probe([1-9]\d?)", key)) for key, name in device.items())
+    numbered = ((name, re.fullmatch(r"probe([1-9][0-9]?)", key)) for key, name in device.items())
     probes = [(name, int(match.group(1)) - 1) for name, match in numbered if match]
     return [(name, bit) for name, bit in probes if bit < 8 * size]
 

@@ -225,6 +225,8 @@ MAX_TAIL_BYTES = 1 << 20
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
 _END_OF_HEADER = re.compile(rb"\$enddefinitions\s+\$end\b")
 _TIME = re.compile(rb"^#(\d+)", re.MULTILINE)
+_ONE_BIT = re.compile(rb"[bB]0*([01zZxXhHlLuUwW-])")
+"""The vector of a wire of one bit; anything else would lose what it does not read."""
 _DUMPOFF = b"$dumpoff"
 _KEYWORDS = frozenset((b"$dumpvars", b"$dumpall", b"$dumpon", b"$dumpoff", b"$end"))
 
@@ -468,15 +470,16 @@ class _Parser:
             self.skipping = token != b"$end"
         elif self.vector is not None:
             pin = self.pins.get(token.decode("ascii", "replace"))
-            value = chr(self.vector[-1])
+            whole = _ONE_BIT.fullmatch(self.vector)
             self.vector = None
             if pin is None:
                 return True
+            if whole is None:
+                return False
+            value = whole[1].decode()
             if value in UNKNOWN:
                 self.unknown.setdefault(pin, time)
                 return True
-            if value not in LEVEL_OF:
-                return False
             self.unknown.pop(pin, None)
             times.append(time)
             pins.append(pin)

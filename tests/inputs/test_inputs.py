@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.inputs import MAX_TEXT_BYTES, open_input, read_input, size_text
+from servogen.inputs import MAX_TEXT_BYTES, number_in, open_input, read_input, size_text
 from tests.time_limit import time_limit
 
 
@@ -111,3 +111,33 @@ def test_a_file_that_fails_as_it_is_read_is_an_input_error() -> None:
 )
 def test_a_size_is_in_the_largest_unit_that_it_fills(size: int, text: str) -> None:
     assert size_text(size) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("1", 1), (" 2.5 ", 2.5), ("-.5", -0.5), ("+3.", 3), ("1e-3", 0.001), ("2.5E+2", 250)],
+)
+def test_a_number_in_a_file_is_its_whole_text(text: str, number: float) -> None:
+    assert number_in(text) == number
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "1_000",
+        "nan",
+        "inf",
+        "0,5",
+        "1 2",
+        "1e",
+        "1.2.3",
+        "0x10",
+        "5mm",
+        "9" * 21,
+        "1e9999",
+        "\N{FULLWIDTH DIGIT ONE}",
+    ],
+)
+def test_what_is_only_in_part_a_number_is_none(text: str) -> None:
+    assert number_in(text) is None

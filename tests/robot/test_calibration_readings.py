@@ -15,8 +15,8 @@ HEAD = "width_us,angle_deg\n"
     [
         ("1000,1\r2000,2\n", "is not a CSV file"),
         pytest.param(f"{'9' * 200_000},1\n", "is not a CSV file: field larger", id="a long field"),
-        ("nan,1\n", "nan, 1 is not a reading of a servo"),
-        ("1000,inf\n", "1000, inf is not a reading of a servo"),
+        ("nan,1\n", "a reading is two numbers, width_us and angle_deg"),
+        ("1000,inf\n", "a reading is two numbers, width_us and angle_deg"),
         ("0,1\n", "0, 1 is not a reading of a servo"),
         pytest.param("1000,1\n" * 1001, "has too many readings", id="1001 readings"),
     ],

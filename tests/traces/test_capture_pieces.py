@@ -75,7 +75,9 @@ def test_pieces_may_follow_each_other_without_a_gap(tmp_path: Path) -> None:
     assert join(capture.trace.chunks).cycle.tolist() == [0, 499, 500]
 
 
-@pytest.mark.parametrize("pieces", ["", "all", "0-", f"0-{'9' * 5000}", "0:500"])
+@pytest.mark.parametrize(
+    "pieces", ["", "all", "0-", f"0-{'9' * 5000}", "0:500", "0-500 600-9x", "0-500, 600-900", "0-500 600"]
+)
 def test_pieces_without_their_limits_are_an_error(tmp_path: Path, pieces: str) -> None:
     with pytest.raises(InputError, match=r"a\.vcd: error: does not say which captures are in it"):
         read_capture(stitched(tmp_path, pieces, ""))

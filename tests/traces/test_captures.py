@@ -225,6 +225,8 @@ def test_a_row_of_saleae_is_named_by_its_line_in_blocks_of_any_size(
             ("0.1,0,2", "level '2' is not allowed"),
             (",0,1", "time '' is not a number of seconds"),
             ("9e9,0,1", "time '9e9' is not a number of seconds"),
+            ("0.1_0,0,1", "time '0.1_0' is not a number of seconds"),
+            ("nan,0,1", "time 'nan' is not a number of seconds"),
             ("-9e9,0,1", "time '-9e9' is not a number of seconds"),
             ("0.0014,0,1", "a time is before that of the row above"),
         ):
@@ -325,6 +327,20 @@ def test_a_vcd_of_sigrok_tells_its_sampling_rate(tmp_path: Path) -> None:
     assert rows_of(capture) == [(0, RB0, HIGH), (667, RB0, LOW), (2000, RB0, HIGH)]
     assert (capture.trace.end, capture.trace.clock.hz) == (4000, 4 * 10**9)
     assert capture.sample == pytest.approx(1000 / 1.5)
+
+
+@pytest.mark.parametrize("rate", ["1,5 MHz", "1.5 MHz or so", "fast"])
+def test_a_rate_of_a_vcd_that_is_not_understood_is_refused(tmp_path: Path, rate: str) -> None:
+    text = f"$comment\n  Acquisition with 1/8 channels at {rate}\n$end\n$timescale 1 us $end\n"
+    (tmp_path / "a.vcd").write_text(f"{text}$var wire 1 ! RB0 $end\n$enddefinitions $end\n#0 0!\n#5\n")
+    with pytest.raises(InputError, match=f"sampling rate '{rate}' is not understood"):
+        read_capture(tmp_path / "a.vcd")
+
+
+def test_a_comment_about_something_else_states_no_rate(tmp_path: Path) -> None:
+    text = "$comment of all channels at 12 kHz only two were used $end\n$timescale 1 us $end\n"
+    (tmp_path / "a.vcd").write_text(f"{text}$var wire 1 ! RB0 $end\n$enddefinitions $end\n#0 0!\n#5\n")
+    assert read_capture(tmp_path / "a.vcd").sample is None
 
 
 def test_a_vcd_of_another_program_does_not(tmp_path: Path) -> None:

@@ -37,7 +37,8 @@ Contact = frozenset[str]
 """The two pins that a contact connects."""
 
 _TEXT = re.compile(
-    r"(?P<name>\w+)(?:-(?P<other>\w+))?=(?:TX(?P<port>\d+)|(?P<pin>\d+)|(?P<none>-))", re.IGNORECASE
+    r"(?P<name>\w+)(?:-(?P<other>\w+))?=(?:TX(?P<port>\d+)|(?P<pin>\d+)|(?P<none>-))",
+    re.IGNORECASE | re.ASCII,
 )
 
 
