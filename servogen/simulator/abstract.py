@@ -468,11 +468,23 @@ class AbstractChip:
         masks[cells >= CELL_PHASED] = at.PHASED
         s[_RAM] = cells & 0xFF | masks << at.UNKNOWN_SHIFT | at.NOT_WRITTEN
         s[_REST] = state.rest
+        self._close_counters()
         s[at.CYCLE] = BASE
         self._high = state["DRIVEN_HIGH"]
         s[at.READ_UNWRITTEN : at.READ_UNWRITTEN + at.RAM_SLOTS] = 0
         s[at.WARN_COUNT] = s[at.USE_KIND] = s[at.EDGE_COUNT] = s[at.OPTION_WRITES] = 0
         return s
+
+    def _close_counters(self) -> None:
+        """Let what is unknown of TMR0 and its prescaler include every bit that a carry can reach: then it
+        stays the same while they count.
+        """
+        s = self._s
+        prescaler, timer = int(s[at.PRESCALER_UNKNOWN]), int(s[at.TMR0_UNKNOWN])
+        s[at.PRESCALER_UNKNOWN] = prescaler | -(prescaler & -prescaler) & 0xFF
+        if prescaler and not s[at.OPTION] & PSA and prescaler & (2 << (int(s[at.OPTION]) & PS)) - 1:
+            timer = 0xFF | at.SOURCE_PRESCALER << 8
+        s[at.TMR0_UNKNOWN] = timer | -(timer & -timer) & 0xFF
 
     def _used(self) -> Use | None:
         s = self._s
@@ -585,6 +597,8 @@ class AbstractChip:
         if pins & RA4 and s[at.OPTION] & at.T0CS:
             doubtful |= at.T0IF
             s[at.TMR0_UNKNOWN] = 0xFF
+            if not s[at.OPTION] & PSA:
+                s[at.PRESCALER_UNKNOWN] = 0xFF
         s[at.INTCON_UNKNOWN] |= doubtful & ~known
 
     def _warnings(self, choices: tuple[AssumedBits, ...]) -> tuple[str, ...]:

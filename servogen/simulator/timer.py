@@ -44,7 +44,7 @@ from servogen.simulator.layout import (
     WDT_PERIOD,
     WDT_SHORTEST,
 )
-from servogen.simulator.unknown import timer_flag_in_doubt
+from servogen.simulator.unknown import timer_flag_in_doubt, upward
 
 INHIBITED = 3
 """Cycles from a write of TMR0 to the cycle that counts as its anchor."""
@@ -134,7 +134,8 @@ def t0_write(s: Vector, cycle: int, value: int, unknown: int) -> None:
     """Write TMR0 by an instruction in `cycle`; "increment is inhibited" (DS35007 section 5)."""
     t0_sync(s, cycle)
     s[TMR0] = value
-    s[TMR0_UNKNOWN] = unknown
+    # From here on the byte counts, and a carry out of an unknown bit reaches all bits above it.
+    s[TMR0_UNKNOWN] = upward(unknown & 0xFF) | unknown & ~0xFF
     # An anchor in the future: until then the timer reads the written value and counts nothing.
     s[T0_AT] = cycle + INHIBITED
     s[T0_HELD] = cycle + INHIBITED
@@ -151,7 +152,7 @@ def t0_external(s: Vector, cycle: int) -> None:
     shift = t0_shift(s)
     if shift:
         s[PRESCALER] = (s[PRESCALER] + 1) & 0xFF
-        if s[PRESCALER] & ((1 << shift) - 1):
+        if s[PRESCALER] & ~s[PRESCALER_UNKNOWN] & ((1 << shift) - 1):
             return
     s[TMR0] = (s[TMR0] + 1) & 0xFF
     if s[TMR0_UNKNOWN]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
@@ -20,15 +21,18 @@ def wild_image(seed: int) -> Image:
     return Image({a: rng.randrange(0x4000) for a in range(1024)}, rng.randrange(0x4000), {0: seed & 0xFF})
 
 
-def tame_image(seed: int) -> Image:
-    """A program of pieces, set up so that timers, interrupts, watchdog and loops have something to do."""
+def tame_image(seed: int, first: Sequence[int] = ()) -> Image:
+    """A program of pieces, set up so that timers, interrupts, watchdog and loops have something to do.
+
+    It begins with the words `first`.
+    """
     rng = random.Random(seed)
     config = 0x3FF0 | rng.randrange(16)
     words: list[int] = []
     words += [encode("GOTO", k=12)] + [encode("NOP")] * 3
     words += _interrupt_routine(rng)
     words += [encode("NOP")] * (12 - len(words))
-    words += _set_up(rng)
+    words += [*first, *_set_up(rng)]
     main = len(words)
     size = rng.choice((45, 70, 180))  # a short program comes round often: it meets what it did before
     while len(words) < size:

@@ -84,6 +84,11 @@ class Chip:
     def cycle(self) -> None:
         """One instruction cycle."""
         self.begin()
+        self.act()
+        self.now += 1
+
+    def act(self) -> None:
+        """Sample the flags, and begin an instruction if one is due."""
         if not self.held and not self.asleep and self.now >= self.no_sample_before:
             if self.sampled is None and self.intcon & GIE and self.requested():
                 self.sampled = self.now
@@ -92,7 +97,6 @@ class Chip:
                     self.enter_interrupt()
                 if self.now >= self.busy_until:
                     self.busy_until = self.now + self.execute()
-        self.now += 1
 
     def begin(self) -> None:
         """What the start of a cycle brings, in the simulator's documented order."""
