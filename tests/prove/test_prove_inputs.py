@@ -10,7 +10,7 @@ import pytest
 
 from servogen.build import planned
 from servogen.build.proof import prove_forever
-from servogen.edges import EdgeChunk
+from servogen.edges import PINS, EdgeChunk
 from servogen.engines.firmware import Firmware
 from servogen.job import loads, plan_job
 from servogen.pic.assembler import assemble
@@ -20,7 +20,7 @@ from servogen.programs import compile_program
 from servogen.prove import Counterexample, Quantifiers, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
-from servogen.simulator import Machine, parse_stimuli
+from servogen.simulator import Machine, NoRepeat, find_repeat, parse_stimuli
 from servogen.units import Clock, Cycles
 from tests.engines.player.player_jobs import job_text, sweep
 from tests.prove.replay import is_wrong
@@ -393,3 +393,47 @@ rest    decfsz 0x21, f
     source = HEAD.replace("        clrf TMR0\n", "").format(isr=handler) + body.format(write="nop")
     image = assemble(source + "        end\n", "test.asm", device("PIC16F84")).image
     assert not prove_for_all(image, schedule, max_states=500).proven
+
+
+COUNTED_ON = """
+        bsf STATUS, RP0
+        movlw 0x88
+        movwf OPTION_REG
+        bcf STATUS, RP0
+frame   bsf PORTB, 1
+        movf 0x30, w
+        andlw 1
+        {write}
+        nop
+        nop
+        nop
+        nop
+        nop
+        nop
+        nop
+        btfsc TMR0, 1
+        goto on
+on      movlw 98
+        movwf 0x21
+wait    decfsz 0x21, f
+        goto wait
+        bcf PORTB, 1
+        goto frame
+"""
+"""Written with 0 or 1, TMR0 is read as 5 or 6: the skip takes two cycles, or the word after it is a jump."""
+
+
+@pytest.mark.parametrize("write", ["movwf TMR0", "iorwf TMR0, f\n        movwf TMR0"])
+def test_a_byte_of_which_a_bit_is_unknown_counts_on_in_tmr0(write: str) -> None:
+    program = assembled(COUNTED_ON.format(write=write))
+    machine = Machine(program, CLOCK)
+    rise = machine.run_to_edge(PINS.index("RB1"), 1, 100)
+    fall = machine.run_to_edge(PINS.index("RB1"), 0, 1000)
+    again = machine.run_to_edge(PINS.index("RB1"), 1, 1000)
+    assert rise is not None and fall is not None and again is not None
+    schedule = schedule_of(again - rise, fall - rise)
+    found = prove_for_all(program, schedule)
+    assert found.counterexample is not None
+    assert is_wrong(program, schedule, found.counterexample)
+    endless = find_repeat(program, CLOCK, pin=PINS.index("RB1"), limit=100_000)
+    assert isinstance(endless, NoRepeat) and "other chips" in endless.reason

@@ -150,9 +150,7 @@ class Plain:
         """Return the edges since the last call: (cycle, pin, level)."""
         found = self._edges[: self._s[at.EDGE_COUNT]].tolist()
         self._s[at.EDGE_COUNT] = 0
-        return [
-            (each >> at.PACK_CYCLE, each >> at.PACK_PIN & 0x3F, each & at.PACK_LEVELS) for each in found
-        ]
+        return [(each >> at.PACK_CYCLE, each >> at.PACK_PIN & 0x3F, each & at.PACK_LEVELS) for each in found]
 
 
 class Second(Chip):
@@ -218,7 +216,9 @@ def outside(state: ChipState, chip: Vector) -> list[str]:
 
 def surroundings(rng: random.Random, cycles: int) -> Surroundings:
     byte = (0, 1, 0xFF, rng.randrange(256))
-    start = {name: rng.choice((*byte, rng.randrange(256))) for name in ("w", "fsr", "tmr0", "eedata", "eeadr")}
+    start = {
+        name: rng.choice((*byte, rng.randrange(256))) for name in ("w", "fsr", "tmr0", "eedata", "eeadr")
+    }
     start |= {"flags": rng.randrange(8), "wrerr": rng.randrange(2), "rbif": 0, "rb-old": rng.randrange(16)}
     start |= {"latches": rng.randrange(1 << 13)}
     start |= {f"0x{address:02X}": rng.choice((*byte, rng.randrange(256))) for address in RAM}
@@ -290,7 +290,7 @@ class Follower:
             limit, following = self._rng.choice((1, 2, 7, 30, 60)), dict[object, Group]()
             for group in groups:
                 for one in self._step(group, limit):
-                    # Chips that come to the same state on different ways, or at different times, go on as one.
+                    # Chips that come to the same state by other ways, or at other times, go on together.
                     same = following.setdefault((one.state, one.use, one.wrote, one.read), one)
                     same.chips.update(one.chips)
                 if self.wrong:
@@ -380,9 +380,7 @@ class Follower:
             self.counts[why] += self._copies[name] < EXCUSED
             self._copies[name] += EXCUSED
 
-    def _places(
-        self, chip: Plain, before: ChipState, ends: Sequence[End]
-    ) -> list[tuple[int, Plain]]:
+    def _places(self, chip: Plain, before: ChipState, ends: Sequence[End]) -> list[tuple[int, Plain]]:
         """Return the states that a chip comes to, each with the chip there; run the chip to the last of
         them.
         """
@@ -483,7 +481,7 @@ class Counting:
         for value in range(256):
             fields = self.rest | {self.field: (value & self.bits) << self.shift}
             levels = [*((0, pin, level) for pin, level in (self.held or {}).items()), *self.levels]
-            start = {name: 0 for name in ("fsr", "eedata", "eeadr", "flags", "wrerr", "rbif", "latches")}
+            start = dict.fromkeys(("fsr", "eedata", "eeadr", "flags", "wrerr", "rbif", "latches"), 0)
             start |= {"w": fields.get("W", 0), "tmr0": fields.get("TMR0", 0)}
             start |= {"rb-old": fields.get("RB_OLD", 0) >> 9} | {f"0x{address:02X}": 0 for address in RAM}
             chip = Second(self.image, Surroundings(tuple(start.items()), levels, 1, 0, 7000), begun=False)
@@ -516,9 +514,7 @@ def _counted() -> tuple[Counting, ...]:
     found.append(Counting("the prescaler becomes TMR0's", "PRESCALER", given, reassigned, choices=phase))
     levels = {9: 1, 10: 0, 11: 1, 12: 0}
     compares = (encode("NOP"), encode("MOVF", f=6, d=0), encode("BCF", f=0x0B, b=0))
-    found.append(
-        Counting("RBIF compares", "RB_OLD", {}, compares, (1, 2, 3, 4, 9), 9, 0x0F, held=levels)
-    )
+    found.append(Counting("RBIF compares", "RB_OLD", {}, compares, (1, 2, 3, 4, 9), 9, 0x0F, held=levels))
     edges = tuple((cycle, 4, cycle // 2 % 2) for cycle in range(0, 160, 2))
     for option in (0xA8, 0xA0, 0xB2):  # T0CKI may have an edge in any cycle
         known_ = {"OPTION": option} | prescaler
@@ -556,7 +552,9 @@ def postscaler(pairs: Iterable[tuple[int, int]]) -> list[str]:
     wrong = []
     for scale in (0, 2, 7):
         rest = {"OPTION": 0x87, "W": 0x88 | scale, "W_UNKNOWN": 0}
-        case = Counting("the watchdog's postscaler", "PRESCALER", rest, choices=(AssumedBits("TMR0_PHASE", 0, 0),))
+        case = Counting(
+            "the watchdog's postscaler", "PRESCALER", rest, choices=(AssumedBits("TMR0_PHASE", 0, 0),)
+        )
         division = 1 << scale
         for value, mask in pairs:
             outcome = chip.run(case.state(chip, value, mask), frozenset(), 1, case.choices)

@@ -1,4 +1,4 @@
-"""What an abstract state stands for is still in it n cycles later; all of it: `tests.simulator.containment`."""
+"""A chip in an abstract state is still in it n cycles later; in full: `tests.simulator.containment`."""
 
 from __future__ import annotations
 
