@@ -81,6 +81,7 @@ def test_a_mistake_is_named_in_its_line_and_nothing_else_is(mistake: Mistake) ->
 
 
 OTHERS = (
+    Mistake("semicolon", "#include <string.h>;\nvoid main(void) { }\n", "c2c"),
     Mistake("pragma", "#pragma unknown\nvoid main(void) { }\n", "c2c"),
     Mistake("attribute", "__attribute__((interrupt)) void main(void) { }\n", "c2c"),
     Mistake("message", "#warning later\nvoid main(void) { }\n", "c2c"),
