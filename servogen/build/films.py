@@ -102,7 +102,7 @@ def class_page(
             "passed": result.grade.passed,
             "points": number(total(results := outcomes(lab, result.grade))),
             "max_points": number(max_total(results)),
-            "reason": result.grade.reasons[0] if result.grade.reasons else "",
+            "reason": result.grade.reasons[0] if result.grade.reasons else result.grade.how_long,
             "page": page,
             "film": film_name(page) if result.grade.film else "",
             "link": link,

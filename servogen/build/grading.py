@@ -14,28 +14,40 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from servogen.edges import PINS, EdgeTrace
+import numpy as np
+
+from servogen.build.power_ups import (
+    Chip,
+    Difference,
+    cause,
+    compared_values,
+    condition,
+    machine,
+    other_chips,
+    powered_again,
+)
+from servogen.edges import PINS, EdgeChunk, EdgeTrace
 from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
-from servogen.grade import ChipFacts, Grade, Lab, Submission, judge, message, refused
+from servogen.grade import Check, ChipFacts, Fault, Grade, Lab, Submission, judge, message, refused
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
+from servogen.grade.judge import NOT_REPEATED
 from servogen.grade.watch import Watched, watch
 from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
-from servogen.simulator import Machine, MachineState, Repeat, SimulatorOptions, find_repeat
+from servogen.simulator import Machine, MachineState
 from servogen.units import Clock, Cycles
-
-BOARD = SimulatorOptions(ra4_pull_up=True)
 
 RUNNING = WorkLimits(seconds=120.0)
 """The limits for running and judging one program, which usually takes a second."""
@@ -58,6 +70,15 @@ WITHOUT_WORKERS_S = 60.0
 """The time after which a cluster that has lost its workers is given up."""
 
 POLL_S = 1.0
+
+POWERED_AGAIN = 3
+"""How often a program that writes the EEPROM is powered up with what the run before has left there."""
+
+READ_UNWRITTEN = 4
+"""The number of bytes of RAM, of those read before they are written, that are tried with several values."""
+
+ODD_VALUES = 16
+"""The number of those values, of those that change an edge, with which the program is judged."""
 
 
 class Runnable(Protocol):
@@ -150,25 +171,117 @@ def grade_submissions(
 
 
 def grade_program(lab: Lab, program: Runnable) -> Grade:
-    """Run the program for the lab's time on the lab's board, and return the grade of its pulses."""
-    span = Cycles(lab.clock.round_seconds(lab.watch_s))
-    machine = Machine(program.image, lab.clock, BOARD, tracked=True)
-    watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
-    facts = _facts(machine.state(), program)
-    grade = judge(lab, watched, facts)
-    if not grade.passed:
-        return replace(grade, film=_film(lab, program, watched, grade))
-    pin = PINS.index(grade.pins[0][1])
-    repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
-    if isinstance(repeat, Repeat):
-        cycles = int(repeat.lead_in), int(repeat.lead_in + repeat.loop)
-        grade = judge(lab, watched, replace(facts, repeat=cycles))
+    """Run the program on the lab's board and return the grade of its pulses.
+
+    If it is right on the first chip, it is powered up on others, too: what depends on the chip is a fault.
+    """
+    first = _power_up(lab, program, (), tracked=True)
     dependent = (
         replace(warning, message=f"other chips may behave differently: {warning.message}")
-        for warning in machine.chip_dependent
+        for warning in first.machine.chip_dependent
     )
-    remarks = (*grade.remarks, *dependent)
-    return replace(grade, remarks=remarks)
+    grade = replace(first.grade, remarks=(*first.grade.remarks, *dependent))
+    if not grade.passed:
+        return replace(grade, film=_film(lab, program, first.watched, grade))
+    tried = [first]
+    for chip in _chips(program, first):
+        tried.append(_power_up(lab, program, chip))
+        if not tried[-1].grade.passed:
+            fault = Fault((Check.CHIPS,), _dependence(lab, program, chip, tried[-1].watched.end))
+            return replace(grade, faults=(fault,), repeats=False)
+    repeats = all(each.grade.repeats for each in tried)
+    if not repeats:
+        text = (
+            f"watched for {grade.watched_s:g} s: the chip's state did not repeat, so nothing later is judged"
+        )
+        grade = replace(grade, remarks=(Diagnostic("note", NOT_REPEATED, text), *grade.remarks))
+    return replace(grade, chips=len(tried), repeats=repeats)
+
+
+class PowerUp(NamedTuple):
+    """A program on a chip: its grade there, its pulses, and the chip at the end."""
+
+    grade: Grade
+    watched: Watched
+    machine: Machine
+
+
+def _power_up(lab: Lab, program: Runnable, chip: Sequence[Difference], tracked: bool = False) -> PowerUp:
+    """Watch the program for the lab's time, and on until the state repeats or the longest time is over."""
+    running = machine(program.image, lab.clock, chip, tracked=tracked)
+    again = machine(program.image, lab.clock, chip)
+    seen: set[bytes] = set()
+    chunks: list[EdgeChunk] = []
+    seconds = lab.watch_s
+    while True:
+        end = Cycles(lab.clock.round_seconds(seconds))
+        more = _kept(running.stream(end - running.cycles), chunks)
+        watched = watch(EdgeTrace(lab.clock, chain(tuple(chunks), more), end))
+        grade = judge(lab, watched, _facts(running.state(), program))
+        if grade.passed and _repeats(again, grade.rounds, seen):
+            return PowerUp(replace(grade, repeats=True), watched, running)
+        if not grade.passed or seconds >= lab.longest_watch_s:
+            return PowerUp(grade, watched, running)
+        seconds = min(2 * seconds, lab.longest_watch_s)
+
+
+def _kept(chunks: Iterable[EdgeChunk], kept: list[EdgeChunk]) -> Iterator[EdgeChunk]:
+    """Yield chunks of edges, and keep them."""
+    for chunk in chunks:
+        kept.append(chunk)
+        yield chunk
+
+
+def _repeats(running: Machine, rounds: Sequence[int], seen: set[bytes]) -> bool:
+    """Return whether the chip's whole state is the same at the beginnings of two rounds (cycles).
+
+    `seen` has those of the rounds before `running`'s cycle.
+    """
+    for begin in rounds:
+        if begin < running.cycles:
+            continue
+        running.run_until(cycle=begin + 1)
+        state = (running.cycles - begin).to_bytes(1) + running.fingerprint()
+        if state in seen:
+            return True
+        seen.add(state)
+    return False
+
+
+def _chips(program: Runnable, first: PowerUp) -> Iterator[Chip]:
+    """Yield the other chips: last the first one, powered up again, as long as its EEPROM is a new one."""
+    yield from other_chips(program.image)
+    yield from islice(_odd_values(program, first), ODD_VALUES)
+    before = first.machine
+    for _ in range(POWERED_AGAIN):
+        chip = powered_again(before)
+        if chip is None:
+            return
+        yield chip
+        before = machine(program.image, first.watched.clock, chip)
+        before.run(first.watched.end)
+
+
+def _odd_values(program: Runnable, first: PowerUp) -> Iterator[Chip]:
+    """Yield chips with a value in RAM, read before it is written, that changes an edge of the first round."""
+    clock, end = first.watched.clock, [*first.grade.rounds, first.watched.end][1]
+    usual = machine(program.image, clock, ()).run(end)
+    for chip in compared_values(program.image, first.machine.read_unwritten[:READ_UNWRITTEN]):
+        edges = machine(program.image, clock, chip).run(end)
+        if not all(map(np.array_equal, edges, usual)):
+            yield chip
+
+
+def _dependence(lab: Lab, program: Runnable, chip: Chip, cycles: int) -> str:
+    """Return on what of a chip it depends that the program fails there within `cycles`, and how."""
+
+    def grade_on(differences: Sequence[Difference]) -> Grade:
+        running = machine(program.image, lab.clock, differences)
+        watched = watch(EdgeTrace(lab.clock, running.stream(cycles), Cycles(cycles)))
+        return judge(lab, watched, _facts(running.state(), program))
+
+    needed = cause(chip, lambda differences: not grade_on(differences).passed)
+    return f"it depends on the chip: if {condition(needed)}, {grade_on(needed).reasons[0]}"
 
 
 def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
@@ -178,11 +291,11 @@ def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
     at = (
         watched.end if grade.moment is None and not any(pin in watched.pins for pin in pins) else grade.moment
     )
-    machine = Machine(program.image, lab.clock, BOARD)
-    machine.run(
+    running = machine(program.image, lab.clock, ())
+    running.run(
         at if at is not None else min(int(watched.pins[p].rise[0]) for p in pins if p in watched.pins)
     )
-    source = _source(program.listing, machine.pc, machine.state().stack[: machine.state().stack_depth])
+    source = _source(program.listing, running.pc, running.state().stack[: running.state().stack_depth])
     return film_of(watched, pins, 0 if at == watched.end else at, source)
 
 

@@ -50,8 +50,6 @@ class ChipFacts:
     stack_wraps: int = 0
     written_for_hz: int | None = None
     """The clock that the source states."""
-    repeat: tuple[int, int] | None = None
-    """Two cycles in which the chip's whole state is the same; None: it was not seen to repeat."""
 
 
 def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:

@@ -49,7 +49,9 @@ def csv_text(lab: Lab, entries: Sequence[GradedProgram]) -> str:
             "" if outcome.state is CheckState.NOT_CHECKED else number(outcome.points) for outcome in results
         ]
         points = [number(total(results)), number(max_total(results))]
-        why = "; ".join(" ".join(visible(reason).split()) for reason in entry.grade.reasons)
+        why = "; ".join(
+            " ".join(visible(reason).split()) for reason in entry.grade.reasons or [entry.grade.how_long]
+        )
         writer.writerow([_no_formula(entry.shown), verdict, *points, *cells, _no_formula(why)])
     return out.getvalue()
 

@@ -36,6 +36,9 @@ from servogen.grade.film import Film
 from servogen.grade.lab import Check, Lab, Solution
 from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
 
+NOT_REPEATED = "not-repeated"
+"""The code of the note on a program whose chip's state did not repeat."""
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -84,8 +87,13 @@ class Grade:
     seen: str = ""
     """The program's order of positions."""
     watched_s: float = 0.0
+    rounds: tuple[int, ...] = ()
+    """The cycles in which a round begins: at the first of the solution's positions."""
     repeats: bool = False
-    """Whether the chip's whole state was seen to repeat, so that the motion continues endlessly."""
+    """Whether the whole state of each chip was seen to repeat at the beginnings of two rounds, so that the
+    motion continues endlessly."""
+    chips: int = 1
+    """The number of different chips on which the program was powered up."""
     moment: int | None = None
     """The cycle in which the first fault begins, if it has a moment."""
     film: Film | None = None
@@ -94,6 +102,11 @@ class Grade:
     @property
     def passed(self) -> bool:
         return not self.faults
+
+    @property
+    def how_long(self) -> str:
+        """Return for how long a right program was watched, if it was not seen to go on endlessly."""
+        return next((remark.message for remark in self.remarks if remark.code == NOT_REPEATED), "")
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -112,6 +125,7 @@ class Grade:
             "seen": self.seen,
             "watched_s": self.watched_s,
             "repeats": self.repeats,
+            "chips": self.chips,
         }
 
 
@@ -187,24 +201,15 @@ def _judge_solution(
     return Grade(
         lab=lab.name,
         faults=faults,
-        unchecked=tuple(_unchecked(solution, settled, right)),
+        unchecked=(*_unchecked(solution, settled, right), *([Check.CHIPS] if faults else [])),
         remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
         pins=tuple((servo.servo.name, name) for servo, name in zip(lab.servos, names, strict=True)),
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
         seen=sequence(settled, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
-        repeats=not faults and _has_round(chip.repeat, solution, right),
+        rounds=tuple(stay.visit.begin for stay in right if stay.position == 0),
         moment=first_wrong(settled, placed, right, lab, solution) if faults else None,
     )
-
-
-def _has_round(repeat: tuple[int, int] | None, solution: Solution, right: Sequence[Stay]) -> bool:
-    """Return whether every position is reached between the two cycles of a repetition."""
-    if repeat is None:
-        return False
-    begin, end = repeat
-    reached = {stay.position for stay in right if begin <= stay.visit.begin < end}
-    return len(reached) == len(solution.positions)
 
 
 def _unchecked(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:

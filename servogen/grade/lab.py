@@ -38,6 +38,7 @@ class Check(StrEnum):
     TRAVEL = "travel"
     PERIOD = "period"
     REPETITION = "repetition"
+    CHIPS = "chips"
 
 
 PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]
@@ -89,6 +90,7 @@ class PointsTable(Table):
     travel: Points = 0.0
     period: Points = 0.0
     repetition: Points = 0.0
+    chips: Points = 0.0
 
 
 class LabTable(Table):
@@ -98,6 +100,7 @@ class LabTable(Table):
     task: str
     clock_hz: int = Field(gt=0)
     watch_s: float = Field(gt=0, le=3600)
+    longest_watch_s: float | None = Field(default=None, gt=0, le=3600)
     rounds: int = Field(ge=1)
     pause_tolerance_percent: float = Field(default=5.0, gt=0)
     longest_move_s: float = Field(default=0.0, ge=0)
@@ -144,6 +147,8 @@ class Lab:
     task: str
     clock: Clock
     watch_s: float
+    longest_watch_s: float
+    """A right program is watched on until the chip's state repeats, for this time at most."""
     rounds: int
     pause_tolerance: float
     """The allowed deviation as a fraction of the pause."""
@@ -215,12 +220,16 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
     points = tuple((check, worth) for check in Check if (worth := getattr(table.points, check)))
     if not points and not table.points.passed:
         raise document.error("not-allowed", ("points",), "no points are given", "for example: passed = 1")
+    longest = table.watch_s if table.longest_watch_s is None else table.longest_watch_s
+    if longest < table.watch_s:
+        raise document.error("out-of-range", ("longest_watch_s",), f"{longest:g} is below watch_s")
     lab = Lab(
         name=name,
         title=table.title,
         task=table.task,
         clock=Clock(table.clock_hz),
         watch_s=table.watch_s,
+        longest_watch_s=longest,
         rounds=table.rounds,
         pause_tolerance=table.pause_tolerance_percent / 100,
         longest_move_s=table.longest_move_s,

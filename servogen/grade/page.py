@@ -25,6 +25,8 @@ def page(lab: Lab, student: str, grade: Grade, film: str = "", command: str = ""
 
 def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Iterator[str]:
     yield f"# {markdown(shown_name(student))}: {'passed' if grade.passed else 'not passed'}"
+    if grade.how_long:
+        yield from ("", f"{grade.how_long[0].upper()}{grade.how_long[1:]}.")
     yield ""
     yield markdown(f"{lab.title}. {lab.task}")
     results = outcomes(lab, grade)
@@ -107,6 +109,10 @@ def _required(row: Row) -> str:
 
 
 def _how_long(grade: Grade) -> str:
+    watched = f"Watched for {grade.watched_s:g} s"
+    if grade.chips > 1:
+        watched += f" on {grade.chips} chips with different RAM, pins, watchdog and EEPROM at power-up"
     if grade.repeats:
-        return f"Watched for {grade.watched_s:g} s; the chip's state repeats, so this goes on endlessly."
-    return f"Watched for {grade.watched_s:g} s."
+        state = "the chip's state repeats" if grade.chips == 1 else "the state of each repeats"
+        return f"{watched}; {state}, so this goes on endlessly."
+    return f"{watched}."

@@ -25,6 +25,7 @@ CHECK_TITLES = {
     Check.TRAVEL: "time to get there",
     Check.PERIOD: "period of the pulses",
     Check.REPETITION: "endless repetition",
+    Check.CHIPS: "the same on other chips",
 }
 """Each check as a student reads it."""
 

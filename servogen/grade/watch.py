@@ -28,6 +28,10 @@ Ints = npt.NDArray[np.int64]
 MAX_EDGES = 1_000_000
 """The maximum number of edges: far more than 13 servos make in the time of any lab."""
 
+GLITCH_US = 250
+"""The longest first pulse of a pin that is none: between becoming an output and first being written, the pin
+shows what its latch holds at power-up. No servo takes so short a pulse."""
+
 PAUSE_PERIODS = 3
 """The number of median periods beyond which the time from rise to rise contains a pause."""
 
@@ -118,6 +122,8 @@ def watch(trace: EdgeTrace) -> Watched:
         own = seen.pin == pin
         rise = seen.cycle[own & (seen.level == HIGH)]
         fall = seen.cycle[own & (seen.level != HIGH)]
+        if len(fall) and trace.clock.us(int(fall[0] - rise[0])) <= GLITCH_US:
+            rise, fall = rise[1:], fall[1:]
         if len(fall) < len(rise):
             high_since[pin] = int(rise[-1])
         if len(fall):

@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from servogen.build.films import class_page, film_name, film_page
-from servogen.build.grading import BOARD, Graded, GradingTask
+from servogen.build.grading import Graded, GradingTask
+from servogen.build.power_ups import BOARD
 from servogen.edges import PINS
 from servogen.grade import page, shown_name
 from servogen.programs import within_limits
@@ -51,7 +52,7 @@ def _folder(number: int) -> str:
 
 
 def _ran(result: Graded) -> bool:
-    return result.grade.passed or result.grade.film is not None
+    return result.grade.passed or bool(result.grade.rows) or result.grade.film is not None
 
 
 def _plain(task: GradingTask, result: Graded, film: str, nonce: str) -> str:

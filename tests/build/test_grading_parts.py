@@ -14,12 +14,13 @@ from typing import Any, cast
 import pytest
 
 from servogen import isolation
-from servogen.build import grading
+from servogen.build import grading, power_ups
 from servogen.build.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 from servogen.edges import PINS
 from servogen.errors import ToolError
-from servogen.grade import ChipFacts, Grade, Submission, load_lab
+from servogen.grade import Check, ChipFacts, Grade, Submission, load_lab
 from servogen.isolation import COMPILING, WorkLimits
+from servogen.pic.image import Image
 from servogen.pic.listing import Listing, ListingRow
 from servogen.programs import read_submission
 from servogen.units import Clock
@@ -203,6 +204,8 @@ positions = [
     { name = "high", angles_deg = { arm = [98, 102], leg = [98, 102] } },
 ]
 """
+ALONE = re.sub(r", leg = [^}]*|.*name = \"leg\".*\n", " ", SMALL_LAB)
+"""The same with one servo."""
 LOW_US, HIGH_US, FAR_US = 1500, 1556, 1750
 """An S3001's widths at 90°, 100° and 135°: 1000 µs are 180°."""
 
@@ -259,9 +262,100 @@ def test_a_right_program_passes_and_repeats_if_the_whole_chip_does(grade_of: Cal
     )
     grade = grade_of(counting)
     assert (grade.reasons, grade.repeats, grade.film) == ((), False, None)
-    alone = re.sub(r", leg = [^}]*|.*name = \"leg\".*\n", " ", SMALL_LAB)
-    grade = grade_of(both(LOW_US, HIGH_US, pins=[0]), alone)
+    assert "watched for 1 s: the chip's state did not repeat" in grade.remarks[0].message
+    grade = grade_of(both(LOW_US, HIGH_US, pins=[0]), ALONE)
     assert (grade.reasons, grade.repeats, grade.pins) == ((), True, (("arm", "RB0"),))
+
+
+UNWRITTEN = "unsigned char unwritten @ 0x4F;\n"
+"""A byte of RAM to which nothing is written before it is read."""
+
+ON_SOME_CHIPS = {
+    "if bit 3 of RAM 0x4F is 1 at power-up, there are no pulses for the servo 'arm' on RB0": (
+        "TRISB = 0; PORTB = 0; if (unwritten & 8) while (1);", ""),
+    "if RAM 0x4F is 0x5A at power-up, there are no pulses for the servo 'arm' on RB0": (
+        "TRISB = 0; PORTB = 0; if (unwritten == 0x5A) while (1);", ""),
+    "if RB7, an input that nothing drives, is high, there are no pulses for the servo 'arm' on RB0": (
+        "TRISB = 0x80; PORTB = 0; if (RB7) while (1);", ""),
+    "if the EEPROM holds what the run before has left (0x01 at 0x05), there are no pulses for the servo": (
+        "TRISB = 0; PORTB = 0; if (eeprom_read(5) == 1) while (1); eeprom_write(5, 1);", ""),
+    "if the EEPROM holds what the run before has left (0x02 at 0x05), there are no pulses for the servo": (
+        "TRISB = 0; PORTB = 0; n = eeprom_read(5) + 1; eeprom_write(5, n); if (n == 3) while (1);", ""),
+    "if the chip's watchdog times out after 7 ms, the watchdog resets the chip": (
+        "TRISB = 0; PORTB = 0; OPTION_REG = 0x88;", "if (n & 1) CLRWDT();"),
+}  # fmt: skip
+"""What is said of a program: what it does at power-up, and in each frame of 4.5 ms. In every second one it
+clears the watchdog, which has 18 ms on a typical chip."""
+
+
+@pytest.mark.parametrize("said", ON_SOME_CHIPS)
+def test_what_is_right_on_the_first_chip_only_depends_on_the_chip(
+    grade_of: Callable[..., Grade], said: str
+) -> None:
+    at_power_up, each_frame = ON_SOME_CHIPS[said]
+    text = UNWRITTEN + both(LOW_US, HIGH_US, pins=[0]).replace("TRISB = 0; PORTB = 0;", at_power_up)
+    text = text.replace("__delay_ms(2);", f"__delay_ms(2); {each_frame}")
+    grade = grade_of(text.replace("WDTE = OFF", "WDTE = ON") if each_frame else text, ALONE)
+    (reason,) = grade.reasons
+    assert reason.startswith(f"it depends on the chip: {said}")
+    assert (grade.faults[0].checks, grade.passed, grade.unchecked) == ((Check.CHIPS,), False, ())
+    assert (grade.pins, grade.watched_s) == ((("arm", "RB0"),), 1.0)
+
+
+def test_what_does_not_change_the_pulses_depends_on_no_chip(grade_of: Callable[..., Grade]) -> None:
+    """It reads the same RAM, pin and EEPROM for a lamp only; the watchdog is cleared in each frame."""
+    read = "TRISB = 0x80; PORTB = 0; n = eeprom_read(5); eeprom_write(5, n + 1); CLRWDT(); OPTION_REG = 0xA8;"
+    read += "if ((unwritten == 0x5A) ^ RB7) RB4 = 1;"
+    text = UNWRITTEN + both(LOW_US, HIGH_US, pins=[0]).replace("TRISB = 0; PORTB = 0;", read)
+    text = text.replace("__delay_ms(2);", "__delay_ms(2); CLRWDT();").replace("WDTE = OFF", "WDTE = ON")
+    grade = grade_of(text, ALONE)
+    assert grade.reasons == ()
+    assert grade.chips == 4 + 1 + 3, "four, one whose lamp is lit, three with the EEPROM of a run before"
+    assert grade.repeats
+
+
+def test_a_motion_that_ends_after_the_watch_is_watched_until_then(grade_of: Callable[..., Grade]) -> None:
+    """Eight rounds of 0.37 s, of which two are asked for in the first second; then it stops for ever."""
+    text = both(LOW_US, HIGH_US, pins=[0]).replace(
+        "while (1) {", "unsigned char k; for (k = 0; k < 8; k++) {", 1
+    )
+    text = text.removesuffix("}\n}\n") + "}\nwhile (1);\n}\n"
+    assert grade_of(text, ALONE).passed, "the lab does not watch it for longer"
+    longer = ALONE.replace("watch_s = 1\n", "watch_s = 1\nlongest_watch_s = 16\n")
+    (reason,) = grade_of(text, longer).reasons
+    assert re.fullmatch(r"the pulses stop after 2\.\d s; the motion must repeat endlessly", reason)
+    right = grade_of(both(LOW_US, HIGH_US, pins=[0]), longer)
+    assert (right.passed, right.repeats, right.watched_s) == (True, True, 1.0)
+
+
+def test_the_shortest_cause_is_found_whatever_else_differs() -> None:
+    """Of 600 differences the 77th alone, or the 5th with the 300th, or a third one that hides the 77th."""
+    every = tuple(power_ups.Difference(str(number)) for number in range(600))
+    for needed in ({77}, {5, 300}):
+        asked: list[int] = []
+
+        def fails(
+            given: Sequence[power_ups.Difference], needed: set[int] = needed, asked: list[int] = asked
+        ) -> bool:
+            asked.append(len(given))
+            return needed <= {int(each.condition) for each in given}
+
+        assert {int(each.condition) for each in power_ups.cause(every, fails)} == needed
+        assert len(asked) <= 11 * len(needed)
+
+
+def test_the_chips_have_each_bit_both_ways_and_watchdogs_only_where_it_is_on() -> None:
+    """The third and the fourth chip are opposites of each other."""
+    on, off = (Image({0: 0}, config=word) for word in (0x3FF5, 0x3FF1))
+    for image, watchdogs in ((on, {33_000, 7_000}), (off, set())):
+        second, third, fourth = power_ups.other_chips(image)
+        assert {each.watchdog_us for chip in (second, third, fourth) for each in chip} - {None} == watchdogs
+        starts = [{(each.start, each.high) for each in chip if each.start or each.high is not None}
+                  for chip in (second, third, fourth)]  # fmt: skip
+        assert starts[1] | starts[2] == starts[0] and not starts[1] & starts[2]
+        assert {high for _, high in starts[0] if high is not None} == set(range(13)) - {PINS.index("RA4")}
+        ram = {start for start, _ in starts[0] if start and start[0].startswith("0x")}
+        assert len(ram) == 68 * 8
 
 
 def test_a_right_program_is_remarked_for_what_other_chips_may_do(grade_of: Callable[..., Grade]) -> None:

@@ -45,7 +45,7 @@ from servogen.grade.watch import (
 )
 from servogen.pulse.lint import PERIOD_US
 from servogen.units import Clock, Cycles
-from tests.grade.test_judge import END, RIGHT, grade, pulses
+from tests.grade.test_judge import RIGHT, grade, pulses
 
 MHZ4 = Clock(4_000_000)
 LAB8 = load_lab("lab8-exercise")
@@ -107,11 +107,21 @@ def test_a_pause_is_longer_than_three_periods() -> None:
 
 
 def test_a_watch_has_whole_pulses_and_what_stays_high() -> None:
-    rows = [(5, RB1, 1), (10, RB0, 1), (30, RB0, 0), (50, RB0, 1)]
-    seen = watch(EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(99)))
-    assert (seen.end, seen.too_fast, dict(seen.high_since)) == (99, False, {RB0: 50, RB1: 5})
+    rows = [(5, RB1, 1), (10, RB0, 1), (1000, RB0, 0), (1050, RB0, 1)]
+    seen = watch(EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(1099)))
+    assert (seen.end, seen.too_fast, dict(seen.high_since)) == (1099, False, {RB0: 1050, RB1: 5})
     assert list(seen.pins) == [RB0]
-    assert (seen.pins[RB0].rise.tolist(), seen.pins[RB0].fall.tolist()) == ([10], [30])
+    assert (seen.pins[RB0].rise.tolist(), seen.pins[RB0].fall.tolist()) == ([10], [1000])
+
+
+@pytest.mark.parametrize(("width", "rises"), [(250, [9000]), (251, [10, 9000])])
+def test_what_a_latch_shows_before_it_is_first_written_is_no_pulse(width: int, rises: list[int]) -> None:
+    """250 µs or less, and only the first of a pin: any later pulse that is too short is a fault."""
+    rows = [(10, RB0, 1), (10 + width, RB0, 0), (9000, RB0, 1), (9100, RB0, 0)]
+    seen = watch(EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(9999)))
+    assert seen.pins[RB0].rise.tolist() == rises
+    alone = watch(EdgeTrace(MHZ4, (edge_chunk(*zip(*rows[:2], strict=True)),), Cycles(9999)))
+    assert (list(alone.pins), dict(alone.high_since)) == ([RB0] if width > 250 else [], {})
 
 
 @pytest.mark.parametrize(("more", "too_fast"), [(0, False), (1, True)])
@@ -126,10 +136,10 @@ def test_a_watch_is_given_up_beyond_a_million_edges(more: int, too_fast: bool) -
 
 def test_a_watch_that_is_given_up_ends_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("servogen.grade.watch.MAX_EDGES", 3)
-    chunks = tuple(edge_chunk((at, at + 5), (RB0, RB0), (1, 0)) for at in (10, 20, 30))
-    found = watch(EdgeTrace(MHZ4, chunks, Cycles(100)))
-    assert (found.too_fast, found.end) == (True, 25)
-    assert found.pins[RB0].rise.tolist() == [10, 20]
+    chunks = tuple(edge_chunk((at, at + 500), (RB0, RB0), (1, 0)) for at in (1000, 2000, 3000))
+    found = watch(EdgeTrace(MHZ4, chunks, Cycles(10_000)))
+    assert (found.too_fast, found.end) == (True, 2500)
+    assert found.pins[RB0].rise.tolist() == [1000, 2000]
 
 
 def test_visits_are_of_the_positions_that_the_servos_are_commanded_to() -> None:
@@ -603,8 +613,8 @@ def test_points_and_reasons_are_written_short() -> None:
 
 def test_a_right_program_is_measured_at_each_position_and_remarked() -> None:
     """100 s of 2, 5 and 3 s: ten rounds, the last of which the watch cuts at its third position."""
-    found = grade(RIGHT, chip=ChipFacts(configured=False, repeat=(0, END)))
-    assert found.passed and found.repeats
+    found = grade(RIGHT, chip=ChipFacts(configured=False))
+    assert found.passed and len(found.rounds) == 10
     assert [(row.name, row.visits, row.widths_us, row.pause_s) for row in found.rows] == [
         ("30°", 10, ((1167.0, 1167.0),), 2.0),
         ("90°", 10, ((1500.0, 1500.0),), 5.0),
@@ -627,7 +637,7 @@ def test_a_right_program_is_measured_at_each_position_and_remarked() -> None:
         [],
         {"arm": "RB0"},
     )
-    assert (shown["seen"], shown["watched_s"], shown["repeats"]) == (found.seen, 100.0, True)
+    assert (shown["seen"], shown["watched_s"], shown["repeats"]) == (found.seen, 100.0, False)
     assert [row["visits"] for row in shown["positions"]] == [10, 10, 10]  # type: ignore[attr-defined]
 
 

@@ -129,11 +129,10 @@ def test_a_program_that_ends_after_enough_rounds_does_not_repeat_endlessly_eithe
     assert reason == f"after {rounds * 10 - 3:.1f} s nothing moves; the motion must repeat endlessly"
 
 
-def test_only_a_repetition_of_every_position_goes_on_endlessly() -> None:
-    """The chip's state also repeats while it stays at its last position, until the watch ends."""
-    for repeat, endless in (((1000, 10_001_000), True), ((95_000_000, 95_020_000), False), (None, False)):
-        found = grade(RIGHT, chip=ChipFacts(repeat=repeat))
-        assert (found.passed, found.repeats) == (True, endless)
+def test_a_round_begins_at_the_first_position_of_the_solution() -> None:
+    """At 1 ms and every 10 s after that; where the program begins at another position, later."""
+    assert grade(RIGHT).rounds == tuple(range(1000, END, 10_000_000))
+    assert grade([*RIGHT[1:], RIGHT[0]]).rounds == tuple(range(8_001_000, END, 10_000_000))
 
 
 def test_pulses_on_a_pin_that_is_not_allowed_are_told() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from servogen.build import prove_image
 from servogen.build.build import proven
-from servogen.build.grading import BOARD
+from servogen.build.power_ups import BOARD
 from servogen.build.proof import prove_forever
 from servogen.edges import HIGH
 from servogen.engines.firmware import Firmware
