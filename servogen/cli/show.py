@@ -10,23 +10,63 @@ from contextlib import contextmanager
 from servogen.errors import Diagnostic, ServogenError, SourceLines, rendered
 from servogen.units import counted
 
+SPACE, EDGE = 3, 1
+"""The blanks beside each column of a table, and one more at its edge."""
 WIDE = 200
 """The width of a table that is written to a file or a pipe, so that nothing is wrapped."""
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print a table on standard output; columns of numbers are right-aligned."""
+def table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], least: Sequence[str] = ()
+) -> None:
+    """Print a table on standard output; columns of numbers are right-aligned.
+
+    On a terminal cells are wrapped between words. Where that is not enough, columns are left out: first those
+    named in `least`, then the last ones, and a line says which; the first column stays.
+    """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    shown = Table(title=title, box=SIMPLE, title_justify="left")
-    for index, column in enumerate(columns):
-        numeric = bool(rows) and all(_numeric(row[index]) for row in rows)
-        shown.add_column(column, justify="right" if numeric else "left", overflow="fold")
-    for row in rows:
-        shown.add_row(*(str(cell) for cell in row))
-    Console(width=None if sys.stdout.isatty() else WIDE, highlight=False, markup=False).print(shown)
+    console = Console(width=None if sys.stdout.isatty() else WIDE, highlight=False, markup=False)
+    cells = [[str(cell) for cell in row] for row in rows]
+    shown, widths = _fitted(columns, cells, [columns.index(name) for name in least], console.width)
+    made = Table(title=title, box=SIMPLE, title_justify="left")
+    for index, width in zip(shown, widths, strict=True):
+        numeric = bool(cells) and all(_numeric(row[index]) for row in cells)
+        made.add_column(columns[index], justify="right" if numeric else "left", overflow="fold", width=width)
+    for row in cells:
+        made.add_row(*(row[index] for index in shown))
+    console.print(made)
+    omitted = [name for index, name in enumerate(columns) if index not in shown]
+    if omitted:
+        print(
+            f"not shown in {console.width} columns: {', '.join(omitted)}; a wider terminal or {JSON} has them"
+        )
+
+
+def _fitted(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], least: Sequence[int], width: int
+) -> tuple[list[int], list[int]]:
+    """Return which columns fit a width without a word being cut, and how wide each is."""
+    from rich.cells import cell_len
+
+    texts = [[column, *(row[index] for row in rows)] for index, column in enumerate(columns)]
+    words = [max(cell_len(word) for text in each for word in text.split() or [""]) for each in texts]
+    whole = [max(cell_len(line) for text in each for line in text.split("\n")) for each in texts]
+    shown = list(range(len(columns)))
+    for index in (*least, *range(len(columns) - 1, 0, -1)):
+        if sum(words[each] + SPACE for each in shown) + EDGE <= width:
+            break
+        if index in shown:
+            shown.remove(index)
+    left = width - EDGE - sum(words[each] + SPACE for each in shown)
+    widths = []
+    for index in shown:  # what is left goes to the first columns, which are read first
+        more = min(left, whole[index] - words[index])
+        left -= max(0, more)
+        widths.append(max(words[index], words[index] + more))
+    return shown, widths
 
 
 def _numeric(cell: object) -> bool:
