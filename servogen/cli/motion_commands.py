@@ -319,7 +319,8 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: Gai
         len(planned_walk.trajectory.angles),
         len(planned_walk.trajectory.angles) - planned_walk.trajectory.loop_start,
     )
-    print(f"a cycle: {planned_walk.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    stretched = planned_walk.stretched_text()
+    print(f"a cycle: {planned_walk.frames_per_cycle} frames, {facts.cycle_s:g} s{stretched}")
     for change in planned_walk.changes:
         print(change.text())
     again = f"the last {loop} of them repeat" if loop < frames else "start and stop included, and again"

@@ -16,7 +16,7 @@ import numpy as np
 from servogen.errors import InputError, Location
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk_position
-from servogen.kinematics.inverse.solve import ik_all, solutions_near, solve, why_unreachable
+from servogen.kinematics.inverse.solve import ik_typed, solutions_near, solve, why_unreachable
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.orientation import orientation_matrix, rotations_between
@@ -156,10 +156,10 @@ class ArmTip:
         """Return the servo angles (s, k) that reach one point, the nearest to `before` first. Raises
         `Unreachable` if there are none, InputError if the servos allow none.
         """
-        turn = None if orientation is None else self._turn(point, orientation, place)
         try:
-            joints = ik_all(self.on_servos, point, turn, self._positions(before[None])[0])
+            joints, _ = ik_typed(self.on_servos, point, orientation, self._positions(before[None])[0])
         except Unreachable:
+            turn = None if orientation is None else orientation_matrix(self.arm, point, orientation)
             joints = solve(self.arm, point, turn).q
             if np.isnan(joints).any(axis=1).all():
                 raise why_unreachable(self.arm, point, turn).at(place) from None
@@ -183,12 +183,6 @@ class ArmTip:
         """Return the joint positions (n, k) at servo angles (n, k)."""
         columns = [binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)]
         return np.stack(columns, axis=1)
-
-    def _turn(self, point: Floats, orientation: Floats, place: Location) -> Floats:
-        try:
-            return orientation_matrix(self.arm, point, orientation)
-        except InputError as error:
-            raise error.at(place) from error
 
     def _bound(self, joints: Floats) -> Floats:
         return np.stack(

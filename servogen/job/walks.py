@@ -196,7 +196,9 @@ class _Walker:
         # A multiple of the grain has whole swings, an even multiple even ones.
         grain = 2 * self.gait.grain
         even = -(-walk.frames_per_cycle // grain) * grain
-        return walk if even == walk.frames_per_cycle else self.walk([segment], others, even)
+        if even == walk.frames_per_cycle:
+            return walk
+        return replace(self.walk([segment], others, even), needed_frames=walk.needed_frames)
 
 
 def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Walker:
@@ -326,7 +328,10 @@ def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[D
     seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [
         Diagnostic(
-            "note", "cycle", f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s", place
+            "note",
+            "cycle",
+            f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s{planned.stretched_text()}",
+            place,
         ),
         *(Diagnostic("note", "phase", change.text(), place) for change in planned.changes),
         *_turns(document, planned),

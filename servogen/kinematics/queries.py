@@ -21,8 +21,7 @@ from servogen.kinematics.inverse.configuration import (
     has_roll,
     ik_of_configuration,
 )
-from servogen.kinematics.inverse.solve import free_joints, ik_all
-from servogen.kinematics.inverse.unreachable import Unreachable
+from servogen.kinematics.inverse.solve import free_joints, ik_typed
 from servogen.kinematics.jacobian import (
     FrameName,
     change,
@@ -40,7 +39,6 @@ from servogen.kinematics.orientation import (
     from_angles,
     from_axis_angle,
     from_quaternion,
-    orientation_matrix,
     orientation_names,
     to_angles,
     to_axis_angle,
@@ -221,14 +219,7 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
         )
     position = _finite(values[:3]) / 1000
     angles = np.radians(_finite(values[3:]))
-    missed = 0.0
-    try:
-        solutions = _reached(arm, position, angles)
-    except Unreachable as error:
-        missed = float(np.linalg.norm(position - error.nearest))
-        if not 0 < missed <= TYPED_M:
-            raise
-        solutions = _reached(arm, np.array(error.nearest), angles)
+    solutions, missed = ik_typed(arm, position, angles if len(angles) else None)
     free = free_joints(arm, solutions, oriented=bool(len(angles)))
     return _solutions_answer(arm, solutions, everything, free, missed, oriented=bool(len(angles)))
 
@@ -244,15 +235,6 @@ def _solutions_answer(
         "complete": not free and has_closed_form(arm, oriented),
         "missed_m": missed,
     }
-
-
-TYPED_M = 1e-5
-"""How far a typed target may be from the surface that an arm with few joints reaches: the digits left out."""
-
-
-def _reached(arm: Arm, position: Floats, angles: Floats) -> Floats:
-    turn = orientation_matrix(arm, position, angles) if len(angles) else None
-    return ik_all(arm, position, turn)
 
 
 def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:

@@ -114,11 +114,17 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
     return 0.5, 0.5
 
 
+def at_rest(angles: Floats) -> Floats:
+    """Return samples between two of rest: the first and the last frame of a move are accelerated, too."""
+    return np.concatenate((angles[:1], angles, angles[-1:]))
+
+
 def stretch(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> float:
     """Return the factor by which samples `step_s` apart must be slowed down to keep the limits, up to 1 if
     they do already.
 
-    A duration k times as long divides speeds by k, accelerations by k² and jerks by k³.
+    A duration k times as long divides speeds by k, accelerations by k² and jerks by k³; only the acceleration
+    from rest at once to a speed falls with k, so that a longer duration must be examined again.
     """
     worst = 0.0
     for column, limit in zip(angles.T, limits, strict=True):

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from servogen.errors import InputError
 from servogen.motion.follow import Followed
 from servogen.motion.laws import law
-from servogen.motion.limits import JointLimits, fastest, stretch
+from servogen.motion.limits import JointLimits, at_rest, fastest, stretch
 from servogen.motion.trajectory import Floats
 
 
@@ -142,7 +142,12 @@ def fastest_straight(
 ) -> Floats:
     """Return a move as `straight` does, in as few frames as the limits allow."""
     timing = fastest(name, (end - start).tolist(), limits)
-    frames = math.ceil(timing.duration / frame_s - EXACT)
+    frames = timing.duration / frame_s
+    if name == "linear":
+        # Its speed begins at once: within a frame, which makes the acceleration finite.
+        ways = zip(np.abs(end - start).tolist(), limits, strict=True)
+        frames = max(frames, *(way / (limit.acceleration * frame_s**2) for way, limit in ways))
+    frames = math.ceil(frames - EXACT)
     share = timing.law.share(_shares(frames))[:, None]
     return np.where(share >= 1, end, start + share * (end - start))
 
@@ -165,7 +170,7 @@ def fastest_along(
     frames = 1
     while frames <= MAX_PATH_FRAMES:
         move = along(follow, name, frames)
-        slower = stretch(move.angles, frame_s, limits)
+        slower = stretch(at_rest(move.angles), frame_s, limits)
         if slower <= 1 + EXACT:
             return move
         # Samples of a longer move lie at other places of the path, where the joints may be slower: the factor

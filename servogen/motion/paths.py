@@ -23,6 +23,10 @@ STRAIGHT_M = 1e-9
 """Three points within this distance of a line (metres) do not define a circle."""
 
 
+SAME_POINT_M = 1e-5
+"""An arc whose ends are this near is a whole circle: the digits of typed points that are left out."""
+
+
 class SpatialPath(Protocol):
     """A path through space."""
 
@@ -100,8 +104,13 @@ class Arc:
 
 
 def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | None = None) -> Arc:
-    """Return the arc from `start` through `through` to `end`. Raises InputError for collinear points."""
+    """Return the arc from `start` through `through` to `end`, a whole circle if it ends where it starts.
+
+    Raises InputError for collinear points.
+    """
     a, b, c = (np.asarray(point, float) for point in (start, through, end))
+    if np.linalg.norm(c - a) <= SAME_POINT_M < np.linalg.norm(b - a):
+        return _circle(a, b, place)
     u, v = b - a, c - a
     normal = np.cross(u, v)
     area2 = float(normal @ normal)
@@ -121,6 +130,30 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | 
     angle = float(np.mod(np.arctan2((c - centre) @ second, (c - centre) @ first), 2 * np.pi))
     return Arc(
         centre=_triple(centre), first=_triple(first), second=_triple(second), radius=radius, angle=angle
+    )
+
+
+def _circle(start: Floats, opposite: Floats, place: Location | None) -> Arc:
+    """Return the circle with this diameter, as level as the diameter allows, counter-clockwise from above.
+
+    Raises InputError for a vertical diameter, which leaves its plane open.
+    """
+    radius = float(np.linalg.norm(opposite - start)) / 2
+    level = np.cross((0.0, 0.0, 1.0), start - opposite)
+    across = float(np.linalg.norm(level))
+    if across <= STRAIGHT_M:
+        raise InputError(
+            "pose-keys",
+            "an arc back to its start goes through the opposite point, which must lie beside the start",
+            place,
+            "make the circle of two arcs, each with a point of its own to go through",
+        )
+    return Arc(
+        centre=_triple((start + opposite) / 2),
+        first=_triple((start - opposite) / (2 * radius)),
+        second=_triple(level / across),
+        radius=radius,
+        angle=2 * np.pi,
     )
 
 

@@ -115,7 +115,7 @@ Find = Callable[[str], Robot]
 
 def arm_of(document: Document, table: ArmTable, find: Find) -> Arm:
     """Return the arm that a file describes. Raises InputError with its location."""
-    return _like(document, table, find) if table.like else _arm(document, table)
+    return _like(document, table, find) if table.like else _arm(document, table, find)
 
 
 def _like(document: Document, table: ArmTable, find: Find) -> Arm:
@@ -182,7 +182,7 @@ def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
     return arm.with_lengths(**changed) if changed else arm
 
 
-def _arm(document: Document, table: ArmTable) -> Arm:
+def _arm(document: Document, table: ArmTable, find: Find) -> Arm:
     """Return an arm that a file describes completely. Raises InputError."""
     for key in ("convention", "joint", "row"):
         if key not in document.data:
@@ -192,6 +192,7 @@ def _arm(document: Document, table: ArmTable) -> Arm:
     joints = tuple(_joint(document, index, joint, None) for index, joint in enumerate(table.joint))
     names = [joint.name for joint in joints]
     check_unique(document, "joint", names)
+    _check_orientation(document, table, find)
     lengths = {name: value / 1000 for name, value in table.lengths_mm.items()}
     rows = tuple(_row(document, index, row, names, lengths) for index, row in enumerate(table.row))
     for index, name in enumerate(names):
@@ -217,6 +218,23 @@ def _arm(document: Document, table: ArmTable) -> Arm:
         source=table.source,
         payload=kilograms(table.payload_g, None) or 0.0,
     )
+
+
+def _check_orientation(document: Document, table: ArmTable, find: Find) -> None:
+    """Raise InputError for angles that only the catalogue's arms define: which direction a roll or a pitch
+    turns follows from their closed forms. Any arm may have rpy.
+    """
+    form = table.closed_form
+    if table.orientation in ((), ("rpy",)) or (form is not None and form == table.name):
+        return
+    owner = find_robot(document, "closed_form", form, find) if form is not None else None
+    if not isinstance(owner, Arm) or owner.orientation != table.orientation:
+        raise document.error(
+            "conflicting-keys",
+            ("orientation",),
+            f"{', '.join(table.orientation)} of {table.name} is not defined: that follows from a closed form",
+            'write orientation = ["rpy"], or like = … with an arm of the catalogue that has these angles',
+        )
 
 
 def _frame(table: FrameTable | None) -> FixedFrame:

@@ -10,6 +10,8 @@ from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
+from servogen.kinematics.inverse.unreachable import Unreachable
+from servogen.kinematics.queries import ik_answer
 from servogen.motion import follow, moves
 
 FILES = Path(__file__).with_name("paths")
@@ -264,3 +266,70 @@ def test_lines_are_traced_with_few_samples(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(follow, "MAX_SAMPLES", 3000)
     plan_job(load(FILES / "ir.toml"))
     assert "would change the branch" in error_of(read("sc-job.toml"))
+
+
+def test_an_arm_draws_a_whole_circle_back_to_its_start() -> None:
+    """Every frame of the tool is 30 mm from the centre, on both sides of it."""
+    text = """[chip]
+device = "PIC16F84A"
+clock_hz = 4_000_000
+[robot]
+name = "anthropomorphic"
+SERVOS[motion]
+repeat = false
+poses = [
+    { tip_mm = [230, 0, 150], hold_s = 0.1 },
+    { tip_mm = [230, 0, 150], path = "arc", through_mm = [170, 0, 150], move_s = 2 },
+]
+"""
+    servo = (
+        '[[servo]]\nname = "s{0}"\npin = "RB{0}"\nmodel = "futaba-s3001"\njoint = "q{0}"\nzero_deg = {1}\n'
+    )
+    servos = "".join(servo.format(number, zero) for number, zero in ((1, 180), (2, 0), (3, 180)))
+    job = plan_job(loads(text.replace("SERVOS", servos), "circle.toml"))
+    assert job.tip is not None
+    away = job.tip.where(job.trajectory.angles) - [0.2, 0, 0.15]
+    assert np.linalg.norm(away[:, :2], axis=1) == pytest.approx(0.03, abs=1e-6)
+    assert (away[:, 1].min(), away[:, 1].max()) == pytest.approx((-0.03, 0.03), abs=1e-4)
+
+
+@pytest.mark.parametrize(("off_mm", "reached"), [(0.008, True), (0.0004, True), (0.012, False)])
+def test_a_typed_position_may_be_as_far_from_a_surface_in_a_job_as_in_ik(
+    off_mm: float, reached: bool
+) -> None:
+    """Two joints reach a plane only: a hundredth of a millimetre is what people leave out."""
+    text = """[chip]
+device = "PIC16F84A"
+clock_hz = 4_000_000
+[robot]
+name = "theta1-theta2"
+[[servo]]
+name = "a"
+pin = "RB0"
+model = "futaba-s3001"
+joint = "q1"
+[[servo]]
+name = "b"
+pin = "RB1"
+model = "futaba-s3001"
+joint = "q2"
+[motion]
+poses = [{ tip_mm = [300, 200, Z], hold_s = 1 }]
+"""
+    for ask in (
+        lambda: made(text.replace("Z", str(off_mm))),
+        lambda: ik_answer("theta1-theta2", (300, 200, off_mm)),
+    ):
+        if reached:
+            ask()
+        else:
+            with pytest.raises(
+                ServogenError, match=r"the nearest reachable point is \(300.000, 200.000, 0.000\)"
+            ):
+                ask()
+
+
+def test_the_target_itself_is_never_named_as_the_nearest_point() -> None:
+    """0.0002 mm are not seen in three decimals."""
+    off = Unreachable((0.3, 0.2, 2e-7), "it lies beside the plane", (0.3, 0.2, 0.0))
+    assert str(off).endswith("the nearest reachable point is 0.0002 mm away")

@@ -10,7 +10,7 @@ from servogen.errors import InputError
 from servogen.motion import Motion, PlannedPoses, Pose, bound, trajectory
 from servogen.motion.follow import Followed, trace
 from servogen.motion.laws import NAMES, law
-from servogen.motion.limits import JointLimits, stretch
+from servogen.motion.limits import JointLimits, at_rest, stretch
 from servogen.motion.paths import StraightLine
 from servogen.robot.binding import Binding
 from servogen.units import Clock, Cycles
@@ -45,12 +45,11 @@ def test_a_move_without_a_time_is_as_fast_as_the_limits_allow(name: str) -> None
         Pose((0.0, 0.0), hold_s=HOLD), Pose((1.0, 2.0), move_s=None, hold_s=HOLD, law=name), repeat=False
     )
     angles = made.trajectory.angles
-    limits = LIMITS if name != "linear" else [JointLimits(each.speed) for each in LIMITS]
-    assert stretch(angles, FRAME_S, limits) <= 1 + 1e-9
+    assert stretch(angles, FRAME_S, LIMITS) <= 1 + 1e-9
     # Two frames fewer would break a limit: the continuous law is rounded up to whole frames.
     quicker = np.concatenate(([0.0], law(name).share(np.arange(1, len(angles) - 4) / (len(angles) - 5))))
     if name in ("linear", "cubic", "quintic"):
-        assert stretch(np.outer(quicker, [1.0, 2.0]), FRAME_S, limits) > 1
+        assert stretch(at_rest(np.outer(quicker, [1.0, 2.0])), FRAME_S, LIMITS) > 1
 
 
 def test_all_joints_of_a_move_end_together() -> None:
@@ -163,3 +162,21 @@ def test_joints_become_servos_by_their_bindings() -> None:
     assert Binding("b", "lift", 0.25, -0.5).position([-0.75]).tolist() == [2.0]
     with pytest.raises(InputError, match="does not move a joint 'c'"):
         bound(made, [Binding("c", "x")])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_path_without_a_time_is_not_accelerated_faster_than_allowed_from_rest(name: str) -> None:
+    """The frames of rest before and after it count: a law that jumps to its speed at once, too."""
+    line = StraightLine((0.0, 0.0, 0.0), (0.5, 0.5, 0.0))
+
+    def follow(shares: np.ndarray) -> Followed:
+        return Followed(shares, line.point(shares)[:, :2], 0.0)
+
+    made = planned(
+        Pose((0.0, 0.0), hold_s=HOLD),
+        Pose((0.5, 0.5), move_s=None, hold_s=HOLD, law=name, path=follow),
+        repeat=False,
+    )
+    angles = made.trajectory.angles
+    assert np.abs(np.diff(angles, 2, axis=0)).max() / FRAME_S**2 <= 20.0 * (1 + 1e-9)
+    assert np.abs(np.diff(angles[1:-1], axis=0)).max() / FRAME_S <= 2.0 + 1e-9

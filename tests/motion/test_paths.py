@@ -273,3 +273,17 @@ def test_splines_that_have_no_fastest_are_refused(
 def test_a_spline_needs_rising_times() -> None:
     with pytest.raises(InputError, match="a later time for each"):
         spline([[0.0], [1.0]], [0.0, 0.0])
+
+
+def test_an_arc_back_to_its_start_is_a_whole_circle_through_the_opposite_point() -> None:
+    """Counter-clockwise from above; as level as its diameter, here along x and 3-4-5 upwards along y."""
+    level = arc((2, 0, 1), (0, 0, 1), (2, 0, 1))
+    assert level.length == pytest.approx(2 * math.pi)
+    assert level.point([0, 0.25, 0.5, 1]) == pytest.approx(
+        np.array([[2, 0, 1], [1, 1, 1], [0, 0, 1], [2, 0, 1]])
+    )
+    tilted = arc((0, 0, 0), (0, 8, 6), (0, 0, 0))
+    assert tilted.point([0.25, 0.75]) == pytest.approx(np.array([[5, 4, 3], [-5, 4, 3]]))
+    assert tilted.distance(np.array([[5.0, 4, 3], [0, 8, 6], [6, 4, 3]])) == pytest.approx([0, 0, 1])
+    with pytest.raises(InputError, match="opposite point, which must lie beside the start"):
+        arc((1, 2, 3), (1, 2, 4), (1, 2, 3))

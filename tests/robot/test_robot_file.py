@@ -286,3 +286,25 @@ def test_the_rv_m1_file_says_what_of_its_limits_is_assumed() -> None:
     text = (Path(model.__file__).parent / "catalogue" / "robots" / "rv-m1.toml").read_text("utf-8")
     assert "is assumed" in text
     assert "was not at hand" in text
+
+
+@pytest.mark.parametrize(
+    ("keys", "refused"),
+    [
+        ('orientation = ["roll"]', "roll of own is not defined"),
+        ('orientation = ["pitch"]\nclosed_form = "rv-m1"', "pitch of own is not defined"),
+        ('orientation = ["rpy"]', ""),
+        ("", ""),
+    ],
+)
+def test_a_roll_is_defined_by_a_closed_form_only(keys: str, refused: str) -> None:
+    text = (
+        f'name = "own"\nconvention = "standard"\n{keys}\n[[joint]]\nname = "q1"\n'
+        '[[row]]\njoint = "q1"\na_mm = 90\n'
+    )
+    if not refused:
+        assert isinstance(read(text), Arm)
+        return
+    with pytest.raises(InputError, match=refused) as caught:
+        read(text)
+    assert caught.value.location is not None and caught.value.location.line == 3

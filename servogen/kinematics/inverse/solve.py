@@ -32,11 +32,15 @@ from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
 from servogen.kinematics.inverse.numerical import limits
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.orientation import orientation_matrix
 from servogen.kinematics.transforms import Floats, is_rotation, wrapped
 from servogen.robot.model import Arm
 
 NUMERICAL_TOLERANCE = 1e-7
 """The tolerance of the numerical method, which converges slowly where the arm is nearly singular."""
+
+TYPED_M = 1e-5
+"""How far a typed target may be from the surface that an arm with few joints reaches: the digits left out."""
 
 TURN = 2 * np.pi
 
@@ -181,8 +185,36 @@ def ik(
     return q
 
 
+def ik_typed(
+    arm: Arm, position: ArrayLike, angles: ArrayLike | None = None, near: ArrayLike | None = None
+) -> tuple[Floats, float]:
+    """Return what `ik_all` does for a typed target, and how far (metres) the solutions are from it.
+
+    The target may be `TYPED_M` beyond what the arm reaches. `angles` are its orientation as in
+    `orientation_matrix`. Raises `Unreachable`, InputError.
+    """
+
+    def turn(point: ArrayLike) -> Floats | None:
+        return None if angles is None else orientation_matrix(arm, point, angles)
+
+    try:
+        return ik_all(arm, position, turn(position), near), 0.0
+    except Unreachable as error:
+        missed = float(np.linalg.norm(np.asarray(position, float) - error.nearest))
+        if missed > TYPED_M:
+            raise
+        try:
+            return ik_all(arm, error.nearest, turn(error.nearest), near, NUMERICAL_TOLERANCE), missed
+        except Unreachable:
+            raise error from None
+
+
 def ik_all(
-    arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
+    arm: Arm,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    near: ArrayLike | None = None,
+    tolerance: float | None = None,
 ) -> Floats:
     """Return all solutions (k, n) of one target in every turn, the chosen one first.
 
@@ -192,7 +224,7 @@ def ik_all(
     if target.ndim != 1:
         raise InputError("wrong-count", "one target at a time: give x, y, z")
     if has_closed_form(arm, turn is not None):
-        solutions = solve(arm, target, turn)
+        solutions = solve(arm, target, turn, tolerance)
     else:
         # The numerical method has no list of branches: many starts find those that there are.
         starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])

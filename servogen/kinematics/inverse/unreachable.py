@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from servogen.errors import Location, ServogenError
@@ -34,11 +35,15 @@ class Unreachable(ServogenError):
         )
 
     def _advice(self) -> str:
+        near = in_mm(self.nearest)
+        if near == in_mm(self.target) and self.as_asked:
+            away = math.dist(self.nearest, self.target)
+            return f"the nearest reachable point is {1000 * away:.2g} mm away"
         if self.as_asked:
-            return f"the nearest reachable point is {in_mm(self.nearest)}"
-        if in_mm(self.nearest) == in_mm(self.target):
+            return f"the nearest reachable point is {near}"
+        if near == in_mm(self.target):
             return "the point can be reached in another orientation"
-        return f"the nearest reachable point is {in_mm(self.nearest)}, in another orientation"
+        return f"the nearest reachable point is {near}, in another orientation"
 
 
 def in_mm(point: Sequence[float]) -> str:

@@ -19,7 +19,7 @@ from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
-from servogen.motion.limits import JointLimits, stretch
+from servogen.motion.limits import JointLimits, at_rest, stretch
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
@@ -35,6 +35,9 @@ MIN_SWING = 4
 MAX_GRAIN = 24
 """The largest grain, in frames, for which cycles are lengthened to a multiple of it."""
 
+
+MAX_STRETCH = 0.03
+"""A cycle that is lengthened by a larger share, to whole frames of its gait, is said."""
 
 MAX_FRAMES_PER_CYCLE = 3000
 """The longest cycle, in frames: a minute at 20 ms; a slower one must be a mistake."""
@@ -103,6 +106,8 @@ class Walk:
     """The angle that the servos lose when a joint turns round, radians; 0: not compensated."""
     changes: tuple[PhaseChange, ...] = ()
     """Phases of the gait that rounding to frames has moved by more than half a frame."""
+    needed_frames: int = 0
+    """The frames of a cycle that were asked for, or that the limits need; the gait rounds them up."""
 
     @property
     def leg_angles(self) -> Floats:
@@ -136,6 +141,16 @@ class Walk:
             if dragged[last] > worst.metres + SAME_M:
                 worst = Slip(float(dragged[last]), leg, int(rows[last + 1]))
         return worst
+
+    def stretched_text(self) -> str:
+        """Return in words by how much a cycle is longer than asked for; empty for a few per cent."""
+        longer = self.frames_per_cycle / self.needed_frames - 1 if self.needed_frames else 0.0
+        if longer <= MAX_STRETCH:
+            return ""
+        return (
+            f", {100 * longer:.0f} % more than the {self.needed_frames} frames that were asked for or that "
+            "the servos need, so that every foot lifts and lands on a frame"
+        )
 
     def full_height(self) -> str | None:
         """Return a warning if the legs stand so upright that a foot is dragged before it lifts, else None."""
@@ -226,7 +241,8 @@ def walk(
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {minimum} frames: each swing takes {MIN_SWING} or more",
         )
-    count = _whole(gait, frames_per_cycle or minimum)
+    needed = frames_per_cycle or minimum
+    count = _whole(gait, needed)
     cycles = sum(1 if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MAX_FRAMES:
@@ -247,11 +263,16 @@ def walk(
         _check_limits(joints, angles)
         # Three more frames show the speed, acceleration and jerk across the end of the loop.
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
-        slower = stretch(around, float(clock.seconds(period)), [limits] * angles.shape[1])
+        slower = max(
+            stretch(samples, float(clock.seconds(period)), [limits] * angles.shape[1])
+            # It stands before its first frame, and after its last one unless it is endless.
+            for samples in (around, at_rest(angles) if loop_start == 0 else at_rest(angles)[:-1])
+        )
         if frames_per_cycle is not None or slower <= 1:
             break
         # A slower walk may need less than the factor says, so it is at most doubled each time.
-        count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
+        needed = max(count + 1, math.ceil(count * min(slower, 2.0)))
+        count = _whole(gait, needed)
         if count > MAX_FRAMES_PER_CYCLE:
             raise InputError(
                 "cycle-time",
@@ -278,6 +299,7 @@ def walk(
         beyond=plan.beyond,
         lost=lost,
         changes=changes,
+        needed_frames=needed,
     )
     _refuse(result, spring_m, allow_falling)
     return result
