@@ -333,9 +333,13 @@ def _persistent(self: _Rewriter, token: PToken) -> bool:
 
 
 def _code(self: _Rewriter, token: PToken) -> bool:
-    """Rewrite SDCC's `__code` as const, because everything in flash is constant."""
+    """Rewrite SDCC's `__code` as const, because everything in flash is constant; a `volatile` beside it
+    would put the object into RAM.
+    """
+    if self.out.tokens and self.out.tokens[-1].text == "volatile":
+        self.out.tokens.pop()
     self.emit("const", token.place)
-    self.index += 1
+    self.index += 1 + (self.text(1) == "volatile")
     return True
 
 

@@ -1,7 +1,7 @@
 // Constants and functions at words of the program memory, in SDCC's words.
 #include <pic14/pic16f84a.h>
 
-__code unsigned char __at(0x300) list[] = {5, 6, 7};
+__code volatile unsigned char __at(0x300) list[] = {5, 6, 7};
 static __code unsigned int __at 0x3F0 version = 0x0102;
 void f(void) __at(0x200);
 void other(void) __critical __interrupt(0) { T0IF = 0; }
