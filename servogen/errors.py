@@ -206,6 +206,9 @@ class ToolError(ServogenError):
 MAX_LISTED, MAX_COMPARED = 100, 1000
 """The maximum number of known words that are listed, or compared with a misspelt one."""
 
+SIMILAR = 0.65
+"""The least similarity (`difflib`) of a word that is suggested: "tripd" is "tripod", "trot" is not."""
+
 MAX_WORD = 100
 """The maximum number of letters of a misspelt word that are compared."""
 
@@ -214,7 +217,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return a hint with the known word most similar to `word`, or all known words if none is similar."""
     names = sorted(known)
     lower = {name.lower(): name for name in reversed(names[:MAX_COMPARED])}
-    close = get_close_matches(word[:MAX_WORD].lower(), lower, n=1, cutoff=0.6)
+    close = get_close_matches(word[:MAX_WORD].lower(), lower, n=1, cutoff=SIMILAR)
     if close:
         return f"did you mean '{lower[close[0]]}'?"
     more = ", …" if len(names) > MAX_LISTED else ""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -258,7 +259,10 @@ def _run() -> int:
     except TyperException as error:  # the command line is wrong
         text = error.format_message().rstrip(".").replace(": Value error, ", ": ")
         text = _with_value(text, error, sys.argv[1:])
-        show_error(InputError("usage", text, hint=f"see: {_command_of(error)} --help"), sys.argv[1:])
+        meant = _meant(text)
+        text = (BY_LETTERS if meant else HELP_ALONE).sub("", text)
+        hint = meant or f"see: {_command_of(error)} --help"
+        show_error(InputError("usage", text, hint=hint), sys.argv[1:])
         return InputError.exit_code
     except typer.Abort:
         return INTERRUPTED
@@ -285,6 +289,20 @@ def _run() -> int:
         show_error(ToolError("internal-error", text), sys.argv[1:])
         return ToolError.exit_code
     return 0
+
+
+MEANT = {"upload": "flash", "program": "flash", "burn": "flash", "run": "simulate", "sim": "simulate"}
+MEANT |= {"init": "new", "create": "new", "asm": "assemble", "cc": "compile", "ui": "watch", "show": "watch"}
+"""What other tools call a command."""
+BY_LETTERS = re.compile(r"\. Did you mean .*$")
+HELP_ALONE = re.compile(r" \(Possible options: --help\)$")
+
+
+def _meant(text: str) -> str:
+    """Return which command somebody means who types another tool's; empty where that is not known."""
+    word = re.match(r"No such command '([\w-]+)'", text)
+    command = MEANT.get(word[1]) if word else None
+    return f"did you mean '{command}'?" if command else ""
 
 
 def _with_value(text: str, error: TyperException, words: Sequence[str]) -> str:

@@ -117,7 +117,7 @@ def controller_of(
     if range_us is None:
         raise InputError(
             "missing-option",
-            "the widths of positions 0 and 254 are not known",
+            "the job has no [stream]; of another controller the widths of positions 0 and 254 must be known",
             Location(job.file),
             "see the controller's manual: --range-us 500,2500",
         )

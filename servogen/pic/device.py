@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError
 
 PROGRAM_WORDS = 1024  # DS35007 section 2.1
 ERASED_WORD = 0x3FFF  # an unprogrammed word: executes as ADDLW 0xFF
@@ -190,7 +190,7 @@ def device(name: str, known: Sequence[Device] = DEVICES) -> Device:
     raise InputError(
         "unknown-device",
         f"unknown device '{name}'",
-        hint=did_you_mean(name, (device.name for device in known)),
+        hint=f"known: {', '.join(device.name for device in known)}",  # a similar name is another chip
     )
 
 

@@ -128,9 +128,27 @@ def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputErro
         other_stem, other_unit = split_unit(name)
         if other_unit and other_stem == stem:
             if unit:
-                return document.error("wrong-unit", key, f"'{word}' is not given in {unit}: write {name}")
+                instead = f"{name}{_converted(document, key, unit, other_unit)}"
+                return document.error("wrong-unit", key, f"'{word}' is not given in {unit}: write {instead}")
             return document.error("wrong-unit", key, f"'{word}' has no unit: write {name}")
     return document.error("unknown-key", key, f"unknown key '{word}'", did_you_mean(word, names))
+
+
+SI = {"us": -6, "ms": -3, "s": 0, "mm": -3, "cm": -2, "m": 0, "hz": 0, "khz": 3, "mhz": 6, "mv": -3, "v": 0}
+SI |= {"ma": -3, "a": 0}
+"""Units of one quantity each, as powers of ten of its SI unit."""
+QUANTITIES = (("us", "ms", "s"), ("mm", "cm", "m"), ("hz", "khz", "mhz"), ("mv", "v"), ("ma", "a"))
+
+
+def _converted(document: Document, key: Key, unit: str, other: str) -> str:
+    """Return " = 2" for a value of 2000 in ms that should be in s; empty where the units do not fit."""
+    value: Any = document.data
+    for step in key:
+        value = value[step]
+    alike = any({unit, other} <= set(quantity) for quantity in QUANTITIES)
+    if not alike or isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    return f" = {value * 10.0 ** (SI[unit] - SI[other]):.12g}"
 
 
 def split_unit(word: str) -> tuple[str, str]:

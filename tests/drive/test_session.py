@@ -262,7 +262,7 @@ def test_positions_never_pass_a_servos_limits() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"range_us": None}, "the widths of positions 0 and 254 are not known"),
+        ({"range_us": None}, "the widths of positions 0 and 254 must be known"),
         ({"range_us": "2000,1000"}, "is not a range of widths"),
         ({"range_us": "1000"}, "is not a range of widths"),
         ({"first": 252}, "8 servos numbered from 252"),

@@ -179,7 +179,9 @@ def test_a_unit_is_what_follows_an_underscore(word: str, parts: tuple[str, str])
 
 def test_an_unknown_key_is_compared_with_those_that_are_known() -> None:
     document = parse("a_ms = 1\n", "r.toml")
-    assert unknown_key(document, ("a_ms",), ["a_us"]).message == "'a_ms' is not given in ms: write a_us"
+    assert (
+        unknown_key(document, ("a_ms",), ["a_us"]).message == "'a_ms' is not given in ms: write a_us = 1000"
+    )
     assert unknown_key(document, ("a",), ["a_us"]).message == "'a' has no unit: write a_us"
     assert unknown_key(document, ("a_ms",), ["a"]).message == "unknown key 'a_ms'"
     assert unknown_key(document, ("a_ms",), ["b_us", "a_s", "c"]).code == "wrong-unit"

@@ -61,7 +61,7 @@ def test_a_good_file_is_its_model() -> None:
         ("size_mm = [4]", "has too few values: number 2 is missing", "wrong-type"),
         ("size_mm = [4, 5, 6]", "has 3 values\n  at most 2", "wrong-type"),
         ("trim = 3", "'trim' has no unit: write trim_us", "wrong-unit"),
-        ("trim_ms = 3", "'trim_ms' is not given in ms: write trim_us", "wrong-unit"),
+        ("trim_ms = 3", "'trim_ms' is not given in ms: write trim_us = 3000", "wrong-unit"),
         ("revers = true", "unknown key 'revers'\n  did you mean 'reverse'?", "unknown-key"),
         (
             "colour = 1",

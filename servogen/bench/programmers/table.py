@@ -9,6 +9,7 @@ print: their patterns are assumptions, and whatever does not match them is a fai
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -312,9 +313,10 @@ def find(named: str | None) -> InstalledProgrammer:
     stem = Path(named).stem.lower()
     known = {programmer.name: programmer for programmer in PROGRAMMERS}
     if stem not in known:
-        raise InputError(
-            "unknown-name", f"'{named}' is not a known programmer", hint=did_you_mean(stem, known)
-        )
+        device = stem.upper()
+        users = [each.name for each in PROGRAMMERS if device in re.findall(r"\w+", each.hardware.upper())]
+        hint = f"a {device} is used by {', '.join(users)}" if users else did_you_mean(stem, known)
+        raise InputError("unknown-name", f"'{named}' is not a known programmer", hint=hint)
     start = _start(known[stem], named)
     if not start:
         raise ToolError(
