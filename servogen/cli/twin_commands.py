@@ -115,4 +115,7 @@ def _show(verdict: TwinVerdict, name: str) -> None:
         print(f"{event.seconds:.2f} s: {event.text}")
     for reason in verdict.reasons():
         print(reason)
-    print(f"{name}: {verdict.word}; {verdict.record.settings.ground.text()}")
+    if verdict.missed:
+        print(verdict.missed)
+    word = verdict.word if verdict.judged else f"{verdict.word}: the job has no [expect]"
+    print(f"{name}: {word}; {verdict.record.settings.ground.text()}")

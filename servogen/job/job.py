@@ -74,7 +74,8 @@ class Job:
     """The section that moves the servos; None for a stream job without a motion."""
     supply: SupplyTable | None
     sensors: tuple[SensorTable, ...]
-    expect: ExpectTable
+    expect: ExpectTable | None
+    """What `servogen twin` checks; None if the job does not say."""
 
     def __repr__(self) -> str:
         servos = ", ".join(f"{servo.name} on {servo.pin}" for servo in self.servos)

@@ -26,6 +26,7 @@ from servogen.job.schema import (
     SECTIONS,
     CommandsTable,
     DirectionPins,
+    ExpectTable,
     FirmwareTable,
     JobTable,
     Section,
@@ -352,8 +353,27 @@ def _job(document: Document) -> Job:
         section=_section(document, table, needed=stream is None),
         supply=table.supply,
         sensors=_sensors(document, table, rig.robot, servos),
-        expect=table.expect,
+        expect=_expect(document, table),
     )
+
+
+def _expect(document: Document, table: JobTable) -> ExpectTable | None:
+    """Return [expect]. Raises InputError for the end of a walk that has none."""
+    expect, walk = table.expect, table.walk
+    if expect is None or walk is None:
+        return expect
+    endless = bool(walk.route) and walk.route[-1].cycles is None
+    for key in ("robot_within_mm", "turn_within_deg"):
+        if getattr(expect, key) is not None and (endless or walk.commands is not None):
+            raise document.error(
+                "endless-motion",
+                ("expect", key),
+                "an endless walk has no end that could be compared"
+                if endless
+                else "a walk on command ends where its commands lead",
+                f"remove {key}" + (", or add cycles = … to the last segment of its route" if endless else ""),
+            )
+    return expect
 
 
 def _sensors(

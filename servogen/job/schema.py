@@ -329,4 +329,4 @@ class JobTable(Table):
     firmware: FirmwareTable = FirmwareTable()
     supply: SupplyTable | None = None
     sensor: tuple[SensorTable, ...] = ()
-    expect: ExpectTable = ExpectTable()
+    expect: ExpectTable | None = None

@@ -102,7 +102,8 @@ def check_rows(verdict: TwinVerdict) -> Iterator[tuple[str, str, str, str, str]]
 def page_facts(verdict: TwinVerdict) -> TwinFacts:
     """Return what the report's page shows of a run."""
     record = verdict.record
-    badge = "good" if verdict.passed else "open" if verdict.not_guaranteed_from is not None else "bad"
+    unsure = verdict.not_guaranteed_from is not None or (verdict.passed and not verdict.judged)
+    badge = "open" if unsure else "good" if verdict.passed else "bad"
     rows = slice(None, None, max(1, math.ceil(len(record.time) / PAGE_ROWS)))
     step = float(record.time[rows][1] - record.time[rows][0]) if len(record.time) > 1 else 0.005
     times = np.append(record.time[rows], record.time[rows][-1] + step)

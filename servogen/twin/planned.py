@@ -27,13 +27,15 @@ Floats = npt.NDArray[np.float64]
 class PlannedRoute:
     """`way`: x, y, yaw at the end, as the job asks; `rigid`: in each frame, with rigid legs or ideal wheels.
 
-    `rigid` has x, y, yaw. `tool` (frames, 3): an arm's tool. `height`: the least height of a walking body.
+    `length`: how far a walk goes on its way, in metres. `rigid` has x, y, yaw.
+    `tool` (frames, 3): an arm's tool. `height`: the least height of a walking body.
     None: the robot has none.
     Frames are those of the job's own motion, its loop as often as the run plays it.
     """
 
     frame_s: float
     way: tuple[float, float, float] | None = None
+    length: float | None = None
     rigid: Floats | None = None
     tool: Floats | None = None
     height: float | None = None
@@ -48,7 +50,7 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute
     if job.base is not None:
         poses = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)
         x, y, yaw = poses[-1].tolist()
-        return PlannedRoute(frame_s, (x, y, yaw), poses)
+        return PlannedRoute(frame_s, (x, y, yaw), rigid=poses)
     ends = ends_of(job)
     if not ends or np.isnan(angles).any():
         return PlannedRoute(frame_s)
@@ -60,20 +62,24 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
     rigid = rigid_body_path(feet, centre[:2]).pose
     height = float((-feet[..., 2].min(axis=1)).min())
-    return PlannedRoute(frame_s, _asked(job, loops), rigid, height=height)
+    way, length = _asked(job, loops)
+    return PlannedRoute(frame_s, way, length, rigid, height=height)
 
 
-def _asked(job: PlannedJob, loops: int) -> tuple[float, float, float] | None:
-    """Return where [walk] leads: x, y, yaw at the end of its route; None for a job without one."""
-    if not isinstance(job.section, WalkTable):
-        return None
-    place, yaw = 0j, 0.0
+def _asked(job: PlannedJob, loops: int) -> tuple[tuple[float, float, float] | None, float | None]:
+    """Return where [walk] leads: x, y, yaw at the end of its route, and how far it goes until then; None for
+    a job without a route that ends.
+    """
+    if not isinstance(job.section, WalkTable) or job.section.commands is not None:
+        return None, None
+    place, yaw, length = 0j, 0.0, 0.0
     rows = [row for row in job.section.route if row.cycles is not None]
     if len(rows) < len(job.section.route):
-        return None
+        return None, None
     for row in [row for _ in range(loops) for row in rows]:
         segment = Segment(row.forward_mm / 1000, row.left_mm / 1000, math.radians(row.turn_deg), row.cycles)
         position, heading = segment.travelled(np.array(float(row.cycles or 0)))
         place += complex(position) * complex(math.cos(yaw), math.sin(yaw))
         yaw += float(heading)
-    return place.real, place.imag, yaw
+        length += abs(complex(segment.forward, segment.left)) * float(row.cycles or 0)
+    return (place.real, place.imag, yaw), length

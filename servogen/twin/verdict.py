@@ -15,6 +15,7 @@ import numpy.typing as npt
 from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
+from servogen.robot.arm_file import MAX_MM
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
 from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import ROUNDING_S, SAMPLE_S, Record
@@ -29,7 +30,10 @@ REST_S = 0.3
 
 REST_M = 1e-6
 
-Word = Literal["as expected", "NOT as expected", "not guaranteed"]
+Word = Literal["as expected", "NOT as expected", "not guaranteed", "not judged"]
+
+WALK_SHARE, WALK_DEG = 0.1, 5.0
+"""The share of its way by which a walk may miss its end, and the degrees, if its job does not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +91,10 @@ class TwinVerdict:
     tool_rest_error: float | None
     warnings: tuple[Diagnostic, ...] = ()
     """The plan's warnings, which are the cause if no event explains a failure."""
+    judged: bool = True
+    """Whether the job has an [expect]."""
+    missed: str = ""
+    """By how much the robot misses its plan, in words."""
 
     @property
     def passed(self) -> bool:
@@ -98,6 +106,8 @@ class TwinVerdict:
         """Return the verdict in words."""
         if self.not_guaranteed_from is not None:
             return "not guaranteed"
+        if not self.judged:
+            return "not judged"
         return "as expected" if self.passed else "NOT as expected"
 
     @property
@@ -121,6 +131,7 @@ class TwinVerdict:
         return {
             "verdict": self.word,
             "passed": self.passed,
+            "missed": self.missed or None,
             "asked": list(self.planned.way) if self.planned.way else None,
             "rigid_legs": None if rigid is None else rigid[-1].tolist(),
             "simulated": list(self.done),
@@ -152,7 +163,9 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
     travelled = (float(turned.real), float(turned.imag), float(record.pose[-1, 3] - first[3]))
     drag, leg, drag_time = _drag(record)
     tool, rest, rest_time = _tool(record, planned)
-    checks = _checks(record, job.expect, planned, travelled, (drag, leg, drag_time), (rest, rest_time))
+    off = _off(record, planned, travelled)
+    expect = job.expect or _usual(planned)
+    checks = _checks(record, expect, off, (drag, leg, drag_time), (rest, rest_time))
     return TwinVerdict(
         record,
         planned,
@@ -165,14 +178,48 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
         tool,
         rest,
         job.warnings,
+        job.expect is not None,
+        _missed(off, planned, tool),
     )
+
+
+def _off(
+    record: Record, planned: PlannedRoute, travelled: tuple[float, float, float]
+) -> tuple[float, float] | None:
+    """Return how far (mm) and by what angle (degrees) the robot ends beside its plan; None without a plan
+    that was played to its end.
+    """
+    if planned.way is None or not _complete(record):
+        return None
+    x, y, yaw = planned.way
+    distance = 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
+    return distance, abs(math.degrees(travelled[2] - yaw))
+
+
+def _complete(record: Record) -> bool:
+    return record.motion[1] - record.time[-1] <= 2 * SAMPLE_S
+
+
+def _usual(planned: PlannedRoute) -> ExpectTable:
+    """Return what is expected where a job does not say: a walk ends near its plan, and nothing falls."""
+    if planned.length is None:
+        return ExpectTable()
+    # On the spot there is no way of which a share could be allowed.
+    within_mm = min(1000 * WALK_SHARE * planned.length, MAX_MM) or None
+    return ExpectTable(robot_within_mm=within_mm, turn_within_deg=WALK_DEG)
+
+
+def _missed(off: tuple[float, float] | None, planned: PlannedRoute, tool: float | None) -> str:
+    if off is not None:
+        share = f" ({0.1 * off[0] / planned.length:.1f} % of its way)" if planned.length else ""
+        return f"the robot misses its plan by {off[0]:.1f} mm{share} and {off[1]:.1f}°"
+    return "" if tool is None else f"the tool misses its path by up to {1000 * tool:.2f} mm"
 
 
 def _checks(
     record: Record,
     expect: ExpectTable,
-    planned: PlannedRoute,
-    travelled: tuple[float, float, float],
+    off: tuple[float, float] | None,
     drag: tuple[float, str, float],
     rest: tuple[float | None, float | None],
 ) -> list[ExpectationCheck]:
@@ -193,13 +240,8 @@ def _checks(
         checks.append(
             ExpectationCheck("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen)
         )
-    complete = record.motion[1] - record.time[-1] <= 2 * SAMPLE_S
-    off = turned = None
-    if planned.way is not None and complete:
-        x, y, yaw = planned.way
-        off = 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
-        turned = abs(math.degrees(travelled[2] - yaw))
-    check("robot", off, expect.robot_within_mm, "mm off")
+    distance, turned = off or (None, None)
+    check("robot", distance, expect.robot_within_mm, "mm off")
     check("turn", turned, expect.turn_within_deg, "° off")
     resting = None if rest[0] is None else 1000 * rest[0]
     check("tool at rest", resting, expect.end_within_mm, "mm off", rest[1])
@@ -216,7 +258,7 @@ def _checks(
     )
     peak = int(np.argmax(record.current))
     check("current", float(record.current[peak]), expect.current_a, "A", float(record.time[peak]))
-    finished = record.motion[1] if complete else None
+    finished = record.motion[1] if _complete(record) else None
     check("time", finished, expect.within_s, "s", finished)
     return checks
 

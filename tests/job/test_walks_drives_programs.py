@@ -430,3 +430,34 @@ def test_a_drive_that_cannot_be_is_refused(text: str, wheels: str, said: str) ->
     with pytest.raises(InputError) as caught:
         drive(f"speed_mm_s = 40\n{text}", wheels)
     assert said.replace("robotino", robot("omni").name) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("cycle_s = 0.6\nroute = [{ forward_mm = 30 }]", "an endless walk has no end that could be compared"),
+        ('gait = "tripod"\ncommands = { forward_mm = 30 }', "ends where its commands lead"),
+        ("cycle_s = 0.6\nroute = [{ forward_mm = 30, cycles = 2 }]", None),
+    ],
+)
+@pytest.mark.parametrize("key", ["robot_within_mm", "turn_within_deg", "drag_mm"])
+def test_the_end_of_a_walk_that_has_none_cannot_be_expected(key: str, text: str, says: str | None) -> None:
+    job = f'{HEAD}{servos()}[robot]\nname = "hexapod"\n[walk]\n{text}\n[frame]\nper_slot = 2\n'
+    job += f"[expect]\n{key} = 5\n"
+    if says is None or key == "drag_mm":
+        loads(job, "job.toml")
+        return
+    with pytest.raises(InputError, match=says) as caught:
+        loads(job, "job.toml")
+    assert f"expect.{key}" in str(caught.value)
+
+
+def test_a_cycle_that_the_gait_lengthens_is_said() -> None:
+    """A ripple is a multiple of 6 frames: 25 become 30, 20 % more; 47 become 48, which is 2 %."""
+    text = 'gait = "ripple"\nbody_height_mm = 130\ncycle_s = {}\nroute = [{{ forward_mm = 10, cycles = 1 }}]'
+    (long,), (short,) = (notes(walk(text.format(seconds)), "cycle") for seconds in (0.5, 0.94))
+    assert long == (
+        "a cycle takes 30 frames, 0.6 s, 20 % more than the 25 frames that were asked for or that the servos "
+        "need, so that every foot lifts and lands on a frame"
+    )
+    assert short == "a cycle takes 48 frames, 0.96 s"

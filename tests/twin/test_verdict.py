@@ -321,6 +321,7 @@ def test_the_words_reasons_and_json_of_a_verdict() -> None:
     assert found == {
         "verdict": "NOT as expected",
         "passed": False,
+        "missed": "the robot misses its plan by 50.0 mm and 90.0°",
         "asked": [0.0, 0.0, 0.0],
         "rigid_legs": [0.5, 0.25, 0.125],
         "simulated": pytest.approx([0.03, -0.04, math.pi / 2]),
@@ -564,6 +565,26 @@ def test_the_table_of_servos_has_torque_and_lag_of_the_motion() -> None:
     wheels = [SimpleNamespace(**{**vars(drive), "continuous": True}) for drive in made.rig.drives]
     turning = replace(made, rig=rig(drives=wheels))  # type: ignore[arg-type]
     assert [row[4] for row in servo_rows(verdict(turning))] == ["", ""]
+
+
+def test_without_expectations_nothing_is_judged_but_a_walk_by_a_tenth_of_its_way_and_5_degrees() -> None:
+    """`away` ends 30 mm and -40 mm beside its start, turned by 90°: 50 mm."""
+
+    def found(length: float | None, yaw: float, way: bool = True) -> TwinVerdict:
+        planned = replace(STILL, way=(0.0, 0.0, math.pi / 2 + yaw) if way else None, length=length)
+        return verdict_of(away(), SimpleNamespace(**{**vars(job()), "expect": None}), planned)
+
+    near = found(0.501, math.radians(4.9))
+    assert (near.word, near.passed, page_facts(near).badge) == ("not judged", True, "open")
+    assert near.missed == "the robot misses its plan by 50.0 mm (10.0 % of its way) and 4.9°"
+    assert near.to_json()["missed"] == near.missed
+    for failed, name in ((found(0.499, 0.0), "robot"), (found(0.501, math.radians(5.1)), "turn")):
+        assert (failed.word, failed.passed, page_facts(failed).badge) == ("not judged", False, "bad")
+        assert [check.name for check in failed.checks if not check.passed] == [name]
+    on_the_spot, base, endless = found(0.0, 0.0), found(None, 0.0), found(None, 0.0, way=False)
+    assert on_the_spot.passed and on_the_spot.missed == "the robot misses its plan by 50.0 mm and 0.0°"
+    assert base.passed and base.missed == on_the_spot.missed
+    assert endless.passed and endless.missed == ""
 
 
 def test_the_table_of_expectations_and_the_badge_of_the_page() -> None:
