@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servogen.drive.commands import script
-from servogen.drive.on_command import CommandedDrive, State, Twin
+from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.job import load, plan_job
 from servogen.report.pictures import new_figure, save
@@ -40,7 +40,7 @@ STANDS_M = 0.0015
 """A foot this near to the lowest stands."""
 
 
-def feet(states: list[State]) -> np.ndarray:
+def feet(states: list[CommandedFrame]) -> np.ndarray:
     """Return the feet (frames, legs, 3) in the body's frame, metres, from the widths of the pulses."""
     job = plan_job(load(JOB))
     widths = np.array([list(state.widths_us.values()) for state in states])
@@ -67,7 +67,7 @@ def path(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    states: list[State] = []
+    states: list[CommandedFrame] = []
     CommandedDrive(Twin(plan_job(load(JOB))), script(COMMANDS), VirtualTime().time(), states.append).run(60)
     states = states[100:]  # the robot stands
     points = feet(states)

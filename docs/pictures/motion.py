@@ -17,7 +17,7 @@ HERE = Path(__file__).parent
 TITLES = ("share of the way", "speed, ways a duration", "acceleration, ways a duration²")
 
 
-def laws() -> None:
+def main() -> None:
     """Way, speed and acceleration of each law over its time."""
     figure = new_figure(13, 4, "laws of motion over the time of a move")
     panels: Any = figure.subplots(1, 3)
@@ -38,4 +38,4 @@ def laws() -> None:
 
 
 if __name__ == "__main__":
-    laws()
+    main()

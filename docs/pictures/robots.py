@@ -139,7 +139,11 @@ def omni_motions() -> None:
     figure.savefig(HERE / "omni.png", dpi=80)
 
 
-if __name__ == "__main__":
+def main() -> None:
     arms()
     stance()
     omni_motions()
+
+
+if __name__ == "__main__":
+    main()
