@@ -35,7 +35,6 @@ from servogen.verify import (
     Verdict,
     channel_pins,
     find_start,
-    sampling,
     verify,
     verify_capture,
     whole_motion,
@@ -229,9 +228,9 @@ def prove_capture(
     Raises InputError if it was, or may have been, sampled too slowly to prove anything.
     """
     trace = capture.trace.stored()
-    longest_us = (tolerances or Tolerances()).glitch_us
-    sampling(trace, capture.sample).check(longest_us, Location(capture.file))
-    verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
+    verdict = verify_capture(
+        expected(schedule), trace, tolerances, capture.sample, capture.pieces, Location(capture.file)
+    )
     for reason in _not_driven(schedule, trace, Cycles(0), capture.pieces):
         verdict = verdict.but(reason)
     if capture.missing is not None:

@@ -70,7 +70,7 @@ def _pin_in(name: str) -> int | None:
     return next((PINS.index(pin) for pin in pins if pin in PINS), None)
 
 
-_RATE = re.compile(r"\s*\+?(\d{1,18})(\.\d{1,18}(?= ))? *([kmg]?)(?:hz)?", re.ASCII | re.IGNORECASE)
+_RATE = re.compile(r"\s*\+?(\d{1,18}|(?=\.))(\.\d{1,18}(?= ))? *([kmg]?)(?:hz)?", re.ASCII | re.IGNORECASE)
 _FACTOR = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 

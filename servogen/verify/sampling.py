@@ -4,7 +4,9 @@
     samples  ·    ·    ·    ·    ·    ·    ·    a pulse shorter than a sample may be missed;
                0    1    1    0    0    0       a width is known to one sample
 
-The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`.
+The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`. A file
+that states no rate has at least its time step. It is evidence of a slower rate if all edges lie on the grid of
+one although the schedule's do not: if each edge is where it is scheduled, to a step, the grid is the schedule's.
 
 In: a capture and what its file says. Out: a `Sampling`.
 """

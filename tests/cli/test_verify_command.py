@@ -131,7 +131,7 @@ def test_what_was_seen_and_is_wrong_is_wrong_however_little_it_was(
 
 @formats
 @pytest.mark.parametrize("rate", [1000, 3000, 20_000, 96_000])
-@pytest.mark.parametrize("width", [600, 1000, 1500, 1900])
+@pytest.mark.parametrize("width", [600, 1000, 1510, 1900])
 def test_too_slow_a_capture_is_refused_with_the_rate_that_is_needed(
     run: Run, tmp_path: Path, write: Writer, rate: int, width: int
 ) -> None:
@@ -166,24 +166,58 @@ def test_a_time_step_that_is_too_long_is_too_slow_whatever_the_file_says(run: Ru
     assert "sampled every 1000 µs (1 kHz), too slow to prove anything: at least 100 kHz" in ran.err
 
 
+def _of_width(folder: Path, width: int) -> Path:
+    """Return a schedule of one width."""
+    text = json.loads(SCHEDULE.read_text())
+    for each in text["loop"]:
+        each["pulses"] = [[0, width]]
+    (schedule := folder / f"{width}.json").write_text(json.dumps(text))
+    return schedule
+
+
 @pytest.mark.parametrize("write", [silent_vcd, csv], ids=["vcd", "csv"])
 def test_a_rate_that_the_file_does_not_tell_can_be_said(run: Run, tmp_path: Path, write: Writer) -> None:
-    """Pulses that happen to begin and end at multiples of 500 µs look as if sampled at 2 kHz."""
-    text = json.loads(SCHEDULE.read_text())
+    """All edges lie at multiples of 500 µs, as if sampled at 2 kHz: a pulse of 1501 µs would look so."""
     round_widths = [(500.0 + n * PERIOD, 2000.0 + n * PERIOD) for n in range(60)]
-    for each in text["loop"]:
-        each["pulses"] = [[0, 1500]]
-    schedule = tmp_path / "schedule.json"
-    schedule.write_text(json.dumps(text))
     file = write(tmp_path / "round.sr", round_widths, 1.1, 24_000_000)
+    schedule = _of_width(tmp_path, 1501)
     ran = run("verify", file, "--against", schedule)
     assert ran.code == 2
     assert "all its edges are on a grid of every 500 µs (2 kHz): at least 100 kHz is needed" in ran.err
     assert "state the rate: --rate" in ran.err
-    ran = run("verify", file, "--against", schedule, "--rate", 24_000_000)
+    ran = run("verify", file, "--against", schedule, "--rate", 1_000_000)
     assert ran.code == 0, ran.out
-    assert "a sample every 0.0416667 µs" in ran.out
+    assert "a sample every 1 µs" in ran.out
+    assert run("verify", file, "--against", schedule, "--rate", 24_000_000).code == 1
     assert run("verify", file, "--against", schedule, "--rate", 2000).code == 2
+
+
+@pytest.mark.parametrize("write", [silent_vcd, csv], ids=["vcd", "csv"])
+def test_a_schedule_of_round_times_is_not_taken_for_a_slow_analyser(
+    run: Run, tmp_path: Path, write: Writer
+) -> None:
+    """Each edge is where it is scheduled to the step of the file: nothing shows that a sample is missing."""
+    round_widths = [(500.0 + n * PERIOD, 2000.0 + n * PERIOD) for n in range(60)]
+    file = write(tmp_path / "round.sr", round_widths, 1.1, 24_000_000)
+    ran = run("verify", file, "--against", _of_width(tmp_path, 1500))
+    assert ran.code == 0, ran.out
+
+
+def test_an_ideal_vcd_on_the_grid_of_a_slow_rate_agrees(run: Run, tmp_path: Path) -> None:
+    """The widths of lab 8, 1167, 1500 and 1667 µs, are 7, 9 and 10 samples of 6 kHz, rounded to its 1 µs."""
+    width = {**dict.fromkeys(range(100), 1167), **dict.fromkeys(range(100, 350), 1500)}
+    rises = [(5000 + 20_000 * frame, width.get(frame % 500, 1667)) for frame in range(510)]
+
+    def written(extra: int) -> Path:
+        text = "$timescale 1 us $end\n$var wire 1 ! RB0 $end\n$enddefinitions $end\n#0\n0!\n"
+        text += "".join(f"#{rise}\n1!\n#{rise + high + extra}\n0!\n" for rise, high in rises)
+        (file := tmp_path / f"{extra}.vcd").write_text(f"{text}#{5000 + 20_000 * 510}\n")
+        return file
+
+    ran = run("verify", written(0), "--against", SCHEDULE)
+    assert (ran.code, ran.err) == (0, "")
+    ran = run("verify", written(2), "--against", SCHEDULE)
+    assert (ran.code, ran.err) == (1, "")
 
 
 def test_a_rate_is_not_said_twice(run: Run, tmp_path: Path) -> None:

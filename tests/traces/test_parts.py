@@ -92,7 +92,7 @@ def test_the_timescale_is_the_longest_that_divides_a_cycle(hz: int) -> None:
 RATES = {
     "200 kHz": 200_000, "1000 KHz": 10**6, "1000000": 10**6, "1 M": 10**6, "1M": 10**6, "1MHz": 10**6,
     "1 mhz": 10**6, "1 MHZ": 10**6, "1.5 MHz": 1_500_000, "1.5 kHz": 1500, "0.5 MHz": 500_000, "1 GHz": 10**9,
-    "12 Hz": 12, "  1 MHz": 10**6, "+1 MHz": 10**6, "20.5 kHz": 20_500,
+    "12 Hz": 12, "  1 MHz": 10**6, "+1 MHz": 10**6, "20.5 kHz": 20_500, ".5 MHz": 500_000,
 }  # fmt: skip
 
 

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.units import Cycles
 from servogen.verify.capture.alignment import FittedLine, PairedSignals, align, whole_frames
 from servogen.verify.capture.judge import Judged, TimeScale, judge
@@ -93,6 +93,7 @@ def verify_capture(
     tolerances: Tolerances | None = None,
     sample: float | None = None,
     pieces: Sequence[tuple[int, int]] = (),
+    place: Location | None = None,
 ) -> CaptureVerdict:
     """Compare a capture with the schedule.
 
@@ -102,23 +103,29 @@ def verify_capture(
     connected. `pieces` are the beginning and end (in steps) of each of several captures in one trace, whose
     distance in time is not known: each is judged separately, and `expected.chunks` is read for each.
 
-    Raises InputError if a sample is longer than the tolerances allow. If `sample` is not given and the edges
-    do not show that it is short enough, the capture is not proven.
+    Raises InputError if a sample is longer than the tolerances allow, or if `sample` is not given and all edges
+    lie on the grid of one that is, but not where they are scheduled to the step.
     """
     allowed = tolerances or Tolerances()
     captured = captured.stored()
     sampled = sampling(captured, sample)
     if sampled.stated:
-        sampled.check(allowed.glitch_us)
+        sampled.check(allowed.glitch_us, place)
     if pieces:
         verdicts = [_verdict(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
         verdict = merged(verdicts, [begin * step_us for begin, _ in pieces])
     else:
         verdict = with_reasons(_verdict(expected, captured, allowed, sampled))
-    if sampled.too_slow(allowed.glitch_us):
-        verdict = verdict.but(sampled.words(allowed.glitch_us))
+    if not _exact(verdict, float(captured.clock.cycle_us)):
+        sampled.check(allowed.glitch_us, place)
     return replace(verdict, plan_error=expected.plan_error)
+
+
+def _exact(verdict: CaptureVerdict, step_us: float) -> bool:
+    """Return whether every captured edge is where it is scheduled, to one time step."""
+    worst = max((abs(channel.edge.worst_us) for channel in verdict.channels), default=0.0)
+    return verdict.agrees and worst <= step_us * (1 + 1e-6)
 
 
 def _verdict(
