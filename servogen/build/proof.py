@@ -35,6 +35,7 @@ from servogen.verify import (
     Verdict,
     channel_pins,
     find_start,
+    sampling,
     verify,
     verify_capture,
     whole_motion,
@@ -228,9 +229,13 @@ def prove_capture(
     Raises InputError if it was, or may have been, sampled too slowly to prove anything.
     """
     trace = capture.trace.stored()
-    verdict = verify_capture(
-        expected(schedule), trace, tolerances, capture.sample, capture.pieces, Location(capture.file)
-    )
+    sampled = sampling(trace, capture.sample)
+    longest_us = (tolerances or Tolerances()).glitch_us
+    if sampled.stated:
+        sampled.check(longest_us, Location(capture.file))
+    verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
+    if not verdict.agrees:
+        sampled.check(longest_us, Location(capture.file))
     for reason in _not_driven(schedule, trace, Cycles(0), capture.pieces):
         verdict = verdict.but(reason)
     if capture.missing is not None:

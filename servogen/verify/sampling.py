@@ -4,9 +4,10 @@
     samples  ·    ·    ·    ·    ·    ·    ·    a pulse shorter than a sample may be missed;
                0    1    1    0    0    0       a width is known to one sample
 
-The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`. A file
-that states no rate has at least its time step. It is evidence of a slower rate if all edges lie on the grid of
-one although the schedule's do not: if each edge is where it is scheduled, to a step, the grid is the schedule's.
+The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`. A
+file that states no rate states its time step at least. A step of more than a nanosecond is believed, as long
+as each edge is where it is scheduled to that step; otherwise edges that all lie on the grid of a slow rate
+are evidence that samples are missing.
 
 In: a capture and what its file says. Out: a `Sampling`.
 """
@@ -30,6 +31,9 @@ TYPICAL_HZ = tuple(
 
 ROUNDING = 0.51
 """The maximum difference, in steps, between a sample's time and the time in the file."""
+
+NOTATION_US = 0.001
+"""A time step of a nanosecond or less is the unit in which a program writes times, not its sampling."""
 
 FIRST_EDGES = 50
 """The number of edges with which a rate is tried first; most rates are rejected by them."""

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
-from servogen.errors import Diagnostic, InputError, Location
+from servogen.errors import Diagnostic, InputError
 from servogen.units import Cycles
 from servogen.verify.capture.alignment import FittedLine, PairedSignals, align, whole_frames
 from servogen.verify.capture.judge import Judged, TimeScale, judge
@@ -51,7 +51,7 @@ from servogen.verify.pulses import (
     together,
     without_glitches,
 )
-from servogen.verify.sampling import Sampling, sampling
+from servogen.verify.sampling import NOTATION_US, Sampling, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
@@ -93,7 +93,6 @@ def verify_capture(
     tolerances: Tolerances | None = None,
     sample: float | None = None,
     pieces: Sequence[tuple[int, int]] = (),
-    place: Location | None = None,
 ) -> CaptureVerdict:
     """Compare a capture with the schedule.
 
@@ -103,29 +102,29 @@ def verify_capture(
     connected. `pieces` are the beginning and end (in steps) of each of several captures in one trace, whose
     distance in time is not known: each is judged separately, and `expected.chunks` is read for each.
 
-    Raises InputError if a sample is longer than the tolerances allow, or if `sample` is not given and all edges
-    lie on the grid of one that is, but not where they are scheduled to the step.
+    Raises InputError if a sample is longer than the tolerances allow. If `sample` is not given and the edges
+    are evidence of one that is longer, the capture does not agree.
     """
     allowed = tolerances or Tolerances()
     captured = captured.stored()
     sampled = sampling(captured, sample)
     if sampled.stated:
-        sampled.check(allowed.glitch_us, place)
+        sampled.check(allowed.glitch_us)
     if pieces:
         verdicts = [_verdict(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
         verdict = merged(verdicts, [begin * step_us for begin, _ in pieces])
     else:
         verdict = with_reasons(_verdict(expected, captured, allowed, sampled))
-    if not _exact(verdict, float(captured.clock.cycle_us)):
-        sampled.check(allowed.glitch_us, place)
+    if sampled.too_slow(allowed.glitch_us) and not _exact(verdict, float(captured.clock.cycle_us)):
+        verdict = verdict.but(sampled.words(allowed.glitch_us))
     return replace(verdict, plan_error=expected.plan_error)
 
 
 def _exact(verdict: CaptureVerdict, step_us: float) -> bool:
-    """Return whether every captured edge is where it is scheduled, to one time step."""
+    """Return whether every captured edge is where it is scheduled, to a time step that may be a sample's."""
     worst = max((abs(channel.edge.worst_us) for channel in verdict.channels), default=0.0)
-    return verdict.agrees and worst <= step_us * (1 + 1e-6)
+    return verdict.agrees and step_us > NOTATION_US and worst <= step_us * (1 + 1e-6)
 
 
 def _verdict(
