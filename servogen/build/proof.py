@@ -10,7 +10,7 @@ or, if the machine's complete state repeats, over a span after which nothing new
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import lcm
 from pathlib import Path
@@ -70,14 +70,14 @@ def running(
     return EdgeTrace(schedule.clock, machine_of(schedule, image, options).stream(limit), limit)
 
 
-def hidden_by(file: Path, clock: Clock) -> tuple[str, ...]:
+def hidden_by(file: Path, clock: Clock, wires: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Return what a file of edges cannot show: pins without a wire, and edges between the steps of its time.
 
     Only a VCD file says which pins it holds, and what its steps are. Raises InputError if it is malformed.
     """
     if file.suffix.lower() != ".vcd":
         return ()
-    header = read_header(file)
+    header = read_header(file, wires)
     absent = [name for number, name in enumerate(PINS) if number not in header.pins.values()]
     hidden = [f"the file has no wire for {', '.join(absent)}"] if absent else []
     cycles = header.step_s * clock.cycles_per_second

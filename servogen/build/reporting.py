@@ -6,6 +6,7 @@ page shows only the plan.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,6 +61,7 @@ def page_of(
     progress: Progress = lambda step: None,
     rate: int | None = None,
     twin: bool = False,
+    wires: Mapping[str, str] | None = None,
 ) -> ReportPage:
     """Build the job and return its page; `rate` is a capture's samples per second. Raises InputError.
 
@@ -69,7 +71,7 @@ def page_of(
         result = build(job, progress)
     except ResourceError as error:
         planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
-        beside = capture_facts(planned.schedule, capture, rate) if capture else None
+        beside = capture_facts(planned.schedule, capture, rate, wires) if capture else None
         facts = PageFacts(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
@@ -86,7 +88,7 @@ def page_of(
         progress("moving the robot")
         moved = twin_of_build(job, result)
     progress("writing the page")
-    beside = capture_facts(result.plan.schedule, capture, rate) if capture else None
+    beside = capture_facts(result.plan.schedule, capture, rate, wires) if capture else None
     seen = beside.verdict if beside else None
     facts = replace(_facts(result, beside), twin=page_facts(moved) if moved else None)
     return ReportPage(
@@ -118,15 +120,20 @@ def _once(planned: PulsePlan, result: Build) -> EdgeTrace:
     return running(schedule, result.programs[0].image, motion_cycles(schedule)).stored()
 
 
-def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) -> CaptureFacts:
+def capture_facts(
+    schedule: PulseSchedule,
+    path: Path,
+    rate: int | None = None,
+    wires: Mapping[str, str] | None = None,
+) -> CaptureFacts:
     """Return the facts shown about a capture; of several in one file the longest, because its time is
     known.
     """
-    capture = read_capture(path)
+    capture = read_capture(path, wires)
     if rate is not None:
         capture = sampled_at(capture, rate)
     capture = replace(capture, trace=capture.trace.stored())
-    verdict = _verdict(schedule, capture, path)
+    verdict = _verdict(schedule, capture, path, wires)
     if not verdict.pieces:
         return CaptureFacts(path.name, capture.trace, verdict)
     longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
@@ -135,11 +142,14 @@ def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) 
     return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))
 
 
-def _verdict(schedule: PulseSchedule, capture: Capture, path: Path) -> CaptureVerdict:
+def _verdict(
+    schedule: PulseSchedule, capture: Capture, path: Path, wires: Mapping[str, str] | None
+) -> CaptureVerdict:
     """Return the verdict on a capture; edges in cycles of a chip are additionally compared cycle by cycle."""
     verdict = prove_capture(schedule, capture)
     if is_capture(path):
         return verdict
-    hidden = hidden_by(path, schedule.clock)
-    exact = prove_file(schedule, read_vcd(path, schedule.clock), tells_end=True, hidden=hidden)
+    hidden = hidden_by(path, schedule.clock, wires)
+    trace = read_vcd(path, schedule.clock, wires=wires)
+    exact = prove_file(schedule, trace, tells_end=True, hidden=hidden)
     return verdict if exact.agrees and not hidden else verdict.but(exact.reasons[0])

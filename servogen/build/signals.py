@@ -21,8 +21,10 @@ from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import servo_model
 from servogen.simulator import Machine, SimulatorOptions
-from servogen.traces import SUFFIXES, read_edges
+from servogen.traces import SUFFIXES
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
+from servogen.traces.captures import read_recording
+from servogen.traces.channels import wires_of
 from servogen.units import Cycles
 from servogen.verify import Measurement, PinMeasurement
 
@@ -102,6 +104,16 @@ def program_for(schedule: PulseSchedule, file: Path, device: str, read: Read = r
     return program
 
 
+def wires_for(file: Path, texts: Sequence[str] | None) -> dict[str, str] | None:
+    """Return the pins of a recording's channels. Raises InputError if channels of a program are named."""
+    wires = wires_of(texts or ())
+    if wires and is_program(file):
+        raise InputError(
+            "conflicting-options", "only a recording has wires", Location(str(file), key="--wire")
+        )
+    return wires
+
+
 def refuse_chip_options(file: Path) -> None:
     """Raise InputError if options of the simulated chip are given for a recording."""
     if not is_program(file):
@@ -113,13 +125,18 @@ def refuse_chip_options(file: Path) -> None:
 
 
 def scheduled_edges(
-    file: Path, schedule: PulseSchedule, span: Cycles, options: SimulatorOptions, read: Read = read_program
+    file: Path,
+    schedule: PulseSchedule,
+    span: Cycles,
+    options: SimulatorOptions,
+    read: Read = read_program,
+    wires: Mapping[str, str] | None = None,
 ) -> EdgeTrace:
     """Return the edges of a program that runs for `span`, or those in a file, by the schedule's clock."""
     if is_program(file):
         program = program_for(schedule, file, options.device, read)
         return running(schedule, program.image, span, options)
-    return read_edges(file, schedule.clock)
+    return read_recording(file, schedule.clock, wires=wires)
 
 
 def unscheduled_edges(
@@ -128,6 +145,7 @@ def unscheduled_edges(
     seconds: float | None,
     clock_hz: int | None,
     options: SimulatorOptions,
+    wires: Mapping[str, str] | None = None,
 ) -> EdgeTrace:
     """Return the edges of the program in a file, or those that it holds, without a schedule, by default for
     `MEASURED_SECONDS` or up to the file's end.
@@ -136,7 +154,8 @@ def unscheduled_edges(
     if program is not None:
         span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
         return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)
-    return read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
+    end = None if seconds is None else clock.round_seconds(seconds)
+    return read_recording(file, clock, end, wires).stored()
 
 
 def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:

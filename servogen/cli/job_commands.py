@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import keep_apart, read_image
-from servogen.cli.options import Animate, CaptureRate, Csv, Dialect, JobFile, Json, Partial, Plot
+from servogen.cli.options import (
+    Animate,
+    CaptureRate,
+    Csv,
+    Dialect,
+    JobFile,
+    Json,
+    Partial,
+    Plot,
+    RecordedWires,
+)
 from servogen.cli.show import as_json, status, table, warn_of_all
 from servogen.errors import Diagnostic
 from servogen.programs import beside_c, dialect_of, included_names, read_source
@@ -400,6 +410,7 @@ def report(
         ),
     ] = None,
     rate: CaptureRate = None,
+    wire: RecordedWires = None,
     partial: Partial = False,
     twin: Annotated[
         bool, typer.Option("--twin", help="Also simulate the robot's physics (needs MuJoCo).")
@@ -412,16 +423,19 @@ def report(
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.plan_error import plan_text
+    from servogen.traces.channels import wires_of
     from servogen.verify import capture_lines
 
-    if rate is not None and capture is None:
-        raise InputError(
-            "conflicting-options", "only a capture has a sampling rate", Location(str(job), key="--rate")
-        )
+    for given, key, what in ((rate, "--rate", "a sampling rate"), (wire, "--wire", "wires")):
+        if given and capture is None:
+            text = f"only a capture has {what}"
+            raise InputError("conflicting-options", text, Location(str(job), key=key))
     loaded = plan_job(load(job))
     target = output or Path(f"{loaded.name}.html")
     with status(f"{loaded.name}: planning") as tell:
-        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate, twin)
+        page = page_of(
+            loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate, twin, wires_of(wire or ())
+        )
     write_text(target, page.html)
     if json:
         as_json({"file": str(target), **page.to_json()}, [page.not_built] if page.not_built else [])

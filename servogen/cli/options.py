@@ -78,6 +78,15 @@ CaptureRate = Annotated[
     int | None,
     typer.Option("--rate", min=1, help="The capture's sampling rate in Hz, if its file does not state it."),
 ]
+RecordedWires = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--wire",
+        metavar="CHANNEL=PIN",
+        help="The pin of a recorded channel that is not named after one, such as D0=RB0 (repeatable); then "
+        "only these are read.",
+    ),
+]
 CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
     # name of the simulator's option: its type and how the command line spells it
     "ra4_pull_up": (

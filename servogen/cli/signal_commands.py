@@ -15,6 +15,7 @@ from servogen.cli.options import (
     Json,
     OwnDevice,
     Partial,
+    RecordedWires,
     Seconds,
     takes_chip_options,
 )
@@ -36,7 +37,7 @@ FOREVER_SECONDS = 3 * 3600.0
 SignalFile = Annotated[
     Path,
     typer.Argument(
-        help="A HEX, C or assembly file, a job or its build, or recorded edges: CSV, JSONL or VCD.",
+        help="A HEX, C or assembly file, a job or its build, or recorded edges: CSV, JSONL, VCD or .sr.",
         show_default=False,
     ),
 ]
@@ -61,18 +62,20 @@ def verify(
     ] = False,
     partial: Partial = False,
     rate: CaptureRate = None,
+    wire: RecordedWires = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
     from servogen.build import prove_file, prove_image
     from servogen.build.proof import hidden_by
-    from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options
+    from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
     from servogen.traces import read_edges
     from servogen.traces.captures import is_capture
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
+    wires = wires_for(file, wire)
     board = chip.on(device_for(schedule, against, device))
     if forever:
         raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
@@ -84,7 +87,7 @@ def verify(
             raise InputError(
                 "conflicting-options", "a capture is always compared to its end", place, "omit --seconds"
             )
-        raise typer.Exit(_verify_capture(file, schedule, rate, partial, json))
+        raise typer.Exit(_verify_capture(file, schedule, rate, wires, partial, json))
     if rate is not None:
         raise InputError(
             "conflicting-options", "only a capture has a sampling rate", Location(str(file), key="--rate")
@@ -101,8 +104,8 @@ def verify(
             program = program_for(schedule, file, board.device, read_program)
             verdict = prove_image(schedule, program.image, span, program.listing, board)
         else:
-            trace = read_edges(file, schedule.clock)
-            hidden = hidden_by(file, schedule.clock)
+            trace = read_edges(file, schedule.clock, wires=wires)
+            hidden = hidden_by(file, schedule.clock, wires)
             verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
     if json:
         as_json(verdict.to_json() | _held_json(held), verdict.warnings)
@@ -146,7 +149,14 @@ def _held_json(inputs: Sequence[Input]) -> dict[str, object]:
     return {"held": {source.pin: source.level for source in inputs}}
 
 
-def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, partial: bool, json: bool) -> int:
+def _verify_capture(
+    file: Path,
+    schedule: PulseSchedule,
+    rate: int | None,
+    wires: Mapping[str, str] | None,
+    partial: bool,
+    json: bool,
+) -> int:
     """Judge what a logic analyser saw and return the exit code.
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
@@ -155,7 +165,9 @@ def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, parti
     from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
 
-    capture = read_capture(file) if rate is None else sampled_at(read_capture(file), rate)
+    capture = read_capture(file, wires)
+    if rate is not None:
+        capture = sampled_at(capture, rate)
     with status("comparing every edge"):
         verdict = prove_capture(schedule, capture)
     if json:
@@ -182,6 +194,7 @@ def measure(
         ),
     ] = None,
     clock_hz: ClockHz = None,
+    wire: RecordedWires = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
@@ -194,6 +207,7 @@ def measure(
         refuse_chip_options,
         servos_named,
         unscheduled_edges,
+        wires_for,
     )
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
@@ -203,7 +217,8 @@ def measure(
     if device is not None or chip.given:
         refuse_chip_options(file)
     program = read_program(file, device) if is_program(file) else None
-    trace = unscheduled_edges(file, program, seconds, clock_hz, chip.on(chip_of(program, device)))
+    board = chip.on(chip_of(program, device))
+    trace = unscheduled_edges(file, program, seconds, clock_hz, board, wires_for(file, wire))
     if schedule is not None:
         trace = trace.stored()
         built_for = device or (program.device if program else None)
@@ -238,6 +253,7 @@ def plot(
     ] = None,
     seconds: Seconds = None,
     clock_hz: ClockHz = None,
+    wire: RecordedWires = None,
     device: OwnDevice = None,
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
@@ -248,16 +264,19 @@ def plot(
         refuse_chip_options,
         scheduled_edges,
         unscheduled_edges,
+        wires_for,
     )
     from servogen.report.pulse_plot import pulse_plot
 
     keep_apart([path for path in (file, against) if path], output)
     schedule = read_schedule(against) if against else None
+    wires = wires_for(file, wire)
     if device is not None or chip.given:
         refuse_chip_options(file)
     if schedule is None or against is None:
         program = read_program(file, device) if is_program(file) else None
-        trace = unscheduled_edges(file, program, seconds, clock_hz, chip.on(chip_of(program, device)))
+        board = chip.on(chip_of(program, device))
+        trace = unscheduled_edges(file, program, seconds, clock_hz, board, wires)
         span = trace.end
     elif clock_hz is not None:
         raise InputError(
@@ -269,7 +288,7 @@ def plot(
     else:
         span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
         board = chip.on(device_for(schedule, against, device))
-        trace = scheduled_edges(file, schedule, span, board, read_program)
+        trace = scheduled_edges(file, schedule, span, board, read_program, wires)
     title = f"{Path(file.parent.name, file.name)}: pulses from the first edge on"
     with status("drawing"):
         pulse_plot(trace, span, output, title, schedule)

@@ -13,6 +13,7 @@ from servogen.cli.options import (
     ClockHz,
     OpensBrowser,
     OwnDevice,
+    RecordedWires,
     ServerPort,
     StimulusFile,
     takes_chip_options,
@@ -63,6 +64,7 @@ def watch(
     port: ServerPort = 0,
     browser: OpensBrowser = True,
     clock_hz: ClockHz = None,
+    wire: RecordedWires = None,
     device: OwnDevice = None,
 ) -> None:
     """Show a job, a program or a capture in the browser: robot, chip and waves, forwards and backwards.
@@ -70,7 +72,7 @@ def watch(
     It prints the address of the page, which only this machine can open, and runs until Ctrl-C.
     """
     require_server()
-    from servogen.build.signals import chosen_device, device_for
+    from servogen.build.signals import chosen_device, device_for, wires_for
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
     from servogen.programs import DEFAULT_DEVICE, is_job, program_file, read_schedule
@@ -104,6 +106,7 @@ def watch(
         job=against if by_job else None,
         at_cycle=at_cycle,
         device=device,
+        wires=wires_for(file, wire),
     )
     stream = job.stream if job is not None and watches_job else None
     if robot is not None and stream is None:

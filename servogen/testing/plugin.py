@@ -127,6 +127,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--servogen-build", metavar="DIR", help="main.hex and schedule.json of tests without a mark"
     )
     group.addoption("--servogen-replay", metavar="DIR", help="take the pulses from recordings in DIR")
+    group.addoption(
+        "--servogen-wire",
+        metavar="CHANNEL=PIN",
+        action="append",
+        default=[],
+        help="the pin of a replayed channel that is not named after one, such as D0=RB0 (repeatable)",
+    )
     group.addoption("--servogen-record", metavar="DIR", help="record what each test sees to DIR")
 
 
@@ -224,11 +231,13 @@ def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
 def servogen_target(request: pytest.FixtureRequest) -> Target:
     """Return what the test runs on: the simulated chip, the bench, or a recording."""
     from servogen.testing.targets import Replay, Simulator
+    from servogen.traces.channels import wires_of
 
     target: Target
     replay = request.config.getoption("servogen_replay")
     if replay:
-        target = Replay(request.config.invocation_params.dir / replay, _name(request.node))
+        wires = wires_of(request.config.getoption("servogen_wire"))
+        target = Replay(request.config.invocation_params.dir / replay, _name(request.node), wires)
     elif request.config.getoption("servogen_target") == "bench":
         target = _bench(request)
     else:

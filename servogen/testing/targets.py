@@ -256,6 +256,8 @@ class Replay:
 
     folder: Path
     test: str
+    wires: Mapping[str, str] | None = None
+    """The pins of the recordings' channels that are not named after them."""
     name = "replay"
 
     def load(self, image: Image) -> None:
@@ -290,9 +292,9 @@ class Replay:
             )
         source = f"the recording {path}"
         if not is_capture(path):
-            trace = read_edges(path, clock).stored()
-            return SeenPins(trace, source, file=path, hidden=hidden_by(path, clock))
-        return captured(path, source)
+            trace = read_edges(path, clock, wires=self.wires).stored()
+            return SeenPins(trace, source, file=path, hidden=hidden_by(path, clock, self.wires))
+        return captured(path, source, self.wires)
 
 
 @dataclass(frozen=True, slots=True)
@@ -516,9 +518,9 @@ def uses_eeprom(image: Image) -> bool:
     )
 
 
-def captured(path: Path, source: str) -> SeenPins:
+def captured(path: Path, source: str, wires: Mapping[str, str] | None = None) -> SeenPins:
     """Return an analyser's capture in a file."""
-    capture = read_capture(path)
+    capture = read_capture(path, wires)
     trace = capture.trace.stored()
     return SeenPins(trace, source, replace(capture, trace=trace), file=path)
 

@@ -21,11 +21,13 @@ from servogen.inputs import open_input
 from servogen.outputs import atomic_write
 from servogen.traces.channels import rate_of, step_clock
 from servogen.traces.csv import HEADER as EDGES_HEADER
-from servogen.traces.formats import EdgeWriter
-from servogen.traces.lines import first_lines
+from servogen.traces.formats import EdgeWriter, read_edges
+from servogen.traces.lines import ended, first_lines
+from servogen.traces.rows import rescale
 from servogen.traces.saleae import read_saleae
 from servogen.traces.sigrok import read_session
 from servogen.traces.vcd import MADE, PARTIAL, STITCHED, VcdWriter, read_header, read_vcd
+from servogen.units import Clock, Cycles
 
 SUFFIXES = (".vcd", ".sr", ".csv")
 
@@ -71,6 +73,24 @@ def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Ca
     raise InputError(
         "unknown-suffix", f"'{path.suffix}' is not the suffix of a capture", Location(str(path)), hint
     )
+
+
+def read_recording(
+    path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
+) -> EdgeTrace:
+    """Return the edges of any recorded file in cycles of `clock`: a capture's are rounded to the nearest.
+
+    `end` and `wires` are those of `read_edges`. Raises as `read_edges` and `read_capture` do.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".vcd" or not is_capture(path):
+        return read_edges(path, clock, end, wires)
+    trace = read_capture(path, wires).trace
+    ratio = Fraction(clock.hz, trace.clock.hz)
+    chunks = tuple(chunk._replace(cycle=rescale(chunk.cycle, ratio)) for chunk in trace.chunks)
+    (last,) = rescale(np.array([trace.end], dtype=np.int64), ratio).tolist()
+    after = max((int(chunk.cycle[-1]) + 1 for chunk in chunks), default=0)
+    return ended(clock, chunks, Cycles(max(last, after)), end)
 
 
 def is_capture(path: str | Path) -> bool:

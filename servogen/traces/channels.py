@@ -7,7 +7,7 @@ to the one that the caller names.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TypeVar
 
@@ -18,7 +18,25 @@ from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 Key = TypeVar("Key")
 
 _PIN = re.compile(r"(?<![A-Za-z0-9])(?:R|PORT)([AB])_?\[?([0-7])\]?(?![0-9A-Za-z])", re.IGNORECASE)
-_HINT = "name the pin of each wire"
+_HINT = "name the pin of each wire: --wire CHANNEL=PIN"
+
+
+def wires_of(texts: Iterable[str]) -> dict[str, str] | None:
+    """Return the pin of each channel from texts such as `Channel 0=RB0`; None if there are none.
+
+    Raises InputError for a text that does not assign a pin, and for a channel that has two.
+    """
+    wired: dict[str, str] = {}
+    for text in texts:
+        channel, _, pin = (part.strip() for part in text.rpartition("="))
+        if not channel or pin.upper() not in PINS:
+            hint = did_you_mean(pin.upper(), PINS) if channel else "such as D0=RB0"
+            raise InputError("bad-wiring", f"'{text}' does not assign a channel to a pin", hint=hint)
+        if wired.setdefault(channel, pin.upper()) != pin.upper():
+            raise InputError(
+                "bad-wiring", f"'{channel}' is both {wired[channel]} and {pin.upper()}", hint=_HINT
+            )
+    return wired or None
 
 
 def pins_of(
@@ -34,6 +52,8 @@ def pins_of(
     if not named:
         shown = ", ".join(known[:20]) or "none"
         hint = f"its 1-bit wires: {shown}; {_HINT}"
+        if known:
+            hint += f", such as --wire '{known[0]}=RB0'"
         raise InputError("bad-wiring", "has no wire that is named by a pin (RA0 … RB7)", place, hint)
     first: dict[int, tuple[str, Key]] = {}
     for name, key, pin in named:

@@ -77,7 +77,9 @@ def read_edges(
     path = Path(path)
     suffix = _suffix(path)
     if wires is not None and suffix != ".vcd":
-        raise InputError("conflicting-options", "wires are named in VCD files only", Location(str(path)))
+        raise InputError(
+            "conflicting-options", "its rows name the pins themselves", Location(str(path), key="--wire")
+        )
     if suffix == ".csv":
         from servogen.traces.csv import read_csv
 

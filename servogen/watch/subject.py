@@ -61,6 +61,8 @@ class Setting:
     at_cycle: int = 0
     device: str | None = None
     """The chip that the command line names, for a program that does not come with its own."""
+    wires: Mapping[str, str] | None = None
+    """The pins of a recording's channels that are not named after them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,9 +182,12 @@ def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> 
     if not is_capture(path):
         clock = schedule.clock if schedule else Clock(setting.clock_hz or 4_000_000)
         return _compared(
-            Subject(path, clock, trace=read_edges(path, clock).stored(), schedule=schedule), progress
+            Subject(
+                path, clock, trace=read_edges(path, clock, wires=setting.wires).stored(), schedule=schedule
+            ),
+            progress,
         )
-    capture = read_capture(path)
+    capture = read_capture(path, setting.wires)
     subject = Subject(path, capture.trace.clock, trace=capture.trace.stored(), schedule=schedule)
     if schedule is None:
         return subject

@@ -60,7 +60,7 @@ def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.
         asked.append(rate)
         return replace(capture, sample=1e6 / rate)
 
-    monkeypatch.setattr(reporting, "read_capture", lambda path: CAPTURE)
+    monkeypatch.setattr(reporting, "read_capture", lambda path, wires: CAPTURE)
     monkeypatch.setattr(reporting, "sampled_at", sampled_at)
     monkeypatch.setattr(reporting, "split", lambda trace, pieces: ["first", "second", "third"])
     pieces = tuple(SimpleNamespace(frames=frames, first_frame=10 * frames) for frames in (2, 5, 3))
@@ -73,7 +73,9 @@ def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.
         found: Any = capture_facts(schedule, Path("a/run.vcd"))
         assert (found.name, found.trace, found.verdict.first_frame) == (name, trace, first)
     assert asked == []
-    monkeypatch.setattr(reporting, "_verdict", lambda schedule, capture, path: Judged((), capture.sample))
+    monkeypatch.setattr(
+        reporting, "_verdict", lambda schedule, capture, path, wires: Judged((), capture.sample)
+    )
     found = capture_facts(schedule, Path("a/run.vcd"), 500_000)
     assert (found.name, found.trace.end, found.verdict.first_frame) == ("run.vcd", 10, 2.0)
     assert asked == [500_000]
@@ -83,9 +85,9 @@ def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch:
     verdict = SimpleNamespace(but=lambda reason: f"but {reason}")
     exact = SimpleNamespace(agrees=True, reasons=("RB0 rises late", "more"))
     monkeypatch.setattr(reporting, "prove_capture", lambda schedule, capture: verdict)
-    monkeypatch.setattr(reporting, "read_vcd", lambda path, clock: clock)
+    monkeypatch.setattr(reporting, "read_vcd", lambda path, clock, wires: clock)
     unseen: list[tuple[str, ...]] = []
-    monkeypatch.setattr(reporting, "hidden_by", lambda path, clock: unseen[-1])
+    monkeypatch.setattr(reporting, "hidden_by", lambda path, clock, wires: unseen[-1])
     monkeypatch.setattr(
         reporting,
         "prove_file",
@@ -101,7 +103,7 @@ def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch:
         exact.agrees = agrees
         unseen.append(hidden)
         monkeypatch.setattr(reporting, "is_capture", lambda path, found=of_analyser: found)
-        assert reporting._verdict(schedule, CAPTURE, Path("run.vcd")) == expected
+        assert reporting._verdict(schedule, CAPTURE, Path("run.vcd"), None) == expected
 
 
 def test_that_the_robot_is_moved_is_said_before_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -360,7 +360,9 @@ def test_report_says_what_its_page_shows(
 ) -> None:  # fmt: skip
     asked: list[Any] = []
 
-    def page_of(job: Any, capture: Any, tell: Callable[[str], None], rate: Any, twin: bool) -> Any:
+    def page_of(
+        job: Any, capture: Any, tell: Callable[[str], None], rate: Any, twin: bool, wires: Any
+    ) -> Any:
         tell("compiling")
         asked.append((capture, rate, twin))
         return found

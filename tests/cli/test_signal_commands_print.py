@@ -57,7 +57,7 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     monkeypatch.setattr(build, "prove_image", noted("image", lambda: found["verdict"]))
     monkeypatch.setattr(build, "prove_file", noted("file", lambda: found["verdict"]))
     monkeypatch.setattr(
-        proof, "hidden_by", lambda file, clock: ("what it hides",) if file.suffix == ".vcd" else ()
+        proof, "hidden_by", lambda file, clock, wires: ("what it hides",) if file.suffix == ".vcd" else ()
     )
     monkeypatch.setattr(proof, "prove_capture", noted("capture", lambda: found["verdict"]))
     monkeypatch.setattr(captures, "read_capture", noted("read", lambda: "recorded"))
@@ -219,7 +219,7 @@ def test_measure_prints_its_lines_then_its_file_then_its_warnings(
     ran = run("measure", "a.hex")
     assert (ran.code, ran.out) == (0, "line 1\nline 2\n")
     assert ran.err.startswith("1 warning:\n")
-    file, program, seconds, clock_hz, board = measuring["asked"]
+    file, program, seconds, clock_hz, board, *_ = measuring["asked"]
     assert (file, seconds, clock_hz, board.device) == (Path("a.hex"), None, None, "PIC16F84")
     assert (program is not None, measuring["read"]) == (True, (Path("a.hex"), None))
     assert "written" not in measuring
@@ -282,7 +282,7 @@ def test_plot_draws_the_trace_or_the_motion_once(run: Command, measuring: dict[s
     assert measuring["drawn"] == (777, Path("a.png"), title, None)
     run("plot", "x/folder/a.hex", "-o", "a.png", "--against", "s.json")
     assert measuring["drawn"] == (40_000, Path("a.png"), title, SCHEDULE)
-    file, schedule, span, board, _ = measuring["scheduled"]
+    file, schedule, span, board, *_ = measuring["scheduled"]
     assert (file, schedule, span) == (Path("x/folder/a.hex"), SCHEDULE, 40_000)
     assert board.device == "PIC16F84"
     run("plot", "a.hex", "-o", "a.png", "--against", "s.json", "--seconds", 0.5)

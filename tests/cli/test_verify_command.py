@@ -190,7 +190,7 @@ def test_a_rate_that_the_file_does_not_tell_can_be_said(run: Run, tmp_path: Path
 def test_a_time_step_is_believed_that_an_analyser_may_sample_with(
     run: Run, tmp_path: Path, step: str, code: int
 ) -> None:
-    """All edges at multiples of 500 µs: each is where it is scheduled, to the step; a nanosecond is a unit."""
+    """All edges at multiples of 500 µs: each is where it is scheduled; a nanosecond is a unit."""
     text = json.loads(SCHEDULE.read_text())
     for each in text["loop"]:
         each["pulses"] = [[0, 1500]]

@@ -158,12 +158,12 @@ def test_an_unknown_ending_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wires", [{}, {"D0": "RB0"}])
 @pytest.mark.parametrize("suffix", [".csv", ".JSONL"])
-def test_only_a_vcd_file_has_wires_to_be_named(tmp_path: Path, suffix: str, wires: dict[str, str]) -> None:
+def test_rows_of_edges_have_no_wires_to_be_named(tmp_path: Path, suffix: str, wires: dict[str, str]) -> None:
     path = tmp_path / f"a{suffix}"
-    with pytest.raises(InputError, match="wires are named in VCD files only") as refused:
+    with pytest.raises(InputError, match="its rows name the pins themselves") as refused:
         read_edges(path, MHZ4, wires=wires)
     told = refused.value.first
-    assert (told.code, told.location) == ("conflicting-options", Location(str(path)))
+    assert (told.code, told.location) == ("conflicting-options", Location(str(path), key="--wire"))
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -22,8 +22,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.edges import PINS
-from servogen.errors import InputError, Location, ToolError, did_you_mean
+from servogen.errors import InputError, Location, ToolError
+from servogen.traces.channels import wires_of
 
 PROGRAM = "sigrok-cli"
 SUFFIX = ".sr"
@@ -141,20 +141,14 @@ class SigrokLook:
 
 def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return channels and pins from texts such as `D0=RB0`. Raises InputError."""
-    wired = []
-    for text in texts:
-        channel, _, pin = (part.strip() for part in text.partition("="))
-        if not channel or pin.upper() not in PINS:
-            hint = did_you_mean(pin.upper(), PINS) if channel else "such as D0=RB0"
-            raise InputError("bad-wiring", f"'{text}' does not assign a channel to a pin", hint=hint)
-        wired.append((channel, pin.upper()))
+    wired = wires_of(texts)
     if not wired:
         raise InputError(
             "bad-wiring",
             "sigrok's channels are not assigned to pins",
             hint="assign them, such as --wire D0=RB0",
         )
-    return tuple(wired)
+    return tuple(wired.items())
 
 
 def command_of(look: SigrokLook, output: Path) -> tuple[str, ...]:
