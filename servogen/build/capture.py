@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from math import ceil
@@ -46,6 +46,7 @@ from servogen.bench.ports import Port, open_port
 from servogen.errors import Location, ToolError
 from servogen.pulse import PulseSchedule, Run
 from servogen.pulse.expected import expected
+from servogen.traces.sigrok import read_session
 from servogen.verify import Sampling, Tolerances
 
 RATE = 1_000_000
@@ -74,6 +75,8 @@ class CaptureSettings:
 
     rate: int = RATE
     """Samples per second."""
+    fixed_rate: bool = True
+    """Whether that rate is wanted, rather than one at which everything fits the analyser's memory."""
     rle: bool = True
     """Whether the analyser may count equal samples."""
     memory: int | None = None
@@ -129,17 +132,34 @@ class SigrokCaptured:
 
     path: Path
     look: SigrokLook
+    samples: int
+    """The number of samples in the session, which may be fewer than were asked for."""
+    rate: Fraction
+    """Samples per second, as the session states it."""
+    wanted_s: float
+    """The duration of what was to be recorded."""
 
     @property
     def seconds(self) -> float:
-        return self.look.samples / self.look.rate
+        return float(self.samples / self.rate)
+
+    @property
+    def shortage(self) -> str | None:
+        """Return what is missing; None if everything was recorded."""
+        if self.seconds >= self.wanted_s:
+            return None
+        return (
+            f"{self.look.driver} returned {self.samples} of {self.look.samples} samples: "
+            f"{self.seconds:.3g} of {self.wanted_s:.3g} s"
+        )
 
     def to_json(self) -> dict[str, object]:
         return {
             "file": str(self.path),
             "analyser": self.look.driver,
-            "samples_per_second": self.look.rate,
+            "samples_per_second": float(self.rate),
             "seconds": self.seconds,
+            "wanted_seconds": self.wanted_s,
         }
 
 
@@ -198,22 +218,39 @@ def capture_by_sigrok(
     """Capture the pins through sigrok-cli, for `seconds` or the schedule's whole loop.
 
     The capture is two frames longer, because sigrok may begin anywhere in a frame, and allows for a slow
-    crystal. Raises InputError for a request that shows nothing, ToolError if sigrok-cli fails.
+    crystal. If fewer samples come back, the analyser's memory is taken to hold no more: unless the rate is
+    fixed, it is captured again at the fastest usual rate at which everything fits, if there is one. Raises
+    InputError for a request that shows nothing, ToolError if sigrok-cli fails.
     """
     if schedule is not None:
         check_rate(looking.rate)
     wanted = wanted_of(schedule, seconds)
-    samples = ceil(looking.rate * (wanted.frames + 2) * wanted.period_s * (1 + MAX_DRIFT))
+    longest_s = (wanted.frames + 2) * wanted.period_s * (1 + MAX_DRIFT)
     counts_equal_samples = looking.rle and driver.partition(":")[0] == SUMP_DRIVER
     look = SigrokLook(
         driver=driver,
         rate=looking.rate,
-        samples=samples,
+        samples=ceil(looking.rate * longest_s),
         wires=sigrok_wires(looking.wire),
         rle=counts_equal_samples,
     )
+    wanted_s = float(wanted.frames * wanted.period_s)
+    captured = _by_sigrok(look, output, wanted_s)
+    slower = [rate for rate in USUAL_RATES if rate < look.rate and rate * longest_s <= captured.samples]
+    if captured.shortage and slower and not looking.fixed_rate and not counts_equal_samples:
+        again = replace(look, rate=slower[0], samples=ceil(slower[0] * longest_s))
+        return _by_sigrok(again, output, wanted_s)
+    return captured
+
+
+USUAL_RATES = (500_000, 250_000, 200_000, 100_000)
+"""Slower rates that many analysers have, all of which `verify` accepts; fastest first."""
+
+
+def _by_sigrok(look: SigrokLook, output: Path, wanted_s: float) -> SigrokCaptured:
     sigrok_capture(look, output)
-    return SigrokCaptured(output, look)
+    trace = read_session(output)
+    return SigrokCaptured(output, look, int(trace.end), trace.clock.cycles_per_second, wanted_s)
 
 
 def check_rate(rate: int) -> None:

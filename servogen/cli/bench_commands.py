@@ -258,7 +258,12 @@ def capture(
         float | None,
         typer.Option("--seconds", min=0.001, help="Duration (default: one loop of --against, or 1 s)."),
     ] = None,
-    rate: Annotated[int, typer.Option("--rate", min=1, help="Sampling rate in Hz.")] = DEFAULT_RATE,
+    rate: Annotated[
+        int | None,
+        typer.Option(
+            "--rate", min=1, help="Sampling rate in Hz (default: 1 MHz; with --sigrok less if it has to fit)."
+        ),
+    ] = None,
     rle: Annotated[
         bool,
         typer.Option("--rle/--no-rle", help="Let the analyser compress equal samples (run-length encoding)."),
@@ -292,15 +297,24 @@ def capture(
 
     schedule = None if against is None else read_schedule(against)
     looking = CaptureSettings(
-        rate=rate, rle=rle, memory=memory, trigger=trigger, wire=wire or (), stitch=stitch
+        rate=rate or DEFAULT_RATE,
+        fixed_rate=rate is not None,
+        rle=rle,
+        memory=memory,
+        trigger=trigger,
+        wire=wire or (),
+        stitch=stitch,
     )
     if sigrok is not None:
         with status("capturing with sigrok-cli"):
             seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)
+        if seen.shortage is not None:
+            hint = "an analyser with more memory, fewer channels or a lower --rate"
+            warn(Diagnostic("warning", "short-capture", seen.shortage, Location(str(output)), hint))
         if json:
             as_json(seen.to_json())
             return
-        print(f"{output}: {seen.seconds:g} s at {rate} samples a second")
+        print(f"{output}: {seen.seconds:g} s at {int(seen.rate)} samples a second")
         _suggest_verify(output, against)
         return
     if port is None:

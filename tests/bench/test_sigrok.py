@@ -236,17 +236,38 @@ def test_without_an_analyser_that_is_said(run: Run, tmp_path: Path) -> None:
 
 FAKE = """#!/bin/sh
 printf '%s\\n' "$@" > {log}
-while [ "$1" != -o ]; do shift; done
-: > "$2"
+while [ "$1" != -o ]; do
+  case "$1" in
+    samplerate=*) rate=${{1#samplerate=}};;
+    --samples) samples=$2;;
+  esac
+  shift
+done
+exec {python} {writer} "$2" "$rate" "$samples" {memory}
 """
+
+WRITER = """import sys, zipfile
+output, rate, samples, memory = sys.argv[1], sys.argv[2], *map(int, sys.argv[3:])
+with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
+    text = f"[device 1]\\nsamplerate={rate} Hz\\nunitsize=1\\nprobe1=RB0\\n"
+    archive.writestr("metadata", text)
+    archive.writestr("logic-1-1", bytes(min(samples, memory)))
+"""
+
+
+def fake_sigrok(folder: Path, monkeypatch: pytest.MonkeyPatch, memory: int = 10**9) -> Path:
+    """Put a sigrok-cli first in PATH that records zeros, up to `memory` samples; return its log."""
+    cli, log, writer = folder / "sigrok-cli", folder / "log", folder / "writer.py"
+    writer.write_text(WRITER)
+    cli.write_text(FAKE.format(log=log, python=sys.executable, writer=writer, memory=memory))
+    cli.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}:{os.environ['PATH']}")
+    return log
 
 
 def samples_asked(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *options: object) -> int:
     """How many samples `servogen capture --sigrok` asks sigrok-cli for."""
-    cli, log = tmp_path / "sigrok-cli", tmp_path / "log"
-    cli.write_text(FAKE.format(log=log))
-    cli.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    log = fake_sigrok(tmp_path, monkeypatch)
     path = tmp_path / "run.sr"
     done = run("capture", "--sigrok", "fx2lafw", "--wire", "D0=RB0", "-o", path, *options)
     assert done.code == 0, done.err
@@ -266,6 +287,39 @@ def test_the_length_is_the_schedules(
     short = samples_asked(run, tmp_path, monkeypatch, "--against", against, "--seconds", 0.5)
     assert 500_000 <= short < 560_000
     assert 1_000_000 <= samples_asked(run, tmp_path, monkeypatch) < 1_060_000
+
+
+@pytest.mark.parametrize(
+    ("memory", "options", "rate", "seconds", "warned"),
+    [
+        (6_000_000, (), 500_000, 10.05, False),  # 10.05 s at 1 MHz do not fit, at 500 kHz they do
+        (1_560_000, (), 100_000, 10.05, False),
+        (1_560_000, ("--rate", 1_000_000), 1_000_000, 1.56, True),
+        (900_000, (), 1_000_000, 0.9, True),  # not even at 100 kHz, the slowest that shows anything
+    ],
+)
+def test_what_came_back_is_counted_and_the_rate_is_one_at_which_it_fits(
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    memory: int,
+    options: tuple[object, ...],
+    rate: int,
+    seconds: float,
+    warned: bool,
+) -> None:
+    fake_sigrok(tmp_path, monkeypatch, memory)
+    done = run(
+        *("capture", "--sigrok", "fx2lafw", "--wire", "D0=RB0", "--against", SCHEDULE),
+        *("-o", tmp_path / "run.sr", "--json", *options),
+    )
+    assert done.code == 0
+    found = json.loads(done.out)
+    assert (found["samples_per_second"], found["wanted_seconds"]) == (rate, 10)
+    assert found["seconds"] == pytest.approx(seconds, rel=1e-3)
+    assert ("[short-capture]" in done.err) == warned
+    if warned:
+        assert f"fx2lafw returned {memory} of 100" in done.err
 
 
 @pytest.mark.parametrize("how", [("--sigrok", "fx2lafw", "--wire", "D0=RB0"), ("--port", "/dev/none")])

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -92,6 +93,8 @@ def test_sigrok_captures_two_frames_more_and_what_a_slow_crystal_needs(
     looks: list[tuple[SigrokLook, Path]] = []
     monkeypatch.setattr(capturing, "sigrok_capture", lambda look, path: looks.append((look, path)))
     given = replace(settings, wire=("D0=RB1",))
+    session = SimpleNamespace(end=samples, clock=Clock(4 * settings.rate))
+    monkeypatch.setattr(capturing, "read_session", lambda path: session)
     done = capture_by_sigrok(tmp_path / "run.sr", driver, SCHEDULE, seconds, given)
     ((look, path),) = looks
     assert (look.driver, look.rate, look.samples, look.rle) == (driver, settings.rate, samples, rle)
@@ -102,7 +105,9 @@ def test_sigrok_captures_two_frames_more_and_what_a_slow_crystal_needs(
         "analyser": driver,
         "samples_per_second": settings.rate,
         "seconds": samples / settings.rate,
+        "wanted_seconds": done.wanted_s,
     }
+    assert done.shortage is None
     with pytest.raises(InputError, match="too slow to prove anything"):
         capture_by_sigrok(tmp_path / "run.sr", driver, SCHEDULE, None, CaptureSettings(rate=99_000))
     capture_by_sigrok(tmp_path / "run.sr", driver, None, 0.02, replace(given, rate=99_000))

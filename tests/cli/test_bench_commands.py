@@ -209,6 +209,8 @@ def test_the_serial_line_of_a_bench_is_the_jobs(run: Run, bench: dict[str, Any],
 def captured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     seen: dict[str, Any] = {}
     recorded = SimpleNamespace(
+        shortage=None,
+        rate=7,
         seconds=1.5,
         captures=1,
         plan=SimpleNamespace(rate=Fraction(2_000_000), frames=1),

@@ -287,7 +287,9 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     seen = SimpleNamespace(unseen=0, records=[None] * 3)
     plan = SimpleNamespace(rate=1_000_000, frames=25)
     analyser = SimpleNamespace(name="Logic Sniffer")
-    done = SimpleNamespace(seconds=1.5, captures=3, plan=plan, analyser=analyser, seen=seen)
+    done = SimpleNamespace(
+        shortage=None, rate=10**6, seconds=1.5, captures=3, plan=plan, analyser=analyser, seen=seen
+    )
     monkeypatch.setattr("servogen.build.capture.capture", lambda *_: done)
     monkeypatch.setattr("servogen.build.capture.capture_by_sigrok", lambda *_: done)
     schedule = Path(__file__).parents[2] / "firmware" / "lab8-exercise" / "schedule.json"
