@@ -287,8 +287,10 @@ def plan(
     from servogen.report.plan_facts import plan_facts
 
     with status("planning"):
-        facts = plan_facts(*nearest_pulses(plan_job(load(job))))
-    loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
+        asked = plan_job(load(job))
+        played, pulses = nearest_pulses(asked)
+        facts = plan_facts(played, pulses, engine=played is not asked)
+    loaded, tracks = facts.job, facts.tracks
     if csv:
         with atomic_write(csv) as file:
             file.writelines(f"{line}\n" for line in frame_lines(loaded, pulses.schedule, tracks))
@@ -323,9 +325,11 @@ def _show_plan(facts: PlanFacts) -> None:
     if facts.worst is not None:
         worst = facts.worst
         print(
-            f"error of the pulses: at worst {1000 * worst.worst_m:z.3f} mm, "
+            f"{_of_what(facts)}: at worst {1000 * worst.worst_m:z.3f} mm, "
             f"{worst.name} in frame {worst.frame} ({facts.seconds(worst.frame):.6g} s)"
         )
+        if not facts.engine:
+            print("how far the engine's schedule is from the plan, which may be more: servogen check")
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
     text = ", ".join(
         f"{name} of {counted(frames, 'frame')}, {facts.seconds(frames):g} s"
@@ -382,7 +386,13 @@ def _show_ends(facts: PlanFacts) -> None:
         rows.append((end.name, *spans))
     table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
     columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
-    table("Error of the pulses", columns, list(error_rows(facts.ends, facts.seconds(1))))
+    title = _of_what(facts)
+    table(title[0].upper() + title[1:], columns, list(error_rows(facts.ends, facts.seconds(1))))
+
+
+def _of_what(facts: PlanFacts) -> str:
+    """Return which error the facts tell: that of rounding alone, or that of what is built."""
+    return "error of the engine's schedule" if facts.engine else "error of rounding to whole cycles"
 
 
 def _degrees(value: float | None) -> str:

@@ -144,6 +144,8 @@ class PlanFacts:
     ends: tuple[EndError, ...]
     rigid_legs_end: tuple[float, float, float] | None = None
     """Where rigid legs take a walking body in all planned frames: x, y, yaw; None: it does not walk."""
+    engine: bool = False
+    """Whether `plan` is the job's engine's, which may be farther from the motion than whole cycles."""
 
     def seconds(self, frames: int) -> float:
         """Return how long a number of frames lasts."""
@@ -172,6 +174,7 @@ class PlanFacts:
             "lead_in_s": self.seconds(schedule.lead_in_frames),
             "loop_s": self.seconds(schedule.loop_frames),
             "servos": [servo.to_json() for servo in self.servos],
+            "error_of": "engine" if self.engine else "rounding",
             "ends": [self._end(end) for end in self.ends],
             "rigid_legs_end": list(self.rigid_legs_end) if self.rigid_legs_end else None,
         }
@@ -188,8 +191,8 @@ class PlanFacts:
         }
 
 
-def plan_facts(job: PlannedJob, plan: PulsePlan) -> PlanFacts:
-    """Return the facts of a job whose pulses are `plan`."""
+def plan_facts(job: PlannedJob, plan: PulsePlan, engine: bool = False) -> PlanFacts:
+    """Return the facts of a job whose pulses are `plan`, rounded by whole cycles or by its `engine`."""
     tracks = tracks_of(job, plan.schedule)
     return PlanFacts(
         job=job,
@@ -198,6 +201,7 @@ def plan_facts(job: PlannedJob, plan: PulsePlan) -> PlanFacts:
         tracks=tracks,
         ends=errors_of(tracks),
         rigid_legs_end=rigid_legs_end(job),
+        engine=engine,
     )
 
 

@@ -197,7 +197,7 @@ def _off(
 
 
 def _complete(record: Record) -> bool:
-    return record.motion[1] - record.time[-1] <= 2 * SAMPLE_S
+    return bool(record.motion[1] - record.time[-1] <= 2 * SAMPLE_S)
 
 
 def _usual(planned: PlannedRoute) -> ExpectTable:

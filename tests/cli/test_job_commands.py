@@ -235,6 +235,7 @@ def facts(**others: Any) -> Any:
     schedule = SimpleNamespace(lead_in_frames=1, loop_frames=50)
     plan = SimpleNamespace(schedule=schedule, warnings=())
     given = {"job": job, "plan": plan, "servos": rows, "ends": (), "rigid_legs_end": None, "worst": None}
+    given["engine"] = False
     return SimpleNamespace(**{**given, "seconds": lambda frames: 0.02 * frames, **others})
 
 
@@ -271,10 +272,11 @@ def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
     spans = ("L1", "1.00 to 100.00", "-250.00 to 250.00", "0.00 to 0.00")
     assert tables[1] == ("Paths", ("end", "x mm", "y mm", "z mm"), [spans])
     columns = ["end", "worst mm", "rms mm", "frame", "time s", "jacobian worst mm", "jacobian rms mm"]
-    assert tables[2] == ("Error of the pulses", columns, [("errors", 1, 0.02)])
+    assert tables[2] == ("Error of rounding to whole cycles", columns, [("errors", 1, 0.02)])
     assert capsys.readouterr().out.splitlines()[1:] == [
         "rigid legs take the body 123.4 mm forward, -20.0 mm to the left and turn it by 90.0°",
-        "error of the pulses: at worst 1.234 mm, L1 in frame 3 (0.06 s)",
+        "error of rounding to whole cycles: at worst 1.234 mm, L1 in frame 3 (0.06 s)",
+        "how far the engine's schedule is from the plan, which may be more: servogen check",
         "jobs/x.toml: 2 servos, loop of 2 frames, 0.04 s",
     ]
 
@@ -539,7 +541,7 @@ def planning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any], tmp_path
     found = facts(tracks=(), to_json=lambda: {"plan": 1})
     found.job.notes = ()
     monkeypatch.setattr(build_package, "nearest_pulses", lambda job: (job, "pulses"))
-    monkeypatch.setattr(plan_facts, "plan_facts", lambda job, pulses: found)
+    monkeypatch.setattr(plan_facts, "plan_facts", lambda job, pulses, engine: found)
     monkeypatch.setattr(motion_table, "frame_lines", lambda *given: iter(["a", "b"]))
     monkeypatch.setattr(motion_plot, "motion_plot", lambda *given: drawn.append(given[-1]))
     monkeypatch.setattr(film, "job_scene", lambda job: "scene")
@@ -570,7 +572,7 @@ def test_warnings_of_a_plan_and_a_check_come_last(
     warned = (Diagnostic("warning", "w", "one"),)
     found = facts()
     found.job.warnings, found.plan.warnings = warned, (Diagnostic("warning", "w", "two"),)
-    monkeypatch.setattr(plan_facts, "plan_facts", lambda *_: SimpleNamespace(**vars(found), tracks=()))
+    monkeypatch.setattr(plan_facts, "plan_facts", lambda *_, **__: SimpleNamespace(**vars(found), tracks=()))
     ran = run("plan", "a.toml")
     assert ran.err.splitlines()[0] == "2 warnings:"
     schedule = SimpleNamespace(

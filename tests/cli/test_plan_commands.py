@@ -36,7 +36,7 @@ def test_plan_says_what_a_job_does_without_building_it(run: Run) -> None:
     assert "horizontal" in done.out
     assert "750.0" in done.out  # the Tiny-S turns 60° in 0.08 s
     assert "-100.00 to -92.00" in done.out  # z of the foot
-    assert "error of the pulses: at worst" in done.out
+    assert "error of rounding to whole cycles: at worst" in done.out
 
 
 def test_the_csv_has_a_row_a_frame_and_columns_that_say_their_unit(run: Run, tmp_path: Path) -> None:
