@@ -107,19 +107,64 @@ def test_a_token_of_a_macro_is_where_the_name_of_the_macro_is() -> None:
     [
         ("#define F 1\n2.5F 1.e3F F", "2.5F 1.e3F 1"),
         ("#define U 7\n#define L 8\n10U 10UL 10ULL", "10U 10UL 10ULL"),
-        ("#define b1 3\n#define x2 4\n0b1 0x2 0x1b1", "1 0x2 0x1b1"),
+        ("#define b1 3\n#define x2 4\n0b1 0x2 0x1b1", "0x1 0x2 0x1b1"),
         ("#define HALF(f) f * 0.5f\nHALF(3)", "3 * 0.5f"),
         ("#define HEX(x) 0x##x\nHEX(1F)", "0x1F"),
-        ("#define BIN(b) 0b##b\nBIN(101)", "5"),
+        ("#define BIN(b) 0b##b\nBIN(101)", "0x5"),
         ("#define S(x) #x\nS(0b101)", '"0b101"'),
         ("#define N 5\nN.3 0x30.7", "5 . 3 0x30.7"),
-        ("0b101 0B1010u 101b 11111111B 0b12 a0b1 0x10b", "5 10u 5 255 0b12 a0b1 0x10b"),
+        ("0b101 0B1010u 101b 11111111B 0b12 a0b1 0x10b", "0x5 0xau 0x5 0xff 0b12 a0b1 0x10b"),
     ],
 )
 def test_a_number_is_one_token_of_the_preprocessor(text: str, tokens: str) -> None:
     """ISO C 6.4.8: no part of it is a name that a macro or a parameter could replace."""
     read = Read(text)
     assert (read.tokens, read.said) == (tokens, [])
+
+
+@pytest.mark.parametrize(
+    ("text", "tokens"),
+    [
+        ("#define M a ## b x ## 1\nM", "ab x1"),
+        ("#define V(...) #__VA_ARGS__\nV( a , b )", '"a , b"'),
+        (
+            "#define L(f, ...) f(0, ## __VA_ARGS__)\nL(g) L(g,) L(g, 1, 2)",
+            "g ( 0 ) g ( 0 , ) g ( 0 , 1 , 2 )",
+        ),
+        ("#define E(...) f(0, ## __VA_ARGS__)\nE() E(1)", "f ( 0 ) f ( 0 , 1 )"),
+        ("#define J(a, b) a ## b\nJ(,1) J(x,) J(,) J(x y, 1 z) ;", "1 x x y1 z ;"),
+        ("#define X 5\n#define J(a) a ## 1 a #a\nJ(X)", 'X1 5 "X"'),
+        ("#define f(x) f(x) + x\nf(f(1))", "f ( f ( 1 ) + 1 ) + f ( 1 ) + 1"),
+        ("#define A B(\n#define B(x) [x]\nA 1) B", "[ 1 ] B"),
+        ("#define F() 1\n#define G F\nG() F\n()", "1 1"),
+        ("#define N __LINE__\nN\nN __COUNTER__ __COUNTER__", "2 3 0 1"),
+    ],
+)
+def test_what_a_macro_is_replaced_with(text: str, tokens: str) -> None:
+    """ISO C 6.10.3, and GNU's comma before arguments that are left out."""
+    read = Read(text)
+    assert (read.tokens, read.said) == (tokens, [])
+
+
+@pytest.mark.parametrize(
+    ("condition", "said"),
+    [
+        ("1 / 0", "it divides by zero"),
+        ("1 +", "an operand is missing"),
+        ("(1", "')' is missing"),
+        ("X(1", "')' is missing"),
+        ("1 ? 2", "':' is missing"),
+        ("1 2", "'2' is not expected there"),
+        ("'ab'", "''ab'' is no integer"),
+        ("'\\q'", "'\\q' is no character"),
+        ("1.5", "'1.5' is no integer"),
+        ("0x10000000000000000", "'0x10000000000000000' has more than 64 bits"),
+    ],
+)
+def test_a_condition_that_has_no_value(condition: str, said: str) -> None:
+    assert Read(f"#if {condition}\n#endif").said == [
+        f"m.c:1:1: error c-preprocessor: preprocessor: the expression of #if: {said}"
+    ]
 
 
 def test_the_macros_that_a_file_leaves() -> None:
@@ -143,6 +188,17 @@ def test_the_macros_that_a_file_leaves() -> None:
         ("0b101 == 5 && 0B11u == 3 && 101b == 5", True),
         ("0u - 1 > 0", True),
         ("defined X", False),
+        ("-(10u == 10) < 0", True),
+        ("(1u > 0) - 2 < 0", True),
+        ("-7 / 2 == -3 && -7 % 2 == -1 && 7 / -2 == -3", True),
+        ("(1 ? -1 : 0u) > 0", True),
+        ("0x7fffffffffffffff / 3 == 0x2aaaaaaaaaaaaaaa", True),
+        ("0 && 1 / 0", False),
+        ("1 || 1 % 0", True),
+        ("1 ? 2 : 1 / 0", True),
+        ("1 + 2 * 3 == 7 && (1 | 6 ^ 2 & 3) == 5 && 1 << 2 < 5", True),
+        ("'A' == 65 && '\\n' == 10 && '\\x41' == '\\101'", True),
+        ("!X + ~0 == 0 && X(1, (2)) == 0", True),
     ],
 )
 def test_the_condition_of_an_if(condition: str, holds: bool) -> None:

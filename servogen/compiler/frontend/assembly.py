@@ -192,13 +192,17 @@ def plain_numbers(text: str) -> str:
     return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", decimal(text))
 
 
+_BINARY = re.compile(r"\b(?:0[bB]([01]+)(?=[uUlL]*\b)|([01]+)[bB]\b)")
+
+
 def decimal(text: str) -> str:
     """Return a text whose binary numbers, 0b101 and C2C's 101b, are decimal."""
-    return re.sub(
-        r"\b(?:0[bB]([01]+)(?=[uUlL]*\b)|([01]+)[bB]\b)",
-        lambda match: f"{int(match[1] or match[2], 2)}",
-        text,
-    )
+    return _BINARY.sub(lambda match: str(int(match[1] or match[2], 2)), text)
+
+
+def hexadecimal(text: str) -> str:
+    """Return a text whose binary numbers are hexadecimal, which in C have the same type."""
+    return _BINARY.sub(lambda match: hex(int(match[1] or match[2], 2)), text)
 
 
 def _operands(text: str) -> bool:

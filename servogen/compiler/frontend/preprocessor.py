@@ -11,18 +11,27 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from pcpp import parser
-from pcpp.evaluator import Value
 from pcpp.parser import lex
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
 import servogen.compiler.library as library
 import servogen.compiler.limits as limits
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.frontend.assembly import AsmBlock, assembly_macros, decimal, plain_numbers, rewrite
+from servogen.compiler.frontend.assembly import (
+    AsmBlock,
+    assembly_macros,
+    decimal,
+    hexadecimal,
+    plain_numbers,
+    rewrite,
+)
+from servogen.compiler.frontend.conditions import Condition
+from servogen.compiler.frontend.macros import SPACE, Replacer
 from servogen.errors import InputError, Location
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
@@ -56,16 +65,6 @@ class Preprocessed:
     pragmas: list[Pragma]
     macros: dict[str, tuple[str, Location]]
     """Object-like macros at the end of the file."""
-
-
-def _shifted(self: Value, count: object) -> Value:
-    """Return an #if value shifted left, within 64 bits; pcpp alone would compute 1 << 1000000000 in full."""
-    bits = int(Value(count))
-    return _SHIFT(self, count) if 0 <= bits < 64 else Value(0)
-
-
-_SHIFT = Value.__lshift__
-Value.__lshift__ = _shifted
 
 
 def _number(token: Any) -> Any:
@@ -104,27 +103,32 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.blocks = blocks
         self.pragmas: list[Pragma] = []
         self.line_directive = None
-        self.evaluate: Callable[..., Any] = vars(self)["evaluator"]
-        self.evaluator = self.plain_integers
+        self.evaluator = self.condition
+        counter = count()
+        self.replacer = Replacer(
+            self.macros,
+            {"__LINE__": lambda tok: tok.lineno, "__COUNTER__": lambda _: next(counter)},
+            self.spelled,
+            self.joined,
+            self.limit,
+            self.misused,
+        )
         self.depth = 0
         self.starts: dict[str, list[int]] = {}
         """Where each line starts in the text that the lexer sees."""
         self.included = 0
         self.read = 0
         self.expanded = 0
-        self.outer: str | None = None
-        """The file whose macros are being expanded."""
 
-    def plain_integers(self, tokens: list[Any], **names: Any) -> Any:
-        """Evaluate the expression of an #if without LL suffixes and binary numbers, which pcpp does not know;
-        its integers have 64 bits anyway.
-        """
-        plain = [copy.copy(tok) for tok in tokens]
-        for tok in plain:
-            if tok.type == self.t_INTEGER:
-                unsigned = "u" in tok.value.lower()
-                tok.value = plain_numbers(tok.value) + ("U" if unsigned else "")
-        return self.evaluate(plain, **names)
+    def condition(self, tokens: list[Any], **_names: Any) -> Any:
+        """Return the value of the expression of an #if, as pcpp asks for it."""
+        words = [tok.value for tok in tokens if tok.type not in SPACE]
+        value = 0
+        try:
+            value = Condition(words).value()
+        except ValueError as fault:
+            self.on_error(tokens[0].source, tokens[0].lineno, f"the expression of #if: {fault}")
+        return SimpleNamespace(value=lambda: value)
 
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _MAX_MESSAGE_CHARACTERS:
@@ -214,19 +218,6 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
         return plain_numbers("".join(tok.value for tok in expanded).strip())
 
-    def macro_expand_args(self, macro: Any, args: list[list[Any]]) -> list[Any]:
-        """Replace a macro with arguments. pcpp alone would double every backslash of `#x`, not only those of
-        literals (ISO C 6.10.3.2).
-        """
-        if macro.str_patch:
-            macro = copy.copy(macro)
-            macro.value = list(macro.value)
-            for argument, index in macro.str_patch:
-                macro.value[index] = tok = copy.copy(macro.value[index])
-                tok.value = self.spelled(args[argument])
-            macro.str_patch = []
-        return list(super().macro_expand_args(macro, args))
-
     def spelled(self, tokens: list[Any]) -> str:
         """Return the string of the spelling of an argument."""
         text = ""
@@ -239,27 +230,41 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
                 text += tok.value
         text = text.strip(" ")
         if not re.fullmatch(r'(?:[^"\\]|\\.)*', text, re.DOTALL):
-            place = Location(self.outer, self.linemacro or None)
+            place = Location(tokens[0].source, tokens[0].lineno)
             self.reporter.error("c-preprocessor", f"the '#' of a macro makes no string of '{text}'", place)
             text = ""
         return f'"{text}"'
 
-    def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
-        """Expand the macros in a list of tokens, up to a limit on the size of the result."""
-        before = len(tokens)
-        if not expanding_from and tokens:
-            self.outer = tokens[0].source
-        expansion: list[Any] = super().expand_macros(tokens, list(expanding_from))
-        if expanding_from or len(expansion) != before:
-            self.expanded += sum(len(tok.value) for tok in expansion)
+    def joined(self, left: Any, right: Any) -> list[Any]:
+        """Return the token that two make, or both if they make none."""
+        lexer = self.lexer.clone()
+        lexer.input(left.value + right.value)
+        found = list(iter(lexer.token, None))
+        if len(found) != 1:
+            return [left, right]
+        token = copy.copy(left)
+        token.type, token.value = found[0].type, found[0].value
+        return [token]
+
+    def limit(self, name: Any, body: list[Any]) -> None:
+        """Keep what macros expand to within a limit."""
+        self.expanded += sum(len(tok.value) for tok in body)
         if self.expanded > limits.EXPANDED_CHARACTERS:
-            place = Location(self.outer, self.linemacro or None)
             raise self.reporter.fatal(
                 "program-too-large",
                 f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters",
-                place,
+                Location(name.source, name.lineno),
             )
-        return expansion
+
+    def misused(self, name: Any, message: str) -> None:
+        self.on_error(name.source, name.lineno, message)
+
+    def macro_prescan(self, macro: Any) -> None:
+        """Leave the tokens of a macro as they are, for the replacer."""
+
+    def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
+        """Expand the macros in a list of tokens."""
+        return self.replacer.replace(tokens)
 
     def prepare(self, text: str, file: str, place: Location) -> str:
         """Register a source text that is included at a location, and return it as the lexer must see it."""
@@ -356,7 +361,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
         if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
             touching = False
             continue
-        text = decimal(tok.value) if tok.type == "CPP_INTEGER" else tok.value
+        text = hexadecimal(tok.value) if tok.type == "CPP_INTEGER" else tok.value
         last = _place(tok, starts, reporter, last)
         if pending is None:
             pending = PToken(text, last)
@@ -375,13 +380,13 @@ def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Loc
     """Return the location of a token; of one from a macro, that of the macro's name in the line."""
     file, line = tok.source, tok.lineno
     lines = reporter.lines(file)
-    expanded = getattr(tok, "expanded_from", None)
+    macro = getattr(tok, "outermost", "")
     if not 0 < line <= len(lines):
         return Location(file, line)
-    if expanded:
+    if macro:
         # a macro may be used twice in a line: the search continues behind the token before
         after = last.column - 1 if last.line == line and last.file == file and last.column else 0
-        match = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
+        match = re.compile(rf"\b{re.escape(macro)}\b").search(lines[line - 1], after)
         return Location(file, line, match.start() + 1 if match else None)
     column = tok.lexpos - starts[file][line - 1] + 1
     return Location(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)

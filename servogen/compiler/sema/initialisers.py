@@ -53,6 +53,12 @@ class Leaf(NamedTuple):
     width: int = 0
     place: Location = Location()
 
+    @property
+    def bits(self) -> range:
+        """The bits of the whole object that it takes."""
+        start = 8 * self.offset + (self.bit or 0)
+        return range(start, start + (self.width or 8 * self.type.size))
+
 
 def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     """Return the type; an array without a length takes it from its initialiser."""
@@ -314,6 +320,11 @@ def _aggregate(
             analyser.reporter.warn("c-initialiser", "this element already has a value", analyser.place(item))
         where, element = slots[position]
         member = parts[position] if parts else None
+        if by_name and isinstance(kind, StructType) and kind.layout.union:
+            _override(out, Leaf(offset, kind, None))
+        elif by_name and (member is None or member.name):
+            bits = (member.bit, member.width) if member is not None and member.width else (None, 0)
+            _override(out, Leaf(offset + where, element, None, *bits))
         if isinstance(element, (ArrayType, StructType)) and not _is_whole(analyser, items, element):
             _aggregate(analyser, element, items, offset + where, out, braced=False)
         else:
@@ -334,6 +345,14 @@ def _aggregate(
             f"the member '{parts[position].name}' has no value and starts with 0",
             analyser.place(first),
         )
+
+
+def _override(out: list[Leaf], later: Leaf) -> None:
+    """Drop what was given for an object, or for a part of it, before: the later initialiser counts (ISO C
+    6.7.9).
+    """
+    bits = later.bits
+    out[:] = [leaf for leaf in out if leaf.bits.stop <= bits.start or bits.stop <= leaf.bits.start]
 
 
 def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
