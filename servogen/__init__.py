@@ -1,4 +1,4 @@
-"""servogen: from a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven.
+"""servogen: from a robot's job file to a PIC16F84 HEX whose every servo pulse edge is exact.
 
 `load`, `build`, `simulate` and `plot` are here for notebooks and short scripts; the packages hold everything
 else. They are imported when they are first used, so that `import servogen` costs nothing.

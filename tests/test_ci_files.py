@@ -89,7 +89,7 @@ def test_the_action_builds_and_proves_jobs(tmp_path: Path) -> None:
     code, out, ran = act(tmp_path, inputs(jobs="\n  arm.toml\n", output="made"))
     assert (code, ran) == (0, ["inputs", "build"]), out
     assert (tmp_path / "made" / "arm" / "main.hex").read_bytes() == (LAB8 / "main.hex").read_bytes()
-    assert "proven" in (tmp_path / "summary.md").read_text()
+    assert "exact" in (tmp_path / "summary.md").read_text()
 
 
 def test_the_action_proves_a_program_for_all_time(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_a_program_that_is_wrong_fails_the_step_and_the_summary_says_so(tmp_path
     values = inputs(program=str(wrong), schedule=str(LAB8 / "schedule.json"), forever="false")
     code, out, _ = act(tmp_path, values)
     assert code == 1
-    assert "NOT proven" in (tmp_path / "summary.md").read_text(), out
+    assert "NOT exact" in (tmp_path / "summary.md").read_text(), out
 
 
 @pytest.mark.parametrize("given", [{}, {"jobs": " \n"}, {"program": "main.hex"}])

@@ -1,4 +1,4 @@
-"""Composition of the packages: from a job to proven HEX files.
+"""Composition of the packages: from a job to HEX files with a verdict.
 
 `servogen.build(job)` calls the package: a function of that name and the package share one attribute.
 """
@@ -10,13 +10,13 @@ from servogen.build.build import Build, BuiltProgram, build, report, write
 from servogen.build.engines import PlayedJob, nearest_pulses, planned
 from servogen.build.notebook import File
 from servogen.build.notebook import build as build_job
-from servogen.build.proof import (
+from servogen.build.verification import (
     LOOPS_CHECKED,
     checked_cycles,
+    judge_edges,
+    judge_file,
+    judge_image,
     motion_cycles,
-    prove,
-    prove_file,
-    prove_image,
     running,
 )
 from servogen.engines.firmware import ResourceError
@@ -30,12 +30,12 @@ __all__ = [
     "ResourceError",
     "build",
     "checked_cycles",
+    "judge_edges",
+    "judge_file",
+    "judge_image",
     "motion_cycles",
     "nearest_pulses",
     "planned",
-    "prove",
-    "prove_file",
-    "prove_image",
     "report",
     "running",
     "write",

@@ -1,4 +1,4 @@
-"""From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and write the files.
+"""From a job to HEX files that are exact: plan, tune for every dialect, simulate, verify, write the files.
 
 In: a planned job. Out: `Build`, the results of every step, and a folder of files that do not depend on the
 date, the host or the path.
@@ -12,7 +12,14 @@ from pathlib import Path
 
 from servogen.build.advice import advised
 from servogen.build.engines import planned
-from servogen.build.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, chip_warnings, end_of, prove
+from servogen.build.verification import (
+    LOOPS_CHECKED,
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    end_of,
+    judge_edges,
+)
 from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
@@ -54,12 +61,12 @@ class BuiltProgram:
     """
 
     def __repr__(self) -> str:
-        words, verdict = self.image.words, "proven" if self.proven else "NOT proven"
+        words, verdict = self.image.words, "exact" if self.exact else "NOT exact"
         return f"<Program in {self.firmware.dialect}: {words} words, {verdict}>"
 
     @property
-    def proven(self) -> bool:
-        return self.verdict.proven and self.overrun is None
+    def exact(self) -> bool:
+        return self.verdict.passed and self.overrun is None
 
     @property
     def image(self) -> Image:
@@ -76,7 +83,7 @@ class BuiltProgram:
             "script": self.firmware.script.to_json() if self.firmware.script else None,
             "c_between_pulses": [room.to_json() for room in self.firmware.timing_budgets],
             "overrun_cycle": self.overrun,
-            "proven": self.proven,
+            "exact": self.exact,
             "verdict": self.verdict.to_json(),
         }
 
@@ -94,7 +101,7 @@ class Build:
 
     def __repr__(self) -> str:
         dialects = ", ".join(program.firmware.dialect for program in self.programs)
-        verdict = "proven" if self.proven else "NOT proven"
+        verdict = "exact" if self.exact else "NOT exact"
         return f"<Build {self.job.name}: {self.engine} in {dialects}; {verdict}, {self.frames} frames>"
 
     def _repr_html_(self) -> str:
@@ -103,7 +110,7 @@ class Build:
                 program.firmware.dialect,
                 program.image.words,
                 program.firmware.compilation.ram_bytes,
-                "proven" if program.proven else "NOT proven",
+                "exact" if program.exact else "NOT exact",
                 "; ".join(program.verdict.reasons),
             )
             for program in self.programs
@@ -112,8 +119,8 @@ class Build:
         return table_html(title, ("dialect", "words", "RAM bytes", "pulses", "why not"), rows)
 
     @property
-    def proven(self) -> bool:
-        return all(program.proven for program in self.programs)
+    def exact(self) -> bool:
+        return all(program.exact for program in self.programs)
 
     @property
     def frames(self) -> int:
@@ -126,7 +133,7 @@ class Build:
         error = self.plan.schedule.plan_error
         return {
             "job": self.job.name,
-            "proven": self.proven,
+            "exact": self.exact,
             "frames": self.frames,
             "plan_error": error.to_json() if error else None,
             "widths": [row.to_json() for row in self.plan.widths],
@@ -180,7 +187,7 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
             continue
         progress(f"proving {dialect}")
         span = checked_cycles(schedule)
-        programs.append(proven(schedule, firmware, span))
+        programs.append(judged(schedule, firmware, span))
     return Build(
         job=played.job,
         engine=played.engine,
@@ -190,12 +197,12 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
     )
 
 
-def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> BuiltProgram:
+def judged(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> BuiltProgram:
     """Run the firmware for `span` cycles of pulses, and return it with the verdict on its edges."""
     image = firmware.compilation.image
     machine = machine_of(schedule, image, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
-    verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    verdict = judge_edges(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
     warnings = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
     verdict = verdict.with_warnings(warnings, CHIP_DEPENDENT)
     late = None

@@ -1,4 +1,4 @@
-"""Checks an image before it is programmed: the chip, the proof of its pulses, the image itself.
+"""Checks an image before it is programmed: the chip, whether its pulses are exact, the image itself.
 
 In: an image, the schedule it was built for, the requested device. Out: a `FlashCheck`.
 """
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.bench.programmers.flash import objections, remarks
-from servogen.build.proof import prove_image
+from servogen.build.verification import judge_image
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.device import Device
 from servogen.pic.device import device as device_named
@@ -52,7 +52,7 @@ def check(
     """
     name, wrong_chip = _device(file, asked, schedule)
     device, place = device_named(name), Location(str(file))
-    against = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
+    against = (*objections(image), *wrong_chip, *_inexact(image, path, schedule))
     return FlashCheck(
         device,
         tuple(replace(objection, location=place) for objection in against),
@@ -79,13 +79,13 @@ def _device(
     return name, (Diagnostic("error", "wrong-chip", text),)
 
 
-def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
-    """Return the objection that the image's pulses are not proven to be the schedule's; empty if they are."""
+def _inexact(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
+    """Return the objection that the image's pulses are not exact; empty if they are."""
     if schedule is None:
         text = "there is no schedule.json beside it with which to compare its pulses (--against)"
-        return (Diagnostic("error", "not-proven", text),)
-    verdict = prove_image(schedule, image)
-    if verdict.proven:
+        return (Diagnostic("error", "not-exact", text),)
+    verdict = judge_image(schedule, image)
+    if verdict.passed:
         return ()
-    text = f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}"
-    return (Diagnostic("error", "not-proven", text),)
+    text = f"its pulses are not exact against {path}: {verdict.reasons[0]}"
+    return (Diagnostic("error", "not-exact", text),)

@@ -13,7 +13,7 @@ from pathlib import Path
 from servogen.build.build import Build
 from servogen.build.build import build as build_planned
 from servogen.build.job_program import job_program
-from servogen.build.proof import motion_cycles
+from servogen.build.verification import motion_cycles
 from servogen.edges import EdgeTrace
 from servogen.engines.board import board_of, inputs_of
 from servogen.errors import InputError, Location

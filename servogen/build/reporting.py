@@ -12,8 +12,8 @@ from pathlib import Path
 
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
-from servogen.build.proof import hidden_by, motion_cycles, prove_capture, prove_file, running
 from servogen.build.twinning import twin_of_build
+from servogen.build.verification import hidden_by, judge_capture, judge_file, motion_cycles, running
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic
@@ -31,24 +31,19 @@ from servogen.verify.capture.check import split
 
 @dataclass(frozen=True, slots=True)
 class ReportPage:
-    """A page, whether all programs' edges are proven and, if no program was built, the reason."""
+    """A page, whether all programs' edges are exact and, if no program was built, the reason."""
 
     html: str
-    programs_proven: bool
+    programs_exact: bool
     not_built: Diagnostic | None
     plan_error: PlanError | None = None
     capture: CaptureVerdict | None = None
     twin: TwinVerdict | None = None
 
-    @property
-    def proven(self) -> bool:
-        """Return whether the programs are proven, and the capture if there is one."""
-        return self.programs_proven and (self.capture is None or self.capture.proven)
-
     def to_json(self) -> dict[str, object]:
         """Return the verdicts, without the page itself."""
         return {
-            "proven": self.proven,
+            "exact": self.programs_exact,
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
             **({} if self.capture is None else {"capture": self.capture.to_json()}),
             **({} if self.twin is None else {"twin": self.twin.to_json()}),
@@ -78,7 +73,7 @@ def page_of(
         seen = beside.verdict if beside else None
         return ReportPage(
             html=html_page(facts),
-            programs_proven=False,
+            programs_exact=False,
             not_built=error.first,
             plan_error=planned.schedule.plan_error,
             capture=seen,
@@ -93,7 +88,7 @@ def page_of(
     facts = replace(_facts(result, beside), twin=page_facts(moved) if moved else None)
     return ReportPage(
         html=html_page(facts),
-        programs_proven=result.proven,
+        programs_exact=result.exact,
         not_built=None,
         plan_error=result.plan.schedule.plan_error,
         capture=seen,
@@ -146,10 +141,10 @@ def _verdict(
     schedule: PulseSchedule, capture: Capture, path: Path, wires: Mapping[str, str] | None
 ) -> CaptureVerdict:
     """Return the verdict on a capture; edges in cycles of a chip are additionally compared cycle by cycle."""
-    verdict = prove_capture(schedule, capture)
+    verdict = judge_capture(schedule, capture)
     if is_capture(path):
         return verdict
     hidden = hidden_by(path, schedule.clock, wires)
     trace = read_vcd(path, schedule.clock, wires=wires)
-    exact = prove_file(schedule, trace, tells_end=True, hidden=hidden)
+    exact = judge_file(schedule, trace, tells_end=True, hidden=hidden)
     return verdict if exact.agrees and not hidden else verdict.but(exact.reasons[0])

@@ -16,7 +16,7 @@ from itertools import islice
 import numpy as np
 
 from servogen.build.engines import planned
-from servogen.build.proof import checked_cycles, motion_cycles, prove_image, running
+from servogen.build.verification import checked_cycles, judge_image, motion_cycles, running
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
 from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
@@ -55,7 +55,7 @@ class Tuned:
     def to_json(self) -> dict[str, object]:
         """Return the result without the C to compile next."""
         return {
-            "proven": self.verdict.proven,
+            "exact": self.verdict.passed,
             "added": [overhead.to_json() for overhead in self.added],
             "verdict": self.verdict.to_json(),
         }
@@ -98,7 +98,7 @@ def tune_to(
     ways = _ways(program)
     added = [Added(ways[path], cost, firmware.overheads.of(path)) for path, cost in overheads.cycles.items()]
     span = checked_cycles(schedule)
-    verdict = prove_image(schedule, theirs, span)
+    verdict = judge_image(schedule, theirs, span)
     if verdict.edges_agree:
         return Tuned(verdict, tuple(added), "")
     following = render(sequence(schedule, overheads), dialect, job.device, job.name)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from servogen.build.job_program import read_program
-from servogen.build.proof import running
+from servogen.build.verification import running
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pic.device import DEVICES, Device

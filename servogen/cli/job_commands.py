@@ -120,9 +120,9 @@ def build(
         _program_table([result])
         print("\n".join(timing_budgets_text(program_facts(result), result.job.clock)))
         plan = plan_text(result.plan.schedule.plan_error)
-        print(f"{folder}: {'proven' if result.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
+        print(f"{folder}: {'exact' if result.exact else 'NOT EXACT'}; {plan}; all of it in report.txt")
     warn_of_all(result.warnings)
-    raise typer.Exit(0 if result.proven else 1)
+    raise typer.Exit(0 if result.exact else 1)
 
 
 def demo(
@@ -141,7 +141,7 @@ def demo(
 ) -> None:
     """Build and prove several jobs, each into its own folder, and print one table.
 
-    Exit code 1 if a program is not proven, or a certificate is refused.
+    Exit code 1 if a program is not exact, or a certificate is refused.
     """
     from servogen.build import ResourceError, write
     from servogen.build import build as built
@@ -177,7 +177,7 @@ def demo(
         for build in results:
             if build.warnings:
                 print(f"{build.job.name}: {counted(len(build.warnings), 'warning')} in its report.txt")
-    fine = all(build.proven for build in results) and all(
+    fine = all(build.exact for build in results) and all(
         verdict.valid or verdict.missing for verdict in checks
     )
     raise typer.Exit(0 if fine else 1)
@@ -260,7 +260,7 @@ def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> N
                 result.frames,
                 f"{program.verdict.worst_edge_error} cycles",
                 "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
-                "proven" if program.proven else "NOT PROVEN",
+                "exact" if program.exact else "NOT EXACT",
                 *certificate,
             )
             for (result, program), certificate in zip(programs, certified, strict=True)
@@ -453,7 +453,7 @@ def report(
         print(page.not_built.message)
         print(f"{target}: the plan; {plan_text(page.plan_error)}")
     else:
-        verdict = "proven" if page.programs_proven else "NOT PROVEN"
+        verdict = "exact" if page.programs_exact else "NOT EXACT"
         verdict = f"programs {verdict}" if page.capture else verdict
         print(f"{target}: {verdict}; {plan_text(page.plan_error)}")
     if page.capture and not json:
@@ -464,7 +464,7 @@ def report(
             print(reason)
     recorded = page.capture
     right = (recorded is None or recorded.accepted(partial)) and (page.twin is None or page.twin.passed)
-    raise typer.Exit(0 if right and (page.programs_proven or page.not_built) else 1)
+    raise typer.Exit(0 if right and (page.programs_exact or page.not_built) else 1)
 
 
 def tune(
@@ -533,7 +533,7 @@ def tune(
             print(f"not exact yet: compile {target}, then servogen tune {job} --hex … --c {target}")
         else:
             print(f"{hex_file}: 0 cycles off")
-    raise typer.Exit(0 if tuned.verdict.proven else 1)
+    raise typer.Exit(0 if tuned.verdict.passed else 1)
 
 
 def _next_c_file(c_file: Path) -> Path:

@@ -1,7 +1,8 @@
 """`servogen`: the commands put together, and what every command shares: exit codes and how an error is shown.
 
-Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool or the bench is missing or
-failed, 130 interrupted, 141 nobody reads the output: its reader has gone, or it was closed from the start.
+Exit codes: 0 done, and right if it was checked, 1 checked and found wrong, 2 bad input, 3 a tool or the bench
+is missing or failed, 130 interrupted, 141 nobody reads the output: its reader has gone, or it was closed from
+the start.
 Output to a closed standard error is dropped, and does not change the exit code.
 """
 
@@ -100,9 +101,9 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    help="Turn a robot's job file into PIC16F84 firmware whose every servo pulse edge is proven.",
-    epilog="Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool is missing or "
-    "failed, 130 interrupted, 141 the output's reader has gone (broken pipe).",
+    help="Turn a robot's job file into PIC16F84 firmware whose every servo pulse edge is exact.",
+    epilog="Exit codes: 0 done, and right if it was checked, 1 checked and found wrong, 2 bad input, "
+    "3 a tool is missing or failed, 130 interrupted, 141 the output's reader has gone (broken pipe).",
 )
 
 

@@ -67,9 +67,9 @@ def verify(
     json: Json = False,
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
-    from servogen.build import prove_file, prove_image
-    from servogen.build.proof import hidden_by
+    from servogen.build import judge_file, judge_image
     from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
+    from servogen.build.verification import hidden_by
     from servogen.traces import read_edges
     from servogen.traces.captures import is_capture
     from servogen.verify import verdict_lines
@@ -102,11 +102,11 @@ def verify(
     with status("comparing every edge"):
         if is_program(file):
             program = program_for(schedule, file, board.device, read_program)
-            verdict = prove_image(schedule, program.image, span, program.listing, board)
+            verdict = judge_image(schedule, program.image, span, program.listing, board)
         else:
             trace = read_edges(file, schedule.clock, wires=wires)
             hidden = hidden_by(file, schedule.clock, wires)
-            verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
+            verdict = judge_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
     if json:
         as_json(verdict.to_json() | _held_json(held), verdict.warnings)
     else:
@@ -117,24 +117,26 @@ def verify(
 def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: SimulatorOptions, json: bool
 ) -> int:
-    from servogen.build.proof import prove_forever
     from servogen.build.signals import is_program, program_for
+    from servogen.build.verification import judge_forever
     from servogen.verify import verdict_lines
 
     if not is_program(file):
         raise InputError(
-            "conflicting-options", "only a program can be proven for all time, not edges", Location(str(file))
+            "conflicting-options",
+            "only a program has a state that repeats for all time, not edges",
+            Location(str(file)),
         )
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
     program = program_for(schedule, file, board.device, read_program)
     with status("looking for a repeat of the chip's state"):
-        forever = prove_forever(schedule, program.image, limit, program.listing, board)
+        forever = judge_forever(schedule, program.image, limit, program.listing, board)
     if json:
         as_json(forever.to_json() | _held_json(schedule.inputs), forever.verdict.warnings)
     else:
         print(forever.text())
         print("\n".join((*verdict_lines(forever.verdict), *_held_lines(schedule.inputs))))
-    return 0 if forever.proven else 1
+    return 0 if forever.passed else 1
 
 
 def _held_lines(inputs: Sequence[Input]) -> list[str]:
@@ -161,7 +163,7 @@ def _verify_capture(
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.build.proof import prove_capture
+    from servogen.build.verification import judge_capture
     from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
 
@@ -169,7 +171,7 @@ def _verify_capture(
     if rate is not None:
         capture = sampled_at(capture, rate)
     with status("comparing every edge"):
-        verdict = prove_capture(schedule, capture)
+        verdict = judge_capture(schedule, capture)
     if json:
         as_json(verdict.to_json())
     else:

@@ -1,4 +1,4 @@
-"""The HTML report: one page that needs no network, from a job and what was built, proven and captured of it.
+"""The HTML report: one page that needs no network, from a job, what was built, and what was captured.
 
 In: `PageFacts`. Out: text of HTML, the same for the same facts. All numbers and paths are made here and in
 `signals` and `drawing`; `templates/report.html.j2` only writes them down.
@@ -138,20 +138,20 @@ def _state(facts: PageFacts) -> tuple[str, str]:
     """Return a class of the page's style, and the words of the badge."""
     if not facts.programs:
         return "open", "planned, not built"
-    if not all(program.proven for program in facts.programs):
-        return "bad", "NOT proven"
-    if facts.capture is not None and not facts.capture.verdict.proven:
+    if not all(program.exact for program in facts.programs):
+        return "bad", "NOT exact"
+    if facts.capture is not None and not facts.capture.verdict.passed:
         if facts.capture.verdict.agrees:
-            return "open", f"program proven, capture {facts.capture.verdict.word}"
-        return "bad", "program proven, capture NOT"
-    return "good", "every edge proven"
+            return "open", f"program exact, capture {facts.capture.verdict.word}"
+        return "bad", "program exact, capture does NOT agree"
+    return "good", "every edge exact"
 
 
 def _distance(facts: PageFacts) -> str:
     """Return how far the edges are from the schedule, and the schedule from the plan."""
     words = plan_text(facts.plan.schedule.plan_error)
-    proven = bool(facts.programs) and all(program.proven for program in facts.programs)
-    return f"0 cycles from the schedule; {words}" if proven else words
+    exact = bool(facts.programs) and all(program.exact for program in facts.programs)
+    return f"0 cycles from the schedule; {words}" if exact else words
 
 
 def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:
@@ -283,9 +283,7 @@ def path_charts(tracks: Sequence[Track], loop_start: int) -> Iterator[tuple[str,
 
 def program_values(program: ProgramFacts) -> dict[str, object]:
     verdict = program.verdict
-    late = (
-        [] if program.proven or not program.overrun else [f"overrun: {program.overrun.text(verdict.clock)}"]
-    )
+    late = [] if program.exact or not program.overrun else [f"overrun: {program.overrun.text(verdict.clock)}"]
     return {
         "name": program.hex_file,
         "facts": ", ".join(
@@ -297,7 +295,7 @@ def program_values(program: ProgramFacts) -> dict[str, object]:
                 ),
             )
         ),
-        "proven": program.proven,
+        "exact": program.exact,
         "span": f"{verdict.span.frames} frames, {float(verdict.clock.seconds(verdict.span.compared)):g} s, "
         f"{verdict.span.compared} cycles, on all 13 pins; {plan_text(verdict.plan_error)}",
         "start": None
@@ -326,8 +324,8 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
     verdict = capture.verdict
     return {
         "name": capture.name,
-        "badge": "good" if verdict.proven else "open" if verdict.agrees else "bad",
-        "word": verdict.word if verdict.agrees else "NOT proven",
+        "badge": "good" if verdict.passed else "open" if verdict.agrees else "bad",
+        "word": verdict.word if verdict.agrees else "does NOT agree",
         "lines": capture_summary(verdict),
         "reasons": verdict.reasons,
         "rows": [

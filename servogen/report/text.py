@@ -48,7 +48,7 @@ class Overrun:
 
 @dataclass(frozen=True, slots=True)
 class ProgramFacts:
-    """One dialect's program: its files, its size, and what was proven of its HEX."""
+    """One dialect's program: its files, its size, and the verdict on its HEX."""
 
     dialect: str
     c_file: str
@@ -63,8 +63,8 @@ class ProgramFacts:
     """The memories that hold the player's script; None for other engines."""
 
     @property
-    def proven(self) -> bool:
-        return self.verdict.proven and (self.overrun is None or self.overrun.at is None)
+    def exact(self) -> bool:
+        return self.verdict.passed and (self.overrun is None or self.overrun.at is None)
 
 
 @dataclass(frozen=True, slots=True)

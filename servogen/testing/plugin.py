@@ -79,7 +79,7 @@ def assert_pulses(
 
     verdict = check(capture.seen, schedule, tolerances)
     capture.properties.extend(verdict.properties)
-    if verdict.proven or (partial and verdict.agrees):
+    if verdict.passed or (partial and verdict.agrees):
         return
     difference = "do not show the whole schedule" if verdict.agrees else "are not the schedule's"
     text = "\n".join(verdict.lines)

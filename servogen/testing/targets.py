@@ -33,16 +33,16 @@ from servogen.bench.ports import open_port
 from servogen.bench.programmers.flash import flash, objections, read_eeprom
 from servogen.bench.programmers.table import ProgrammingRequest, find
 from servogen.build.capture import CaptureSettings, capture
-from servogen.build.proof import (
+from servogen.build.verification import (
     START_FRAMES,
     checked_cycles,
     chip_warnings,
     cycle_of,
     end_of,
     hidden_by,
-    prove,
-    prove_capture,
-    prove_file,
+    judge_capture,
+    judge_edges,
+    judge_file,
 )
 from servogen.edges import PINS, EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of
@@ -98,7 +98,7 @@ class SeenPins:
     file: Path | None = None
     """The existing recording, if there is one."""
     hidden: tuple[str, ...] = ()
-    """What that file cannot show, so that it is not proven."""
+    """What that file cannot show, so that it is not exact."""
     warnings: tuple[Diagnostic, ...] = ()
     """The warnings of a simulated program."""
 
@@ -148,10 +148,10 @@ class PinCapture(Signals):
 class ScheduleCheck:
     """Whether the edges match the schedule, in words and as properties of a test report.
 
-    `agrees` without `proven`: nothing that was seen is wrong, but not every different frame was seen.
+    `agrees` without `passed`: nothing that was seen is wrong, but not every different frame was seen.
     """
 
-    proven: bool
+    passed: bool
     agrees: bool
     lines: tuple[str, ...]
     properties: tuple[tuple[str, str], ...]
@@ -528,23 +528,23 @@ def captured(path: Path, source: str, wires: Mapping[str, str] | None = None) ->
 def check(seen: SeenPins, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> ScheduleCheck:
     """Return whether the pins did what the schedule says."""
     if seen.capture is not None:
-        comparison = prove_capture(schedule, seen.capture, tolerances)
+        comparison = judge_capture(schedule, seen.capture, tolerances)
         return ScheduleCheck(
-            comparison.proven,
+            comparison.passed,
             comparison.agrees,
             tuple(capture_lines(comparison)),
             tuple(_of_capture(comparison)),
         )
     if seen.span is None:
         tells_end = seen.file is not None and seen.file.suffix.lower() == ".vcd"
-        verdict = prove_file(schedule, seen.trace, tells_end, hidden=seen.hidden)
+        verdict = judge_file(schedule, seen.trace, tells_end, hidden=seen.hidden)
     else:
-        verdict = prove(schedule, seen.trace, seen.span)
+        verdict = judge_edges(schedule, seen.trace, seen.span)
     end = end_of(verdict)
     counted = (warning for warning in seen.warnings if end is None or cycle_of(warning) < end)
     verdict = verdict.with_warnings(tuple(counted), CHIP_DEPENDENT)
     return ScheduleCheck(
-        verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict))
+        verdict.passed, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict))
     )
 
 
@@ -587,6 +587,7 @@ def _of_plan(error: PlanError | None) -> Iterator[tuple[str, str]]:
 def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
     yield "servogen_verdict", verdict.word
     yield "servogen_different_frames", verdict.coverage.words()
+    yield "servogen_tolerances", verdict.tolerances.words()
     yield "servogen_seconds", f"{verdict.duration_us / 1e6:g}"
     yield "servogen_frames", str(verdict.frames)
     yield from _of_plan(verdict.plan_error)

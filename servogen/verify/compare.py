@@ -49,7 +49,7 @@ def verify(
     """Compare the driven edges of `observed`, from reset on, with the schedule over `checked` cycles.
 
     The first rising edge of a scheduled pin is the schedule's time zero. `checked` counts from there; by
-    default it is the whole motion with two repeats of its loop. A trace that ends earlier is not proven.
+    default it is the whole motion with two repeats of its loop. A trace that ends earlier is not exact.
     The verdict is on the span asked for: whether it covers the schedule is in its `coverage`.
     Reads no further than necessary, so that `observed` may be a machine that never stops.
     Raises InputError when the two count cycles of different clocks.
@@ -127,7 +127,7 @@ def _verdict(
     overlap = fault.overlap if fault else None
     cycle = None if start.cycle is None else Cycles(start.cycle)
     return Verdict(
-        proven=not why,
+        passed=not why,
         reasons=tuple(why),
         clock=expected.clock,
         start=cycle,
@@ -164,7 +164,7 @@ def _silent(expected: Expected, observed: EdgeTrace, start: TraceStart, asked: C
     channels = tuple(ChannelVerdict(channel.name, channel.pin, 0, 0) for channel in expected.channels)
     difference = _first(start.stray)
     return Verdict(
-        proven=not why,
+        passed=not why,
         reasons=tuple(why),
         clock=expected.clock,
         start=None,

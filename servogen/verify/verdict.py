@@ -17,9 +17,6 @@ from servogen.plan_error import PlanError, plan_text
 from servogen.units import Clock, Cycles, counted
 from servogen.verify.coverage import Coverage
 
-AGREES = "agrees as far as it was seen"
-"""The verdict where nothing that was seen is wrong, and not everything was seen."""
-
 
 @dataclass(frozen=True, slots=True)
 class ComparedSpan:
@@ -154,13 +151,18 @@ class StrayPin:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What all verdicts have in common: proven, or why not."""
+    """What all verdicts on edges have in common: passed, or why not.
 
-    PROVEN: ClassVar[str] = "proven"
+    They are about the edges that were compared. That every chip makes them is a theorem, of `servogen.prove`.
+    """
 
-    proven: bool
+    WORD: ClassVar[str] = "passed"
+    NOT: ClassVar[str] = "not passed"
+
+    passed: bool
+    """Whether all that was asked for was compared, and nothing differs."""
     reasons: tuple[str, ...]
-    """The reasons why it is not proven, as sentences; empty if it is."""
+    """The reasons why it is not passed, as sentences; empty if it is."""
     unseen: tuple[str, ...] = field(default=(), kw_only=True)
     """Those of the reasons that only say that not everything was seen."""
 
@@ -172,18 +174,19 @@ class Judgement:
     @property
     def word(self) -> str:
         """Return the verdict in a few words."""
-        if self.proven:
-            return self.PROVEN
-        return AGREES if self.agrees else "not proven"
+        if self.passed:
+            return self.WORD
+        return f"{self.WORD} as far as it was seen" if self.agrees else self.NOT
 
     def accepted(self, partial: bool) -> bool:
-        """Return whether it is proven, or at least, where `partial` is enough, nothing is wrong."""
-        return self.proven or (partial and self.agrees)
+        """Return whether it is passed, or at least, where `partial` is enough, nothing is wrong."""
+        return self.passed or (partial and self.agrees)
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict(Judgement):
-    """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
+    """`exact`: from reset to the end of the asked span, every driven edge of this run is the schedule's, in
+    its cycle, on all pins.
 
     For a program, it also means that no warning is `chip_dependent`.
 
@@ -191,6 +194,9 @@ class Verdict(Judgement):
     After a difference, the channels' errors cover the trace up to `span.compared`, which is then shortened if
     necessary.
     """
+
+    WORD: ClassVar[str] = "exact"
+    NOT: ClassVar[str] = "not exact"
 
     clock: Clock
     start: Cycles | None
@@ -208,9 +214,9 @@ class Verdict(Judgement):
         return f"<Verdict: {self.word}>"
 
     def not_all(self, reason: str) -> Verdict:
-        """Return the same verdict, not proven because of something that was not seen, too."""
+        """Return the same verdict, not exact because of something that was not seen, too."""
         unseen = (*self.unseen, reason) if self.agrees else self.unseen
-        return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
+        return replace(self, passed=False, reasons=(*self.reasons, reason), unseen=unseen)
 
     warnings: tuple[Diagnostic, ...] = ()
     """The warnings of the program that ran; edges alone have none."""
@@ -233,7 +239,7 @@ class Verdict(Judgement):
         reasons = tuple(f"other chips may make other edges: {warning.sentence}" for warning in refuting)
         return replace(
             self,
-            proven=self.proven and not reasons,
+            passed=self.passed and not reasons,
             reasons=self.reasons + reasons,
             warnings=warnings,
             chip_dependent=refuting,
@@ -247,7 +253,7 @@ class Verdict(Judgement):
     def to_json(self) -> dict[str, object]:
         """Return plain values for a JSON file."""
         return {
-            "proven": self.proven,
+            "exact": self.passed,
             "verdict": self.word,
             "reasons": list(self.reasons),
             "clock_hz": self.clock.hz,
@@ -376,7 +382,7 @@ def _cycles(number: int) -> str:
 
 
 def verdict_lines(verdict: Verdict) -> list[str]:
-    """Return lines without colour; the first says whether the trace is proven, and how close to the plan it
+    """Return lines without colour; the first says whether the trace is exact, and how close to the plan it
     is.
     """
     lines = [
@@ -397,9 +403,9 @@ def verdict_lines(verdict: Verdict) -> list[str]:
 
 def _headline(verdict: Verdict) -> str:
     """Return the beginning of the first line."""
-    if verdict.proven:
+    if verdict.passed:
         return f"{verdict.word}: "
-    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
+    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT exact: "
 
 
 def _span_words(verdict: Verdict) -> str:

@@ -1,4 +1,4 @@
-"""`Editor`: the job file of a page: checked while it is typed, saved, extended by poses, built and proven.
+"""`Editor`: the job file of a page: checked while it is typed, saved, extended by poses, built.
 
 In: requests of a window with the text as it stands there. Out: answers, and after a build what is watched
 from then on. Only this one file is ever read or written, whatever a request says.
@@ -198,7 +198,7 @@ def _built(result: Build) -> Message:
     own = result.programs[0]
     return {
         "is": "built",
-        "proven": result.proven,
+        "exact": result.exact,
         "frames": result.frames,
         "words": own.firmware.compilation.words,
         "distance": plan_text(result.plan.schedule.plan_error),

@@ -12,7 +12,7 @@ from math import ceil
 from pathlib import Path
 
 from servogen.build.engines import planned
-from servogen.build.proof import prove_capture
+from servogen.build.verification import judge_capture
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import InputError, Location
@@ -199,7 +199,7 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
     """Return an analyser's capture with the schedule laid beside it where `verify` finds it."""
     trace, first = subject.trace, first_rise(schedule)
     assert trace is not None
-    verdict = prove_capture(schedule, capture)
+    verdict = judge_capture(schedule, capture)
     step_us = float(trace.clock.cycle_us)
     sample = verdict.sample_us / step_us
     tolerance = sample + verdict.tolerances.edge_us / step_us
@@ -208,7 +208,7 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
         line = verdict.line
         if line is None and capture.pieces:
             (piece,) = split(trace, ((begin, end),))
-            line = prove_capture(schedule, replace(capture, trace=piece, sample=sample, pieces=())).line
+            line = judge_capture(schedule, replace(capture, trace=piece, sample=sample, pieces=())).line
         if line is not None and first is not None:
             inside = ceil(sample + tolerance)  # an edge nearer to the ends may lie beyond them
             origin = begin + line.a - line.b * first
@@ -217,7 +217,7 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
         subject,
         wanted=tuple(wanted),
         first_difference=_first_wrong(verdict, wanted, trace),
-        verdict=verdict.word if verdict.proven else f"{verdict.word}: {verdict.reasons[0]}",
+        verdict=verdict.word if verdict.passed else f"{verdict.word}: {verdict.reasons[0]}",
     )
 
 

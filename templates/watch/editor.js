@@ -118,8 +118,8 @@ export class Editor {
     this.stored(this.sent);
     this.sent = null;
     this.buttons();
-    this.say(message.proven ? `built and proven over ${message.frames} frames, ${message.words} words; ${message.distance}` : `built, but NOT proven: ${message.reasons.join("; ")}`);
-    this.places.progress.dataset.proven = message.proven;
+    this.say(message.exact ? `built: exact over ${message.frames} frames, ${message.words} words; ${message.distance}` : `built, but NOT exact: ${message.reasons.join("; ")}`);
+    this.places.progress.dataset.exact = message.exact;
     const link = element("a", { href: URL.createObjectURL(new Blob([message.hex], { type: "text/plain" })), download: message.hex_name }, `download ${message.hex_name}`);
     this.places.download.replaceChildren(link);
     this.mark();

@@ -39,7 +39,7 @@ def test_a_captured_job_is_proven_and_the_crystals_error_found(
     done = run("verify", tmp_path / "run.vcd", "--against", SCHEDULE, "--json")
     verdict = json.loads(done.out)
     assert done.code == 0
-    assert verdict["proven"]
+    assert verdict["agrees"]
     assert verdict["crystal_ppm"] == pytest.approx(ppm, abs=2)
 
 
@@ -129,7 +129,7 @@ def test_a_capture_that_ends_early_is_kept_and_never_taken_for_whole(
     assert str(partial) in done.err
     done = run("verify", partial, "--against", SCHEDULE)
     assert done.code == 1
-    assert "NOT proven" in done.out
+    assert "does NOT agree" in done.out
     assert "the capture is incomplete: the analyser" in done.out
 
 

@@ -410,13 +410,13 @@ def test_a_watchdog_that_is_cleared_is_no_objection(run: Run, tmp_path: Path) ->
     assert run("flash", hex_file(tmp_path, image), "--programmer", tool, "--dry-run", *FREE).code == 0
 
 
-def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Path) -> None:
+def test_an_image_that_is_not_exact_is_refused(run: Run, tmp_path: Path) -> None:
     tool = stand_in(tmp_path, "pk2cmd", "", 0)
     (tmp_path / "schedule.json").write_text((LAB8 / "schedule.json").read_text())
     wrong = hex_file(tmp_path, EMPTY)
     done = run("flash", wrong, "--programmer", tool, "--dry-run")
     assert done.code == 2
-    assert "its pulses are not proven to be those of" in done.err
+    assert "its pulses are not exact against" in done.err
     (tmp_path / "x.hex").write_text(BUILT.read_text())
     assert run("flash", wrong, "--programmer", tool, "--dry-run").code == 0
 

@@ -31,7 +31,7 @@ def bench() -> Iterator[Rig]:
         yield lambda *options: stack.enter_context(running(JOB.stem, *options))
 
 
-def proven(run: Run, port: str, path: Path) -> dict[str, object]:
+def judged(run: Run, port: str, path: Path) -> dict[str, object]:
     done = run("capture", "--port", port, "-o", path, "--against", SCHEDULE)
     assert done.code == 0, done.err
     verdict: dict[str, object] = json.loads(run("verify", path, "--against", SCHEDULE, "--json").out)
@@ -43,8 +43,8 @@ def test_it_says_in_one_line_where_its_ports_are_and_starts_with_the_job(
 ) -> None:
     opened = bench("--crystal-ppm", 180)
     assert set(opened.paths) == {"programmer", "analyser", "inputs", "serial"}
-    verdict = proven(run, opened.paths["analyser"], tmp_path / "run.vcd")
-    assert verdict["proven"]
+    verdict = judged(run, opened.paths["analyser"], tmp_path / "run.vcd")
+    assert verdict["agrees"]
     assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
 
 

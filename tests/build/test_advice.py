@@ -86,7 +86,7 @@ def test_shorter_pulses_that_are_said_to_fit_build_once_they_are_in_the_file() -
     )
     assert found and found[2].split(", ") == [f"s{number}" for number in range(13)]
     done = build(plan_job(loads(too_long(10, float(found[1])), "job.toml")))
-    assert done.proven
+    assert done.exact
     assert done.programs[0].firmware.compilation.words == int(found[4])
 
 

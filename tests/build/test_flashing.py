@@ -41,7 +41,7 @@ def test_without_a_schedule_nothing_is_proven_and_the_chip_must_be_named(image: 
     with pytest.raises(InputError, match="the chip is not known"):
         check(HEX, image, None, None, None)
     found = check(HEX, image, "16f84a", None, None)
-    assert (found.device.name, codes(found)) == ("PIC16F84A", ["not-proven"])
+    assert (found.device.name, codes(found)) == ("PIC16F84A", ["not-exact"])
 
 
 def test_another_image_and_another_chip_are_refused_each_with_its_reason(
@@ -51,7 +51,7 @@ def test_another_image_and_another_chip_are_refused_each_with_its_reason(
     address = max(image.program)
     other = replace(image, program={**image.program, address: 0, 5: 0})
     found = check(HEX, other, "PIC16F84A", SCHEDULE, schedule)
-    assert codes(found) == ["wrong-chip", "not-proven"]
+    assert codes(found) == ["wrong-chip", "not-exact"]
     with pytest.raises(InputError) as error:
         found.warnings(force=False)
     assert [each.location.file for each in error.value.diagnostics if each.location] == [str(HEX)] * 2
@@ -62,7 +62,7 @@ def test_force_makes_warnings_of_it(image: Image) -> None:
     forced = check(HEX, replace(image, config=None), "PIC16F84A", None, None).warnings(force=True)
     assert [(each.severity, each.code) for each in forced] == [
         ("warning", "no-configuration"),
-        ("warning", "not-proven"),
+        ("warning", "not-exact"),
     ]
 
 

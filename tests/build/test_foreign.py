@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 from typer.testing import CliRunner
 
-from servogen.build import PlayedJob, checked_cycles, planned, prove, retarget, running
+from servogen.build import PlayedJob, checked_cycles, judge_edges, planned, retarget, running
 from servogen.build.retarget import (
     MARGIN,
     START,
@@ -50,9 +50,9 @@ def firmware(name: str, dialect: str) -> Firmware:
 
 @dataclass(frozen=True)
 class Rounds:
-    """What tune said of each HEX, in turn: whether it was proven, and the worst edge."""
+    """What tune said of each HEX, in turn: whether it was exact, and the worst edge."""
 
-    proven: list[bool]
+    exact: list[bool]
     worst: list[int]
 
 
@@ -63,7 +63,7 @@ def tuned(name: str, dialect: str, compiler: object, rounds: int = 2) -> Rounds:
     for _ in range(rounds):
         image = compiler(source.text)  # type: ignore[operator]
         said = tune_to(job(name), image, "theirs.hex", dialect, source)
-        found.proven.append(said.verdict.proven)
+        found.passed.append(said.verdict.passed)
         found.worst.append(said.verdict.worst_edge_error)
         if not said.source:
             break
@@ -83,7 +83,7 @@ def test_what_tune_gives_is_exact_under_a_compiler_that_adds_cycles(
     name: str, dialect: str, seed: int
 ) -> None:
     found = tuned(name, dialect, lambda text: other_compiler(text, dialect, job(name).device, seed))
-    assert found.proven == [False, True]
+    assert found.passed == [False, True]
     assert found.worst[0] != 0 and found.worst[1] == 0
 
 
@@ -91,7 +91,7 @@ def test_a_sequence_with_pauses_and_long_runs_is_exact_too() -> None:
     found = tuned(
         "omni-square", "xc8", lambda text: other_compiler(text, "xc8", job("omni-square").device, 4)
     )
-    assert found.proven == [False, True]
+    assert found.passed == [False, True]
 
 
 def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
@@ -102,14 +102,14 @@ def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
         return other_compiler(long, "xc8", job("lab9-exercise").device, 0)
 
     found = tuned("lab9-exercise", "xc8", compiler, rounds=6)
-    assert found.proven == [False, False, True]
+    assert found.passed == [False, False, True]
 
 
 def test_servogens_own_hex_needs_no_tuning() -> None:
     said = tune_to(
         job("lab8-exercise"), firmware("lab8-exercise", "xc8").compilation.image, "main.hex", "xc8"
     )
-    assert said.verdict.proven and said.source == ""
+    assert said.verdict.passed and said.source == ""
     assert all(each.theirs == each.ours for each in said.added)
 
 
@@ -209,10 +209,10 @@ def test_a_write_that_differs_is_named_by_its_number_and_so_is_a_missing_one() -
 
 
 def test_a_tuning_as_json_has_the_cycles_of_each_way_and_the_verdict() -> None:
-    verdict = SimpleNamespace(proven=False, to_json=lambda: {"frames": 3})
+    verdict = SimpleNamespace(passed=False, to_json=lambda: {"frames": 3})
     found = Tuned(cast(Any, verdict), (Added("in position_1", 7, 4),), "the next C")
     assert found.to_json() == {
-        "proven": False,
+        "exact": False,
         "added": [{"path": "in position_1", "their_cycles": 7, "servogen_cycles": 4}],
         "verdict": {"frames": 3},
     }
@@ -269,7 +269,7 @@ def test_a_players_hex_is_exact_whatever_the_c_costs(
     right.write_text(to_hex(player_made_by_another(text, seed)))
     wrong.write_text(to_hex(player_made_by_another(text, seed, '    asm("nop");')))
     assert run("verify", str(right), "--against", str(schedule)) == 0
-    assert "proven" in capsys.readouterr().out
+    assert "exact" in capsys.readouterr().out
     assert run("verify", str(wrong), "--against", str(schedule)) == 1
     assert "width +1" in capsys.readouterr().out
 
@@ -307,7 +307,7 @@ def test_the_command_leads_to_an_exact_hex_round_by_round(
 )
 def test_under_the_real_sdcc_every_edge_is_exact_after_one_tuning(name: str, tmp_path: Path) -> None:
     found = tuned(name, "sdcc", lambda text: sdcc_compiled(text, job(name).device.name, tmp_path, sdcc()))  # type: ignore[arg-type]
-    assert found.proven == [False, True]
+    assert found.passed == [False, True]
 
 
 @pytest.mark.skipif(sdcc() is None, reason="SDCC's pic14 port is not on this machine")
@@ -320,8 +320,8 @@ def test_the_player_under_the_real_sdcc_is_exact_untuned_where_its_c_ends_in_tim
     image = sdcc_compiled(found.make("sdcc").text, "PIC16F84", tmp_path, sdcc())  # type: ignore[arg-type]
     assert image is not None
     schedule, span = found.plan.schedule, checked_cycles(found.plan.schedule)
-    verdict = prove(schedule, running(schedule, image, span), span)
-    assert verdict.proven == in_time
+    verdict = judge_edges(schedule, running(schedule, image, span), span)
+    assert verdict.passed == in_time
     if not in_time:
         assert verdict.difference is not None and verdict.difference.observed is not None
         assert verdict.difference.observed - (verdict.difference.expected or 0) == 8192

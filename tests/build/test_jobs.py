@@ -1,4 +1,4 @@
-"""The lab jobs, from their files to proven HEX files, and what happens when a thing is changed by one."""
+"""The lab jobs, from their files to exact HEX files, and what happens when a thing is changed by one."""
 
 import csv
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import Build, build, checked_cycles, prove, running, write
+from servogen.build import Build, build, checked_cycles, judge_edges, running, write
 from servogen.edges import EdgeTrace, join
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, from_hex
@@ -38,7 +38,7 @@ def job(request: pytest.FixtureRequest) -> Build:
 def test_every_edge_of_every_dialect_is_where_the_schedule_has_it(job: Build) -> None:
     for program in job.programs:
         verdict = program.verdict
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
         assert verdict.worst_edge_error == 0
         assert verdict.span.loop_repeats >= 2
         assert verdict.span.whole
@@ -156,10 +156,10 @@ def test_a_turned_bit_is_proven_only_if_the_edges_are_truly_the_same(job: Build)
     refused = 0
     for address, bit, other in changed_words(image, job.job.name):
         trace = running(schedule, other, span).stored()
-        verdict = prove(schedule, trace, span)
+        verdict = judge_edges(schedule, trace, span)
         same = edges_after_the_first(trace, span) == right
-        assert verdict.proven == same, (hex(address), bit, verdict.reasons)
-        refused += not verdict.proven
+        assert verdict.passed == same, (hex(address), bit, verdict.reasons)
+        refused += not verdict.passed
     assert refused > MUTATIONS // 4
 
 
@@ -188,8 +188,8 @@ def test_a_constant_changed_by_one_cycle_is_told_with_cycle_pin_and_frame() -> N
     wrong = firmware.text.replace(f"_delay({cycles})", f"_delay({cycles + 1})")
     options = Options(dialect="xc8", device=done.job.device)
     image = compile_sources([Source(wrong, "wrong.c")], options).image
-    verdict = prove(schedule, running(schedule, image, checked_cycles(schedule)))
-    assert not verdict.proven
+    verdict = judge_edges(schedule, running(schedule, image, checked_cycles(schedule)))
+    assert not verdict.passed
     difference = verdict.difference
     assert difference is not None and difference.channel == "arm" and difference.frame == 100
     start = verdict.start or 0
@@ -208,7 +208,7 @@ def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Pat
     (tmp_path / "many.toml").write_text(text + '[firmware]\nengine = "sequence"\n')
     done = build(plan_job(load(tmp_path / "many.toml")))
     assert [program.firmware.dialect for program in done.programs] == ["c2c", "xc8"]
-    assert done.proven
+    assert done.exact
     assert [each.code for each in done.left_out] == ["dialect-left-out"]
     assert any("no program for sdcc" in str(warning) for warning in done.warnings)
 

@@ -45,7 +45,8 @@ def test_import_loads_nothing_and_build_is_a_function_and_a_package() -> None:
     code = (
         "import sys, servogen; print(*(name for name in sys.modules if name[:8] in ('servogen', 'numpy')))\n"
     )
-    code += "from servogen import build; import servogen.build.proof; assert callable(build) and build.write"
+    code += "from servogen import build; import servogen.build.verification; "
+    code += "assert callable(build) and build.write"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "servogen\n"
     assert callable(servogen.build) and servogen.build.write is write  # type: ignore[attr-defined]
@@ -68,7 +69,7 @@ def test_build_gives_what_is_committed(made: Build, monkeypatch: pytest.MonkeyPa
     """From a path, a loaded job and a planned one."""
     committed = servogen.load(FOLDER)
     assert isinstance(committed, Program)
-    assert made.proven and made.programs[0].image == committed.image
+    assert made.exact and made.programs[0].image == committed.image
     job = servogen.load(JOB)
     assert isinstance(job, Job)
     monkeypatch.setattr("servogen.build.notebook.build_planned", lambda planned: planned)
@@ -109,11 +110,11 @@ def test_every_value_shows_itself_in_a_line(ran: Simulation, made: Build) -> Non
         "<Job lab8-exercise: arm on RB0; PIC16F84 at 4 MHz>": servogen.load(JOB),
         "<PlannedJob lab8-exercise: arm on RB0; PIC16F84 at 4 MHz>": made.job,
         "<JointTrajectory arm; 0 + 500 frames>": made.job.trajectory,
-        "<Build lab8-exercise: sequence in c2c, xc8, sdcc; proven, 1500 frames>": made,
-        "<Program in c2c: 91 words, proven>": program,
+        "<Build lab8-exercise: sequence in c2c, xc8, sdcc; exact, 1500 frames>": made,
+        "<Program in c2c: 91 words, exact>": program,
         "<Program of 91 words at 4 MHz>": servogen.load(FOLDER),
         "<PulseSchedule arm on RB0; 0 + 500 frames of 20 ms>": made.plan.schedule,
-        "<Verdict: proven>": program.verdict,
+        "<Verdict: exact>": program.verdict,
         "<Image of 91 words, configuration 0x3FF1>": program.image,
         "<EdgeTrace of 10 s at 4 MHz>": ran.edges,
     }
@@ -145,7 +146,7 @@ class Table(HTMLParser):
 
 
 def test_values_are_tables_in_html(ran: Simulation, made: Build) -> None:
-    assert Table(made._repr_html_()).cells[6:10] == ["c2c", "91", "2", "proven"]
+    assert Table(made._repr_html_()).cells[6:10] == ["c2c", "91", "2", "exact"]
     assert Table(made.plan.schedule._repr_html_()).cells[-3:] == [
         "arm",
         "RB0",

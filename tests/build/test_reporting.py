@@ -1,4 +1,4 @@
-"""What a page is proven by, and which part of a capture it shows."""
+"""What a page is exact by, and which part of a capture it shows."""
 
 from __future__ import annotations
 
@@ -20,25 +20,17 @@ from servogen.units import Clock, Cycles
 CAPTURE = Capture(EdgeTrace(Clock(4_000_000), (), Cycles(10)), sample=1.0)
 
 
-def judged(proven: bool, text: str = "") -> Any:
-    return SimpleNamespace(proven=proven, to_json=lambda: text)
+def judged(exact: bool, text: str = "") -> Any:
+    return SimpleNamespace(passed=exact, to_json=lambda: text)
 
 
-def test_a_page_is_proven_by_its_programs_and_by_its_capture_if_it_has_one() -> None:
-    for programs, capture, proven in (
-        (True, None, True),
-        (False, None, False),
-        (True, judged(True), True),
-        (True, judged(False), False),
-        (False, judged(True), False),
-    ):
-        assert ReportPage("", programs, None, capture=capture).proven is proven
+def test_a_page_in_json_says_of_each_kind_of_verdict_its_own_word() -> None:
     bare = ReportPage("", True, None)
-    assert bare.to_json() == {"proven": True, "plan_error": None}
+    assert bare.to_json() == {"exact": True, "plan_error": None}
     error = PlanError(0.5)
     full = ReportPage("", True, None, error, judged(True, "of the capture"), judged(True, "of the twin"))
     assert full.to_json() == {
-        "proven": True,
+        "exact": True,
         "plan_error": error.to_json(),
         "capture": "of the capture",
         "twin": "of the twin",
@@ -84,13 +76,13 @@ def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.
 def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     verdict = SimpleNamespace(but=lambda reason: f"but {reason}")
     exact = SimpleNamespace(agrees=True, reasons=("RB0 rises late", "more"))
-    monkeypatch.setattr(reporting, "prove_capture", lambda schedule, capture: verdict)
+    monkeypatch.setattr(reporting, "judge_capture", lambda schedule, capture: verdict)
     monkeypatch.setattr(reporting, "read_vcd", lambda path, clock, wires: clock)
     unseen: list[tuple[str, ...]] = []
     monkeypatch.setattr(reporting, "hidden_by", lambda path, clock, wires: unseen[-1])
     monkeypatch.setattr(
         reporting,
-        "prove_file",
+        "judge_file",
         lambda schedule, trace, tells_end, hidden: exact if tells_end and hidden == unseen[-1] else None,
     )
     schedule: Any = SimpleNamespace(clock=Clock(4_000_000))

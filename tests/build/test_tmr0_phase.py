@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import checked_cycles, prove
-from servogen.build.proof import START_FRAMES
+from servogen.build import checked_cycles, judge_edges
+from servogen.build.verification import START_FRAMES
 from servogen.cli.files import read_image
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import machine_of
@@ -47,8 +47,8 @@ def test_the_pulses_of_a_jobs_firmware_are_the_schedules_at_every_phase(folder: 
         program = read_image(hex_file)
         for phase in PHASES if hex_file.name == "main.hex" else PHASES[-1:]:
             span = checked_cycles(schedule)
-            verdict = prove(schedule, edges(schedule, program, span, phase), span)
-            assert verdict.proven, (hex_file.name, phase, verdict.reasons)
+            verdict = judge_edges(schedule, edges(schedule, program, span, phase), span)
+            assert verdict.passed, (hex_file.name, phase, verdict.reasons)
 
 
 REWRITTEN = """

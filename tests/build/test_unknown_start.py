@@ -1,4 +1,4 @@
-"""A job whose program reads what has no value at power-up is not proven, whatever command asks.
+"""A job whose program reads what has no value at power-up is not exact, whatever command asks.
 
 The compiler's own programs read no such thing, so each test puts in front of one a skip that depends on a
 byte of RAM which was never written. The pulses are the schedule's all the same.
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from servogen.build import PlayedJob, checked_cycles, planned
-from servogen.build.build import proven
+from servogen.build.build import judged
 from servogen.engines.firmware import Firmware
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, to_hex
@@ -45,8 +45,8 @@ def behind_a_skip(firmware: Firmware) -> Firmware:
 
 
 def claims(text: str) -> list[str]:
-    """Return the lines that say "proven" otherwise than as "not proven"."""
-    return [line for line in text.splitlines() if re.search(r"(?<!not )\bproven\b", line, re.IGNORECASE)]
+    """Return the lines that say "exact" otherwise than as "not exact"."""
+    return [line for line in text.splitlines() if re.search(r"(?<!not )\bexact\b", line, re.IGNORECASE)]
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def unknown_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return replace(found, make=lambda dialect: behind_a_skip(found.make(dialect)))
 
     with monkeypatch.context() as patched:
-        patched.setattr(import_module(proven.__module__), "planned", behind_skips)
+        patched.setattr(import_module(judged.__module__), "planned", behind_skips)
         yield
 
 
@@ -66,35 +66,35 @@ def test_the_proof_that_build_demo_and_report_share_finds_it() -> None:
     found = planned(plan_job(load(JOB)))
     schedule, firmware = found.plan.schedule, found.make("c2c")
     span = checked_cycles(schedule)
-    assert proven(schedule, firmware, span).proven
-    program = proven(schedule, behind_a_skip(firmware), span)
+    assert judged(schedule, firmware, span).exact
+    program = judged(schedule, behind_a_skip(firmware), span)
     assert program.verdict.edges_agree
-    assert not program.proven
+    assert not program.exact
     assert "RAM 0x4F" in program.verdict.reasons[0]
 
 
 def test_a_claim_is_recognised() -> None:
-    assert claims("a: proven\nb: NOT PROVEN\nc: not proven\nall frames proven") == [
-        "a: proven",
-        "all frames proven",
+    assert claims("a: exact\nb: NOT EXACT\nc: not exact\nall frames exact") == [
+        "a: exact",
+        "all frames exact",
     ]
 
 
 def test_build_says_so(run: Run, tmp_path: Path, unknown_start: None) -> None:  # noqa: F811
     ran = run("build", JOB, "--output", tmp_path)
     assert ran.code == 1
-    assert "NOT PROVEN" in ran.out
+    assert "NOT EXACT" in ran.out
     assert claims(ran.out + (tmp_path / "report.txt").read_text()) == []
     ran = run("build", JOB, "--output", tmp_path, "--json")
     said = json.loads(ran.out)
-    assert (ran.code, said["proven"]) == (1, False)
-    assert [program["proven"] for program in said["programs"]] == [False] * 3
+    assert (ran.code, said["exact"]) == (1, False)
+    assert [program["exact"] for program in said["programs"]] == [False] * 3
 
 
 def test_demo_says_so(run: Run, tmp_path: Path, unknown_start: None) -> None:  # noqa: F811
     ran = run("demo", JOB, "--output", tmp_path)
     assert ran.code == 1
-    assert "NOT PROVEN" in ran.out
+    assert "NOT EXACT" in ran.out
     assert claims(ran.out) == []
 
 
@@ -102,10 +102,10 @@ def test_report_says_so(run: Run, tmp_path: Path, unknown_start: None) -> None: 
     page = tmp_path / "page.html"
     ran = run("report", JOB, "--output", page)
     assert ran.code == 1
-    assert "NOT PROVEN" in ran.out
+    assert "NOT EXACT" in ran.out
     words = re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>", "\n", page.read_text(), flags=re.DOTALL)
     assert claims(ran.out + words) == []
-    assert "NOT proven" in words
+    assert "NOT exact" in words
 
 
 @pytest.mark.parametrize("json_too", [(), ("--json",)])
@@ -119,9 +119,9 @@ def test_tune_says_so(run: Run, tmp_path: Path, json_too: tuple[str, ...]) -> No
     assert list(tmp_path.iterdir()) == [theirs]
     if json_too:
         said = json.loads(ran.out)
-        assert (said["proven"], said["verdict"]["proven"], said["next_c"]) == (False, False, None)
+        assert (said["exact"], said["verdict"]["exact"], said["next_c"]) == (False, False, None)
     else:
-        assert "NOT proven" in ran.out
+        assert "NOT exact" in ran.out
         assert claims(ran.out) == []
 
 

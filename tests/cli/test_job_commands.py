@@ -94,7 +94,7 @@ def test_examples_of_widths_have_a_column_of_their_own(tables: Tables) -> None:
     ]
 
 
-def built(name: str = "arm", proven: bool = True, warnings: int = 0) -> Any:
+def built(name: str = "arm", exact: bool = True, warnings: int = 0) -> Any:
     """A build of two programs."""
     programs = [
         SimpleNamespace(
@@ -102,11 +102,11 @@ def built(name: str = "arm", proven: bool = True, warnings: int = 0) -> Any:
                 dialect=dialect, compilation=SimpleNamespace(words=words, ram_bytes=ram, image=None)
             ),
             verdict=SimpleNamespace(worst_edge_error=error, plan_error=plan),
-            proven=fine,
+            exact=fine,
         )
         for dialect, words, ram, error, plan, fine in (
             ("c2c", 200, 8, 0, PlanError(0.25), True),
-            ("xc8", 1024, 68, 3, None, proven),
+            ("xc8", 1024, 68, 3, None, exact),
         )
     ]
     schedule = SimpleNamespace(plan_error=PlanError(0.25))
@@ -115,7 +115,7 @@ def built(name: str = "arm", proven: bool = True, warnings: int = 0) -> Any:
         engine="sequence",
         frames=30,
         programs=programs,
-        proven=proven,
+        exact=exact,
         plan=SimpleNamespace(widths=(), schedule=schedule),
         warnings=tuple(Diagnostic("warning", "w", f"warning {number}") for number in range(warnings)),
         to_json=lambda: {"job": name},
@@ -125,14 +125,14 @@ def built(name: str = "arm", proven: bool = True, warnings: int = 0) -> Any:
 PROGRAM_COLUMNS = ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames")
 PROGRAM_COLUMNS += ("worst edge error", "from the plan", "verdict")
 ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
-    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "proven"),
-    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT PROVEN"),
+    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "exact"),
+    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT EXACT"),
 ]
 
 
 def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
-    job_commands._program_table([built(proven=False)])
-    job_commands._program_table([built(proven=False)], ["valid", "refused"])
+    job_commands._program_table([built(exact=False)])
+    job_commands._program_table([built(exact=False)], ["valid", "refused"])
     certified = [(*ROWS[0], "valid"), (*ROWS[1], "refused")]
     assert tables == [
         ("Programs", PROGRAM_COLUMNS, ROWS),
@@ -158,18 +158,18 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return results
 
 
-@pytest.mark.parametrize(("proven", "code", "word"), [(True, 0, "proven"), (False, 1, "NOT PROVEN")])
+@pytest.mark.parametrize(("exact", "code", "word"), [(True, 0, "exact"), (False, 1, "NOT EXACT")])
 def test_demo_prints_one_table_and_the_warnings_of_each_job(
-    run: Run, building: dict[str, Any], tables: Tables, proven: bool, code: int, word: str
+    run: Run, building: dict[str, Any], tables: Tables, exact: bool, code: int, word: str
 ) -> None:
-    building["build"] = lambda job: built(job.name, proven, {"a": 0, "b": 1, "c": 2}[job.name])
+    building["build"] = lambda job: built(job.name, exact, {"a": 0, "b": 1, "c": 2}[job.name])
     ran = run("demo", "a.toml", "b.toml", "c.toml")
     assert ran.code == code
     assert ran.out.splitlines() == ["b: 1 warning in its report.txt", "c: 2 warnings in its report.txt"]
     assert building["written"] == [Path("build", name) for name in "abc"]
     (programs,) = tables
     assert [row[0] for row in programs[2]] == ["a", "a", "b", "b", "c", "c"]
-    assert [row[-1] for row in programs[2]] == ["proven", word] * 3
+    assert [row[-1] for row in programs[2]] == ["exact", word] * 3
     shown = json.loads(run("demo", "b.toml", "c.toml", "-o", "other", "--json").out)
     assert shown["jobs"] == [{"folder": f"other/{name}", "job": name} for name in "bc"]
     assert [each["message"] for each in shown["diagnostics"]] == ["warning 0", "warning 1"]
@@ -284,18 +284,18 @@ def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
 def page(**others: Any) -> Any:
     given = {
         "html": "<html>",
-        "programs_proven": True,
+        "programs_exact": True,
         "not_built": None,
         "plan_error": PlanError(0.25),
         "capture": None,
         "twin": None,
-        "to_json": lambda: {"proven": True},
+        "to_json": lambda: {"exact": True},
     }
     return SimpleNamespace(**{**given, **others})
 
 
 PLAN = "the schedule is within 0.25 µs of the plan"
-TWIN = [f"a.html: proven; {PLAN}", "twin: as planned", "a reason"]
+TWIN = [f"a.html: exact; {PLAN}", "twin: as planned", "a reason"]
 UNFIT = Diagnostic("warning", "does-not-fit", "no engine can hold it")
 
 
@@ -310,10 +310,10 @@ def physics(passed: bool) -> Any:
 @pytest.mark.parametrize(
     ("found", "words", "code", "lines"),
     [
-        (page(), (), 0, [f"a.html: proven; {PLAN}"]),
-        (page(programs_proven=False), (), 1, [f"a.html: NOT PROVEN; {PLAN}"]),
+        (page(), (), 0, [f"a.html: exact; {PLAN}"]),
+        (page(programs_exact=False), (), 1, [f"a.html: NOT EXACT; {PLAN}"]),
         (
-            page(programs_proven=False, not_built=UNFIT),
+            page(programs_exact=False, not_built=UNFIT),
             (),
             0,
             ["no engine can hold it", f"a.html: the plan; {PLAN}"],
@@ -322,25 +322,25 @@ def physics(passed: bool) -> Any:
             page(capture=seen(True, True)),
             ("--capture", "run.vcd"),
             0,
-            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+            [f"a.html: programs exact; {PLAN}", "run.vcd: first"],
         ),
         (
             page(capture=seen(False, True)),
             ("--capture", "run.vcd"),
             1,
-            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+            [f"a.html: programs exact; {PLAN}", "run.vcd: first"],
         ),
         (
             page(capture=seen(False, True)),
             ("--capture", "run.vcd", "--partial", "--rate", 5),
             0,
-            [f"a.html: programs proven; {PLAN}", "run.vcd: first"],
+            [f"a.html: programs exact; {PLAN}", "run.vcd: first"],
         ),
         (
-            page(capture=seen(True, True), programs_proven=False),
+            page(capture=seen(True, True), programs_exact=False),
             ("--capture", "run.vcd"),
             1,
-            [f"a.html: programs NOT PROVEN; {PLAN}", "run.vcd: first"],
+            [f"a.html: programs NOT EXACT; {PLAN}", "run.vcd: first"],
         ),
         (
             page(twin=physics(True)),
@@ -378,7 +378,7 @@ def test_report_says_what_its_page_shows(
     shown = run("report", "jobs/a.toml", *words, "-o", "b.html", "--json")
     found_json = json.loads(shown.out)
     assert (shown.code, len(shown.out.splitlines())) == (code, 1)
-    assert (found_json["file"], found_json["proven"]) == ("b.html", True)
+    assert (found_json["file"], found_json["exact"]) == ("b.html", True)
     assert [each["code"] for each in found_json["diagnostics"]] == ["does-not-fit"] * bool(found.not_built)
     capture = Path("run.vcd") if "--capture" in words else None
     assert asked == [(capture, 5 if "--rate" in words else None, "--twin" in words)] * 2
@@ -421,10 +421,10 @@ def tuning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any]) -> dict[st
     return seen
 
 
-def tuned(source: str, proven: bool) -> Any:
+def tuned(source: str, exact: bool) -> Any:
     added = [SimpleNamespace(path="A to B", theirs=7, ours=5)]
     return SimpleNamespace(
-        source=source, added=added, verdict=SimpleNamespace(proven=proven), to_json=lambda: {"proven": proven}
+        source=source, added=added, verdict=SimpleNamespace(passed=exact), to_json=lambda: {"exact": exact}
     )
 
 
@@ -451,16 +451,16 @@ def test_tune_as_json_names_the_next_c_if_there_is_one(
     run: Run, tuning: dict[str, Any], tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for source, proven, following in (("int x;\n", False, "next.c"), ("", True, None)):
-        tuning["result"] = tuned(source, proven)
+    for source, exact, following in (("int x;\n", False, "next.c"), ("", True, None)):
+        tuning["result"] = tuned(source, exact)
         ran = run("tune", "a.toml", "--hex", "other.hex", "-o", "next.c", "--json")
-        assert ran.code == (0 if proven else 1)
+        assert ran.code == (0 if exact else 1)
         assert json.loads(ran.out) == {
             "diagnostics": [],
             "job": "arm",
             "dialect": "xc8",
             "next_c": following,
-            "proven": proven,
+            "exact": exact,
         }
     assert tables == []
 
@@ -503,20 +503,20 @@ def test_check_ends_with_the_number_of_servos_the_loop_and_the_error(run: Run, t
     assert len(tables) == 1
 
 
-@pytest.mark.parametrize(("proven", "code", "word"), [(True, 0, "proven"), (False, 1, "NOT PROVEN")])
+@pytest.mark.parametrize(("exact", "code", "word"), [(True, 0, "exact"), (False, 1, "NOT EXACT")])
 def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
     run: Run,
     building: dict[str, Any],
     tables: Tables,
     monkeypatch: pytest.MonkeyPatch,
-    proven: bool,
+    exact: bool,
     code: int,
     word: str,
 ) -> None:
     """In build/ and the job's name unless told otherwise."""
     monkeypatch.setattr(import_module("servogen.build.build"), "program_facts", lambda result: ())
     monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
-    building["build"] = lambda job: built(job.name, proven, 2)
+    building["build"] = lambda job: built(job.name, exact, 2)
     ran = run("build", "jobs/a.toml")
     assert (ran.code, ran.out.splitlines()) == (
         code,

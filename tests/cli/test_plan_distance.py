@@ -21,7 +21,7 @@ def test_a_walk_that_is_proven_says_how_many_degrees_it_is_off(run: Run) -> None
     ran = run("verify", TURN / "main.hex", "--against", TURN / "schedule.json")
     assert ran.code == 0
     first = ran.out.splitlines()[0]
-    assert first.startswith("proven: ")
+    assert first.startswith("exact: ")
     assert first.endswith(
         "0 cycles from the schedule; "
         "the schedule is within 2.126 µs, 0.765°, 0.902 mm at the foot R1 of the plan"

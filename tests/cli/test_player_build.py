@@ -23,7 +23,7 @@ def test_build_says_what_is_left_and_that_the_c_never_came_too_late(run: Run, tm
         made = program.firmware.compilation
         assert told["words"] + told["words_left"] == 1024 and told["words"] == made.words
         assert told["ram_bytes"] + told["ram_left"] == 68
-        assert told["overrun_cycle"] is None and told["proven"]
+        assert told["overrun_cycle"] is None and told["exact"]
         assert [room["between"] for room in told["c_between_pulses"]] == ["two slots", "two frames"]
         for room in told["c_between_pulses"]:
             assert room["worst_cycles"] + room["left_cycles"] == room["room_cycles"]

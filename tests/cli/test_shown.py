@@ -85,14 +85,14 @@ def test_what_is_no_number_is_named_as_it_was_typed(text: str, kind: str) -> Non
     assert number("-5") == -5
 
 
-@pytest.mark.parametrize("proven", [True, False])
+@pytest.mark.parametrize("exact", [True, False])
 def test_the_exit_code_of_build_is_its_verdict(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, proven: bool
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exact: bool
 ) -> None:
-    monkeypatch.setattr(Build, "proven", property(lambda _: proven))
+    monkeypatch.setattr(Build, "exact", property(lambda _: exact))
     ran = run("build", JOBS / "lab8-exercise.toml", "--output", tmp_path / "out")
-    assert ran.code == (0 if proven else 1)
-    assert f"{tmp_path / 'out'}: {'proven' if proven else 'NOT PROVEN'};" in ran.out
+    assert ran.code == (0 if exact else 1)
+    assert f"{tmp_path / 'out'}: {'exact' if exact else 'NOT EXACT'};" in ran.out
 
 
 def test_the_log_is_shown_once_however_many_commands_a_process_runs(run: Run) -> None:

@@ -160,13 +160,13 @@ def test_a_profile_adds_up(run: Run, square: Path, tmp_path: Path) -> None:
 def test_verify_takes_every_kind_of_file_that_a_build_makes(run: Run, lab8: Path) -> None:
     for name in ("main.hex", "main.xc8.hex", "main.c2c.c", "main.xc8.c", "edges.csv", "main.vcd"):
         ran = run("verify", lab8 / name, "--against", lab8 / "schedule.json")
-        assert ran.code == 0 and ran.out.startswith("proven"), (name, ran)
+        assert ran.code == 0 and ran.out.startswith("exact"), (name, ran)
 
 
 def test_verify_says_no_to_another_jobs_hex_with_exit_code_1(run: Run, square: Path, lab8: Path) -> None:
     ran = run("verify", square, "--against", lab8 / "schedule.json", "--json")
     assert ran.code == 1
-    assert json.loads(ran.out)["proven"] is False
+    assert json.loads(ran.out)["exact"] is False
 
 
 def test_a_torn_edge_file_is_not_proven(run: Run, lab8: Path, tmp_path: Path) -> None:
@@ -186,7 +186,7 @@ def test_an_edge_file_of_one_round_is_held_to_one_round(run: Run, lab8: Path, tm
 def test_the_exercise_is_proven_for_all_time(run: Run, lab8: Path) -> None:
     ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--forever")
     assert ran.code == 0
-    assert ran.out.startswith("proven for all time: lead-in ")
+    assert ran.out.startswith("exact for all time from this start: lead-in ")
     assert "loop 500 frames" in ran.out
 
 
@@ -198,7 +198,7 @@ def test_edges_cannot_be_proven_for_all_time(run: Run, lab8: Path) -> None:
 def test_a_repeat_beyond_reach_is_no_proof_and_says_what_was_covered(run: Run, lab8: Path) -> None:
     ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--forever", "--seconds", 5)
     assert ran.code == 1
-    assert "NOT proven for all time" in ran.out and "covered" in ran.out
+    assert "NOT exact for all time" in ran.out and "covered" in ran.out
 
 
 def test_measuring_the_printed_programs(run: Run) -> None:

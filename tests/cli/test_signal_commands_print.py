@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from servogen import build, traces, verify
-from servogen.build import measured_schedule, proof, signals
+from servogen.build import measured_schedule, signals, verification
 from servogen.cli import signal_commands
 from servogen.errors import Diagnostic
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
@@ -33,7 +33,7 @@ def judged(whole: bool = True, partly: bool = True, **others: Any) -> Any:
     """A verdict that is accepted so, with a warning."""
     return SimpleNamespace(
         accepted=lambda partial: partly if partial else whole,
-        to_json=lambda: {"proven": whole},
+        to_json=lambda: {"exact": whole},
         warnings=(Diagnostic("warning", "w", "a warning"),),
         **others,
     )
@@ -54,12 +54,14 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     program = SimpleNamespace(image="image", listing="listing")
     monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
     monkeypatch.setattr(signals, "program_for", noted("program", lambda: program))
-    monkeypatch.setattr(build, "prove_image", noted("image", lambda: found["verdict"]))
-    monkeypatch.setattr(build, "prove_file", noted("file", lambda: found["verdict"]))
+    monkeypatch.setattr(build, "judge_image", noted("image", lambda: found["verdict"]))
+    monkeypatch.setattr(build, "judge_file", noted("file", lambda: found["verdict"]))
     monkeypatch.setattr(
-        proof, "hidden_by", lambda file, clock, wires: ("what it hides",) if file.suffix == ".vcd" else ()
+        verification,
+        "hidden_by",
+        lambda file, clock, wires: ("what it hides",) if file.suffix == ".vcd" else (),
     )
-    monkeypatch.setattr(proof, "prove_capture", noted("capture", lambda: found["verdict"]))
+    monkeypatch.setattr(verification, "judge_capture", noted("capture", lambda: found["verdict"]))
     monkeypatch.setattr(captures, "read_capture", noted("read", lambda: "recorded"))
     monkeypatch.setattr(captures, "sampled_at", noted("sampled", lambda: "resampled"))
     monkeypatch.setattr(captures, "is_capture", lambda file: Path(file).suffix == ".sr")
@@ -67,10 +69,10 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     monkeypatch.setattr(verify, "verdict_lines", lambda verdict: ["line 1", "line 2"])
     monkeypatch.setattr(verify, "capture_lines", lambda verdict: ["capture 1", "capture 2"])
     forever = SimpleNamespace(
-        proven=True, text=lambda: "it repeats", verdict=judged(), to_json=lambda: {"forever": True}
+        passed=True, text=lambda: "it repeats", verdict=judged(), to_json=lambda: {"forever": True}
     )
     found["forever_answer"] = forever
-    monkeypatch.setattr(proof, "prove_forever", noted("forever", lambda: forever))
+    monkeypatch.setattr(verification, "judge_forever", noted("forever", lambda: forever))
     monkeypatch.chdir(tmp_path)
     return found
 
@@ -100,7 +102,7 @@ def test_the_exit_code_of_verify_is_its_verdict(
     assert (ran.code, ran.out) == (code, f"{lines} 1\n{lines} 2\n")
     shown = run("verify", file, "--against", "s.json", *option, "--json")
     found = json.loads(shown.out)
-    assert (shown.code, found["proven"]) == (code, whole)
+    assert (shown.code, found["exact"]) == (code, whole)
     assert len(found["diagnostics"]) == (0 if lines == "capture" else 1)
 
 
@@ -134,7 +136,7 @@ def test_less_than_a_frame_proves_nothing(
         (("a.sr", "--seconds", 1), "a capture is always compared to its end"),
         (("a.hex", "--rate", 5), "only a capture has a sampling rate"),
         (("a.csv", "--rate", 5), "only a capture has a sampling rate"),
-        (("a.csv", "--forever"), "only a program can be proven for all time, not edges"),
+        (("a.csv", "--forever"), "only a program has a state that repeats for all time, not edges"),
         (("a.csv", "--device", "PIC16F84"), "a.csv"),
         (("a.csv", "--floating", 1), "a.csv"),
         (("a.sr", "--power-up"), "a.sr"),
@@ -156,12 +158,12 @@ def test_a_capture_is_resampled_only_if_a_rate_is_given(run: Command, seen: dict
     assert (seen["capture"], seen["sampled"]) == ((SCHEDULE, "resampled"), ("recorded", 5000))
 
 
-@pytest.mark.parametrize(("proven", "code"), [(True, 0), (False, 1)])
+@pytest.mark.parametrize(("exact", "code"), [(True, 0), (False, 1)])
 def test_a_repeat_is_looked_for_in_three_hours_or_the_time_given(
-    run: Command, seen: dict[str, Any], proven: bool, code: int
+    run: Command, seen: dict[str, Any], exact: bool, code: int
 ) -> None:
     """Three hours are 10,800 s of a million cycles."""
-    seen["forever_answer"].proven = proven
+    seen["forever_answer"].passed = exact
     ran = run("verify", "a.hex", "--against", "s.json", "--forever")
     assert (ran.code, ran.out) == (code, "it repeats\nline 1\nline 2\n")
     schedule, image, limit, listing, board = seen["forever"]

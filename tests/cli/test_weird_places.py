@@ -60,7 +60,7 @@ def test_several_jobs_are_read_before_the_first_is_built(run: Run, tmp_path: Pat
 def test_several_jobs_as_json(run: Run, tmp_path: Path) -> None:
     ran = run("demo", JOB, "-o", tmp_path / "out", "--json")
     told = json.loads(ran.out)
-    assert [(job["job"], job["proven"]) for job in told["jobs"]] == [("lab9-program", True)]
+    assert [(job["job"], job["exact"]) for job in told["jobs"]] == [("lab9-program", True)]
     assert not [each for each in told["diagnostics"] if each["severity"] == "error"]
 
 

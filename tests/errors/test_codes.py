@@ -121,7 +121,7 @@ def test_nothing_looks_at_the_text_of_a_message() -> None:
 
 
 def test_the_simulators_first_codes_are_those_that_no_proof_may_have() -> None:
-    """The page says of its table that a program with one of the first so many codes is not proven."""
+    """The page says of its table that a program with one of the first so many codes is not exact."""
     section = DOCS.read_text("utf-8").partition("## Simulator")[2].partition("\n## ")[0]
     said = re.search(r"A warning with one of the first (\w+) codes means that another chip", section)
     assert said

@@ -211,7 +211,7 @@ def test_a_rovers_contour_is_planned_drawn_and_proven(folder: Path) -> None:
         assert np.hypot(x - corner[0], y - corner[1]).min() < 1e-6
     ran(folder, "build", "rover-job.toml", "--output", "out")
     report = (folder / "out" / "report.txt").read_text()
-    assert "proven: compared" in report
+    assert "exact: compared" in report
     assert "at the base of the plan" in report
     # 200 mm at up to 60 mm/s are 167 frames of 20 ms; 59.88 mm/s on wheels of 30 mm are 114.36°/s, and the
     # servo's width is 1500 µs at rest and 200 µs more at 300°/s: 1576.2 µs, in whole cycles 1576, both wheels

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from servogen.build import planned
-from servogen.build.proof import prove_forever
+from servogen.build.verification import judge_forever
 from servogen.edges import PINS, EdgeChunk
 from servogen.engines.firmware import Firmware
 from servogen.job import loads, plan_job
@@ -180,7 +180,7 @@ def test_a_schedule_without_pulses_is_followed_by_a_program_without_pulses() -> 
     assert found.proven, found.counterexample or found.reason
     trimmed = prove_for_all(silent, nothing, Quantifiers(any_eeprom=True))
     assert trimmed.reason == "any EEPROM: the schedule has no pulses"
-    forever = prove_forever(nothing, silent, Cycles(100_000))
+    forever = judge_forever(nothing, silent, Cycles(100_000))
     assert forever.verdict.proven and not forever.proven
     for body in (RELEASED, "        nop\n" * 300 + "        bsf PORTB, 1\nstop    goto stop\n"):
         pulsing = assembled(body)

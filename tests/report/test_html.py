@@ -99,9 +99,9 @@ def test_the_same_job_gives_the_same_page(page: ReportPage, tmp_path: Path) -> N
     assert str(tmp_path) not in page.html
 
 
-def test_the_page_says_what_was_proven(page: ReportPage) -> None:
-    assert page.proven
-    assert "every edge proven" in page.html
+def test_the_page_says_what_is_exact(page: ReportPage) -> None:
+    assert page.programs_exact
+    assert "every edge exact" in page.html
     assert (
         "Compared 30 frames, 0.6 s, 600000 cycles, on all 13 pins" in page.html
     )  # three loops of ten frames
@@ -207,7 +207,7 @@ def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: 
     job = tmp_path / "job.toml"
     job.write_text(JOB.split("[motion]")[0] + f'[stream]\nfail_safe = "{fail_safe}"\n')
     made = page_of(plan_job(load(job)))
-    assert made.proven
+    assert made.programs_exact
     assert "serial line in, 2400 baud" in made.html
     rows = data_of(made.html)["rows"]
     assert set(rows[0]["width"]) == {1500}  # type: ignore[index]
@@ -219,8 +219,8 @@ def test_names_cannot_break_the_page(tmp_path: Path) -> None:
     assert "a&lt;script&gt;b" in html
 
 
-@pytest.mark.parametrize(("width", "proven"), [(1500, True), (1502, False)])
-def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width: int, proven: bool) -> None:
+@pytest.mark.parametrize(("width", "exact"), [(1500, True), (1502, False)])
+def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width: int, exact: bool) -> None:
     """A capture of 1 sample a µs that begins in the middle of frame 3: 1000, 1000, then 1500 five times."""
     rises = np.arange(7) * 20_000 + 15_000
     falls = rises + np.array([1000, 1000, 1500, 1500, width, 1500, 1500])
@@ -231,9 +231,9 @@ def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width
         writer.add(chunk)
         writer.finish(Cycles(150_000))
     page = page_of(plan_job(load(job_file(tmp_path))), path)
-    assert page.proven is proven
-    assert ("proven within tolerances" in page.html) is proven
-    assert (">every edge proven<" in page.html) is proven, "the head does not say more than the capture shows"
+    assert page.capture is not None and page.capture.passed is exact
+    assert ("agrees" in page.html) is exact
+    assert (">every edge exact<" in page.html) is exact, "the head does not say more than the capture shows"
     planned, _, captured = data_of(page.html)["rows"]  # type: ignore[misc]
     assert captured["rise"] == pytest.approx(planned["rise"][3:], abs=1)
     assert captured["width"] == pytest.approx([1000, 1000, 1500, 1500, width, 1500, 1500], abs=0.2)
@@ -291,7 +291,7 @@ def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
 
 
 @pytest.mark.parametrize(
-    ("proven", "overrun", "said"),
+    ("exact", "overrun", "said"),
     [
         (False, Overrun(Cycles(20_000)), ["wrong", "overrun: by cycle 20000 after reset (20000 µs)"]),
         (False, None, ["wrong"]),  # the engine keeps no such bit
@@ -299,17 +299,17 @@ def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
     ],
 )
 def test_a_program_that_is_not_proven_says_why_and_when_it_was_late(
-    proven: bool, overrun: Overrun | None, said: list[str]
+    exact: bool, overrun: Overrun | None, said: list[str]
 ) -> None:
     verdict: Any = SimpleNamespace(
-        proven=proven,
+        passed=exact,
         clock=Clock(4_000_000),
         span=SimpleNamespace(frames=2, compared=Cycles(40_000)),
         plan_error=None,
-        start=Cycles(12_000) if proven else None,
-        reasons=() if proven else ("wrong",),
+        start=Cycles(12_000) if exact else None,
+        reasons=() if exact else ("wrong",),
         channels=(),
     )
     facts = ProgramFacts("c2c", "main.c", "main.hex", 100, 20, verdict, (), overrun)
-    assert program_values(facts)["start"] == ("12000 µs after reset" if proven else None)
+    assert program_values(facts)["start"] == ("12000 µs after reset" if exact else None)
     assert list(program_values(facts)["reasons"]) == said  # type: ignore[call-overload]

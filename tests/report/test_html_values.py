@@ -50,9 +50,9 @@ def facts() -> PageFacts:
     return PageFacts(*planned(), ())
 
 
-def verdict(proven: bool = True, **others: Any) -> Any:
+def verdict(exact: bool = True, **others: Any) -> Any:
     given = {
-        "proven": proven,
+        "passed": exact,
         "clock": Clock(8_000_000),
         "span": SimpleNamespace(frames=30, compared=Cycles(1_200_000)),
         "plan_error": None,
@@ -64,12 +64,12 @@ def verdict(proven: bool = True, **others: Any) -> Any:
     return SimpleNamespace(**{**given, **others})
 
 
-def program(proven: bool = True, **others: Any) -> ProgramFacts:
-    return ProgramFacts("xc8", "main.c", "main.xc8.hex", 256, 17, verdict(proven, **others))
+def program(exact: bool = True, **others: Any) -> ProgramFacts:
+    return ProgramFacts("xc8", "main.c", "main.xc8.hex", 256, 17, verdict(exact, **others))
 
 
-def capture(proven: bool, agrees: bool, **others: Any) -> CaptureFacts:
-    found: Any = SimpleNamespace(proven=proven, agrees=agrees, word="partly proven", reasons=(), **others)
+def capture(exact: bool, agrees: bool, **others: Any) -> CaptureFacts:
+    found: Any = SimpleNamespace(passed=exact, agrees=agrees, word="agrees in part", reasons=(), **others)
     return CaptureFacts("run.vcd", Any, found)  # type: ignore[arg-type]
 
 
@@ -77,13 +77,13 @@ def capture(proven: bool, agrees: bool, **others: Any) -> CaptureFacts:
     ("programs", "captured", "state"),
     [
         ((), None, ("open", "planned, not built")),
-        ((program(False),), None, ("bad", "NOT proven")),
-        ((program(), program(False)), None, ("bad", "NOT proven")),
-        ((program(False),), capture(True, True), ("bad", "NOT proven")),
-        ((program(),), None, ("good", "every edge proven")),
-        ((program(),), capture(True, True), ("good", "every edge proven")),
-        ((program(),), capture(False, True), ("open", "program proven, capture partly proven")),
-        ((program(),), capture(False, False), ("bad", "program proven, capture NOT")),
+        ((program(False),), None, ("bad", "NOT exact")),
+        ((program(), program(False)), None, ("bad", "NOT exact")),
+        ((program(False),), capture(True, True), ("bad", "NOT exact")),
+        ((program(),), None, ("good", "every edge exact")),
+        ((program(),), capture(True, True), ("good", "every edge exact")),
+        ((program(),), capture(False, True), ("open", "program exact, capture agrees in part")),
+        ((program(),), capture(False, False), ("bad", "program exact, capture does NOT agree")),
     ],
 )
 def test_the_badge_says_no_more_than_was_proven(
@@ -259,7 +259,7 @@ def test_a_program_has_its_size_its_times_and_its_channels() -> None:
     assert shown["facts"] == (
         "xc8, 256 words, 17 bytes of RAM, the C between the pulses at most 120 of 500 cycles"
     )
-    assert (shown["proven"], shown["start"], shown["reasons"]) == (True, "12500 µs after reset", ("late",))
+    assert (shown["exact"], shown["start"], shown["reasons"]) == (True, "12500 µs after reset", ("late",))
     assert shown["span"] == "30 frames, 0.6 s, 1200000 cycles, on all 13 pins; no plan to compare with"
     assert shown["rows"] == [
         ("arm", "RB3", "29 of 30", "1", "2", "-4", "0", "+5"),
@@ -269,7 +269,7 @@ def test_a_program_has_its_size_its_times_and_its_channels() -> None:
     assert (html.program_values(never)["start"], html.program_values(never)["reasons"]) == (None, ())
     late = replace(program(), overrun=Overrun(Cycles(300)))
     assert html.program_values(late)["reasons"] == ("overrun: by cycle 300 after reset (150 µs)",)
-    assert html.program_values(late)["proven"] is False
+    assert html.program_values(late)["exact"] is False
 
 
 def test_a_capture_has_its_channels_in_microseconds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,12 +285,12 @@ def test_a_capture_has_its_channels_in_microseconds(monkeypatch: pytest.MonkeyPa
         ("arm", PINS[0], "7 of 8", "-0.250", "+0.125", "20000.13", "0.062"),
         ("hand", PINS[1], "not connected", "-0.250", "+0.125", "–", "0.062"),
     ]
-    for proven, agrees, badge, word in (
-        (True, True, "good", "partly proven"),
-        (False, True, "open", "partly proven"),
-        (False, False, "bad", "NOT proven"),
+    for exact, agrees, badge, word in (
+        (True, True, "good", "agrees in part"),
+        (False, True, "open", "agrees in part"),
+        (False, False, "bad", "does NOT agree"),
     ):
-        assert html.capture_values(capture(proven, agrees, channels=channels)) == {
+        assert html.capture_values(capture(exact, agrees, channels=channels)) == {
             "name": "run.vcd",
             "badge": badge,
             "word": word,

@@ -20,7 +20,7 @@ CLOCK = Clock(8_000_000)  # a cycle is half a microsecond
 
 
 def program(*budgets: TimingBudget, **others: Any) -> ProgramFacts:
-    verdict: Any = SimpleNamespace(proven=True)
+    verdict: Any = SimpleNamespace(passed=True)
     return ProgramFacts("c2c", "main.c", "main.hex", 200, 8, verdict, budgets, **others)
 
 
@@ -155,9 +155,9 @@ def test_a_script_in_the_eeprom_is_said(eeprom: bool) -> None:
 
 
 def test_a_program_is_proven_if_it_was_never_late() -> None:
-    assert program().proven
-    assert program(overrun=Overrun(None)).proven
-    assert not program(overrun=Overrun(Cycles(0))).proven
+    assert program().exact
+    assert program(overrun=Overrun(None)).exact
+    assert not program(overrun=Overrun(Cycles(0))).exact
 
 
 def test_warnings_are_sentences_without_folders() -> None:

@@ -85,7 +85,7 @@ def test_a_proven_program_passes_and_the_report_says_what_was_measured(project: 
     assert found["servogen_target"] == "sim"
     assert found["servogen_program"] == "job/main.hex"
     assert found["servogen_source"] == "the simulated chip"
-    assert found["servogen_verdict"] == "proven"
+    assert found["servogen_verdict"] == "exact"
     assert found["servogen_frames"] == "1500"  # three loops of 500 frames
     assert found["servogen_plan_error"] == "0.333 µs, 0.06°"
     assert found["servogen_RB0_worst_width_error_cycles"] == "0"
@@ -98,7 +98,7 @@ def test_a_wrong_program_fails_with_the_verdict_and_its_capture(project: pytest.
     result.stdout.fnmatch_lines(
         [
             "*the pulses seen on the simulated chip are not the schedule's*",
-            "*NOT proven: compared*; the schedule is within 0.333 µs, 0.06° of the plan",
+            "*NOT exact: compared*; the schedule is within 0.333 µs, 0.06° of the plan",
             "*RB0 arm:*",
             "*servogen-captures/test_firmware-test_arm.vcd: what was seen on the simulated chip*",
         ]
@@ -213,7 +213,7 @@ def test_a_wrong_program_is_programmed_and_fails_with_its_capture(
     )
     found = properties(project.path / "report.xml")
     assert found["servogen_capture"] == str(capture)
-    assert found["servogen_verdict"] == "not proven"
+    assert found["servogen_verdict"] == "does not agree"
     shutil.copy(capture, project.mkdir("seen") / capture.name)
     run(project, "--servogen-replay=seen").assert_outcomes(failed=1)
 
@@ -256,7 +256,7 @@ def pulses(frames: int) -> list[tuple[int, int, int]]:
 
 
 ONE_SECOND = TEST.replace('"job")', '"job", seconds=1)')
-AGREES = "agrees as far as it was seen"
+AGREES, EXACT = (f"{word} as far as it was seen" for word in ("agrees", "exact"))
 
 
 def test_a_look_that_does_not_show_every_frame_fails_unless_the_test_allows_it(
@@ -265,9 +265,9 @@ def test_a_look_that_does_not_show_every_frame_fails_unless_the_test_allows_it(
     project.makepyfile(test_firmware=ONE_SECOND)
     result = run(project, "--junitxml=report.xml")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines([f"*{AGREES}: 1 of 3 different frames; *"])
+    result.stdout.fnmatch_lines([f"*{EXACT}: 1 of 3 different frames; *"])
     found = properties(project.path / "report.xml")
-    assert found["servogen_verdict"] == AGREES
+    assert found["servogen_verdict"] == EXACT
     assert found["servogen_different_frames"] == "1 of 3 different frames"
     project.makepyfile(
         test_firmware=ONE_SECOND.replace(
@@ -293,7 +293,9 @@ def test_a_recording_of_an_analyser_is_judged_by_the_frames_in_it(
     result = run(project, "--servogen-replay=seen", "--junitxml=report.xml")
     result.assert_outcomes(**{"failed" if frames < 500 else "passed": 1})
     verdict = properties(project.path / "report.xml")["servogen_verdict"]
-    assert verdict == (AGREES if frames < 500 else "proven within tolerances")
+    assert verdict == (AGREES if frames < 500 else "agrees")
+    tolerances = properties(project.path / "report.xml")["servogen_tolerances"]
+    assert tolerances == "a sample and 0.1 µs of width, 0.1 µs of period and 0.5 µs of edge"
 
 
 def test_the_bench_needs_its_port(project: pytest.Pytester) -> None:

@@ -14,7 +14,7 @@ import pytest
 from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, SerialAdapter
 from servogen.bench.inputs.wiring import InputWiring
 from servogen.bench.programmers.table import ProgrammingRequest
-from servogen.build.proof import checked_cycles, cycle_of, running
+from servogen.build.verification import checked_cycles, cycle_of, running
 from servogen.edges import EdgeTrace, edge_chunk, join
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.pic.image import Image, read_hex
@@ -327,11 +327,11 @@ def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPa
     class Told(Exception):
         pass
 
-    def prove_file(schedule: object, trace: object, tells_end: bool, hidden: object) -> None:
+    def judge_file(schedule: object, trace: object, tells_end: bool, hidden: object) -> None:
         told.append(tells_end)
         raise Told
 
-    monkeypatch.setattr(targets, "prove_file", prove_file)
+    monkeypatch.setattr(targets, "judge_file", judge_file)
     for file in (Path("a.vcd"), Path("a.VCD"), Path("a.csv"), None):
         with pytest.raises(Told):
             check(SeenPins(shown(), "a recording", file=file), cast(Any, None))
@@ -350,7 +350,7 @@ def test_what_a_recording_does_not_show_is_not_proven(tmp_path: Path) -> None:
         (tmp_path / f"{name}.vcd").write_text(content)
         seen = Replay(tmp_path, name).recording(name, schedule.clock)
         found = check(seen, schedule)
-        assert (found.agrees, found.proven) == (True, not missing)
+        assert (found.agrees, found.passed) == (True, not missing)
         assert seen.hidden == tuple(f"the file has no wire for {pin}" for pin in missing)
 
 
@@ -359,7 +359,7 @@ def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
     width = SimpleNamespace(worst_us=-0.0001)
     channel = SimpleNamespace(pin=RB0, captured=7, width=width, jitter_us=0.25)
     of_all: dict[str, Any] = {
-        "word": "proven",
+        "word": "exact",
         "coverage": SimpleNamespace(words=lambda: "all of 3"),
         "duration_us": 2_500_000.0,
         "frames": 125,
@@ -368,7 +368,7 @@ def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
     }
     capture = SimpleNamespace(**of_all, pieces=[1, 2], ppm=179.96)
     assert dict(targets._of_capture(cast(Any, capture))) == {
-        "servogen_verdict": "proven",
+        "servogen_verdict": "exact",
         "servogen_different_frames": "all of 3",
         "servogen_seconds": "2.5",
         "servogen_frames": "125",
@@ -396,7 +396,7 @@ def test_warnings_count_up_to_the_end_of_what_is_compared(monkeypatch: pytest.Mo
         made = SimpleNamespace(
             start=start,
             span=SimpleNamespace(compared=90),
-            proven=True,
+            passed=True,
             agrees=True,
             with_warnings=with_warnings,
         )
@@ -406,10 +406,10 @@ def test_warnings_count_up_to_the_end_of_what_is_compared(monkeypatch: pytest.Mo
         monkeypatch.setattr(targets, name, lambda verdict: ["said"])
     warnings = tuple(Diagnostic("warning", "x", "y", Location(cycle=cycle)) for cycle in (5, 99, 100, 500))
     for start, expected in ((10, [5, 99]), (None, [5, 99, 100, 500])):
-        monkeypatch.setattr(targets, "prove", lambda *given, start=start: verdict(start))
+        monkeypatch.setattr(targets, "judge_edges", lambda *given, start=start: verdict(start))
         found = check(SeenPins(shown(), "the chip", span=Cycles(90), warnings=warnings), cast(Any, None))
         assert counted.pop() == expected
-        assert (found.proven, found.agrees, found.lines, found.properties) == (
+        assert (found.passed, found.agrees, found.lines, found.properties) == (
             True,
             True,
             ("said",),

@@ -1,4 +1,4 @@
-"""A capture of the schedule is proven whatever its phase, crystal and analyser; no other is."""
+"""A capture of the schedule is exact whatever its phase, crystal and analyser; no other is."""
 
 import json
 import re
@@ -103,7 +103,7 @@ def test_the_scheduled_pulses_are_proven_and_the_clock_is_found_within_2_ppm(
 ) -> None:
     verdict = verdict_on(pulses(), begin_us=begin_us, ppm=ppm, rate=rate)
     assert verdict.reasons == ()
-    assert verdict.proven
+    assert verdict.passed
     assert verdict.ppm == pytest.approx(ppm, abs=2)
     assert verdict.first_frame is not None
     first = next(rise for rise, _, _ in pulses() if rise > begin_us * (1 + ppm / 1e6))
@@ -118,7 +118,7 @@ def test_the_scheduled_pulses_are_proven_and_the_clock_is_found_within_2_ppm(
 @pytest.mark.parametrize("ppm", [0.0, 180.0])
 def test_one_pulse_that_is_2_us_too_wide_is_caught_at_1_mhz_with_its_frame(frame: int, ppm: float) -> None:
     verdict = verdict_on(wider(frame, 2), ppm=ppm, seconds=1.1)
-    assert not verdict.proven
+    assert not verdict.passed
     arm, leg = verdict.channels
     assert (arm.width.wrong, leg.width.wrong) == (1, 0)
     assert 1 < arm.width.worst_us < 3
@@ -168,7 +168,7 @@ def test_a_missing_an_extra_pulse_and_a_glitch_are_counted_and_placed() -> None:
     assert [channel.extra for channel in extra.channels] == [0, 1]
     glitch = verdict_on([*pulses(), (30 * PERIOD + 9000, 4, RB1)])
     assert [channel.glitches for channel in glitch.channels] == [0, 1]
-    assert not (missing.proven or extra.proven or glitch.proven)
+    assert not (missing.passed or extra.passed or glitch.passed)
 
 
 def test_a_servo_that_is_shifted_in_every_frame_has_wrong_edges_and_no_missing_pulse() -> None:
@@ -191,7 +191,7 @@ def test_a_wrong_first_pulse_does_not_mislead_the_search() -> None:
 def test_a_wait_that_is_a_little_too_long_in_each_repeat_is_a_wrong_period() -> None:
     late = [(rise + 40 * (rise // PERIOD // LOOP), width, pin) for rise, width, pin in pulses()]
     verdict = verdict_on(late, seconds=3.0)
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.channels[0].period.wrong >= 2
     assert verdict.channels[0].width.wrong == 0
 
@@ -201,7 +201,7 @@ def test_a_crystal_that_is_off_by_more_than_allowed_is_said() -> None:
     (reason,) = verdict.reasons
     assert re.fullmatch(r"the chip's clock is off by \+4(49|50)\.\d ppm, allowed ±300 ppm", reason)
     allowed = Tolerances(crystal_ppm=500)
-    assert verify_capture(schedule(), capture(edges_of(pulses()), ppm=450), allowed).proven
+    assert verify_capture(schedule(), capture(edges_of(pulses()), ppm=450), allowed).passed
 
 
 def test_a_pin_that_was_not_connected_is_not_proven() -> None:
@@ -213,8 +213,8 @@ def test_changes_of_a_pin_that_is_not_scheduled_are_not_proven() -> None:
     edges = [*edges_of(pulses()), (50_000, RB7, HIGH), (60_000, RB7, LOW)]
     verdict = verify_capture(schedule(), capture(edges, pins=(RB0, RB1, RB7)))
     assert [stray.pin for stray in verdict.stray] == [RB7]
-    assert not verdict.proven
-    assert verify_capture(schedule(), capture(edges_of(pulses()), pins=(RB0, RB1, RB7))).proven
+    assert not verdict.passed
+    assert verify_capture(schedule(), capture(edges_of(pulses()), pins=(RB0, RB1, RB7))).passed
 
 
 def test_pulses_that_overlap_by_more_than_a_sample_are_not_proven() -> None:
@@ -228,19 +228,19 @@ def test_a_capture_without_a_whole_pulse_is_not_proven(seconds: float) -> None:
     verdict = verdict_on(pulses(), begin_us=1167, seconds=seconds, pins=(RB0, RB1))
     if seconds < 0.01:
         assert verdict.reasons == ("the capture holds too few of the schedule's pulses to be judged",)
-    assert not verdict.proven
+    assert not verdict.passed
 
 
 def test_one_frame_is_judged_by_the_nominal_clock() -> None:
     verdict = verdict_on(pulses(), begin_us=21 * PERIOD - 500, seconds=0.019)
     assert verdict.agrees
-    assert not verdict.proven
+    assert not verdict.passed
     assert (verdict.ppm, verdict.frames, verdict.first_frame) == (None, 1, 21)
 
 
 def test_another_motion_is_not_proven() -> None:
     other = [(rise, 1500, pin) for rise, width, pin in pulses()]
-    assert not verdict_on(other).proven
+    assert not verdict_on(other).passed
 
 
 def test_steps_finer_than_samples_are_no_finer_measurement() -> None:
@@ -250,7 +250,7 @@ def test_steps_finer_than_samples_are_no_finer_measurement() -> None:
         Clock(4_000_000_000), (chunk._replace(cycle=chunk.cycle * 1000),), Cycles(coarse.end * 1000)
     )
     verdict = verify_capture(schedule(), fine)
-    assert verdict.proven
+    assert verdict.passed
     assert verdict.sample_us == 1.0
     assert verify_capture(schedule(), fine, sample=1000).to_json() == verdict.to_json()
 
@@ -270,14 +270,14 @@ def test_times_that_happen_to_be_round_hide_no_error() -> None:
             for at, level in ((0, HIGH), (1500, LOW))
         ),
     )
-    assert not verify_capture(flat, capture(edges_of(edges), begin_us=-500, pins=(RB0,))).proven
+    assert not verify_capture(flat, capture(edges_of(edges), begin_us=-500, pins=(RB0,))).passed
 
 
 @pytest.mark.parametrize("change", [lambda p: p, lambda p: wider(9, 2)])
 def test_the_json_is_plain(change: Callable[[list[Pulse]], list[Pulse]]) -> None:
     verdict = verdict_on(change(pulses()))
     data = json.loads(json.dumps(verdict.to_json()))
-    assert data["proven"] == verdict.proven
+    assert data["agrees"] == verdict.passed
     assert data["channels"][0]["pin"] == "RB0"
     assert len(data["reasons"]) == len(verdict.reasons)
 
@@ -285,13 +285,14 @@ def test_the_json_is_plain(change: Callable[[list[Pulse]], list[Pulse]]) -> None
 def test_the_lines_say_what_was_found() -> None:
     lines = capture_lines(verdict_on(pulses(), ppm=180))
     assert lines[0].startswith(
-        "proven within tolerances: 100 frames from frame 0 on in 2 s, a sample every 1 µs"
+        "agrees: 57 of 57 different frames; 100 frames from frame 0 on in 2 s, a sample every 1 µs; "
+        "within a sample and 0.1 µs of width, 0.1 µs of period and 0.5 µs of edge; "
     )
     assert re.match(r"the chip's clock is 1(79|80)\.\d ± 0\.\d ppm fast", lines[1])
     assert lines[2] == "of the loop's 57 different frames 57 were seen whole"  # 56 with pulses, and the pause
     assert lines[3].startswith("RB0 arm: 96 pulses; width error ")
     wrong = capture_lines(verdict_on(without(30), seconds=1.0))
-    assert wrong[0].startswith("NOT proven")
+    assert wrong[0].startswith("does NOT agree: ")
     assert any(line.startswith("- RB0 (arm): 1 missing pulse") for line in wrong)
 
 
@@ -307,8 +308,8 @@ def test_whatever_was_captured_gets_a_verdict(steps: list[Edge], hz: int, tail: 
         rows.append((now, pin, level))
     chunks = (edge_chunk(*zip(*rows, strict=True)),) if rows else ()
     verdict = verify_capture(schedule(), EdgeTrace(Clock(hz), chunks, Cycles(now + tail)))
-    assert verdict.proven == (verdict.reasons == ())
-    assert not verdict.proven
+    assert verdict.passed == (verdict.reasons == ())
+    assert not verdict.passed
     assert capture_lines(verdict)
 
 
@@ -332,7 +333,7 @@ def at_clock(mhz: int) -> Expected:
 def test_errors_are_microseconds_whatever_the_chips_clock(mhz: int) -> None:
     """A pulse 30 µs too wide, by a 1 MHz analyser: 1167 µs + 5 · 3 µs are scheduled in frame 5."""
     right = verify_capture(at_clock(mhz), capture(edges_of(pulses())))
-    assert right.proven, right.reasons
+    assert right.passed, right.reasons
     for channel in right.channels:
         assert abs(channel.width.worst_us) < 1.01
         assert channel.jitter_us < 1

@@ -338,7 +338,7 @@ def test_the_frames_are_the_same_wherever_the_schedule_counts_from(later: int) -
 
 PIECE = CapturePiece(0.0, 2e6, 0, 5, 100.0, 1.0, 5)
 RIGHT = CaptureVerdict(
-    proven=True,
+    passed=True,
     reasons=(),
     tolerances=Tolerances(),
     sample_us=0.5,
@@ -355,7 +355,7 @@ RIGHT = CaptureVerdict(
 
 def reasons(**changes: object) -> list[str]:
     verdict = with_reasons(replace(RIGHT, **changes))  # type: ignore[arg-type]
-    assert verdict.proven == (not verdict.reasons)
+    assert verdict.passed == (not verdict.reasons)
     return list(verdict.reasons)
 
 
@@ -429,30 +429,30 @@ def test_what_was_not_seen_counts_only_if_nothing_is_wrong() -> None:
     half = Coverage(different=frozenset({0, 1}), seen=frozenset({0}))
     partly = with_reasons(replace(RIGHT, coverage=half))
     assert partly.reasons == partly.unseen == ("1 different frame of the schedule was not seen whole",)
-    assert not partly.proven
+    assert not partly.passed
     both = with_reasons(replace(RIGHT, coverage=half, paired=0))
     assert len(both.reasons) == 1
     assert both.unseen == ()
     slow = RIGHT.but("sampled too slowly")
-    assert (slow.proven, slow.reasons) == (False, ("sampled too slowly",))
+    assert (slow.passed, slow.reasons) == (False, ("sampled too slowly",))
     assert partly.but("sampled too slowly").reasons[1:] == partly.reasons
 
 
-def test_the_lines_of_a_proven_capture() -> None:
+def test_the_lines_of_a_capture_that_agrees() -> None:
     width, period = Spread(0.5, -0.25), Spread(-1.5)
     channel = replace(RIGHT.channels[0], captured=11, width=width, period=period, jitter_us=0.125 + 0.0001)
     missing = CapturedChannel("hand", RB1, False)
     lines = capture_lines(replace(RIGHT, channels=(channel, missing)))
     assert lines == [
-        "proven within tolerances: 12 frames from frame 3 on in 2.5 s, a sample every 0.5 µs; "
-        "no plan to compare with",
+        "agrees: 2 of 2 different frames; 12 frames from frame 3 on in 2.5 s, a sample every 0.5 µs; "
+        "within a sample and 0.1 µs of width, 0.1 µs of period and 0.5 µs of edge; no plan to compare with",
         "the chip's clock is 100.0 ± 2.0 ppm fast; what follows is corrected for it",
         "of the loop's 2 different frames 2 were seen whole, in 0 of its 2 frames",
         "RB0 arm: 11 pulses of 12; width error +0.50 µs at most, -0.25 µs on average; jitter 0.13 µs; "
         "period 20000.00 µs, -1.50 µs at most",
     ]
     slow = capture_lines(replace(RIGHT, ppm=-1.0, first_frame=None, frames=1))
-    assert slow[0].startswith("proven within tolerances: 1 frame in 2.5 s")
+    assert slow[0].startswith("agrees: 2 of 2 different frames; 1 frame in 2.5 s")
     assert slow[1].startswith("the chip's clock is 1.0 ± 2.0 ppm slow;")
     assert capture_lines(replace(RIGHT, ppm=0.0))[1].startswith("the chip's clock is 0.0 ± 2.0 ppm fast;")
     none = capture_lines(replace(RIGHT, ppm=None, channels=(replace(channel, mean_period_us=None),)))
@@ -462,8 +462,8 @@ def test_the_lines_of_a_proven_capture() -> None:
     assert none[3].endswith("jitter 0.13 µs")
     stitched = capture_lines(replace(RIGHT, pieces=(PIECE, PIECE)))
     assert stitched[2].startswith("stitched from 2 captures: ")
-    wrong = capture_lines(replace(RIGHT, proven=False, reasons=("too slow",)))
-    assert wrong[0].startswith("NOT proven: 12 frames")
+    wrong = capture_lines(replace(RIGHT, passed=False, reasons=("too slow",)))
+    assert wrong[0].startswith("does NOT agree: 12 frames")
     assert [line for line in wrong if line.startswith("of the")] == []
     assert wrong[-1] == "- too slow"
 
@@ -515,8 +515,8 @@ def test_the_json_has_every_number_under_its_name() -> None:
         tolerances=Tolerances(1.0, 2.0, 3.0, 4.0, 5.0),
     ).to_json()
     assert found == {
-        "proven": True,
-        "verdict": "proven within tolerances",
+        "agrees": True,
+        "verdict": "agrees",
         "reasons": [],
         "tolerances": {
             "width_us": 1.0,

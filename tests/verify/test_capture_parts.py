@@ -44,7 +44,7 @@ def test_a_piece_has_the_levels_at_its_beginning_and_the_edges_before_its_end() 
 
 def verdict(**changes: object) -> CaptureVerdict:
     given = CaptureVerdict(
-        proven=True,
+        passed=True,
         reasons=(),
         tolerances=Tolerances(),
         sample_us=0.5,
@@ -134,7 +134,7 @@ def test_the_verdict_on_all_pieces_has_their_sums_and_the_first_mismatch_in_the_
         (0.0, 1000.0, 3, 100.0),
         (5000.0, 3000.0, 9, 104.0),
     ]
-    assert not found.proven
+    assert not found.passed
     line = FittedLine(1.0, 2.0, None)
     assert merged([verdict(line=line)], [0.0]).line == line
     assert merged([verdict(line=line)] * 2, [0.0, 9.0]).line is None

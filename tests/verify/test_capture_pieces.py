@@ -58,7 +58,7 @@ BEGINS = (-500.0, 433_333.3, 1_871_000.7, 640_000.2)
 def test_pieces_of_a_motion_are_proven_with_its_clock_and_no_period_across_a_seam() -> None:
     verdict = verdict_on(BEGINS)
     assert verdict.reasons == ()
-    assert verdict.proven
+    assert verdict.passed
     assert verdict.ppm == pytest.approx(180, abs=2)
     assert [piece.first_frame for piece in verdict.pieces] == [0, 22, 94 - one.LOOP, 32]
     assert all(piece.ppm == pytest.approx(180, abs=8) for piece in verdict.pieces)
@@ -69,7 +69,7 @@ def test_pieces_of_a_motion_are_proven_with_its_clock_and_no_period_across_a_sea
 
 def test_the_same_samples_taken_for_one_record_are_not_proven() -> None:
     trace, _ = in_one([one.capture(one.edges_of(one.pulses()), begin, 0.5) for begin in BEGINS])
-    assert not verify_capture(schedule(), trace).proven
+    assert not verify_capture(schedule(), trace).passed
 
 
 def test_numbers_are_those_of_all_pieces() -> None:
@@ -89,7 +89,7 @@ def test_a_pulse_that_is_two_microseconds_too_wide_is_found_in_whatever_piece_it
     frame: int, piece: int
 ) -> None:
     verdict = verdict_on(BEGINS[:3], one.wider(frame, 2))
-    assert not verdict.proven
+    assert not verdict.passed
     assert f"(piece {piece}), RB0 (arm), frame {frame % one.LOOP}:" in verdict.reasons[0]
     assert verdict.channels[0].width.wrong == 1
 
@@ -97,7 +97,7 @@ def test_a_pulse_that_is_two_microseconds_too_wide_is_found_in_whatever_piece_it
 @pytest.mark.parametrize(("frame", "piece"), [(7, 1), (30, 2), (101, 3)])
 def test_a_missing_pulse_is_found_in_whatever_piece_it_is(frame: int, piece: int) -> None:
     verdict = verdict_on(BEGINS[:3], one.without(frame))
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.channels[0].missing == 1
     assert f"(piece {piece})" in verdict.reasons[0]
 
@@ -117,7 +117,7 @@ def test_a_piece_with_another_clock_is_told() -> None:
     ]
     trace, pieces = in_one(parts)
     verdict = verify_capture(schedule(), trace, pieces=pieces)
-    assert not verdict.proven
+    assert not verdict.passed
     assert any("by piece 3 alone the chip's clock is off by -" in reason for reason in verdict.reasons)
 
 

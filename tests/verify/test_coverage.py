@@ -1,4 +1,4 @@
-"""What a capture does not show is not proven: the different frames are counted, and each must be seen."""
+"""What a capture does not show is not exact: the different frames are counted, and each must be seen."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -61,13 +61,13 @@ LAB = [1500] * 10 + [1000] * 10 + [2000] * 10
 def test_each_different_frame_must_be_seen(first: int, frames: int, seen: int) -> None:
     verdict = look(schedule([], LAB), pulses(LAB * 4), first + 30, frames)
     assert verdict.agrees
-    assert verdict.proven == (seen == 3)
+    assert verdict.passed == (seen == 3)
     data = verdict.to_json()
     assert (data["different_frames"], data["different_frames_seen"]) == (3, seen)
     (headline, *lines) = capture_lines(verdict)
     if seen == 3:
-        assert data["verdict"] == "proven within tolerances"
-        assert headline.startswith("proven within tolerances: ")
+        assert data["verdict"] == "agrees"
+        assert headline.startswith("agrees: ")
         assert lines[1].startswith("of the loop's 3 different frames 3 were seen whole")
     else:
         assert data["verdict"] == "agrees as far as it was seen"
@@ -76,7 +76,7 @@ def test_each_different_frame_must_be_seen(first: int, frames: int, seen: int) -
         assert verdict.reasons == (
             missing.replace("frame", "frame", 1).replace(" w", " of the schedule w", 1),
         )
-        assert not any("proven" in line for line in (headline, *lines))
+        assert not any("exact" in line for line in (headline, *lines))
 
 
 def test_a_frame_that_the_capture_cuts_is_not_seen() -> None:
@@ -100,7 +100,7 @@ def test_a_program_whose_unseen_frame_is_wrong_is_never_called_proven(
     ]
     begin_us = (one.LOOP + first) * PERIOD - 2000.0
     verdict = one.verdict_on(changed, begin_us=begin_us, seconds=(frames + 0.9) * PERIOD / 1e6)
-    assert not verdict.proven
+    assert not verdict.passed
     seen = wrong in {(first + number) % one.LOOP for number in range(frames + 1)}
     assert verdict.agrees == (not seen)
 
@@ -109,7 +109,7 @@ def test_more_frames_than_the_loop_has_are_needed_when_the_order_of_the_looks_is
     """Frames of one kind, however many, are one; how much of the loop was seen is said as well."""
     loop: Widths = [1500, *[1000] * 50, 2000, *[1000] * 50]
     verdict = look(schedule([], loop), pulses(loop * 3), 0, 53)
-    assert verdict.proven
+    assert verdict.passed
     assert len(verdict.coverage.loop_seen) == 53
     assert "of the loop's 3 different frames 3 were seen whole, in 53 of its 102 frames" in capture_lines(
         verdict
@@ -120,14 +120,14 @@ def test_quiet_frames_at_the_ends_of_a_capture_are_seen() -> None:
     loop: Widths = [1500, 1600, 1500, None, None]
     wanted = schedule([], loop)
     after = look(wanted, pulses(loop * 9), 10, 4.2)  # the fourth frame is quiet from end to end
-    assert after.proven
+    assert after.passed
     assert look(wanted, pulses(loop * 9), 10, 3.9).coverage.words() == "2 of 3 different frames"
 
 
 def test_quiet_before_a_pulse_is_a_pause_where_the_schedule_has_one_there() -> None:
     loop: Widths = [1500, 1600, None, None, 1700]
     wanted = schedule([], loop)
-    assert look(wanted, pulses(loop * 9), 8, 4).proven  # from the second quiet frame on
+    assert look(wanted, pulses(loop * 9), 8, 4).passed  # from the second quiet frame on
     # Before the first pulse of all the chip may not have been on: quiet there is no pause.
     loop = [1500, 1600, None, None]
     assert look(schedule([], loop), pulses(loop * 9), 7, 3).coverage.words() == "2 of 3 different frames"
@@ -138,24 +138,24 @@ def test_a_motion_that_runs_once_is_not_proven_by_its_rest() -> None:
     motion: Widths = [1000, 1200, 1400, 1600, 1800]
     wanted, made = schedule(motion, [2000]), pulses([*motion, *[2000] * 30])
     rest = look(wanted, made, 6, 8.5)
-    assert (rest.agrees, rest.proven, rest.coverage.words()) == (True, False, "1 of 6 different frames")
+    assert (rest.agrees, rest.passed, rest.coverage.words()) == (True, False, "1 of 6 different frames")
     whole = look(wanted, made, 0, 8.5)
-    assert whole.proven
+    assert whole.passed
     assert "of the schedule's 6 different frames 6 were seen whole" in capture_lines(whole)
 
 
 def test_a_motion_that_ends_without_pulses_shows_its_end_by_a_quiet_frame() -> None:
     motion: Widths = [1000, 1500, 2000]
     wanted = schedule(motion, [None])
-    assert look(wanted, pulses(motion), 0, 4.5).proven
-    assert not look(wanted, pulses(motion), 0, 2.9).proven  # 0.1 of a frame of quiet
+    assert look(wanted, pulses(motion), 0, 4.5).passed
+    assert not look(wanted, pulses(motion), 0, 2.9).passed  # 0.1 of a frame of quiet
     assert not look(wanted, pulses([*motion, 2000]), 0, 4.5).agrees
 
 
 def test_a_lead_in_that_was_not_seen_is_named_beside_the_verdict_on_the_loop() -> None:
     wanted, made = schedule([1100, 1200], [1500, 1600]), pulses([1100, 1200, *[1500, 1600] * 20])
     loop_only = look(wanted, made, 6, 8.5)
-    assert loop_only.proven
+    assert loop_only.passed
     words = "of the 2 different frames that only the lead-in has, 0: the verdict is on the loop"
     assert any(line.endswith(words) for line in capture_lines(loop_only))
     data = loop_only.to_json()
@@ -168,7 +168,7 @@ def test_frames_before_the_first_edge_count_nowhere() -> None:
     """Time zero is the first edge: how long the chip waits before it is not judged."""
     wanted = schedule([None, None, None], [1500])
     verdict = look(wanted, pulses([1500] * 9), 0, 6.5)
-    assert verdict.proven
+    assert verdict.passed
     assert len(verdict.coverage.different) == 1
 
 
@@ -176,12 +176,12 @@ def test_something_wrong_outweighs_something_unseen() -> None:
     verdict = look(schedule([], LAB), pulses([1550] * 20), 2, 8.5)
     assert not verdict.agrees
     assert verdict.unseen == ()
-    assert capture_lines(verdict)[0].startswith("NOT proven: ")
+    assert capture_lines(verdict)[0].startswith("does NOT agree: ")
 
 
 def test_a_capture_that_is_not_whole_does_not_even_agree() -> None:
     verdict = look(schedule([], LAB), pulses(LAB * 4), 30, 30.4).but("the analyser disappeared")
-    assert not (verdict.proven or verdict.agrees)
+    assert not (verdict.passed or verdict.agrees)
     assert not replace(verdict, reasons=(), unseen=("x",)).agrees
 
 
@@ -209,7 +209,7 @@ def test_the_one_edge_of_a_pulse_that_the_capture_cuts_must_be_where_it_is_sched
         changed.append((rise, width, pin))
     trace = one.capture(one.edges_of(changed), 41 * PERIOD + 500, 30 * PERIOD / 1e6, pins=(RB0,))
     verdict = verify_capture(schedule([], LAB), trace, sample=1)
-    assert verdict.proven == (by == 0)
+    assert verdict.passed == (by == 0)
     if by:
         what = "ends" if end == "begin" else "begins"
         assert f"a pulse {what} where none is scheduled to" in verdict.reasons[0]
@@ -237,10 +237,10 @@ def test_edges_on_a_coarse_grid_prove_nothing_where_nobody_says_how_often_was_sa
     flat = schedule([], [1500])
     trace = one.capture(one.edges_of(pulses([1500] * 40)), -500.0, 0.6, pins=(RB0,))
     verdict = verify_capture(flat, trace)
-    assert not (verdict.proven or verdict.agrees)
+    assert not (verdict.passed or verdict.agrees)
     assert "on a grid of every 500 µs (2 kHz): at least 100 kHz is needed" in verdict.reasons[0]
-    assert verify_capture(flat, trace, sample=1).proven
+    assert verify_capture(flat, trace, sample=1).passed
     with pytest.raises(InputError, match="sampled every 500 µs"):
         verify_capture(flat, trace, sample=500)
     slack = Tolerances(glitch_us=500)
-    assert verify_capture(flat, trace, slack, sample=500).proven
+    assert verify_capture(flat, trace, slack, sample=500).passed

@@ -1,4 +1,4 @@
-"""`proven` if, and only if, the driven edges from reset to the end of the check are the schedule's."""
+"""`exact` if, and only if, the driven edges from reset to the end of the check are the schedule's."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -109,10 +109,10 @@ def test_proven_exactly_when_the_edges_are_the_same(
     trace = EdgeTrace(MHZ4, tuple(edge_chunk(*zip(*part, strict=True)) for part in parts), Cycles(end))
     verdict = verify(expected_of(scheduled, frames, len(widths), size), trace, Cycles(checked))
     should = same(scheduled, inside, end, checked)
-    event(f"proven: {should}")
-    assert verdict.proven == should
-    assert verdict.proven == (verdict.reasons == ())
-    if verdict.proven:
+    event(f"exact: {should}")
+    assert verdict.passed == should
+    assert verdict.passed == (verdict.reasons == ())
+    if verdict.passed:
         assert verdict.difference is None
         assert all(channel.observed == channel.scheduled for channel in verdict.channels)
 

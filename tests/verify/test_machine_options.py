@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.build import prove_image
-from servogen.build.build import proven
+from servogen.build import judge_image
+from servogen.build.build import judged
 from servogen.build.power_ups import BOARD
-from servogen.build.proof import prove_forever
+from servogen.build.verification import judge_forever
 from servogen.edges import HIGH
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
@@ -60,20 +60,20 @@ def test_an_eeprom_write_takes_the_time_of_the_schedules_chip(
     against = schedule_for(tmp_path, device)
     ran = run("verify", PROGRAM, "--against", against, *options, *forever)
     assert ran.code == code
-    assert ran.out.startswith("NOT proven" if code else "proven")
+    assert ran.out.startswith("NOT exact" if code else "exact")
 
 
 def test_a_build_a_proof_for_all_time_and_a_test_of_firmware_do_too() -> None:
     program = read_program(PROGRAM)
     for device, right in (("PIC16F84", True), ("PIC16F84A", False)):
         schedule = replace(read_schedule(SCHEDULE), device=device)
-        assert prove_image(schedule, program.image).proven == right
-        assert prove_forever(schedule, program.image, Cycles(1_000_000)).proven == right
+        assert judge_image(schedule, program.image).passed == right
+        assert judge_forever(schedule, program.image, Cycles(1_000_000)).passed == right
         chip = Simulator()
         chip.load(program.image)
-        assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).proven == right
+        assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).passed == right
         made = Firmware("c2c", "main.c2c.c", "", program)
-        assert proven(schedule, made, Cycles(100_000)).proven == right
+        assert judged(schedule, made, Cycles(100_000)).passed == right
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_no_value_of_an_option_makes_a_verdict_of_what_no_chip_promises(
 ) -> None:
     """A program that is wrong on some chips stays so, whatever one chip is said to hold at its start."""
     ran = run("verify", START_STATE / f"{name}.asm", "--against", SCHEDULE, *options)
-    assert (ran.code, ran.out.startswith("proven")) == ((0, True) if name == "good" else (1, False))
+    assert (ran.code, ran.out.startswith("exact")) == ((0, True) if name == "good" else (1, False))
 
 
 def test_start_ram_and_floating_pins_reach_the_machine(run: Run) -> None:  # noqa: F811

@@ -345,10 +345,10 @@ def test_a_trace_of_zero_cycles_has_nothing_to_show() -> None:
     assert verdict.reasons == (
         "the trace ends at cycle 0, 1000 cycles (0.001 s) before the end of the check",  # 2 + 2·4 frames
     )
-    assert verify(LOOPED, silent, Cycles(0)).proven
+    assert verify(LOOPED, silent, Cycles(0)).passed
     short = EdgeTrace(MHZ4, (), Cycles(250))
     partly = verify(LOOPED, short, Cycles(300))
-    assert not partly.proven
+    assert not partly.passed
     assert (partly.span.asked, partly.span.compared, partly.span.frames) == (300, 250, 2)
     assert (partly.span.lead_in_frames, partly.span.loop_repeats) == (2, 0)
     longer = verify(LOOPED, EdgeTrace(MHZ4, (), Cycles(1100)), Cycles(1100)).span

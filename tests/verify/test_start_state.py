@@ -1,4 +1,4 @@
-"""Programs that are right only on some chips are not proven, whoever is asked; a program right on all is."""
+"""Programs that are right only on some chips are not exact, whoever is asked; a program right on all is."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import checked_cycles, prove, prove_image, running
-from servogen.build.proof import prove_forever
+from servogen.build import checked_cycles, judge_edges, judge_image, running
+from servogen.build.verification import judge_forever
 from servogen.programs import read_program, read_schedule
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Cycles
@@ -32,14 +32,14 @@ Run = Callable[..., Ran]
 @pytest.mark.parametrize("options", [(), ("--forever",), ("--seconds", "1")])
 def test_a_program_right_on_every_chip_is_proven(run: Run, options: tuple[str, ...]) -> None:  # noqa: F811
     ran = run("verify", CASES / "good.asm", "--against", SCHEDULE, *options)
-    assert (ran.code, ran.out.startswith("proven")) == (0, True)
+    assert (ran.code, ran.out.startswith("exact")) == (0, True)
 
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_program_right_on_some_chips_is_not_proven_and_the_place_is_named(run: Run, name: str) -> None:  # noqa: F811
     ran = run("verify", CASES / f"{name}.asm", "--against", SCHEDULE, "--json")
     verdict = json.loads(ran.out)
-    assert (ran.code, verdict["proven"]) == (1, False)
+    assert (ran.code, verdict["exact"]) == (1, False)
     (warning,) = verdict["warnings"]
     kind, address, line, cycle = WRONG[name]
     assert warning["code"] == kind
@@ -47,14 +47,14 @@ def test_a_program_right_on_some_chips_is_not_proven_and_the_place_is_named(run:
         assert (warning["address"], warning["line"], warning["cycle"]) == (address, line, cycle)
     assert warning["message"] in verdict["reasons"][0]
     text = run("verify", CASES / f"{name}.asm", "--against", SCHEDULE).out
-    assert text.startswith("NOT proven")
+    assert text.startswith("NOT exact")
     assert f"0x{warning['address']:03X}" in text
 
 
 def test_the_watchdog_is_named_where_it_would_bite() -> None:
     """CLRWDT, then in 1500 cycles the next, and 1:2 of 7 ms after that one."""
     program = read_program(CASES / "wdt_pre2.asm")
-    verdict = prove_image(read_schedule(SCHEDULE), program.image, None, program.listing)
+    verdict = judge_image(read_schedule(SCHEDULE), program.image, None, program.listing)
     (warning,) = verdict.warnings
     assert verdict.start is not None
     assert (
@@ -67,10 +67,10 @@ def test_the_watchdog_is_named_where_it_would_bite() -> None:
 def test_forever_does_not_silence_it(run: Run, name: str) -> None:  # noqa: F811
     ran = run("verify", CASES / f"{name}.asm", "--against", SCHEDULE, "--forever")
     assert ran.code == 1
-    assert all(line.startswith(("NOT proven", "first", "RB0", "-")) for line in ran.out.splitlines())
+    assert all(line.startswith(("NOT exact", "first", "RB0", "-")) for line in ran.out.splitlines())
     program = read_program(CASES / f"{name}.asm")
-    found = prove_forever(read_schedule(SCHEDULE), program.image, Cycles(10_000_000))
-    assert not found.proven
+    found = judge_forever(read_schedule(SCHEDULE), program.image, Cycles(10_000_000))
+    assert not found.passed
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -78,10 +78,10 @@ def test_a_test_of_firmware_fails(name: str) -> None:
     chip, schedule = Simulator(), read_schedule(SCHEDULE)
     chip.load(read_program(CASES / f"{name}.asm").image)
     found = check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule)
-    assert not found.proven
-    assert ("servogen_verdict", "not proven") in found.properties
+    assert not found.passed
+    assert ("servogen_verdict", "not exact") in found.properties
     chip.load(read_program(CASES / "good.asm").image)
-    assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).proven
+    assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).passed
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -89,10 +89,10 @@ def test_the_edges_alone_are_the_schedules(name: str) -> None:
     """The simulator's own values hide it: this is why edges are not enough."""
     schedule, image = read_schedule(SCHEDULE), read_program(CASES / f"{name}.asm").image
     span = checked_cycles(schedule)
-    assert prove(schedule, running(schedule, image, span), span).proven
-    verdict = prove_image(schedule, image)
+    assert judge_edges(schedule, running(schedule, image, span), span).passed
+    verdict = judge_image(schedule, image)
     assert verdict.edges_agree
-    assert not verdict.proven
+    assert not verdict.passed
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -101,7 +101,7 @@ def test_it_is_not_flashed_without_force(run: Run, tmp_path: Path, name: str) ->
     assert run("assemble", CASES / f"{name}.asm", "-o", target).code == 0
     ran = run("flash", target, "--against", SCHEDULE, "--device", "PIC16F84", "--port", "/dev/null")
     assert ran.code == 2
-    assert "not proven" in ran.err or "configuration" in ran.err
+    assert "not exact" in ran.err or "configuration" in ran.err
 
 
 def test_a_warning_that_does_not_depend_on_the_chip_is_shown_and_proves_nothing_false(

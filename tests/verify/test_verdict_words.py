@@ -180,7 +180,7 @@ def test_what_was_covered_is_counted_and_joined() -> None:
 
 
 RIGHT = Verdict(
-    proven=True,
+    passed=True,
     reasons=(),
     clock=Clock(8_000_000),
     start=Cycles(25),
@@ -194,17 +194,17 @@ OTHER = Diagnostic("warning", "slow-start", "starts late")
 def test_the_first_line_says_the_verdict_and_what_was_compared() -> None:
     # A cycle of 8 MHz is half a microsecond: 600 cycles are 300 µs, and 25 are 12.5 µs.
     assert verdict_lines(RIGHT) == [
-        "proven: compared 600 cycles (0.0003 s), 30 frames (lead-in of 6, 2 repeats of the loop), on all 13 "
+        "exact: compared 600 cycles (0.0003 s), 30 frames (lead-in of 6, 2 repeats of the loop), on all 13 "
         "pins; 0 cycles from the schedule; no plan to compare with",
         "first edge 25 cycles (12.5 µs) after reset",
         "RB0 arm: 30 pulses; worst errors in cycles: width 0, period 0, edge 0",
     ]
     shorter = replace(RIGHT, span=ComparedSpan(Cycles(600), Cycles(1), 1, 0, 1), start=None, channels=())
     assert verdict_lines(shorter)[0].startswith(
-        "proven: compared 1 cycle (5e-07 s), 1 frame (1 repeat of the loop), on all 13 pins; "
+        "exact: compared 1 cycle (5e-07 s), 1 frame (1 repeat of the loop), on all 13 pins; "
     )
     neither = replace(shorter, span=ComparedSpan(Cycles(2), Cycles(0), 0, 0, 0))
-    assert verdict_lines(neither)[0].startswith("proven: compared 0 cycles (0 s), 0 frames, on all 13 pins; ")
+    assert verdict_lines(neither)[0].startswith("exact: compared 0 cycles (0 s), 0 frames, on all 13 pins; ")
     assert len(verdict_lines(neither)) == 1
     assert RIGHT.span.whole
     assert not neither.span.whole
@@ -215,9 +215,9 @@ def test_a_wrong_verdict_lists_its_reasons_and_the_errors_with_their_signs() -> 
         "arm", RB0, 30, 29, missing=1, width=Worst(2, 1), period=Worst(-3, 1), edge=Worst(-4, 1)
     )
     other = replace(channel, edge=Worst(3, 1))
-    wrong = replace(RIGHT, proven=False, reasons=("RB0 is late",), channels=(other, channel))
+    wrong = replace(RIGHT, passed=False, reasons=("RB0 is late",), channels=(other, channel))
     lines = verdict_lines(wrong)
-    assert lines[0].startswith("NOT proven: compared 600 cycles")
+    assert lines[0].startswith("NOT exact: compared 600 cycles")
     assert lines[0].endswith("on all 13 pins; no plan to compare with")
     assert lines[3:] == [
         "RB0 arm: 29 pulses of 30; worst errors in cycles: width +2, period -3, edge -4",
@@ -226,21 +226,21 @@ def test_a_wrong_verdict_lists_its_reasons_and_the_errors_with_their_signs() -> 
     assert wrong.worst_edge_error == 4
     assert RIGHT.worst_edge_error == 0
     assert replace(RIGHT, channels=()).worst_edge_error == 0
-    assert repr(wrong) == "<Verdict: not proven>"
+    assert repr(wrong) == "<Verdict: not exact>"
 
 
-def test_what_was_not_seen_is_agreement_only_where_nothing_is_wrong() -> None:
+def test_what_was_not_seen_leaves_a_run_exact_as_far_as_it_was_seen_only_where_nothing_is_wrong() -> None:
     covered = replace(RIGHT, coverage=Coverage(different=frozenset({0, 1}), seen=frozenset({0})))
     partly = covered.not_all("one frame was not seen").not_all("nor its end")
-    assert not partly.proven
+    assert not partly.passed
     assert partly.agrees
     assert partly.edges_agree
     assert partly.reasons == partly.unseen == ("one frame was not seen", "nor its end")
     assert verdict_lines(partly)[0].startswith(
-        "agrees as far as it was seen: 1 of 2 different frames; compared 600 cycles"
+        "exact as far as it was seen: 1 of 2 different frames; compared 600 cycles"
     )
     assert "0 cycles from the schedule; " in verdict_lines(partly)[0]
-    wrong = replace(covered, proven=False, reasons=("RB0 is late",)).not_all("one frame was not seen")
+    wrong = replace(covered, passed=False, reasons=("RB0 is late",)).not_all("one frame was not seen")
     assert wrong.reasons == ("RB0 is late", "one frame was not seen")
     assert wrong.unseen == ()
     assert not wrong.edges_agree
@@ -248,13 +248,13 @@ def test_what_was_not_seen_is_agreement_only_where_nothing_is_wrong() -> None:
 
 def test_a_warning_refutes_a_proof_only_if_it_depends_on_the_chip() -> None:
     shown = RIGHT.with_warnings((WARNING, OTHER))
-    assert shown.proven
+    assert shown.passed
     assert verdict_lines(shown)[-2:] == [
         "warning: walk.c:7: reads RAM that was never written",
         "warning: starts late",
     ]
     refuted = RIGHT.with_warnings((WARNING, OTHER), frozenset({"unset-ram"}))
-    assert not refuted.proven
+    assert not refuted.passed
     assert refuted.edges_agree
     assert not refuted.agrees
     assert refuted.reasons == (
@@ -269,13 +269,13 @@ def test_a_warning_refutes_a_proof_only_if_it_depends_on_the_chip() -> None:
         ("slow-start", False),
     ]
     # What is wrong already stays wrong.
-    assert not replace(RIGHT, proven=False).with_warnings((OTHER,)).proven
+    assert not replace(RIGHT, passed=False).with_warnings((OTHER,)).passed
 
 
 def test_the_json_has_every_number_under_its_name() -> None:
     verdict = replace(
         RIGHT,
-        proven=False,
+        passed=False,
         reasons=("RB0 is late",),
         channels=(
             ChannelVerdict("arm", RB0, 1, 2, 3, 4, 5, Worst(6, 7, 8, Cycles(9)), Worst(10), Worst(0, 11)),
@@ -287,8 +287,8 @@ def test_the_json_has_every_number_under_its_name() -> None:
     )
     nothing = {"error_cycles": 0, "count": 0, "frame": None, "cycle": None}
     assert verdict.to_json() == {
-        "proven": False,
-        "verdict": "not proven",
+        "exact": False,
+        "verdict": "not exact",
         "reasons": ["RB0 is late"],
         "clock_hz": 8_000_000,
         "start_cycle": 25,

@@ -70,7 +70,7 @@ def verdict_on(changed: list[Pulse], **options: int) -> Verdict:
 def test_the_scheduled_edges_are_proven_over_the_lead_in_and_two_repeats_wherever_they_start() -> None:
     for start in (4, 25, 72_000):
         verdict = verdict_on(pulses(), start=start)
-        assert verdict.proven
+        assert verdict.passed
         assert verdict.reasons == ()
         assert verdict.start == start
         span = verdict.span
@@ -83,7 +83,7 @@ def test_the_scheduled_edges_are_proven_over_the_lead_in_and_two_repeats_whereve
 def test_the_order_of_two_changes_in_one_cycle_does_not_matter() -> None:
     backwards = sorted(edges_of(pulses()), key=lambda edge: (edge[0], -edge[1]))
     chunk = edge_chunk(*zip(*[(START + cycle, pin, level) for cycle, pin, level in backwards], strict=True))
-    assert verify(schedule(), EdgeTrace(MHZ4, (chunk,), Cycles(700_000))).proven
+    assert verify(schedule(), EdgeTrace(MHZ4, (chunk,), Cycles(700_000))).passed
 
 
 def test_undriven_counts_as_low() -> None:
@@ -92,14 +92,14 @@ def test_undriven_counts_as_low() -> None:
     ]
     assert verify(
         schedule(), EdgeTrace(MHZ4, (edge_chunk(*zip(*rows, strict=True)),), Cycles(700_000))
-    ).proven
+    ).passed
 
 
 def test_one_width_longer_by_one_cycle_is_one_wrong_width_with_cycle_pin_and_frame() -> None:
     changed = pulses()
     changed[2 * 17] = (17 * PERIOD, 1010 + 1, RB0)  # frame 17 is frame 11 of the loop: 1010 µs
     verdict = verdict_on(changed)
-    assert not verdict.proven
+    assert not verdict.passed
     difference = verdict.difference
     assert difference is not None
     fall = START + 17 * PERIOD + 1010
@@ -162,8 +162,8 @@ def test_a_pulse_and_a_gap_of_a_few_cycles_are_glitches() -> None:
     gap = verdict_on([*(p for p in pulses() if p[0] != 3 * PERIOD), *broken])
     assert [channel.glitches for channel in gap.channels] == [1, 0]
     assert [channel.width.count for channel in gap.channels] == [0, 0]
-    assert not gap.proven
-    assert not pulse.proven
+    assert not gap.passed
+    assert not pulse.passed
 
 
 def test_ten_cycles_are_no_glitch_unless_the_caller_says_so() -> None:
@@ -175,7 +175,7 @@ def test_ten_cycles_are_no_glitch_unless_the_caller_says_so() -> None:
 @pytest.mark.parametrize("at", [-1000, -1, 5000])
 def test_an_edge_on_a_pin_that_is_not_scheduled_is_not_proven_even_before_the_first_pulse(at: int) -> None:
     verdict = verify(schedule(), trace([*edges_of(pulses()), (at, RB7, HIGH), (at + 400, RB7, LOW)]))
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.difference is not None
     assert (verdict.difference.cycle, verdict.difference.pin) == (START + at, RB7)
     assert [(stray.pin, stray.edges, stray.first) for stray in verdict.stray] == [(RB7, 2, START + at)]
@@ -225,11 +225,11 @@ def test_a_schedule_without_pulses_is_proven_by_silence() -> None:
         return Expected(MHZ4, Cycles(PERIOD), (ExpectedChannel("arm", RB0),), 0, 2, ())
 
     right = verify(silent(), trace([], end=4 * PERIOD, start=0))
-    assert (right.proven, right.reasons, right.start) == (True, (), None)
+    assert (right.passed, right.reasons, right.start) == (True, (), None)
     assert (right.span.compared, right.span.frames) == (80_000, 4)
     assert [(channel.scheduled, channel.observed) for channel in right.channels] == [(0, 0)]
     short = verify(silent(), trace([], end=4 * PERIOD - 1, start=0))
-    assert (short.proven, short.reasons) == (
+    assert (short.passed, short.reasons) == (
         False,
         ("the trace ends at cycle 79999, 1 cycle (1e-06 s) before the end of the check",),
     )
@@ -297,7 +297,7 @@ def test_two_pulses_that_overlap_are_counted_where_the_schedule_has_none_togethe
 def test_channels_in_the_wrong_order_are_a_difference() -> None:
     swapped = [(rise, width, RB0 + RB1 - pin) for rise, width, pin in pulses()]
     verdict = verdict_on(swapped)
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.difference is not None
     assert (verdict.difference.cycle, verdict.difference.pin, verdict.difference.frame) == (START, RB0, 0)
 
@@ -306,23 +306,23 @@ def test_a_trace_that_ends_early_is_proven_only_for_the_shorter_time_that_the_ca
     short = 10 * PERIOD
     edges = edges_of(pulses(10))
     verdict = verify(schedule(), trace(edges, end=short))
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.reasons == (
         f"the trace ends at cycle {START + short}, 400000 cycles (0.4 s) before the end of the check",
     )
     assert verdict.difference is None
-    assert verify(schedule(), trace(edges, end=short), checked=Cycles(short)).proven
-    assert not verify(schedule(), trace(edges, end=short - 1), checked=Cycles(short)).proven
+    assert verify(schedule(), trace(edges, end=short), checked=Cycles(short)).passed
+    assert not verify(schedule(), trace(edges, end=short - 1), checked=Cycles(short)).passed
 
 
 def test_what_comes_after_the_checked_time_is_not_judged() -> None:
     edges = [*edges_of(pulses(10)), (10 * PERIOD + 77, RB7, HIGH)]
     assert verify(schedule(), trace(edges), checked=Cycles(10 * PERIOD + 1)).difference is not None
-    assert verify(schedule(), trace(edges), checked=Cycles(10 * PERIOD)).proven
+    assert verify(schedule(), trace(edges), checked=Cycles(10 * PERIOD)).passed
 
 
 def test_a_motion_that_does_not_repeat_ends_in_silence() -> None:
-    assert verify(schedule(0), trace(edges_of(pulses(6))), checked=Cycles(FRAMES * PERIOD)).proven
+    assert verify(schedule(0), trace(edges_of(pulses(6))), checked=Cycles(FRAMES * PERIOD)).passed
     assert whole_motion(schedule(0)) == 6 * PERIOD
     verdict = verify(schedule(0), trace(edges_of(pulses(7))), checked=Cycles(FRAMES * PERIOD))
     assert [channel.extra for channel in verdict.channels] == [1, 1]
@@ -330,7 +330,7 @@ def test_a_motion_that_does_not_repeat_ends_in_silence() -> None:
 
 def test_no_pulse_at_all_is_said() -> None:
     verdict = verify(schedule(), trace([(50, RB7, HIGH)]))
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.start is None
     assert verdict.reasons[0] == "no scheduled pin ever rises; RB0 should be the first"
     assert [stray.pin for stray in verdict.stray] == [RB7]
@@ -367,7 +367,7 @@ def test_a_machine_that_runs_for_ever_is_read_only_as_far_as_needed() -> None:
             yield edge_chunk(*zip(*rows, strict=True))
 
     endless = EdgeTrace(MHZ4, machine(), Cycles(10**15))  # type: ignore[arg-type]
-    assert verify(schedule(), endless).proven
+    assert verify(schedule(), endless).passed
     assert len(taken) <= FRAMES + 2
 
 
@@ -382,7 +382,7 @@ def test_after_a_difference_the_work_is_bounded() -> None:
             yield edge_chunk(cycle, np.full(25_000, RB7), np.arange(25_000) % 2 ^ 1)
 
     verdict = verify(schedule(), EdgeTrace(MHZ4, machine(), Cycles(10**12)), checked=Cycles(10**11))  # type: ignore[arg-type]
-    assert not verdict.proven
+    assert not verdict.passed
     assert verdict.span.compared < 10**8
     assert len(taken) < 1000
 
@@ -392,14 +392,14 @@ def test_the_json_is_plain_and_the_lines_say_the_same() -> None:
     changed[2 * 17] = (17 * PERIOD, 1011, RB0)
     verdict = verdict_on(changed)
     data = json.loads(json.dumps(verdict.to_json()))
-    assert data["proven"] is False
+    assert data["exact"] is False
     assert data["first_difference"]["pin"] == "RB0"
     assert data["first_difference"]["frame"] == 17
     assert data["channels"][0]["worst_width"]["error_cycles"] == 1
     lines = verdict_lines(verdict)
     assert lines[0].startswith(
-        "NOT proven: compared 600000 cycles (0.6 s), 30 frames (lead-in of 6, 2 repeats"
+        "NOT exact: compared 600000 cycles (0.6 s), 30 frames (lead-in of 6, 2 repeats"
     )
     assert lines[1] == f"first edge {START} cycles (4321 µs) after reset"
     assert lines[2] == "RB0 vertical: 30 pulses; worst errors in cycles: width +1, period 0, edge +1"
-    assert verdict_lines(verdict_on(pulses()))[0].startswith("proven: ")
+    assert verdict_lines(verdict_on(pulses()))[0].startswith("exact: ")

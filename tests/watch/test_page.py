@@ -125,8 +125,8 @@ def test_lab_8_goes_to_30_90_and_120_and_a_change_to_150_is_built_and_proven(
     typed(page, "arm_deg = 999", "arm_deg = 150")
     page.until("!document.getElementById('build').disabled")
     page.click("#build")
-    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
-    assert "proven over" in text(page, "#build-progress")
+    page.until("document.getElementById('build-progress').dataset.exact === 'true'")
+    assert "exact over" in text(page, "#build-progress")
     page.until("Math.abs(parseFloat(document.querySelector('#sliders output').textContent) - 150) < 0.19")
     written = job.read_text()
     assert "arm_deg = 150, hold_s = 3 }, # 150 frames" in written
@@ -177,7 +177,7 @@ def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path
     edges = ScheduledEdges(read_schedule(against), 0).edges(0, 15_000_000)
     edges[-101] = (edges[-101][0] + 9, *edges[-101][1:])
     page = watch(captured(tmp_path / "late.vcd", 90.0, edges), against)
-    assert text(page, "#difference-text").startswith("not proven: first at")
+    assert text(page, "#difference-text").startswith("not exact: first at")
     page.click("#difference")
     page.until("watched.waves.data.differing.length === 2")
     columns = page.run("watched.waves.data.differing.map(e => Math.round(watched.waves.x(e.cycle)))")
@@ -248,7 +248,7 @@ def test_three_poses_are_recorded_with_sliders_and_built(watch: Open, tmp_path: 
         page.until(f"document.getElementById('job-text').value.includes('arm_deg = {angle},')")
     page.until("!document.getElementById('build').disabled")
     page.click("#build")
-    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
+    page.until("document.getElementById('build-progress').dataset.exact === 'true'")
     lines = [
         line.strip() for line in job.read_text().splitlines() if "arm_deg" in line and line.strip()[0] == "{"
     ]
@@ -305,7 +305,7 @@ def test_poses_are_dragged_on_a_timeline_by_mouse_and_keyboard(watch: Open, tmp_
     assert order(page) == [120, 90]
     page.until("!document.getElementById('build').disabled")
     page.click("#build")
-    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
+    page.until("document.getElementById('build-progress').dataset.exact === 'true'")
     written = job.read_text()
     wanted = (
         "    { arm_deg = 120, hold_s = 4.3 }, # 150 frames\n    { arm_deg = 90, hold_s = 5 },  # 250 frames\n"

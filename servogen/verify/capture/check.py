@@ -231,7 +231,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
 
 
 def _facts(setup: _Setup, line: FittedLine | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
-    """Return all findings; `with_reasons` adds the reasons why the capture is not proven."""
+    """Return all findings; `with_reasons` adds the reasons why the capture does not agree."""
     mismatches = [mismatch for channel in judged.values() for mismatch in channel.mismatches]
     ppm, ppm_error = _clock(setup, line)
     frames = [frame for channel in judged.values() for frame in channel.frames]
@@ -250,7 +250,7 @@ def _facts(setup: _Setup, line: FittedLine | None, judged: Mapping[int, Judged])
             )
         )
     return CaptureVerdict(
-        proven=False,
+        passed=False,
         reasons=(),
         tolerances=setup.allowed,
         sample_us=setup.signals.quantum * setup.step_us,

@@ -36,6 +36,12 @@ class Tolerances:
     A sample may not be longer: a slower analyser proves nothing.
     """
 
+    def words(self) -> str:
+        return (
+            f"a sample and {self.width_us:g} µs of width, {self.period_us:g} µs of period and "
+            f"{self.edge_us:g} µs of edge"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Spread:
@@ -132,14 +138,15 @@ class CapturePiece:
 
 @dataclass(frozen=True, slots=True)
 class CaptureVerdict(Judgement):
-    """`proven`: every different frame was captured, and everything captured matches the schedule within
+    """`agrees`: every different frame was captured, and everything captured matches the schedule within
     `tolerances`.
 
     For several captures in one file, whose distance in time is not known, `pieces` holds each, and the
     figures are those of all together.
     """
 
-    PROVEN: ClassVar[str] = "proven within tolerances"
+    WORD: ClassVar[str] = "agrees"
+    NOT: ClassVar[str] = "does not agree"
 
     tolerances: Tolerances
     sample_us: float
@@ -173,14 +180,14 @@ class CaptureVerdict(Judgement):
     """The deviation of the schedule itself from the planned motion."""
 
     def but(self, reason: str) -> CaptureVerdict:
-        """Return the same verdict, not proven because of `reason`, which comes first."""
-        return replace(self, proven=False, reasons=(reason, *self.reasons))
+        """Return the same verdict, not passed because of `reason`, which comes first."""
+        return replace(self, passed=False, reasons=(reason, *self.reasons))
 
     def to_json(self) -> dict[str, object]:
         """Return plain values for a JSON file."""
         allowed = self.tolerances
         return {
-            "proven": self.proven,
+            "agrees": self.passed,
             "verdict": self.word,
             "reasons": list(self.reasons),
             "tolerances": {
@@ -213,10 +220,10 @@ CLOCK_PPM = 5.0
 
 
 def with_reasons(verdict: CaptureVerdict) -> CaptureVerdict:
-    """Return the verdict: proven if nothing speaks against it and every different frame was seen."""
+    """Return the verdict: it agrees if nothing speaks against it and every different frame was seen."""
     why = tuple(_reasons(verdict))
     unseen = () if why or verdict.coverage.complete else (unseen_reason(verdict.coverage),)
-    return replace(verdict, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
+    return replace(verdict, passed=not why and not unseen, reasons=why or unseen, unseen=unseen)
 
 
 def _reasons(verdict: CaptureVerdict) -> Iterator[str]:
@@ -281,17 +288,18 @@ def _channel_reasons(channel: CapturedChannel) -> list[str]:
 
 
 def capture_lines(verdict: CaptureVerdict) -> list[str]:
-    """Return lines without colour; the first says whether the capture is proven, the last ones why not."""
+    """Return lines without colour; the first says whether the capture agrees, the last ones why not."""
     return capture_summary(verdict) + [f"- {reason}" for reason in verdict.reasons]
 
 
 def capture_summary(verdict: CaptureVerdict) -> list[str]:
     """Return the lines without the reasons."""
     seconds = verdict.duration_us / 1e6
+    within = f"within {verdict.tolerances.words()}; " if verdict.agrees else ""
     first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
     lines = [
         f"{_headline(verdict)}{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
-        f"a sample every {verdict.sample_us:g} µs; {plan_text(verdict.plan_error)}",
+        f"a sample every {verdict.sample_us:g} µs; {within}{plan_text(verdict.plan_error)}",
         _clock_words(verdict),
     ]
     if verdict.pieces:
@@ -304,9 +312,7 @@ def capture_summary(verdict: CaptureVerdict) -> list[str]:
 
 def _headline(verdict: CaptureVerdict) -> str:
     """Return the beginning of the first line."""
-    if verdict.proven:
-        return f"{verdict.word}: "
-    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
+    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "does NOT agree: "
 
 
 def _seen_words(coverage: Coverage) -> str:

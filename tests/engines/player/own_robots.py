@@ -1,4 +1,4 @@
-"""Own hexapods: how many random robots that can be planned are built and proven, and how near to their plan.
+"""Own hexapods: how many random robots that can be planned are built and exact, and how near to their plan.
 
 `python -m tests.engines.player.own_robots --robots 200` draws robots: links of 30 to 120 mm, bodies of 80 to
 300 mm, hobby servos of 500 to 2500 µs over 120° to 180°, each servo with its own calibration (±12 µs at
@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from servogen.build import BuiltProgram, checked_cycles, planned
-from servogen.build.build import proven
+from servogen.build.build import judged
 from servogen.engines.c_text import DIALECTS
 from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, plan_job
@@ -112,9 +112,9 @@ class Outcome:
     programs: tuple[BuiltProgram, ...]
 
     @property
-    def proven(self) -> bool:
-        """Return whether every dialect's program is built and proven."""
-        return len(self.programs) == len(DIALECTS) and all(each.proven for each in self.programs)
+    def exact(self) -> bool:
+        """Return whether every dialect's program is built and exact."""
+        return len(self.programs) == len(DIALECTS) and all(each.exact for each in self.programs)
 
 
 def outcome(robot: Robot) -> Outcome | str:
@@ -129,7 +129,7 @@ def outcome(robot: Robot) -> Outcome | str:
     schedule = found.plan.schedule
     assert schedule.plan_error is not None
     span = checked_cycles(schedule)
-    return Outcome(schedule.plan_error, tuple(proven(schedule, each, span) for each in made))
+    return Outcome(schedule.plan_error, tuple(judged(schedule, each, span) for each in made))
 
 
 def main(count: int, seed: int) -> int:
@@ -145,12 +145,12 @@ def main(count: int, seed: int) -> int:
         words = [each.firmware.compilation.words for each in done.programs]
         print(
             f"{robot.number} {robot.gait}: {done.error.text()}; words {words}, "
-            f"{'proven' if done.proven else 'NOT PROVEN'}"
+            f"{'exact' if done.exact else 'NOT EXACT'}"
         )
-        tight += done.proven and done.error.width_us <= TIGHT_US
-        loose += done.proven and done.error.width_us <= LOOSE_US
+        tight += done.exact and done.error.width_us <= TIGHT_US
+        loose += done.exact and done.error.width_us <= LOOSE_US
     print(
-        f"{count} robots: {tight} proven at {TIGHT_US:g} µs, {loose} at {LOOSE_US:g} µs; {dict(reasons)} not"
+        f"{count} robots: {tight} exact at {TIGHT_US:g} µs, {loose} at {LOOSE_US:g} µs; {dict(reasons)} not"
     )
     return 0 if loose == count and tight >= 0.95 * count else 1
 

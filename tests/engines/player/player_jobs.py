@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.build import Build, build, prove, running
+from servogen.build import Build, build, judge_edges, running
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
 from servogen.engines.player.engine import play
 from servogen.job import load, loads, plan_job
@@ -142,13 +142,13 @@ def main(seconds: float) -> int:
     print(f"pairs of a slot cross, times in a loop of {schedule.loop_frames} frames: {crossings(done)}")
     exact = True
     for program in done.programs:
-        verdict = prove(schedule, running(schedule, program.image, span), span)
+        verdict = judge_edges(schedule, running(schedule, program.image, span), span)
         pulses = sum(channel.observed for channel in verdict.channels)
-        exact &= verdict.proven
+        exact &= verdict.passed
         print(
             f"{program.firmware.dialect}: {seconds:g} s, {verdict.span.frames} frames, {pulses} pulses: "
             f"worst edge error {verdict.worst_edge_error} cycles, "
-            f"{'proven' if verdict.proven else 'NOT PROVEN'}"
+            f"{'exact' if verdict.passed else 'NOT EXACT'}"
         )
     return 0 if exact else 1
 

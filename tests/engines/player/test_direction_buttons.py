@@ -230,7 +230,7 @@ def test_random_hands_walk_as_the_rules_say(dialect: str) -> None:
     image = made(dialect, FOUR)[1].compilation.image
     held = random_hands(np.random.default_rng(len(dialect)), 1200, tuple(PINS_OF))
     verdict = shown(schedule_of(FOUR), image, held, seed=len(dialect))
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_a_held_button_walks_and_a_released_one_ends_in_the_stance() -> None:
@@ -241,7 +241,7 @@ def test_a_held_button_walks_and_a_released_one_ends_in_the_stance() -> None:
     left = next(each for each in commands.directions if each.name == "left")
     assert runs[83 : 83 + 16] == flat(left.start)
     assert runs[-1].pulses == schedule.loop[0].pulses
-    assert shown(schedule, made()[1].compilation.image, held).proven
+    assert shown(schedule, made()[1].compilation.image, held).passed
 
 
 def test_two_frames_are_too_few_and_three_are_enough() -> None:
@@ -250,7 +250,7 @@ def test_two_frames_are_too_few_and_three_are_enough() -> None:
     for frames, moves in ((2, False), (3, True)):
         held = holding((80, ""), (frames, "back"), (80, ""))
         assert any(run.pulses != stance for run in frames_of(schedule, held)[80:]) == moves
-        assert shown(schedule, image, held).proven
+        assert shown(schedule, image, held).passed
 
 
 def test_two_buttons_at_once_stop_the_walk() -> None:
@@ -260,7 +260,7 @@ def test_two_buttons_at_once_stop_the_walk() -> None:
     assert commands is not None
     assert [run.pulses for run in runs[210:240]] == [schedule.loop[0].pulses] * 30
     assert runs[243] == flat(commands.directions[1].start)[0]
-    assert shown(schedule, image, held).proven
+    assert shown(schedule, image, held).passed
     assert not shown(schedule, image, [*held[:140], *holding((100, "back")), *held[240:]]).reasons
 
 
@@ -269,7 +269,7 @@ def test_buttons_to_vdd_are_pressed_while_their_pins_are_high() -> None:
     schedule = found.plan.schedule
     assert schedule.inputs == (Input("RA0", 0), Input("RB7", 0))
     held = holding((80, ""), (60, "left"), (90, ""))
-    assert shown(schedule, firmware.compilation.image, held, pressed=1).proven
+    assert shown(schedule, firmware.compilation.image, held, pressed=1).passed
 
 
 def test_every_press_is_proven_and_the_certificate_is_valid() -> None:
@@ -406,7 +406,7 @@ def test_one_button_steps_through_the_directions(dialect: str) -> None:
     assert list(dict.fromkeys(commanded)) == ["", "forward", "back", "left", "right"]
     runs = frames_commanded(schedule, commanded)
     verdict = compared(schedule, image, [Levels(PINS.index("RB7"), tuple(changes))], runs, options)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_every_press_of_one_button_is_proven_and_a_changed_word_refuted() -> None:

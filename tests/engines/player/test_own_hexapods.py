@@ -28,7 +28,7 @@ def test_a_robot_drawn_at_random_with_a_button_is_built_and_proven(number: int) 
     assert "start_pin" in robot.job
     done = outcome(robot)
     assert isinstance(done, Outcome), done
-    assert done.proven and done.error.width_us <= 10
+    assert done.exact and done.error.width_us <= 10
 
 
 def test_a_robot_that_does_not_fit_is_refused_with_a_reason() -> None:
@@ -65,7 +65,7 @@ def test_a_walk_and_a_turn_with_servos_calibrated_one_by_one_is_within_five_micr
     assert error is not None and error.width_us <= 5
     assert [program.firmware.dialect for program in made.programs] == list(DIALECTS)
     for program in made.programs:
-        assert program.proven and program.verdict.worst_edge_error == 0
+        assert program.exact and program.verdict.worst_edge_error == 0
         assert program.firmware.compilation.words <= 950
 
 

@@ -1,10 +1,10 @@
-"""The player on the chip: hexapods proven in every dialect, trims, power-up, a watchdog left on."""
+"""The player on the chip: hexapods exact in every dialect, trims, power-up, a watchdog left on."""
 
 from dataclasses import replace
 
 import pytest
 
-from servogen.build import planned, prove, running
+from servogen.build import judge_edges, planned, running
 from servogen.edges import PINS, join
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.engine import play
@@ -33,7 +33,7 @@ def test_a_whole_hexapod_is_exact_on_one_chip_in_every_dialect(name: str) -> Non
     assert done.engine == "player"
     assert len(done.plan.schedule.channels) == 12
     for program in done.programs:
-        assert program.verdict.proven, program.verdict.reasons
+        assert program.verdict.passed, program.verdict.reasons
         assert program.verdict.worst_edge_error == 0
         assert program.firmware.compilation.words <= PROGRAM_WORDS
         assert program.firmware.compilation.ram_bytes <= RAM_BYTES
@@ -77,7 +77,7 @@ def test_a_trim_in_the_eeprom_moves_that_servo_by_exactly_that_much() -> None:
         data = {order.index(channel): trim & 0xFF for channel, trim in trims.items()}
         data |= {order.index(2): 0xFF, order.index(5): 0}
         image = replace(program.image, eeprom={**program.image.eeprom, **data})
-        verdict = prove(schedule, running(schedule, image, span), span)
+        verdict = judge_edges(schedule, running(schedule, image, span), span)
         assert verdict.worst_edge_error == 0, verdict.reasons
 
 
@@ -92,7 +92,7 @@ def test_after_power_up_no_pin_is_high_before_its_first_pulse_and_none_is_short(
 def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
     # Ten minutes of the same: python -m tests.engines.player.player_jobs.
     done = built_text(job_text(13, sweep(13, 2.56), firmware="soft_start_s = 0.32"))
-    assert done.proven
+    assert done.exact
     assert len(crossings(done)) == 6 and min(crossings(done).values()) >= 2
     most = dict.fromkeys(range(13), 127)
     schedule = trimmed(done.plan.schedule, most)
@@ -101,7 +101,7 @@ def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
         assert program.verdict.worst_edge_error == 0
         # The slots have room for the longest pulse with the longest trim, in every frame.
         image = replace(program.image, eeprom=most)
-        verdict = prove(schedule, running(schedule, image, span), span)
+        verdict = judge_edges(schedule, running(schedule, image, span), span)
         assert verdict.worst_edge_error == 0, verdict.reasons
 
 
@@ -115,7 +115,7 @@ def test_held_poses_between_two_steps_are_held() -> None:
     held = [run for run in done.plan.schedule.loop if run.frames >= 15]
     assert len(held) == 2
     for program in done.programs:
-        assert program.proven and program.verdict.worst_edge_error == 0
+        assert program.exact and program.verdict.worst_edge_error == 0
 
 
 def test_a_motion_with_too_many_poses_is_refused_with_its_bytes() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from servogen.build.build import BuiltProgram
-from servogen.build.proof import prove_forever
+from servogen.build.verification import judge_forever
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import waited
@@ -63,20 +63,20 @@ def test_the_motion_waits_in_its_first_frame_until_start_was_seen_in_three_frame
         pressed = first_edge(program) + frame * schedule.period + 100
         button = BouncingButton(RA4, pressed, pressed + 10 * schedule.period, active=active, seed=frame + 1)
         verdict = shown(schedule, program, [button], schedule.lead_in_frames + schedule.loop_frames)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 def test_what_build_proves_has_start_pressed_and_stop_released_at_power_up() -> None:
     done = built_text(text(START + STOP))
-    assert done.proven
+    assert done.exact
     schedule = done.plan.schedule
     assert schedule.inputs == (Input("RA4", LOW), Input("RB7", HIGH))
     assert from_json(schedule.json_text(), "schedule.json") == schedule
     # Two more frames of the first one than without a button: it counts at the end of the third.
     plain = built_text(text("")).plan.schedule
     assert schedule.lead_in_frames == plain.lead_in_frames + 2
-    found = prove_forever(schedule, done.programs[0].image, Cycles(1000 * schedule.period))
-    assert found.proven, found.text()
+    found = judge_forever(schedule, done.programs[0].image, Cycles(1000 * schedule.period))
+    assert found.passed, found.text()
 
 
 def test_a_press_of_two_frames_is_no_press() -> None:
@@ -85,7 +85,7 @@ def test_a_press_of_two_frames_is_no_press() -> None:
     begin = first_edge(program) + 5 * schedule.period + 100
     short = BouncingButton(RA4, begin, begin + 2 * schedule.period, bounces=0)
     waiting = replace(schedule, lead_in=(), loop=first_frames(schedule, 1))
-    assert shown(waiting, program, [short], 40).proven
+    assert shown(waiting, program, [short], 40).passed
     enough = replace(short, released=begin + 3 * schedule.period)
     assert not shown(waiting, program, [enough], 40).agrees
 
@@ -99,7 +99,7 @@ def test_the_emergency_stop_ends_the_pulses_after_three_frames_until_reset(frame
         button = BouncingButton(RB7, pressed, pressed + 5 * schedule.period, seed=frame + 1)
         stopped = replace(schedule, lead_in=first_frames(schedule, frame + 3), loop=(silent(schedule),))
         verdict = shown(stopped, program, [button], frame + 60)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 @pytest.mark.parametrize("frame", [0, 12, 41])
@@ -112,7 +112,7 @@ def test_the_emergency_stop_can_hold_the_pulses_of_that_moment(frame: int) -> No
         before = first_frames(schedule, frame + 3)
         held = replace(schedule, lead_in=before, loop=(replace(before[-1], frames=1),))
         verdict = shown(held, program, [button], frame + 60)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 def test_start_after_a_stop_that_took_the_pulses_begins_anew_with_the_neutral_pose() -> None:
@@ -130,7 +130,7 @@ def test_start_after_a_stop_that_took_the_pulses_begins_anew_with_the_neutral_po
         anew = (replace(anew[0], frames=anew[0].frames - 3), *anew[1:])
         lead_in = (*first_frames(schedule, 33), silent(schedule, 20), *anew)
         verdict = shown(replace(schedule, lead_in=lead_in), program, presses, 33 + 20 + 57)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 def test_start_after_a_stop_that_held_goes_on_from_there() -> None:
@@ -148,7 +148,7 @@ def test_start_after_a_stop_that_held_goes_on_from_there() -> None:
     after = _without(rest, 33)
     lead_in = (*until, replace(until[-1], frames=20), *after)
     verdict = shown(replace(schedule, lead_in=lead_in), program, presses, 33 + 20 + 50)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def _without(runs: tuple[Run, ...], frames: int) -> tuple[Run, ...]:
@@ -167,8 +167,8 @@ def test_a_start_button_that_is_stuck_released_leaves_the_neutral_pose_for_ever(
     schedule = done.plan.schedule
     waiting = replace(schedule, lead_in=(), loop=first_frames(schedule, 1), inputs=(Input("RA4", HIGH),))
     for program in done.programs:
-        found = prove_forever(waiting, program.image, Cycles(2000 * schedule.period))
-        assert found.proven, found.text()
+        found = judge_forever(waiting, program.image, Cycles(2000 * schedule.period))
+        assert found.passed, found.text()
 
 
 def test_a_stop_that_is_stuck_pressed_leaves_no_pulses_whatever_start_does() -> None:
@@ -182,7 +182,7 @@ def test_a_stop_that_is_stuck_pressed_leaves_no_pulses_whatever_start_does() -> 
         for presses in ((), ((start, LOW),), ((start, LOW), (start + 200_000, HIGH), (start + 400_000, LOW))):
             sources = [Levels(RA4, ((0, LOW), (10, HIGH), *presses)), Levels(RB7, ((0, LOW),))]
             verdict = shown(stopped, program, sources, 60)
-            assert verdict.proven, verdict.reasons
+            assert verdict.passed, verdict.reasons
 
 
 def test_a_start_that_is_stuck_pressed_does_not_start_again_after_a_stop() -> None:
@@ -191,7 +191,7 @@ def test_a_start_that_is_stuck_pressed_does_not_start_again_after_a_stop() -> No
     stop = first_edge(program) + 30 * schedule.period + 100
     sources = [Levels(RA4, ((0, LOW),)), Levels(RB7, ((0, HIGH), (stop, LOW), (stop + 100_000, HIGH)))]
     stopped = replace(schedule, lead_in=first_frames(schedule, 33), loop=(silent(schedule),))
-    assert shown(stopped, program, sources, 90).proven
+    assert shown(stopped, program, sources, 90).passed
 
 
 def test_an_input_that_flutters_moves_no_edge() -> None:
@@ -201,7 +201,7 @@ def test_an_input_that_flutters_moves_no_edge() -> None:
     beats = [(at * schedule.period, HIGH) for at in range(0, 300, 3)]
     beats += [((at + 1) * schedule.period + 777, LOW) for at in range(0, 300, 3)]
     verdict = shown(schedule, program, [Levels(RB7, tuple(sorted(beats)))], 200)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_the_tripod_has_room_for_both_buttons() -> None:
     from tests.engines.player.test_player import TRIPOD
 
     done = built_text(TRIPOD + 'start_pin = "RA4"\n')
-    assert done.proven
+    assert done.exact
     assert max(program.firmware.compilation.words for program in done.programs) <= 1024
 
 
@@ -253,5 +253,5 @@ def test_a_bumper_stops_the_wheels_of_a_drive_for_good() -> None:
         )
         stopped = replace(schedule, lead_in=first_frames(schedule, frame + 3), loop=(silent(schedule),))
         verdict = shown(stopped, program, [bumper], frame + 200)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
     assert not shown(stopped, program, [], 200).agrees

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.build import planned, prove, running
+from servogen.build import judge_edges, planned, running
 from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -43,7 +43,7 @@ def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
     played = play(done.job)[1]
     assert played.layout.tick == tick
     for program in done.programs:
-        assert program.proven and program.verdict.worst_edge_error == 0
+        assert program.exact and program.verdict.worst_edge_error == 0
         for room in program.firmware.timing_budgets:
             assert room.left is not None and room.left >= 0
     # The period is the nearest whole number of ticks; what that costs is said.
@@ -88,7 +88,7 @@ def test_slots_are_as_long_as_the_motion_needs_whatever_the_servos_limits_are() 
     made = text(4, 12, full=(angles[0], angles[1]), limits=(0, 180))
     made = made.replace('model = "futaba-s3001"\n', f'model = "futaba-s3001"\n{wide}')
     done = built_text(made)
-    assert done.proven
+    assert done.exact
     played = play(done.job)[1]
     longest = [slot.longest for slot in played.layout.slots if slot.channels]
     # The longest pulse (within a cycle), the margin of 20 µs, and the longest trim: not the limit of 2400.
@@ -97,7 +97,7 @@ def test_slots_are_as_long_as_the_motion_needs_whatever_the_servos_limits_are() 
     schedule = trimmed(done.plan.schedule, most)
     span = Cycles(200 * schedule.period)
     for program in done.programs:
-        verdict = prove(schedule, running(schedule, replace(program.image, eeprom=most), span), span)
+        verdict = judge_edges(schedule, running(schedule, replace(program.image, eeprom=most), span), span)
         assert verdict.worst_edge_error == 0, verdict.reasons
     # A motion that uses all of the limits does not fit.
     with pytest.raises(InputError, match="do not fit a frame"):
@@ -128,20 +128,20 @@ def test_the_longest_pulses_at_20_mhz_have_slots_of_more_than_8160_cycles() -> N
     # From the first slot to the second, and so on; the last, without a pulse, only waits.
     slots = [slot.ticks * played.layout.tick for slot in played.layout.slots[1:7]]
     assert min(slots) > 255 * 32
-    assert done.proven
+    assert done.exact
 
 
 def test_a_long_frame_is_cut_by_slots_without_pulses() -> None:
     done = built_text(job_text(3, sweep(3, 1.28), frame="period_us = 60_000"))
     played = play(done.job)[1]
     assert sum(not slot.channels for slot in played.layout.slots) >= 5
-    assert done.proven and done.plan.schedule.period == 60_000
+    assert done.exact and done.plan.schedule.period == 60_000
 
 
 @pytest.mark.parametrize("mhz", [2, 4, 20])
 def test_with_max_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> None:
     done = built_text(text(mhz, 8, frame="max_together = 1"))
-    assert done.proven
+    assert done.exact
     rises = sorted(pulse.rise for pulse in done.plan.schedule.lead_in[0].pulses if pulse)
     assert min(b - a for a, b in pairwise(rises)) == 32
     together = planned(plan_job(loads(text(mhz, 8), "job.toml")))

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build import prove, running
-from servogen.build.proof import motion_cycles
+from servogen.build import judge_edges, running
+from servogen.build.verification import motion_cycles
 from servogen.edges import LOW, PINS, EdgeTrace, join, part
 from servogen.engines.board import board_of
 from servogen.pic.image import Image
@@ -44,7 +44,7 @@ def test_a_reset_at_any_cycle_of_any_frame_is_followed_by_the_soft_start_and_exa
         program = done.programs[number % len(done.programs)]
         at = number * schedule.period + dice.randrange(schedule.period)
         verdict = after_reset(schedule, program.image, at, dice.randrange(20, 60_000), 24)
-        assert verdict.proven, (at, verdict.reasons)
+        assert verdict.passed, (at, verdict.reasons)
 
 
 def test_a_reset_in_the_middle_of_a_walk_goes_back_to_the_neutral_pose() -> None:
@@ -52,7 +52,7 @@ def test_a_reset_in_the_middle_of_a_walk_goes_back_to_the_neutral_pose() -> None
     schedule = done.plan.schedule
     for frame in (10, 77, 200):
         verdict = after_reset(schedule, done.programs[0].image, frame * schedule.period + 4321, 1000, 60)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
     assert {pulse.width for pulse in schedule.lead_in[0].pulses if pulse} == {1500}
 
 
@@ -85,8 +85,8 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int
         watched = replace(program.image, config=program.image.config | WDT_ON)
         machine = Machine(watched, schedule.clock, SimulatorOptions(watchdog_us=watchdog_us))
         trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
-        verdict = prove(schedule, trace, span)
-        assert verdict.proven, verdict.reasons
+        verdict = judge_edges(schedule, trace, span)
+        assert verdict.passed, verdict.reasons
         assert machine.state().resets["watchdog"] == 0
 
 
@@ -102,8 +102,8 @@ def test_a_watchdog_of_7_ms_changes_no_edge_at_any_clock(mhz: int, servos: int) 
     span = motion_cycles(schedule)
     limit = Cycles(span + 10 * schedule.period)
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
-    verdict = prove(schedule, trace, span)
-    assert verdict.proven, verdict.reasons
+    verdict = judge_edges(schedule, trace, span)
+    assert verdict.passed, verdict.reasons
 
 
 def test_a_watchdog_faster_than_any_chip_has_is_seen() -> None:
@@ -114,7 +114,7 @@ def test_a_watchdog_faster_than_any_chip_has_is_seen() -> None:
     machine = Machine(watched, schedule.clock, SimulatorOptions(watchdog_us=3000))
     limit = Cycles(100 * schedule.period)
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
-    assert not prove(schedule, trace, Cycles(90 * schedule.period)).agrees
+    assert not judge_edges(schedule, trace, Cycles(90 * schedule.period)).agrees
 
 
 def test_an_erased_eeprom_is_no_trim() -> None:
@@ -123,7 +123,7 @@ def test_an_erased_eeprom_is_no_trim() -> None:
     for program in done.programs:
         assert all(value == 0xFF for value in program.image.eeprom.values())
         erased = replace(program.image, eeprom=dict.fromkeys(range(64), 0xFF))
-        assert prove(schedule, running(schedule, erased, span), span).proven
+        assert judge_edges(schedule, running(schedule, erased, span), span).passed
 
 
 @pytest.mark.parametrize("byte", [0x00, 0x01, 0x7F, 0x80, 0x81, 0xFE])
@@ -135,8 +135,8 @@ def test_whatever_byte_the_eeprom_holds_the_pulses_are_the_scheduled_ones_and_th
     span = motion_cycles(schedule)
     for program in done.programs:
         image = replace(program.image, eeprom=dict.fromkeys(range(64), byte))
-        verdict = prove(schedule, running(schedule, image, span), span)
-        assert verdict.proven, verdict.reasons
+        verdict = judge_edges(schedule, running(schedule, image, span), span)
+        assert verdict.passed, verdict.reasons
 
 
 def test_a_trim_survives_a_reset() -> None:
@@ -147,7 +147,7 @@ def test_a_trim_survives_a_reset() -> None:
         eeprom = {channel: trim & 0xFF for channel, trim in trims.items()}
         image = replace(program.image, eeprom={**program.image.eeprom, **eeprom})
         verdict = after_reset(schedule, image, 31 * schedule.period + 77, 4000, 40)
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 def test_before_the_first_pulse_no_pin_is_high() -> None:

@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from servogen.build.proof import prove_forever
+from servogen.build.verification import judge_forever
 from servogen.units import Cycles
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, poses
 
@@ -23,7 +23,7 @@ def once(end: str, **more: str) -> str:
 def test_a_motion_that_is_played_once_ends_for_ever_as_it_says(end: str) -> None:
     done = built_text(once(end))
     schedule = done.plan.schedule
-    assert done.engine == "player" and done.proven
+    assert done.engine == "player" and done.exact
     (last,) = schedule.loop
     if end == "release":
         assert last.pulses == (None,) * 3
@@ -34,15 +34,15 @@ def test_a_motion_that_is_played_once_ends_for_ever_as_it_says(end: str) -> None
         made = [pulse.width for pulse in last.pulses if pulse]
         assert made == pytest.approx(wanted, abs=2.0)  # half a step of the table
     for program in done.programs:
-        found = prove_forever(schedule, program.image, Cycles(2000 * schedule.period))
-        assert found.proven, found.text()
+        found = judge_forever(schedule, program.image, Cycles(2000 * schedule.period))
+        assert found.passed, found.text()
 
 
 def test_with_a_start_button_the_motion_is_played_once_after_it() -> None:
     done = built_text(once("release", firmware='start_pin = "RA4"\nstop_pin = "RA3"\n'))
-    assert done.proven
-    found = prove_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))
-    assert found.proven, found.text()
+    assert done.exact
+    found = judge_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))
+    assert found.passed, found.text()
 
 
 @pytest.mark.parametrize("end", ["hold", "release"])
@@ -50,6 +50,6 @@ def test_a_walk_can_be_played_once(end: str) -> None:
     walk = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
     walk = walk.replace("lift_mm = 20", f'lift_mm = 20\nrepeat = false\nend = "{end}"')
     done = built_text(walk)
-    assert done.proven
-    found = prove_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))
-    assert found.proven, found.text()
+    assert done.exact
+    found = judge_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))
+    assert found.passed, found.text()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from servogen.build import planned
-from servogen.build.build import Build, proven, report
-from servogen.build.proof import checked_cycles
+from servogen.build.build import Build, judged, report
+from servogen.build.verification import checked_cycles
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, play
@@ -31,7 +31,7 @@ def slower(cycles: int) -> Build:
     played = play(done.job)[1]
     made = firmware(text, done.job, played.layout, "c2c")
     schedule = done.plan.schedule
-    return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
+    return replace(done, programs=(judged(schedule, made, checked_cycles(schedule)),))
 
 
 @pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-turn", "scara-pick"])
@@ -118,7 +118,7 @@ def test_all_of_the_time_left_can_be_used_and_not_a_cycle_more() -> None:
     assert left is not None and left > 0
     used = slower(left).programs[0]
     assert used.firmware.timing_budgets[0].left == 0 and not used.firmware.warnings
-    assert used.proven and used.overrun is None
+    assert used.exact and used.overrun is None
     more = slower(left + 1).programs[0]
     assert more.firmware.timing_budgets[0].left == -1
     assert "1 more than it has" in more.firmware.warnings[0].message
@@ -130,7 +130,7 @@ def test_c_that_comes_too_late_is_seen_in_the_bit_in_the_edges_and_in_the_report
     done = slower(left + 200)
     late = done.programs[0]
     assert late.overrun is not None
-    assert not late.verdict.proven and not late.proven and not done.proven
+    assert not late.verdict.passed and not late.exact and not done.exact
     period = done.plan.schedule.period
     # Only long pulses leave too little time: the bit says so within a frame of the first wrong edge.
     assert late.verdict.difference is not None

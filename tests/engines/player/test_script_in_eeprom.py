@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from servogen.build import Build, build, checked_cycles, planned
-from servogen.build.build import proven as compared
+from servogen.build.build import judged as compared
 from servogen.build.build import report
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
@@ -76,7 +76,7 @@ def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_
     script = played_six_ways()[1].encoded.script.data
     assert [program.firmware.dialect for program in done.programs] == list(DIALECTS)
     for program in done.programs:
-        assert program.proven and program.verdict.worst_edge_error == 0
+        assert program.exact and program.verdict.worst_edge_error == 0
         assert program.firmware.compilation.words <= PROGRAM_WORDS
         eeprom = program.image.eeprom
         assert bytes(eeprom[at] for at in range(SERVOS, 64)) == script[-52:]
@@ -128,7 +128,7 @@ def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins
     verdict = compared(
         schedule, replace(own.firmware, compilation=compilation), checked_cycles(schedule)
     ).verdict
-    assert not verdict.proven and verdict.difference is not None
+    assert not verdict.passed and verdict.difference is not None
     begun = own.verdict.start
     assert begun is not None
     # The soft start and the first three ways are in flash, so the pulses are right until then.
@@ -147,7 +147,7 @@ def test_trims_and_the_script_share_the_eeprom() -> None:
     }
     compilation = replace(own.firmware.compilation, image=replace(own.image, eeprom=eeprom))
     changed = replace(own.firmware, compilation=compilation)
-    assert compared(trimmed(schedule, trims), changed, checked_cycles(schedule)).proven
+    assert compared(trimmed(schedule, trims), changed, checked_cycles(schedule)).passed
 
 
 def test_a_chain_of_directions_is_read_from_the_eeprom() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servogen.build import prove
+from servogen.build import judge_edges
 from servogen.build.build import Build, BuiltProgram
 from servogen.edges import HIGH, PINS, EdgeTrace, join
 from servogen.simulator import Machine, SimulatorOptions
@@ -34,8 +34,8 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str) -> None:
     done = built(name)
     for program in done.programs:
         machine, trace = watched(done, program, SHORTEST_US, 1100)
-        verdict = prove(done.plan.schedule, trace, Cycles(1000 * done.plan.schedule.period))
-        assert verdict.proven, verdict.reasons
+        verdict = judge_edges(done.plan.schedule, trace, Cycles(1000 * done.plan.schedule.period))
+        assert verdict.passed, verdict.reasons
         assert machine.state().resets["watchdog"] == 0
 
 
@@ -63,4 +63,4 @@ def test_a_pause_longer_than_the_watchdog_begins_the_motion_anew_and_cuts_no_pul
 def test_a_watchdog_shorter_than_a_frame_is_seen() -> None:
     done = built("lab8-exercise")
     _, trace = watched(done, done.programs[0], 100, 100)
-    assert not prove(done.plan.schedule, trace, Cycles(50 * done.plan.schedule.period)).agrees
+    assert not judge_edges(done.plan.schedule, trace, Cycles(50 * done.plan.schedule.period)).agrees

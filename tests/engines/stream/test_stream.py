@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.build import build, planned, prove, running
-from servogen.build.build import Build, proven, report
-from servogen.build.proof import checked_cycles, motion_cycles, prove_forever
+from servogen.build import build, judge_edges, planned, running
+from servogen.build.build import Build, judged, report
+from servogen.build.verification import checked_cycles, judge_forever, motion_cycles
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
@@ -77,7 +77,7 @@ def pulses(chunk: EdgeChunk, pin: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> None:
     done = built(name)
-    assert done.engine == "stream" and done.proven
+    assert done.engine == "stream" and done.exact
     assert report(done).count("overrun: never") == len(done.programs)
     for program in done.programs:
         assert program.firmware.compilation.words <= PROGRAM_WORDS
@@ -95,7 +95,7 @@ def test_a_random_line_moves_no_edge_by_a_cycle_and_no_command_is_lost(name: str
         line.noise(0.01)
     assert len(line.heard) > 400
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 @pytest.mark.parametrize("error", [Fraction(-2, 100), Fraction(2, 100)])
@@ -107,7 +107,7 @@ def test_a_sender_that_is_two_per_cent_off_is_understood_byte_for_byte(name: str
         line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MAX_VALUE)), error)
         line.idle(line.dice.random())
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_one_bit_that_is_another_is_seen_and_said_where() -> None:
@@ -118,7 +118,7 @@ def test_one_bit_that_is_another_is_seen_and_said_where() -> None:
     at, command = line.heard[number]
     line.heard[number] = (at, replace(command, value=command.value ^ 1))
     verdict = check(made, line)
-    assert not verdict.proven
+    assert not verdict.passed
     assert any("shoulder" in reason for reason in verdict.reasons)
 
 
@@ -135,7 +135,7 @@ def test_every_width_is_exact_while_the_line_is_busy() -> None:
     while line.now < 22 * made.job.clock.cycles_per_second:
         line.send(speed_command(line.dice.randrange(8), 1))
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
     commands = [(at - made.first_rise, each) for at, each in line.heard]
     seen = set().union(*islice(widths(made.streamed, commands), 1100))
     assert seen >= set(range(1000, 2001))
@@ -174,7 +174,7 @@ def test_after_torn_frames_the_next_whole_one_is_understood() -> None:
             line.seconds(0.03)
     assert [each.value for _, each in line.heard] == 7 * [0, 254]
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_a_group_starts_in_one_frame_and_arrives_in_one_frame() -> None:
@@ -186,7 +186,7 @@ def test_a_group_starts_in_one_frame_and_arrives_in_one_frame() -> None:
     line.send(group_goes(25))
     line.seconds(0.8)
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
     commands = [(at - made.first_rise, each) for at, each in line.heard]
     table = np.array(list(islice(widths(made.streamed, commands), 60)))
     moving = (np.diff(table, axis=0) != 0).any(axis=0)
@@ -245,7 +245,7 @@ def test_a_question_is_answered_with_the_width_in_two_bytes() -> None:
     machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([line]))
     assert answers(made, join(machine.stream(int(line.now) + plan.period))) == wanted
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_a_servo_that_is_off_is_at_its_position_at_once() -> None:
@@ -259,7 +259,7 @@ def test_a_servo_that_is_off_is_at_its_position_at_once() -> None:
     _, lengths = pulses(part(chunk, chunk.cycle > 2_400_000), "RB3")
     assert set(lengths.tolist()) == {1000}
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -272,7 +272,7 @@ def test_a_line_that_is_stuck_is_an_idle_line(name: str, level: int) -> None:
     span = motion_cycles(plan)
     machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([Levels(pin, ((0, level),))]))
     trace = EdgeTrace(plan.clock, machine.stream(span + 3 * plan.period), Cycles(span + 3 * plan.period))
-    assert prove(plan, trace, span).proven
+    assert judge_edges(plan, trace, span).passed
 
 
 def test_a_line_that_is_stuck_in_the_midst_of_a_command_is_silence() -> None:
@@ -290,7 +290,7 @@ def test_a_line_that_is_stuck_in_the_midst_of_a_command_is_silence() -> None:
         line.now = Fraction(begun + cut)
         line.seconds(1.5)
         verdict = check(made, line)
-        assert verdict.proven, (cut, verdict.reasons)
+        assert verdict.passed, (cut, verdict.reasons)
 
 
 def test_a_reset_at_any_frame_is_followed_by_the_neutral_pose() -> None:
@@ -311,7 +311,7 @@ def test_a_reset_at_any_frame_is_followed_by_the_neutral_pose() -> None:
         later = part(chunk, chunk.cycle >= at + held)
         moved = later._replace(cycle=later.cycle - (at + held))
         trace = EdgeTrace(plan.clock, (moved,), Cycles(end - at - held))
-        assert verify(expected(plan), trace, Cycles(20 * plan.period)).proven, number
+        assert verify(expected(plan), trace, Cycles(20 * plan.period)).passed, number
         for channel in plan.channels:
             _, lengths = pulses(part(chunk, chunk.cycle < at), channel.pin)
             assert (lengths >= 1000).all() and (lengths <= 2000).all()
@@ -325,7 +325,7 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str) -> None:
     line = line_of(made, 14)
     talk(line, 4)
     verdict = check(watched, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_an_erased_eeprom_is_no_trim_and_any_other_byte_is_one() -> None:
@@ -338,14 +338,14 @@ def test_an_erased_eeprom_is_no_trim_and_any_other_byte_is_one() -> None:
         line = line_of(made, 15)
         talk(line, 2)
         verdict = check(replace(made, image=image), line, Chip(made.streamed, dict(data)))
-        assert verdict.proven, verdict.reasons
+        assert verdict.passed, verdict.reasons
 
 
 def test_an_idle_line_is_proven_for_all_time() -> None:
     made = firmware("stream-arm")
     plan = made.streamed.plan.schedule
-    found = prove_forever(plan, made.image, Cycles(400 * plan.period))
-    assert found.proven, found.text()
+    found = judge_forever(plan, made.image, Cycles(400 * plan.period))
+    assert found.passed, found.text()
 
 
 TWO_PORTS = (
@@ -364,7 +364,7 @@ def test_servos_on_both_ports_are_exact(dialect: str) -> None:
     line = line_of(made, 16)
     talk(line, 5)
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 @pytest.mark.parametrize("clock_hz", [4_000_000, 4_194_304, 8_000_000, 10_000_000])
@@ -379,7 +379,7 @@ def test_one_servo_at_other_clocks_is_exact(clock_hz: int) -> None:
     line = line_of(made, 17)
     talk(line, 6)
     verdict = check(made, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons
 
 
 def test_pulses_that_do_not_fit_a_frame_are_refused_with_a_period_that_does() -> None:
@@ -399,7 +399,7 @@ def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() 
         model = schedule(made.streamed, islice(widths(made.streamed, ()), frames))
         for wanted in (plan, model):
             span = motion_cycles(wanted)
-            assert prove(wanted, running(plan, made.image, span), span).proven
+            assert judge_edges(wanted, running(plan, made.image, span), span).passed
 
 
 def test_a_pulse_is_prepared_before_its_slot() -> None:
@@ -501,15 +501,15 @@ def slower(code: tuple[str, ...]) -> Build:
     text = before_each_pulse(done.programs[0].firmware.text, *only, *code, "not_now:")
     schedule = done.plan.schedule
     made = made_of(text, done.job, "c2c")
-    return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
+    return replace(done, programs=(judged(schedule, made, checked_cycles(schedule)),))
 
 
 def test_c_that_is_late_once_is_said_for_ever() -> None:
     used = slower(waste(50))
-    assert used.proven and "overrun: never" in report(used)
+    assert used.exact and "overrun: never" in report(used)
     late = slower(far_too_slow())
     (program,) = late.programs
-    assert not program.verdict.proven and not program.proven and not late.proven
+    assert not program.verdict.passed and not program.exact and not late.exact
     assert program.verdict.difference is not None and program.overrun is not None
     # A slot of the 20th frame is empty; 30 frames and more later the bit is still there to be read.
     period = late.plan.schedule.period
@@ -535,4 +535,4 @@ def test_what_sdcc_makes_of_it_is_exact_too(tmp_path: Path) -> None:
     line = line_of(theirs, 21)
     talk(line, 20)
     verdict = check(theirs, line)
-    assert verdict.proven, verdict.reasons
+    assert verdict.passed, verdict.reasons

@@ -1,7 +1,7 @@
 """Compares the edges of an image, a recording or a capture with a schedule.
 
 In: a `PulseSchedule` and an `Image`, a recorded trace, or a `Capture`. Out: the `Verdict` over a stated span
-or, if the machine's complete state repeats, over a span after which nothing new can happen (`prove_forever`):
+or, if the machine's complete state repeats, over a span after which nothing new can happen (`judge_forever`):
 
     machine   ├ its lead-in ┤├──── its loop ────┤├──── its loop ────┤ …
     schedule  ├ lead-in ┤├─ loop ─┤├─ loop ─┤├─ loop ─┤├─ loop ─┤ …
@@ -108,23 +108,23 @@ def _not_driven(
     return reasons
 
 
-def prove_file(
+def judge_file(
     schedule: PulseSchedule,
     trace: EdgeTrace,
     tells_end: bool,
     span: Cycles | None = None,
     hidden: Sequence[str] = (),
 ) -> Verdict:
-    """Return the verdict on a recorded trace; what is `hidden` from it is not proven (see `hidden_by`)."""
+    """Return the verdict on a recorded trace; what is `hidden` from it is not exact (see `hidden_by`)."""
     stored = trace.stored()
-    verdict = _prove_stored(schedule, stored, tells_end, span)
+    verdict = _judge_stored(schedule, stored, tells_end, span)
     unseen = [] if verdict.start is None else _not_driven(schedule, stored, verdict.start)
     for reason in (*hidden, *unseen):
         verdict = verdict.not_all(reason)
     return verdict
 
 
-def _prove_stored(
+def _judge_stored(
     schedule: PulseSchedule, stored: EdgeTrace, tells_end: bool, span: Cycles | None
 ) -> Verdict:
     """Return the verdict on a recorded trace, which is checked to its end.
@@ -134,20 +134,20 @@ def _prove_stored(
     next edge. If the caller requests a shorter `span`, the rest is not compared, and the verdict says so.
     """
     if span is not None:
-        verdict = prove(schedule, stored, span)
+        verdict = judge_edges(schedule, stored, span)
         after = 0 if verdict.start is None else stored.end - verdict.start - span
         return verdict.not_all(_rest(schedule, after)) if after > 0 else verdict
     wanted = expected(schedule)
     first = find_start(stored, channel_pins(wanted)).cycle
     if first is None:
-        return prove(schedule, stored, Cycles(max(stored.end, motion_cycles(schedule))))
+        return judge_edges(schedule, stored, Cycles(max(stored.end, motion_cycles(schedule))))
     known = Cycles(stored.end - first)
     if tells_end:
-        return prove(schedule, stored, Cycles(max(known, motion_cycles(schedule))))
+        return judge_edges(schedule, stored, Cycles(max(known, motion_cycles(schedule))))
     frames = -(-known // schedule.period)
     whole = Cycles(max(frames * schedule.period, motion_cycles(schedule)))
     end = Cycles(first + min(whole, _next_edge(wanted, known, whole)))
-    return prove(schedule, EdgeTrace(stored.clock, stored.chunks, end), whole)
+    return judge_edges(schedule, EdgeTrace(stored.clock, stored.chunks, end), whole)
 
 
 def _rest(schedule: PulseSchedule, cycles: int) -> str:
@@ -164,10 +164,10 @@ def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
     return otherwise
 
 
-def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
+def judge_edges(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
     """Return the verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`).
 
-    Less than the whole motion is never proven, even if no more was requested.
+    Less than the whole motion is never exact, even if no more was requested.
     """
     verdict = verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)
     if verdict.agrees and verdict.span.compared < motion_cycles(schedule):
@@ -176,7 +176,7 @@ def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None)
     return verdict
 
 
-def prove_image(
+def judge_image(
     schedule: PulseSchedule,
     image: Image,
     span: Cycles | None = None,
@@ -185,12 +185,12 @@ def prove_image(
 ) -> Verdict:
     """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
 
-    Edges that equal the schedule's but depend on values that no chip guarantees are not proven.
+    Edges that equal the schedule's but depend on values that no chip guarantees are not exact.
     """
     span = checked_cycles(schedule) if span is None else span
     machine = machine_of(schedule, image, options, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
-    verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    verdict = judge_edges(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
     return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing), CHIP_DEPENDENT)
 
 
@@ -221,10 +221,10 @@ def chip_warnings(
     return tuple(warnings)
 
 
-def prove_capture(
+def judge_capture(
     schedule: PulseSchedule, capture: Capture, tolerances: Tolerances | None = None
 ) -> CaptureVerdict:
-    """Return the verdict on a capture; an incomplete capture is never proven.
+    """Return the verdict on a capture; an incomplete capture is never exact.
 
     Raises InputError if it was, or may have been, sampled too slowly to prove anything.
     """
@@ -256,14 +256,15 @@ class Forever:
     reason: str = ""
 
     @property
-    def proven(self) -> bool:
-        return self.verdict.proven and not self.reason
+    def passed(self) -> bool:
+        return self.verdict.passed and not self.reason
 
     def text(self) -> str:
-        """Return a line that states what is proven, or why nothing is."""
-        if self.proven:
+        """Return a line that states what is exact, or why nothing is."""
+        if self.passed:
             return (
-                f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
+                f"exact for all time from this start: lead-in {self.lead_in} frames, "
+                f"loop {self.loop} frames; "
                 f"0 cycles from the schedule; {plan_text(self.verdict.plan_error)}"
             )
         if self.reason:
@@ -271,11 +272,11 @@ class Forever:
             why = f"{self.reason}; covered {seconds:g} s"
         else:
             why = "the edges are not the schedule's"
-        return f"NOT proven for all time: {why}; {plan_text(self.verdict.plan_error)}"
+        return f"NOT exact for all time from this start: {why}; {plan_text(self.verdict.plan_error)}"
 
     def to_json(self) -> dict[str, object]:
         return {
-            "proven_for_all_time": self.proven,
+            "exact_for_all_time": self.passed,
             "reason": self.reason,
             "lead_in_frames": self.lead_in,
             "loop_frames": self.loop,
@@ -283,7 +284,7 @@ class Forever:
         }
 
 
-def prove_forever(
+def judge_forever(
     schedule: PulseSchedule,
     image: Image,
     limit: Cycles,
@@ -295,7 +296,7 @@ def prove_forever(
     """
     first = next((chunk for chunk in expected(schedule).chunks if len(chunk.cycle)), None)
     if first is None:
-        verdict = prove_image(schedule, image, None, listing, options)
+        verdict = judge_image(schedule, image, None, listing, options)
         return Forever(verdict, 0, 0, "the schedule has no pulse, with which frames would begin")
     repeat = find_repeat(
         image,
@@ -308,9 +309,9 @@ def prove_forever(
     )
     if isinstance(repeat, NoRepeat):
         span = Cycles(max(repeat.covered, schedule.period))
-        verdict = prove_image(schedule, image, span, listing, options)
+        verdict = judge_image(schedule, image, span, listing, options)
         return Forever(verdict, 0, 0, repeat.reason)
     lead_in = max(repeat.lead_in_frames, schedule.lead_in_frames)
     loop = lcm(repeat.loop_frames, schedule.loop_frames)
     span = Cycles((lead_in + loop) * schedule.period)
-    return Forever(prove_image(schedule, image, span, listing, options), lead_in, loop)
+    return Forever(judge_image(schedule, image, span, listing, options), lead_in, loop)

@@ -11,19 +11,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from servogen.build import proof
+from servogen.build import verification
 from servogen.build.certificates import checked
-from servogen.build.proof import (
+from servogen.build.verification import (
     Forever,
     chip_warnings,
     cycle_of,
     end_of,
     hidden_by,
+    judge_capture,
+    judge_edges,
+    judge_file,
+    judge_forever,
     motion_cycles,
-    prove,
-    prove_capture,
-    prove_file,
-    prove_forever,
     running,
 )
 from servogen.checker import Checked, Refused
@@ -68,22 +68,22 @@ MISSING = "of the motion's 3 frames the last 1 is missing in what was compared"
 
 def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
     assert motion_cycles(SCHEDULE) == 3 * FRAME
-    found = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True)
-    assert (found.proven, found.span.compared, found.span.frames) == (True, 3 * FRAME, 3)
+    found = judge_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True)
+    assert (found.passed, found.span.compared, found.span.frames) == (True, 3 * FRAME, 3)
     assert end_of(found) == FIRST + 3 * FRAME
-    short = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME - 1), tells_end=True)
-    assert (short.proven, short.agrees, short.reasons[-1]) == (False, True, MISSING)
+    short = judge_file(SCHEDULE, seen(3, FIRST + 3 * FRAME - 1), tells_end=True)
+    assert (short.passed, short.agrees, short.reasons[-1]) == (False, True, MISSING)
     for end in (FIRST + 3 * FRAME + 1, FIRST + 3 * FRAME + 10_000):  # the fourth frame has no pulse
-        longer = prove_file(SCHEDULE, seen(3, end), tells_end=True)
+        longer = judge_file(SCHEDULE, seen(3, end), tells_end=True)
         assert (longer.agrees, longer.span.asked) == (False, end - FIRST)
-    silent = prove_file(SCHEDULE, seen(0, 100_000), tells_end=True)
+    silent = judge_file(SCHEDULE, seen(0, 100_000), tells_end=True)
     assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
     assert (silent.span.asked, end_of(silent)) == (100_000, None)
-    assert prove_file(SCHEDULE, seen(0, 1000), tells_end=True).span.asked == 3 * FRAME
+    assert judge_file(SCHEDULE, seen(0, 1000), tells_end=True).span.asked == 3 * FRAME
 
 
 @pytest.mark.parametrize(
-    ("frames", "whole", "proven", "compared"),
+    ("frames", "whole", "exact", "compared"),
     [
         (3, True, True, 3 * FRAME),  # up to the rise of the next frame
         (3, False, False, 2 * FRAME + 1500),  # up to the fall that is missing
@@ -93,20 +93,20 @@ def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
     ],
 )
 def test_a_recording_without_an_end_ends_at_the_next_edge_of_the_schedule(
-    frames: int, whole: bool, proven: bool, compared: int
+    frames: int, whole: bool, exact: bool, compared: int
 ) -> None:
     """The file ends a cycle after its last edge."""
     width = 1500 if whole else 0
     trace = seen(frames, FIRST + FRAME * (frames - 1) + width + 1, whole)
-    found = prove_file(SCHEDULE, trace, tells_end=False)
-    assert (found.agrees, found.proven, found.span.compared) == (True, proven, compared)
+    found = judge_file(SCHEDULE, trace, tells_end=False)
+    assert (found.agrees, found.passed, found.span.compared) == (True, exact, compared)
 
 
 def test_a_recording_of_a_motion_that_ends_is_compared_for_whole_frames() -> None:
     """After its only pulse the schedule has no edge any more."""
     once = replace(SCHEDULE, loop=(Run(1, (None,)),))
-    found = prove_file(once, seen(1, FIRST + 1001), tells_end=False)
-    assert (found.proven, found.span.compared) == (True, 2 * FRAME)
+    found = judge_file(once, seen(1, FIRST + 1001), tells_end=False)
+    assert (found.passed, found.span.compared) == (True, 2 * FRAME)
 
 
 def test_what_follows_an_asked_span_is_named_as_not_compared() -> None:
@@ -118,9 +118,9 @@ def test_what_follows_an_asked_span_is_named_as_not_compared() -> None:
         (2 * FRAME, end, (MISSING, rest.format("0.02"))),
         (FRAME, end, (MISSING.replace("last 1 is", "last 2 are"), rest.format("0.04"))),
     ):
-        found = prove_file(SCHEDULE, seen(3, until), True, Cycles(span))
-        assert (found.agrees, found.proven, found.reasons) == (True, not reasons, reasons)
-    silent = prove_file(SCHEDULE, seen(0, end), True, Cycles(FRAME))
+        found = judge_file(SCHEDULE, seen(3, until), True, Cycles(span))
+        assert (found.agrees, found.passed, found.reasons) == (True, not reasons, reasons)
+    silent = judge_file(SCHEDULE, seen(0, end), True, Cycles(FRAME))
     assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
 
 
@@ -140,8 +140,8 @@ def test_a_file_hides_pins_without_a_wire_and_what_is_between_its_steps(tmp_path
     assert hidden_by(vcd(tmp_path, pins=PINS[:-2]), CLOCK) == ("the file has no wire for RB6, RB7",)
     coarse = ("the file's times are whole steps of 1 µs, 5 cycles each",)
     assert hidden_by(vcd(tmp_path), Clock(20_000_000)) == coarse
-    found = prove_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True, hidden=coarse)
-    assert (found.agrees, found.proven, found.reasons) == (True, False, coarse)
+    found = judge_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True, hidden=coarse)
+    assert (found.agrees, found.passed, found.reasons) == (True, False, coarse)
 
 
 @pytest.mark.parametrize("at", [FIRST + 1000, FIRST + FRAME + 1500])
@@ -150,23 +150,23 @@ def test_a_scheduled_pin_that_is_not_driven_is_not_proven_to_be_low(at: int) -> 
     whole = seen(3, FIRST + 3 * FRAME)
     (edges,) = whole.chunks
     lost = edges._replace(level=np.where(edges.cycle == at, UNDRIVEN, edges.level).astype(np.uint8))
-    found = prove_file(SCHEDULE, replace(whole, chunks=(lost,)), tells_end=True)
+    found = judge_file(SCHEDULE, replace(whole, chunks=(lost,)), tells_end=True)
     reason = f"RB0 is not driven after {at / 1e6:g} s, which counts as low"
-    assert (found.agrees, found.proven, found.reasons) == (True, False, (reason,))
+    assert (found.agrees, found.passed, found.reasons) == (True, False, (reason,))
     before = edge_chunk([0, *edges.cycle], [5, *edges.pin], [UNDRIVEN, *edges.level])
-    assert prove_file(SCHEDULE, replace(whole, chunks=(before,)), tells_end=True).proven
+    assert judge_file(SCHEDULE, replace(whole, chunks=(before,)), tells_end=True).passed
     capture = Capture(replace(whole, chunks=(lost,)), 1.0)
-    assert reason in prove_capture(SCHEDULE, capture).reasons
-    assert reason not in prove_capture(SCHEDULE, replace(capture, trace=whole)).reasons
+    assert reason in judge_capture(SCHEDULE, capture).reasons
+    assert reason not in judge_capture(SCHEDULE, replace(capture, trace=whole)).reasons
     for pieces, is_seen in (([(0, at), (at + 1, whole.end)], False), ([(0, at + 1)], True)):
-        verdict = prove_capture(SCHEDULE, replace(capture, pieces=tuple(pieces)))
+        verdict = judge_capture(SCHEDULE, replace(capture, pieces=tuple(pieces)))
         assert any(reason in each for each in verdict.reasons) == is_seen
 
 
 def test_by_default_a_motion_is_compared_with_its_loop_three_times() -> None:
-    found = prove(SCHEDULE, seen(7, FIRST + 7 * FRAME))
-    assert (found.proven, found.span.compared) == (True, 7 * FRAME)
-    assert not prove(SCHEDULE, seen(6, FIRST + 6 * FRAME)).proven
+    found = judge_edges(SCHEDULE, seen(7, FIRST + 7 * FRAME))
+    assert (found.passed, found.span.compared) == (True, 7 * FRAME)
+    assert not judge_edges(SCHEDULE, seen(6, FIRST + 6 * FRAME)).passed
 
 
 def test_a_program_has_fifty_frames_until_its_first_pulse() -> None:
@@ -198,34 +198,37 @@ def test_warnings_of_a_chip_get_the_lines_of_their_addresses_and_end_with_what_i
 def test_a_capture_is_judged_by_its_samples_and_never_proven_if_it_is_incomplete() -> None:
     """Samples of 1 µs; a glitch of 10 µs may not hide between two, which an asked limit changes."""
     capture = Capture(file="a.vcd", trace=seen(3, FIRST + 3 * FRAME), sample=1)
-    whole = prove_capture(SCHEDULE, capture)
-    assert whole.proven
-    torn = prove_capture(SCHEDULE, replace(capture, missing="it was unplugged"))
-    assert (torn.proven, torn.reasons[-1]) == (False, "the capture is incomplete: it was unplugged")
+    whole = judge_capture(SCHEDULE, capture)
+    assert whole.passed
+    torn = judge_capture(SCHEDULE, replace(capture, missing="it was unplugged"))
+    assert (torn.passed, torn.reasons[-1]) == (False, "the capture is incomplete: it was unplugged")
     with pytest.raises(InputError, match=r"a\.vcd: error: .*too slow to prove anything"):
-        prove_capture(SCHEDULE, capture, Tolerances(glitch_us=0.5))
+        judge_capture(SCHEDULE, capture, Tolerances(glitch_us=0.5))
 
 
 def verdict(**around: Any) -> Any:
-    facts = {"proven": True, "plan_error": PlanError(0.5), "clock": CLOCK, "to_json": lambda: {"frames": 3}}
+    facts = {"passed": True, "plan_error": PlanError(0.5), "clock": CLOCK, "to_json": lambda: {"frames": 3}}
     return SimpleNamespace(**{**facts, **around})
 
 
 def test_a_proof_for_all_time_says_what_it_covers_or_why_there_is_none() -> None:
     plan = "the schedule is within 0.5 µs of the plan"
     found = Forever(verdict(), 1, 6)
-    assert found.proven
+    assert found.passed
     assert found.text() == (
-        f"proven for all time: lead-in 1 frames, loop 6 frames; 0 cycles from the schedule; {plan}"
+        "exact for all time from this start: lead-in 1 frames, loop 6 frames; "
+        f"0 cycles from the schedule; {plan}"
     )
-    other = Forever(verdict(proven=False), 1, 6)
-    assert not other.proven
-    assert other.text() == f"NOT proven for all time: the edges are not the schedule's; {plan}"
+    other = Forever(verdict(passed=False), 1, 6)
+    assert not other.passed
+    assert other.text() == f"NOT exact for all time from this start: the edges are not the schedule's; {plan}"
     endless = Forever(verdict(span=SimpleNamespace(compared=250_000)), 0, 0, "nothing repeats")
-    assert not endless.proven
-    assert endless.text() == f"NOT proven for all time: nothing repeats; covered 0.25 s; {plan}"
+    assert not endless.passed
+    assert (
+        endless.text() == f"NOT exact for all time from this start: nothing repeats; covered 0.25 s; {plan}"
+    )
     assert endless.to_json() == {
-        "proven_for_all_time": False,
+        "exact_for_all_time": False,
         "reason": "nothing repeats",
         "lead_in_frames": 0,
         "loop_frames": 0,
@@ -246,9 +249,9 @@ def test_a_repetition_is_compared_with_a_common_multiple_of_both_loops(
         asked.append((given["pin"], given["limit"], given["period"]))
         return SimpleNamespace(lead_in_frames=lead_in, loop_frames=loop)
 
-    monkeypatch.setattr(proof, "find_repeat", find_repeat)
-    monkeypatch.setattr(proof, "prove_image", lambda schedule, image, span, *more: ("verdict", span))
-    found = prove_forever(SCHEDULE, Image({}), Cycles(99))
+    monkeypatch.setattr(verification, "find_repeat", find_repeat)
+    monkeypatch.setattr(verification, "judge_image", lambda schedule, image, span, *more: ("verdict", span))
+    found = judge_forever(SCHEDULE, Image({}), Cycles(99))
     assert asked == [(5, 99, FRAME)]
     assert (found.lead_in, found.loop, found.reason) == (*frames, "")
     assert found.verdict == cast(Any, ("verdict", sum(frames) * FRAME))
@@ -258,9 +261,11 @@ def test_a_repetition_is_compared_with_a_common_multiple_of_both_loops(
 def test_without_a_repetition_what_was_searched_is_compared_and_at_least_a_frame(
     monkeypatch: pytest.MonkeyPatch, covered: int, span: int
 ) -> None:
-    monkeypatch.setattr(proof, "find_repeat", lambda *given, **more: NoRepeat("no end", Cycles(covered)))
-    monkeypatch.setattr(proof, "prove_image", lambda schedule, image, span, *more: ("verdict", span))
-    found = prove_forever(SCHEDULE, Image({}), Cycles(99))
+    monkeypatch.setattr(
+        verification, "find_repeat", lambda *given, **more: NoRepeat("no end", Cycles(covered))
+    )
+    monkeypatch.setattr(verification, "judge_image", lambda schedule, image, span, *more: ("verdict", span))
+    found = judge_forever(SCHEDULE, Image({}), Cycles(99))
     assert found == Forever(cast(Any, ("verdict", span)), 0, 0, "no end")
 
 
