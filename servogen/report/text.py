@@ -1,4 +1,4 @@
-"""`report.txt`: job, wiring, every pulse width with its error, what that is in mm, programs and their proof.
+"""`report.txt`: job, wiring, every pulse width with its error, what that is in mm, programs, verdicts.
 
 In: the values of a build. Out: text, the same for the same build.
 """
@@ -93,7 +93,7 @@ def _lines(facts: BuildFacts) -> Iterator[str]:
         ("Motion", _motion(facts)),
         ("Paths", _paths(facts)),
         ("Programs", _programs(facts)),
-        ("Proof", _proof(facts)),
+        ("Verdict", _verdict(facts)),
         ("Warnings", _warnings(facts)),
     ):
         lines = list(section)
@@ -245,10 +245,12 @@ def any_compiler(programs: Sequence[ProgramFacts]) -> Iterator[str]:
         yield f"the same edges, or overrun is set, with at most {late}."
 
 
-def _proof(facts: BuildFacts) -> Iterator[str]:
+def _verdict(facts: BuildFacts) -> Iterator[str]:
     for program in facts.programs:
         yield f"{program.hex_file}:"
         yield from (f"  {line}" for line in verdict_lines(program.verdict))
+    yield "This is one run of each. For every power-up, input and chip:"
+    yield "servogen prove main.hex --against schedule.json"
 
 
 def _warnings(facts: BuildFacts) -> Iterator[str]:

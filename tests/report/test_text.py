@@ -50,7 +50,7 @@ def test_a_table_is_as_wide_as_its_widest_cells() -> None:
 
 
 def test_only_sections_with_lines_are_shown_below_the_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_chip", "_wiring", "_pulses", "_motion", "_paths", "_programs", "_proof", "_warnings"):
+    for name in ("_chip", "_wiring", "_pulses", "_motion", "_paths", "_programs", "_verdict", "_warnings"):
         lines = {"_chip": ["chip  "], "_motion": ["one", "two"]}.get(name, [])
         monkeypatch.setattr(text, name, lambda facts, lines=lines: iter(lines))
     report = text.report_text(facts(job=SimpleNamespace(name="arm")))
