@@ -24,7 +24,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from servogen.pic.device import CONFIG_WATCHDOG_ON, RAM_FIRST, RAM_LAST
+from servogen.pic.device import (
+    CONFIG_OSCILLATOR_MASK,
+    CONFIG_WATCHDOG_ON,
+    OSCILLATORS,
+    RAM_FIRST,
+    RAM_LAST,
+)
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
@@ -198,6 +204,7 @@ def known(state: ChipState) -> tuple[Vector, Vector]:
     stack = [state[f"STACK{level}"] for level in range(8)]
     values = np.array([*(state[name] for name in COMPARED), *(cells & 0xFF).tolist(), *stack])
     masks = [state[f"{name}_UNKNOWN"] if f"{name}_UNKNOWN" in FIELD else 0 for name in COMPARED]
+    masks[list(COMPARED).index("SLEEPING")] = state["SLEEPING"]  # it may end at once
     if state["EE_DONE_AT"] != at.NEVER:  # the write may be over at any time
         masks[list(COMPARED).index("EECON1")] |= WR | EEIF
     if state["OPTION"] & at.PSA:  # the watchdog counts it, which is judged by when it times out
@@ -274,6 +281,7 @@ class Follower:
         self.stops = program.port_reads() | program.option_writes() | program.sleeps | program.eeprom_accesses
         self.cycles = cycles
         every = [surroundings(self._rng, cycles) for _ in range(chips)]
+        self._start_up = START_UP if image.chip_config & CONFIG_OSCILLATOR_MASK != OSCILLATORS["RC"] else 0
         self.chips = [Plain(image, around, name) for name, around in enumerate(every)]
         self._copies = Counter(range(chips))
         """How many states each chip may be in: what tells them apart may show later only."""
@@ -389,7 +397,7 @@ class Follower:
             chip.advance(chip.now + 1)
         if sleeps and chip.asleep:
             self._excuse("ended", [(chip.name, chip.now)])
-        start = chip.now - (START_UP if sleeps else 0)
+        start = chip.now - (self._start_up if sleeps else 0)
         # A pin that is driven before its latch is written may glitch before the first pulse (docs/proof.md).
         high, glitches, edges = before["DRIVEN_HIGH"], before["LATCH_UNKNOWN"], []
         found = []
@@ -401,7 +409,9 @@ class Follower:
                     high ^= 1 << pin
                     edges.append((cycle - start, pin, int(level == 1)))
             same = edges == [edge for edge in outcome.edges if not glitches >> edge[1] & 1]
-            if same and chip.now == start + outcome.cycles and end.contains(chip):
+            # What ends a SLEEP in the cycle in which it begins has done so before it can be seen.
+            late = self._start_up if end.state["SLEEPING"] and not chip.asleep else 0
+            if same and chip.now == start + outcome.cycles + late and end.contains(chip):
                 found.append((place, chip.snapshot()))
                 if chip.name == 0:
                     self._seen[chip.now] = chip.compared()
@@ -451,7 +461,7 @@ class Counting:
     field: str
     rest: dict[str, int]
     words: tuple[int, ...] = ()
-    times: tuple[int, ...] = (1, 2, 3, 4, 5, 9, 21, 40, 150)
+    times: tuple[int, ...] = (2, 5, 40)
     shift: int = 0
     """The number of the byte's lowest bit in `field`."""
     bits: int = 0xFF
@@ -514,7 +524,7 @@ def _counted() -> tuple[Counting, ...]:
     found.append(Counting("the prescaler becomes TMR0's", "PRESCALER", given, reassigned, choices=phase))
     levels = {9: 1, 10: 0, 11: 1, 12: 0}
     compares = (encode("NOP"), encode("MOVF", f=6, d=0), encode("BCF", f=0x0B, b=0))
-    found.append(Counting("RBIF compares", "RB_OLD", {}, compares, (1, 2, 3, 4, 9), 9, 0x0F, held=levels))
+    found.append(Counting("RBIF compares", "RB_OLD", {}, compares, (1, 3, 9), 9, 0x0F, held=levels))
     edges = tuple((cycle, 4, cycle // 2 % 2) for cycle in range(0, 160, 2))
     for option in (0xA8, 0xA0, 0xB2):  # T0CKI may have an edge in any cycle
         known_ = {"OPTION": option} | prescaler

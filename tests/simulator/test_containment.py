@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from servogen.simulator import SimulatorOptions
@@ -15,8 +13,7 @@ from tests.simulator.containment import CLOCK, COUNTED, End, Follower, counters,
 @pytest.mark.parametrize("case", COUNTED, ids=lambda case: case.name)
 def test_what_counts_by_itself_stays_within_its_unknown_bits(case: containment.Counting) -> None:
     """Every value of a byte, with every set of unknown bits (a sample of these pairs), for some cycles."""
-    sampled = replace(case, times=(3, 9, 21))
-    assert counters(sampled, [*every_pair(4099, 7), (0xFF, 0x01), (0x7F, 0x80), (0x01, 0x02)]) == []
+    assert counters(case, [*every_pair(4099, 7), (0xFF, 0x01), (0x7F, 0x80), (0x01, 0x02)]) == []
 
 
 def test_no_watchdog_times_out_before_the_abstract_one_may() -> None:
@@ -36,8 +33,8 @@ def test_a_state_that_is_wrong_in_one_bit_is_found() -> None:
     case = COUNTED[1]
     chip = AbstractChip(case.image, CLOCK, SimulatorOptions())
     state = case.state(chip, 0x40, 0)
-    outcome = chip.run(state, frozenset(), 9)
-    right, truth = outcome.state(state), case.truth()[0x40, case.times.index(9)]
+    outcome = chip.run(state, frozenset(), 5)
+    right, truth = outcome.state(state), case.truth()[0x40, case.times.index(5)]
     assert End(outcome, right).holds(truth)
     for name, bit in (("TMR0", 0), ("PC", 3), ("OPTION", 7), ("TRIS", 12), ("PCLATH", 1)):
         rest = [*right.rest]
