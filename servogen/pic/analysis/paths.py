@@ -156,6 +156,8 @@ class Paths:
     """Registers that the interrupted program uses and the interrupt may not restore."""
     timer_writes: dict[int, Value] = field(default_factory=dict)
     """Instructions that write TMR0, and the values that they write."""
+    timer_adds: dict[int, Value] = field(default_factory=dict)
+    """Instructions that add to TMR0, and the values that they add."""
     timer_requests: set[int] = field(default_factory=set)
     """Instructions that may set T0IF."""
     option_writes: dict[int, Value] = field(default_factory=dict)
@@ -547,11 +549,12 @@ class PathExplorer:
         if inside:
             self._interrupt.changes |= effects.changed
             self._interrupt.lost |= {place for place in effects.changed if RAM_FIRST <= place <= RAM_LAST}
-        if effects.timer_writes is not None:
-            known = paths.timer_writes.get(address)
-            paths.timer_writes[address] = (
-                effects.timer_writes if known is None else known | effects.timer_writes
-            )
+        for noted, value in (
+            (paths.timer_writes, effects.timer_writes),
+            (paths.timer_adds, effects.timer_adds),
+        ):
+            if value is not None:
+                noted[address] = noted[address] | value if address in noted else value
         if effects.requests_timer:
             paths.timer_requests.add(address)
         for pin in effects.driven_unwritten:

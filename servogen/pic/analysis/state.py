@@ -248,7 +248,9 @@ class Effects:
     driven_unwritten: set[int] = field(default_factory=set)
     """Pins that became outputs while their latch may never have been written."""
     timer_writes: Value | None = None
-    """The value that it wrote to TMR0."""
+    """The value that it wrote to TMR0, unless it added one to it."""
+    timer_adds: Value | None = None
+    """The value that it added to TMR0."""
     requests_timer: bool = False
     """Whether it may have set T0IF."""
 
@@ -531,7 +533,10 @@ def _write(
             _write_status(before, state, word, result, copied, effects, definitely=definitely)
         elif operand.special == TMR0:
             # Its value is not followed: it counts.
-            effects.timer_writes = result if effects.timer_writes is None else effects.timer_writes | result
+            effects.timer_adds = _added(before, word) if definitely else None
+            if effects.timer_adds is None:
+                written = effects.timer_writes
+                effects.timer_writes = result if written is None else written | result
             effects.changed.add(TMR0)
             if definitely:
                 state.written |= bit(TMR0)
@@ -550,6 +555,15 @@ def _write(
             _write_place(state, operand.place, result, effects, definitely=definitely)
             if definitely and copied:
                 state.saved[operand.place] = copied
+
+
+def _added(before: AbstractState, word: DecodedWord) -> Value | None:
+    """Return what an instruction adds to the byte that it reads and writes; None if it does something
+    else.
+    """
+    if word.name in ("INCF", "INCFSZ"):
+        return values.constant(1)
+    return before.get(W) if word.name == "ADDWF" else None
 
 
 def _write_latches(

@@ -4,17 +4,22 @@ In: the words and `Paths`, which say which code runs and what an interrupt may c
 minimum and the maximum number of cycles, or why there is no bound. Without interrupts these are the times of
 `pic.wcet`. With interrupts, the maximum R is the least solution of
 
-    R = C + (R // T + 2) * I
+    R = C + ((R + A) // T + 2) * I
 
 with C the cycles without interrupts, T the cycles between two overflows of TMR0, and I what one interrupt
 takes with its latency: at most one request can be pending at the beginning, R // T + 1 overflows can follow.
+
+Where the interrupt adds n to TMR0, it may come soon after another, but not often: in R cycles, with F
+overflows and at most F + 2 additions, TMR0 goes on by R / p + 1 + (F + 2) n at most, with p cycles a count,
+and F overflows take at least 256 F - 255. So F <= (R / p + 3 n) / (256 - n) + 1, that is T = (256 - n) p and
+A = 3 n p.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from operator import or_
 
 from servogen.pic.analysis.paths import Paths, in_memory
@@ -136,6 +141,7 @@ class ProgramTimes:
         period, why = self._overflow_period()
         if period is None:
             return None, why
+        ahead = 3 * self._added() * self._prescale()
         times = self._program.between(INTERRUPT_VECTOR, self._interrupt_ends(), must_end=True)
         if times.longest is None or times.unbounded:
             return None, f"the interrupt: {', '.join(map(_reason, times.unbounded)) or 'it never returns'}"
@@ -145,7 +151,7 @@ class ProgramTimes:
         # least.
         bound = cycles
         while bound < MAX_CYCLES:
-            following = cycles + (bound // period + 2) * one
+            following = cycles + ((bound + ahead) // period + 2) * one
             if following == bound:
                 return bound, ""
             bound = following
@@ -161,7 +167,9 @@ class ProgramTimes:
         ]
 
     def _clears_its_flag(self) -> bool:
-        """Return whether every path through the interrupt clears T0IF."""
+        """Return whether T0IF is clear on every path through the interrupt, because the path clears it, or
+        has found it clear.
+        """
         seen: set[int] = set()
         waiting = [INTERRUPT_VECTOR]
         while waiting:
@@ -173,33 +181,64 @@ class ProgramTimes:
                 word = word_of(self._words[address])
             except Undefined:
                 return False
+            of_flag = (word.f, word.b) == (INTCON, T0IF_BIT)
             # This path has cleared the flag; what follows on it does not matter.
-            if word.name == "BCF" and (word.f, word.b) == (INTCON, T0IF_BIT):
+            if word.name == "BCF" and of_flag:
                 continue
             if word.flow == "return":
                 return False
             if word.writes_pcl:
                 waiting += self._paths.computed.get(address, ())
                 continue
-            waiting += [word.k] if word.flow in ("jump", "call") else [address + 1]
-            if word.flow == "skip":
+            # The way that is taken if the flag is clear needs not clear it.
+            if not (word.name == "BTFSS" and of_flag):
+                waiting += [word.k] if word.flow in ("jump", "call") else [address + 1]
+            if word.flow == "skip" and not (word.name == "BTFSC" and of_flag):
                 waiting.append(address + 2)
         return True
 
     def _overflow_period(self) -> tuple[int | None, str]:
-        """Return the minimum number of cycles between two overflows of TMR0, or why it is not known."""
+        """Return the number of cycles between two overflows of TMR0, the minimum or, if the interrupt adds to
+        it, on average; or why it is not known.
+        """
         options = self._timer_options()
         if options is None or any(member & T0CS for member in options):
             return None, "TMR0 counts pulses of RA4"
-        prescale = min(1 if member & PSA else 2 << (member & 7) for member in options)
-        written: Value | None = None
-        for value in self._paths.timer_writes.values():
-            written = value if written is None else written | value
-        # TMR0 counts up: the largest value that is written to it overflows first.
-        first = 0 if written is None else max(written)
-        if written is not None and written.members is None:
+        writes, adds = self._writes(self._paths.timer_writes), self._writes(self._paths.timer_adds)
+        if any(value.members is None for value in (*writes.values(), *adds.values())):
             return None, "what the program writes to TMR0 is not known"
-        return (256 - first) * prescale, ""
+        if adds and writes:
+            return None, "the program adds to TMR0, and also writes it, while its interrupt may come"
+        from_reset, by_interrupt = (self._program.reached(start) for start in (0, INTERRUPT_VECTOR))
+        if not adds.keys() <= by_interrupt - from_reset:
+            return None, "the program adds to TMR0 outside its interrupt"
+        if any(address in self._program.following([address + 1]) for address in adds):
+            return None, "the interrupt may add to TMR0 more than once"
+        # TMR0 counts up: the largest value that is written to it overflows first.
+        first = max((max(value) for value in writes.values()), default=self._added())
+        if first > 0xFF:
+            return None, "the interrupt may add 256 to TMR0"
+        return (256 - first) * self._prescale(), ""
+
+    def _writes(self, noted: Mapping[int, Value]) -> Mapping[int, Value]:
+        """Return the writes of TMR0, among these, that are executed once its interrupt may come."""
+        later = self._later
+        return {address: value for address, value in noted.items() if address in later}
+
+    def _added(self) -> int:
+        """Return the maximum that one interrupt adds to TMR0."""
+        return sum(max(value) for value in self._writes(self._paths.timer_adds).values())
+
+    def _prescale(self) -> int:
+        """Return the minimum number of cycles between two counts of TMR0."""
+        options = self._timer_options()
+        assert options is not None
+        return min(1 if member & PSA else 2 << (member & 7) for member in options)
+
+    @cached_property
+    def _later(self) -> frozenset[int]:
+        """Return the addresses that may be executed once an interrupt of TMR0 may come."""
+        return self._program.following({*self._paths.timer_interrupted, INTERRUPT_VECTOR})
 
     def _timer_options(self) -> Value | None:
         """Return what OPTION_REG may be from when an interrupt of TMR0 first may come; None if none comes.
@@ -211,8 +250,7 @@ class ProgramTimes:
         options = paths.timer_options
         if options is None:
             return None
-        later = self._program.following({*paths.timer_interrupted, INTERRUPT_VECTOR})
-        written = [value for address, value in paths.option_writes.items() if address in later]
+        written = [value for address, value in paths.option_writes.items() if address in self._later]
         return reduce(or_, written, options)
 
 

@@ -272,7 +272,7 @@ def interrupted(
     words |= {5 + at: encode("NOP") for at in range(work)} | {5 + work: encode("RETFIE")}
     paths = Paths(
         executed=set(words), interrupts=True, interrupt_sources=sources, timer_options=options,
-        timer_writes={} if writes is None else {0: writes},
+        timer_writes={} if writes is None else {0: writes}, timer_interrupted={0},
     )  # fmt: skip
     return ProgramTimes(words, paths)
 
@@ -368,6 +368,17 @@ def test_every_path_of_the_interrupt_has_to_clear_its_flag() -> None:
     assert clears(skip, encode("GOTO", k=7), clear, clear, back)
     assert not clears(skip, encode("GOTO", k=7), clear, back)
     assert clears(encode("CALL", k=6), back, clear, back)
+
+
+def test_a_path_that_finds_the_flag_clear_need_not_clear_it() -> None:
+    clear, back, nop = encode("BCF", f=0x0B, b=2), encode("RETFIE"), encode("NOP")
+    if_set, if_clear = encode("BTFSS", f=0x0B, b=2), encode("BTFSC", f=0x0B, b=2)
+    assert clears(if_set, back, clear, back)
+    assert not clears(if_set, clear, back), "the flag is set where the skip leads"
+    assert clears(if_clear, clear, back)
+    assert not clears(if_clear, back, clear, back)
+    assert not clears(encode("BTFSS", f=0x0B, b=1), back, clear, back)
+    assert clears(if_clear, encode("GOTO", k=8), nop, back, clear, back)
     assert not clears(0x0001, clear, back), "a word that no data sheet defines"
 
 

@@ -2,6 +2,7 @@
 
 import random
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from servogen.pic.analysis.demand import Graph, SplitPlan
 from servogen.pic.analysis.facts import Facts, Status
 from servogen.pic.analysis.paths import PathExplorer
 from servogen.pic.analysis.times import ProgramTimes
+from servogen.programs import compile_program
 from servogen.simulator import Machine, Observation, SimulatorOptions
 from servogen.simulator.machine import Packed
 from servogen.units import Clock
@@ -146,3 +148,100 @@ def test_every_state_of_a_player_s_run_is_one_that_the_analysis_allows(seed: int
     assert run.outside == []
     assert run.compared > 200
     assert (run.decided, run.refined) == (decided, True)
+
+
+PERIODIC = """
+        goto    main
+        org     4
+        movwf   0x40
+        swapf   STATUS, w
+        movwf   0x41
+        {test}
+        movlw   {added}
+        addwf   TMR0, f
+        {work}
+        bcf     INTCON, T0IF
+back    swapf   0x41, w
+        movwf   STATUS
+        swapf   0x40, f
+        swapf   0x40, w
+        retfie
+main    bsf     STATUS, RP0
+        movlw   {option}
+        movwf   OPTION_REG
+        bcf     STATUS, RP0
+        movlw   77
+        movwf   TMR0
+        movlw   0xA0
+        movwf   INTCON
+start   movlw   {turns}
+        movwf   0x20
+        decfsz  0x20, f
+        goto    $-1
+done    nop
+        goto    start
+"""
+IF_SET, IF_CLEAR = "btfss INTCON, T0IF\n goto back", "btfsc INTCON, T0IF\n goto $+2\n goto back"
+
+
+def periodic(**options: object) -> str:
+    return PERIODIC.format(**{"test": IF_SET, "work": "nop", "option": 0x88, "turns": 20} | options)
+
+
+@pytest.mark.parametrize("added", [1, 9, 100, 156, 180])
+@pytest.mark.parametrize(("option", "turns"), [(0x88, 3), (0x88, 40), (0x88, 255), (0x80, 120)])
+@pytest.mark.parametrize("test", [IF_SET, IF_CLEAR])
+def test_an_interrupt_that_asks_for_its_flag_and_adds_to_tmr0_is_bounded(
+    added: int, option: int, turns: int, test: str
+) -> None:
+    """An overflow comes every 256 - n counts on average; the bound is above what runs take, but not far."""
+    made = assembled(periodic(added=added, option=option, turns=turns, test=test))
+    found = Facts(made.image, made.listing, CLOCK)
+    answer = found.time("start", "done", interrupts=True)
+    assert answer.status is Status.HOLDS, answer.text
+    most = dict(answer.numbers)["maximum_cycles"]
+    measured = []
+    for seed in (1, 2):
+        machine = Machine(made.image, CLOCK, SimulatorOptions(start_seed=seed, tmr0_phase=seed))
+        trace = Observation(trace=np.zeros((1 << 15, 4), dtype=np.int64))
+        rows = np.concatenate([rows for _, rows in machine.observe(25_000, trace)])
+        measured += spans(rows, found.mark("start")[0], found.mark("done")[0])
+    assert most is not None and max(measured) <= most
+    prescale = 1 if option == 0x88 else 2
+    one, period = 32, (256 - added) * prescale
+    late = (most + 3 * added * prescale) // period - max(measured) // period
+    assert most <= max(measured) + one * (2 + late)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"test": IF_SET.replace("T0IF", "INTF")}, "may return without clearing T0IF"),
+        ({"test": IF_SET.replace("btfss", "btfsc")}, "may return without clearing T0IF"),
+        ({"test": IF_CLEAR.replace("btfsc", "btfss")}, "may return without clearing T0IF"),
+        ({"work": "addwf TMR0, f"}, "may add 256 to TMR0"),
+        ({"work": "movwf TMR0"}, "adds to TMR0, and also writes it"),
+        ({"work": "movf 0x30, w\n addwf TMR0, f"}, "what the program writes to TMR0 is not known"),
+        ({"work": "btfsc PORTB, 0\n goto $-2"}, "may add to TMR0 more than once"),
+        ({"turns": "20\nnop\n movlw 3\n addwf TMR0, f"}, "adds to TMR0 outside its interrupt"),
+        ({"added": 250}, "leaves no time"),
+    ],
+)
+def test_what_keeps_an_interrupt_that_adds_to_tmr0_from_a_bound(changes: dict[str, str], why: str) -> None:
+    made = assembled(periodic(**{"added": 156} | changes))
+    answer = Facts(made.image, made.listing, CLOCK).time("start", "done", interrupts=True)
+    assert answer.status is not Status.HOLDS
+    assert why in answer.text
+
+
+def test_the_handler_of_the_docs_is_bounded(tmp_path: Path) -> None:
+    """`if (T0IF) { TMR0 += n; T0IF = 0; ... }`: two interrupts may come, and the answer is the page's."""
+    docs = Path(__file__).parents[3] / "docs"
+    page = (docs / "testing-firmware.md").read_text()
+    text = next(each for each in page.split("```") if "// interrupt.c:" in each)
+    file = tmp_path / "interrupt.c"
+    file.write_text(text.removeprefix("c\n"))
+    program = compile_program(file)
+    answer = Facts(program.image, program.listing, CLOCK).time("main", "interrupt.c:21", interrupts=True)
+    assert answer.status is Status.HOLDS, answer.text
+    assert f"prints `{answer.text}`" in (docs / "program-facts.md").read_text()
