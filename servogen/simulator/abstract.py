@@ -434,7 +434,7 @@ class AbstractChip:
             steered = any(choice.steer for choice in choices)
             if steered or s[at.USE_KIND] == at.USE_INTERRUPT:
                 s[at.USE_KIND] = 0  # the way is chosen; an interrupt in doubt is looked at after each step
-                # While a use was noted, a flag of TMR0 that came into doubt was not: the counters settle again.
+                # While a use was noted, no doubt in TMR0's flag was: the counters settle again.
                 self._call(self._plain, int(s[at.CYCLE]), BASE)
             if s[at.USE_KIND]:
                 return
