@@ -288,9 +288,9 @@ def plan(
 
     with status("planning"):
         asked = plan_job(load(job))
-        played, pulses = nearest_pulses(asked)
-        facts = plan_facts(played, pulses, engine=played is not asked)
-    loaded, tracks = facts.job, facts.tracks
+        played, made = nearest_pulses(asked)
+        facts = plan_facts(played, made, engine=played is not asked)
+    loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
     if csv:
         with atomic_write(csv) as file:
             file.writelines(f"{line}\n" for line in frame_lines(loaded, pulses.schedule, tracks))
