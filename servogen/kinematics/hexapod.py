@@ -160,7 +160,8 @@ class LegStance:
         ╱                                 c = i v / ω        F = A + ρ (A - c) / |A - c|
        ╱
     c ×                               Of the two points at the distance ρ on that line, the outer one is
-                                      taken, since a foot does not reach under the body.
+                                      taken, since a foot does not reach under the body. A straight walk has
+                                      c at infinity: the line is across its way.
     """
 
     mount: Mount
@@ -184,8 +185,10 @@ class LegStance:
         return cmath.exp(1j * self.mount.heading) * (-1j if self.mount.mirrored else 1j)
 
     def direction(self, motion: BodyMotion) -> complex:
-        """Return the unit vector from the axis to the foothold; straight out where c lies on the axis."""
-        away = 0j if motion.centre is None else self.axis - motion.centre
+        """Return the unit vector from the axis to the foothold; straight out where c lies on the axis, and if
+        the body does not move.
+        """
+        away = 1j * motion.step if motion.centre is None else self.axis - motion.centre
         if abs(away) < SAME_M:
             return self.outward
         # With a centre of rotation beyond the leg, the line runs through the body: the foot takes its other
@@ -209,15 +212,19 @@ class LegStance:
         stance and so goes beyond that, by less than `OVERSHOOT` of what the stance sweeps in a swing's time,
         and by the share `motion.beyond` of its way.
         """
-        if not motion.turn:
+        if not motion.moves:
             return 0.0
-        foot, centre = reach * self.direction(motion), motion.centre or 0j
+        foot, centre = reach * self.direction(motion), motion.centre
         # Seen from the body, the standing foot turns about the centre of rotation, but its leg turns about
         # another point, the axis of α: the sweep is the angle between its first and last place from there.
-        turned = cmath.exp(0.5j * motion.turn * motion.duty)
-        first, last = (
-            (self.axis + foot - centre) * turn + centre - self.axis for turn in (turned, turned.conjugate())
-        )
+        if centre is None:
+            first, last = (foot + side * motion.step * motion.duty / 2 for side in (1, -1))
+        else:
+            turned = cmath.exp(0.5j * motion.turn * motion.duty)
+            first, last = (
+                (self.axis + foot - centre) * turn + centre - self.axis
+                for turn in (turned, turned.conjugate())
+            )
         sweep = abs(cmath.phase(last / first))
         # Half of the sweep to each side, and the overshoots of the swing; the speed of the stance, in sweeps
         # per swing, is (1 - duty) / duty.
@@ -227,7 +234,7 @@ class LegStance:
         return bend - min(max(bend, -free), free)
 
     def foothold(self, motion: BodyMotion, reach: float) -> complex:
-        """Return where the foot of a turning body is in the middle of its stance, `reach` from the axis.
+        """Return where the foot is in the middle of its stance, `reach` from the axis.
 
         It is on the line from the centre of rotation, or as near to it as the limits of α allow.
         """
@@ -249,11 +256,12 @@ def least_bent(stances: Sequence[LegStance], motions: Sequence[BodyMotion]) -> L
     If two are equal, the first is returned. One sign serves the whole walk: to change it the foot would have
     to pass the leg's full height, which is below the ground.
     """
-    bends = [
-        max((abs(stance.bend(motion)) for motion in motions if motion.turn), default=0.0)
-        for stance in stances
-    ]
-    return next(stance for stance, bend in zip(stances, bends, strict=True) if bend <= min(bends) + SAME_RAD)
+    left = list(stances)
+    # Straight ahead both signs bend α alike; then the turns decide.
+    for some in ([motion for motion in motions if motion.moves], [one for one in motions if one.turn]):
+        bends = [max((abs(stance.bend(motion)) for motion in some), default=0.0) for stance in left]
+        left = [stance for stance, bend in zip(left, bends, strict=True) if bend <= min(bends) + SAME_RAD]
+    return left[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,24 +284,24 @@ class HexapodStance:
         A straight stance of length c is nearest to the circle of radius ρ with its middle c² / 16ρ inside.
         """
         stance = self.legs[leg]
-        if motion.turn:
-            return stance.foothold(motion, self._reach(stance))
-        out = self._reach(stance)
-        if self.stance_width is None:
+        out = self._reach(stance, motion)
+        if self.stance_width is None and not motion.turn:
             out -= (abs(motion.step) * motion.duty) ** 2 / (16 * stance.radius)
-        point = to_body(stance.mount, np.array([0.0, out, 0.0]))
-        return complex(point[0], point[1])
+        return stance.foothold(motion, out)
 
     def held_back(self, leg: int, motion: BodyMotion) -> float:
         """Return the angle by which the limits of α keep the foot off the line from the centre."""
         stance = self.legs[leg]
-        return abs(stance.held_back(motion, self._reach(stance)))
+        return abs(stance.held_back(motion, self._reach(stance, motion)))
 
-    def _reach(self, stance: LegStance) -> float:
+    def _reach(self, stance: LegStance, motion: BodyMotion) -> float:
         """Return the distance of a foothold from the axis of α: ρ, or as required by the stance width."""
         if self.stance_width is None:
             return stance.radius
-        return (self.stance_width / 2 - abs(stance.mount.y)) / math.cos(stance.mount.heading)
+        sideways = math.cos(stance.mount.heading)
+        if not motion.turn:
+            sideways = max(sideways, abs(stance.direction(motion).imag))
+        return (self.stance_width / 2 - abs(stance.mount.y)) / sideways
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the angles (n, 2): α turns the foot towards its foothold, β is that of the stance."""

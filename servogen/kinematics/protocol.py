@@ -80,6 +80,11 @@ class BodyMotion:
     """The share of its way by which a swing goes farther beyond its foothold to take up lost motion."""
 
     @property
+    def moves(self) -> bool:
+        """Return whether the body goes anywhere or turns."""
+        return bool(self.turn or self.step)
+
+    @property
     def centre(self) -> complex | None:
         """Return the centre of rotation, c = i v / ω in the body frame; None: the body does not turn."""
         return 1j * self.step / self.turn if self.turn else None

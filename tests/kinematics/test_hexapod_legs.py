@@ -85,9 +85,23 @@ def test_a_leg_above_the_centre_of_rotation_stands_straight_out(away: complex) -
     centre = LEFT.x + 1j * LEFT.y + away
     stance = stance_of(LEFT)
     assert stance.direction(BodyMotion(centre * 0.1 / 1j, 0.1, 0.5)) == stance.outward
-    assert stance.direction(BodyMotion(0.03, 0.0, 0.5)) == stance.outward
+    assert stance.direction(BodyMotion(0j, 0.0, 0.5)) == stance.outward
     beside = BodyMotion((centre + 1e-6) * 0.1 / 1j, 0.1, 0.5)
     assert abs(stance.direction(beside) - stance.outward) > 0.1
+
+
+@pytest.mark.parametrize("mount", [LEFT, RIGHT])
+@pytest.mark.parametrize("step", [0.04 + 0j, -0.04 + 0j, 0.03 + 0.02j])
+def test_a_foot_of_a_straight_walk_stands_as_in_a_turn_about_a_centre_far_away(
+    mount: Mount, step: complex
+) -> None:
+    straight, turning = BodyMotion(step, 0.0, 0.6), BodyMotion(step, 1e-7, 0.6)
+    for width in (3.0, 0.3, 0.01):
+        stance = LegStance(mount, LEG, replace(ALPHA, lower=0.1 - width, upper=0.1 + width), 0.6)
+        assert stance.direction(straight) == pytest.approx(stance.direction(turning), abs=1e-6)
+        assert stance.foothold(straight, 0.055) == pytest.approx(stance.foothold(turning, 0.055), abs=1e-6)
+    across = (stance.direction(straight) * step.conjugate()).real
+    assert across == pytest.approx(0, abs=1e-15)
 
 
 @pytest.mark.parametrize("mount", [LEFT, RIGHT])
@@ -116,20 +130,22 @@ def test_limits_hold_a_foot_back_by_what_the_sweep_of_a_stance_leaves_of_them(
         assert abs(hold) == pytest.approx(reach)
         turned = cmath.phase(hold / stance.direction(motion)) * (-1 if mount.mirrored else 1)
         assert bend + turned == pytest.approx(bend - expected, abs=1e-9)
-    assert stance.held_back(BodyMotion(0.02, 0.0, duty), reach) == 0.0
+    assert stance.held_back(BodyMotion(0j, 0.0, duty), reach) == 0.0
 
 
 def test_of_two_stances_the_one_that_bends_less_is_taken_and_the_first_of_equal_ones() -> None:
     motions = [BodyMotion(0.0, 0.3, 0.5), BodyMotion(0.02, -0.2, 0.5), BodyMotion(0.5, 0.0, 0.5)]
     both = [stance_of(LEFT, sign * 0.6) for sign in (1, -1)]
-    worst = [max(abs(stance.bend(motion)) for motion in motions[:2]) for stance in both]
+    worst = [max(abs(stance.bend(motion)) for motion in motions) for stance in both]
     assert abs(worst[0] - worst[1]) > 0.1
     best = both[0] if worst[0] < worst[1] else both[1]
     assert h.least_bent(both, motions) is best
     assert h.least_bent(both[::-1], motions) is best
-    straight = [BodyMotion(0.05, 0.0, 0.5)]  # nothing turns: the asked sign
-    assert h.least_bent(both, straight) is both[0]
-    assert h.least_bent(both[::-1], straight) is both[1]
+    even = replace(ALPHA, lower=-1.1, upper=1.1)
+    ahead = [LegStance(Mount("S", 0.1, 0.04), LEG, even, sign * 0.6) for sign in (1, -1)]
+    straight = [BodyMotion(0.05 + 0j, 0.0, 0.5)]  # α bends alike: the asked sign
+    assert h.least_bent(ahead, straight) is ahead[0]
+    assert h.least_bent(ahead[::-1], straight) is ahead[1]
     nearly = [both[1], replace(both[1], beta=both[1].beta + 1e-10)]
     assert h.least_bent(nearly, motions) is nearly[0]
     assert h.least_bent(nearly[::-1], motions) is nearly[1]
@@ -201,7 +217,8 @@ def test_neutral_of_a_straight_walk_is_inside_the_circle_by_a_sixteenth_of_the_s
     rho = math.hypot(0.05, 0.05 * math.sin(stance.legs[0].beta))
     out = rho - 0.03**2 / (16 * rho)
     for index, leg in enumerate(stance.legs):
-        assert stance.neutral(index, motion) == pytest.approx(leg.axis + out * leg.outward)
+        across = -1j if leg.mount.mirrored else 1j
+        assert stance.neutral(index, motion) == pytest.approx(leg.axis + out * across)
         assert stance.held_back(index, motion) == 0.0
 
 

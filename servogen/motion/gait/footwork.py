@@ -89,17 +89,20 @@ def joined(parts: Sequence[Frames]) -> Frames:
 
 @dataclass(frozen=True, slots=True)
 class HeldBack:
-    """A foot that joint limits keep from its best foothold: segment (from 0), leg, angle (radians)."""
+    """A foot that joint limits keep from its best foothold: segment (from 0), leg, angle (radians), and
+    whether the body turns.
+    """
 
     segment: int
     leg: str
     angle: float
+    turns: bool = True
 
     def text(self) -> str:
         """Return the fact in words."""
         return (
             f"the limits of the joints of {self.leg} keep its foot {math.degrees(self.angle):.1f}° "
-            "off the line from the centre of rotation"
+            "off the line " + ("from the centre of rotation" if self.turns else "across the way")
         )
 
 
@@ -162,7 +165,7 @@ class Footwork:
             for index, name in enumerate(self.legs):
                 angle = self.stance.held_back(index, self.motion(segment))
                 if angle > SAME_RAD:
-                    yield HeldBack(number, name, angle)
+                    yield HeldBack(number, name, angle, bool(segment.turn))
 
     def liftoff_slide_m(self, height: float) -> float:
         """Return how far, in metres, a foot moves sideways until it has risen by `height`, or to its lift."""
