@@ -52,7 +52,8 @@ class _Rows:
                 times = [row[0] for row in table]
                 time = np.array(times, dtype=np.float64)
                 level = [LEVELS[row[column].strip()] for row in table for column in order]
-                whole = all(len(row) == self.columns for row in table) and np.all(np.abs(time) < MAX_SECONDS)
+                whole = all(len(row) == self.columns for row in table)
+                whole = whole and bool(np.all(np.abs(time) < MAX_SECONDS))
                 whole = whole and not b"".join(times).translate(None, _OF_NUMBERS)
             except (ValueError, KeyError, IndexError):
                 whole = False
