@@ -160,8 +160,9 @@ def within_limits(
 def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
     """Return the program in a HEX, C or assembly file.
 
-    `included` finds its include files. The device defaults to the one that the source names, else to the
-    PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
+    `included` finds the include files of a student, who is told the compiler's warnings. The device defaults
+    to the one that the source names, else to the PIC16F84. Time and memory are not limited here: see
+    `read_program`. Raises InputError.
     """
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
@@ -176,6 +177,7 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
             compilation.image,
             compilation.listing,
             compilation.clock,
+            remarks=compilation.diagnostics if included else (),
             device=_unusual(compilation.device),
         )
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
@@ -184,7 +186,8 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         files = beside(path.parent) if included is None else _assembly_includes(included, path)
         named = device(device_name) if device_name else None
         assembly = assemble(read_assembly(path), str(path), named, files)
-        return Program(assembly.image, assembly.listing, device=_unusual(assembly.device))
+        remarks = assembly.warnings if included else ()
+        return Program(assembly.image, assembly.listing, remarks=remarks, device=_unusual(assembly.device))
     from servogen.pic.image import read_hex
 
     file = read_hex(read_source(path), str(path))

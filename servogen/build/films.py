@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from jinja2 import Environment, StrictUndefined
 
-from servogen.build.grading import Graded
+from servogen.build.grading import Graded, copies
 from servogen.edges import PINS
 from servogen.engines.c_text import template_folder
 from servogen.grade import Grade, Lab, Submission, shell_word, shown_name
@@ -115,6 +115,7 @@ def class_page(
         passed=sum(result.grade.passed for result in graded),
         count=len(graded),
         rows=rows,
+        copies=copies(graded),
         served=bool(links),
         nonce=nonce,
     )

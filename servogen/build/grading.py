@@ -19,6 +19,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPo
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from importlib import import_module
 from itertools import chain, islice
 from pathlib import Path
@@ -38,7 +39,19 @@ from servogen.build.power_ups import (
 )
 from servogen.edges import PINS, EdgeChunk, EdgeTrace
 from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
-from servogen.grade import Check, ChipFacts, Fault, Grade, Lab, Submission, judge, message, refused
+from servogen.grade import (
+    Check,
+    ChipFacts,
+    Fault,
+    Grade,
+    Lab,
+    Submission,
+    judge,
+    message,
+    refused,
+    shown_name,
+    visible,
+)
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
 from servogen.grade.judge import NOT_REPEATED
 from servogen.grade.watch import Watched, watch
@@ -70,6 +83,9 @@ WITHOUT_WORKERS_S = 60.0
 """The time after which a cluster that has lost its workers is given up."""
 
 POLL_S = 1.0
+
+MOST_REMARKS = 10
+"""The greatest number of the compiler's warnings that a student is told."""
 
 POWERED_AGAIN = 3
 """How often a program that writes the EEPROM is powered up with what the run before has left there."""
@@ -118,6 +134,17 @@ class Graded:
     submission: Submission
     grade: Grade
     defect: str = ""
+    code: str = ""
+    """A digest of its machine code; empty if it did not run."""
+
+
+def copies(graded: Sequence[Graded]) -> list[tuple[str, ...]]:
+    """Return the names of programs with the same machine code: names, comments and layout do not count."""
+    groups: dict[str, list[str]] = {}
+    for each in graded:
+        if each.code:
+            groups.setdefault(each.code, []).append(shown_name(each.submission.name))
+    return [tuple(names) for names in groups.values() if len(names) > 1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,8 +354,9 @@ def _in_forks(
     for number, grade in run_each(runs, task.running, at_once):
         index = indices[number]
         if isinstance(grade, Grade):
-            remarks = (*compiled[index].remarks, *grade.remarks)
-            yield index, Graded(submissions[index], replace(grade, remarks=remarks))
+            remarks = (*grade.remarks, *compiled[index].remarks)
+            code = sha256(repr(sorted(compiled[index].image.program.items())).encode()).hexdigest()
+            yield index, Graded(submissions[index], replace(grade, remarks=remarks), code=code)
         else:
             activity = f"running it for {float(task.lab.watch_s):g} s of the chip's time"
             yield index, _failed(submissions[index], task.lab, activity, grade)
@@ -337,7 +365,19 @@ def _in_forks(
 def _compile(read: Read, submission: Submission) -> Compiled:
     submission.require_readable()
     program = read(submission)
-    return Compiled(program.image, program.clock, program.remarks, program.listing)
+    remarks = tuple(map(_for_students, program.remarks[:MOST_REMARKS]))
+    if len(program.remarks) > MOST_REMARKS:
+        more = f"and {len(program.remarks) - MOST_REMARKS} more warnings"
+        remarks += (Diagnostic("note", "more-warnings", more),)
+    return Compiled(program.image, program.clock, remarks, program.listing)
+
+
+def _for_students(remark: Diagnostic) -> Diagnostic:
+    """Return a warning that does not name the folders above the file, and shows every character."""
+    place = remark.location
+    if place and place.file:
+        place = replace(place, file=visible(Path(place.file).name))
+    return replace(remark, message=visible(remark.message), location=place)
 
 
 def _failed(submission: Submission, lab: Lab, activity: str, error: Exception) -> Graded:

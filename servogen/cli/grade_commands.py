@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -115,7 +115,7 @@ def grade(
         require_server()
     elif port:
         raise InputError("conflicting-options", "--port is for --watch")
-    from servogen.build.grading import GradingTask, grade_submissions
+    from servogen.build.grading import GradingTask, copies, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
 
     keep_apart([path for path in files if not path.is_dir()], csv, junit, gradescope, classroom)
@@ -139,9 +139,12 @@ def grade(
     formats.write(task.lab, graded)
     if json:
         task_of_lab = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
-        as_json({**task_of_lab, "programs": _rows(task.lab, graded, names)})
+        same = [list(group) for group in copies(graded)]
+        as_json({**task_of_lab, "programs": _rows(task.lab, graded, names), "same_code": same})
     else:
         _show(task.lab, graded)
+        for group in copies(graded):
+            print(f"the same machine code: {', '.join(group)}")
     if watch:
         _serve(task, names, graded, port, browser)
     if failure:
@@ -224,8 +227,11 @@ def _write_each(folder: Path, entries: Sequence[GradedProgram], text: Callable[[
     from servogen.outputs import make_folder, write_text
 
     make_folder(folder)
-    for name, entry in zip(page_names([entry.name for entry in entries]), entries, strict=True):
-        write_text(_own(folder / f"{name.removesuffix('.md')}.json"), text(entry))
+    pages = page_names([entry.name for entry in entries])
+    texts = {f"{page.removesuffix('.md')}.json": entry for page, entry in zip(pages, entries, strict=True)}
+    for name, entry in texts.items():
+        write_text(_own(folder / name), text(entry))
+    _remove_others(folder, "results", texts)
 
 
 def _own(target: Path) -> Path:
@@ -258,7 +264,21 @@ def _write_pages(
             write_text(_own(folder / name), text())
         except ServogenError as error:
             failure = failure or error
+    _remove_others(folder, "pages", texts)
     return failure
+
+
+def _remove_others(folder: Path, kind: str, written: Collection[str]) -> None:
+    """Remove the files of this kind that an earlier grading wrote to a folder, and list those of this one."""
+    from servogen.outputs import write_text
+
+    listed = folder / f".graded-{kind}"
+    before = listed.read_text("utf-8").splitlines() if listed.is_file() and not listed.is_symlink() else []
+    for name in set(before) - set(written):
+        file = folder / name
+        if Path(name).name == name and (file.is_symlink() or file.is_file()):
+            file.unlink()
+    write_text(_own(listed), "".join(f"{name}\n" for name in sorted(written)))
 
 
 def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, object]]:

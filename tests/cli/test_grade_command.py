@@ -1,6 +1,7 @@
 """`servogen grade`: table, JSON, pages and exit codes."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -32,12 +33,77 @@ def test_a_folder_is_graded_in_parallel_with_a_page_for_each(run: Run, tmp_path:
         ("p/main.c", False),
         ("s/main.c", False),
     ]
-    pages = {path.name: path.read_text() for path in (tmp_path / "pages").iterdir()}
+    pages = {path.name: path.read_text() for path in (tmp_path / "pages").glob("[!.]*")}
     assert sorted(pages) == ["h+main.c.md", "index.html", "p+main.c.html", "p+main.c.md", "s+main.c.md"]
     assert pages["h+main.c.md"].startswith("# h/main.c: passed")
     assert "endlessly." in pages["h+main.c.md"].splitlines()[-1]
     assert "- after 90° there are no pulses for 4.02 s" in pages["p+main.c.md"]
     assert "syntax error before 'for'" in pages["s+main.c.md"]
+
+
+def test_grading_again_leaves_nothing_of_an_earlier_class_and_keeps_the_teachers_own(
+    run: Run, tmp_path: Path
+) -> None:
+    """Eva's and Ben's programs are wrong, so they have films; then Ben hands in a right one, and Eva none."""
+    students, pages, results = tmp_path / "class", tmp_path / "pages", tmp_path / "results"
+    for name in ("ben", "eva"):
+        (students / name).mkdir(parents=True)
+        shutil.copy(PROGRAMS / "lab8-wrong" / "syntax.c", students / name / "main.c")
+    shutil.copy(PROGRAMS / "lab8-wrong" / "stuck.c", students / "ben" / "main.c")
+    given = "grade", "lab8-exercise", students, "--pages", pages, "--gradescope", results
+    assert run(*given).code == 1
+    before = {path.name for path in (*pages.glob("[!.]*"), *results.glob("[!.]*"))}
+    assert before == {"index.html", "ben+main.c.md", "ben+main.c.html", "eva+main.c.md", "ben+main.c.json",
+                      "eva+main.c.json"}  # fmt: skip
+    (pages / "notes.txt").write_text("the teacher's")
+    shutil.copy(PROGRAMS / "lab8-wrong" / "syntax.c", students / "ben" / "main.c")
+    shutil.rmtree(students / "eva")
+    assert run(*given).code == 1
+    after = {path.name for path in (*pages.glob("[!.]*"), *results.glob("[!.]*"))}
+    assert after == {"index.html", "ben+main.c.md", "ben+main.c.json", "notes.txt"}
+
+
+def test_a_list_of_earlier_files_leads_nowhere_else(run: Run, tmp_path: Path) -> None:
+    kept = tmp_path / "kept.md"
+    kept.write_text("kept")
+    pages = tmp_path / "pages"
+    pages.mkdir()
+    (pages / ".graded-pages").write_text(f"../kept.md\n{kept}\n..\n\nindex.html\n")
+    run("grade", "lab8-exercise", PROGRAMS / "lab8-wrong" / "syntax.c", "--pages", pages)
+    assert kept.read_text() == "kept" and (pages / "index.html").is_file()
+
+
+def test_the_same_machine_code_is_listed_for_the_teacher_alone(run: Run, tmp_path: Path) -> None:
+    """Ben's is Ana's with other names, comments and layout; Cem's differs by a microsecond."""
+    students, pages = tmp_path / "class", tmp_path / "pages"
+    text = (PROGRAMS / "lab8-wrong" / "stuck.c").read_text()
+    renamed = "/* my own */\n" + re.sub(r"\bi\b", "counter", text).replace("\n", "\n\n")
+    assert "counter" in renamed
+    other = text.replace("PORTB = 0", "PORTB = 2")
+    assert other != text
+    for name, program in (("ana", text), ("ben", renamed), ("cem", other)):
+        (students / name).mkdir(parents=True)
+        (students / name / "main.c").write_text(program)
+    ran = run("grade", "lab8-exercise", students, "--pages", pages)
+    assert "the same machine code: ana/main.c, ben/main.c\n" in ran.out
+    assert "<li>ana/main.c, ben/main.c</li>" in (pages / "index.html").read_text()
+    assert "ben" not in (pages / "ana+main.c.md").read_text() + (pages / "ana+main.c.html").read_text()
+    found = json.loads(run("grade", "lab8-exercise", students, "--json").out)
+    assert found["same_code"] == [["ana/main.c", "ben/main.c"]]
+
+
+def test_the_compilers_warnings_are_on_the_page_without_the_teachers_folders(
+    run: Run, tmp_path: Path
+) -> None:
+    text = (PROGRAMS / "lab8-wrong" / "stuck.c").read_text()
+    strange = "".join(f"#pragma strange{number}\n" for number in range(12))
+    (tmp_path / "ana.c").write_text(strange + text)
+    assert run("grade", "lab8-exercise", tmp_path / "ana.c", "--pages", tmp_path / "pages").code == 1
+    page = (tmp_path / "pages" / "ana.c.md").read_text()
+    told = page.replace("\\", "")
+    assert all(f"- ana.c:{number + 1}:1: unknown #pragma strange{number}\n" in told for number in range(10))
+    assert "strange10" not in told and "- and 2 more warnings\n" in told
+    assert str(tmp_path) not in page.partition("## Good to know")[2].partition("##")[0]
 
 
 def test_a_hex_file_beside_its_source_is_not_graded_twice(run: Run, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ def graded(name: str, passed: bool = True, defect: Any = None, reasons: tuple[st
         passed=passed, reasons=list(reasons), remarks=remarks, film=None, to_json=lambda: {"passed": passed}
     )
     return SimpleNamespace(
-        submission=SimpleNamespace(name=name, file=Path(f"{name}.c")), grade=grade, defect=defect
+        submission=SimpleNamespace(name=name, file=Path(f"{name}.c")), grade=grade, defect=defect, code=""
     )
 
 
@@ -129,7 +129,7 @@ def test_the_json_of_grade_has_points_and_perhaps_pages(
 ) -> None:
     found = json.loads(run("grade", "lab", "a.c", "--json").out)
     (program,) = found.pop("programs")
-    assert found == {"diagnostics": [], "lab": "lab", "title": "Lab", "task": "Do it"}
+    assert found == {"diagnostics": [], "lab": "lab", "title": "Lab", "task": "Do it", "same_code": []}
     assert program == {
         "program": "anna",
         "file": "anna.c",
@@ -238,7 +238,7 @@ def test_one_program_has_one_file_and_several_have_a_reason(run: Run, grading_of
 def test_several_programs_have_a_folder_of_files(run: Run, grading_of: dict[str, Any]) -> None:
     grading_of["graded"] = [graded("anna"), graded("ben")]
     assert run("grade", "lab", "a.c", "--gradescope", "g", "--classroom", "c").code == 0
-    texts = {str(path): path.read_text() for path in sorted(Path().glob("?/*"))}
+    texts = {str(path): path.read_text() for path in sorted(Path().glob("?/[!.]*"))}
     assert texts == {
         "c/anna.json": "classroom anna",
         "c/ben.json": "classroom ben",
