@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.errors import InputError, Location, ToolError
 from servogen.pic.image import Image
+from servogen.traces.captures import read_capture
+from servogen.traces.channels import rate_of
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, Run, Serve
 
@@ -329,3 +332,22 @@ def test_a_rate_that_would_prove_nothing_is_refused_before_anything_is_looked_at
     done = run("capture", *how, "--rate", 50_000, "--against", SCHEDULE, "-o", tmp_path / "run.sr")
     assert done.code == 2
     assert "--rate: sampled every 20 µs (50 kHz), too slow to prove anything: at least 100 kHz" in done.err
+
+
+@pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="needs sigrok-cli")
+@pytest.mark.parametrize("rate", ["1000 KHz", "1000000", "1 M", "1.5 MHz", "0,1 MHz", "1e6", "1 M Hz"])
+def test_a_session_is_read_or_refused_as_sigrok_cli_does(tmp_path: Path, rate: str) -> None:
+    with zipfile.ZipFile(path := tmp_path / "a.sr", "w") as archive:
+        archive.writestr("version", "2")
+        text = f"[device 1]\ncapturefile=logic-1\ntotal probes=8\nsamplerate={rate}\nprobe1=RB0\nunitsize=1\n"
+        archive.writestr("metadata", f"[global]\nsigrok version=0.5.2\n\n{text}")
+        archive.writestr("logic-1-1", bytes([0, 1] * 20))
+    command = ["sigrok-cli", "-i", str(path), "-O", "csv"]
+    shown = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
+    line = next((line for line in shown.stdout.splitlines() if "Samplerate: " in line), None)
+    if line is None:
+        with pytest.raises(InputError, match="is not understood"):
+            read_capture(path)
+    else:
+        hertz = rate_of(line.partition("Samplerate: ")[2], Location("sigrok-cli"))
+        assert read_capture(path).trace.clock.cycles_per_second == hertz
