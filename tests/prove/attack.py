@@ -3,9 +3,11 @@
     python -m tests.prove.attack --mutants 100 --seed 1
 
 One word of a small player job, or of one of the programs in `attack_programs`, is changed: a bit, a table's
-byte, or the whole word. The simulator runs the mutant as `verify` does, and then under random presses of the
-buttons, noise on the other inputs, random RAM and registers at power-up, and each phase of TMR0. A mutant
-that only these show to be wrong is given to `servogen prove`. If it prints a counterexample, the command that
+byte, the whole word, or a byte of the EEPROM. The simulator runs the mutant as `verify` does, and then under
+random presses of the buttons, noise on the other inputs, random RAM and registers at power-up, each phase of
+TMR0, other times of EEPROM writes and of the watchdog, and, for a proof of any EEPROM, other trims. A mutant
+that only these show to be wrong is given to `servogen prove`; if its run is short, the reference chip must
+show the fault, too. If it prints a counterexample, the command that
 it prints is executed, and the edges that `servogen simulate` then writes must be wrong. What is expected
 comes from the checker's own state machine of the buttons, not from the prover's. Exit code 1 if anything is
 proven, or a counterexample does not replay.
@@ -28,12 +30,16 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+import numpy.typing as npt
+
 from servogen.checker import Refused, check_certificate, read_certificate
 from servogen.checker.plan import OVER, Plan, read_plan
 from servogen.cli import main as command_line
-from servogen.edges import PINS, EdgeChunk, join
+from servogen.edges import PINS, EdgeChunk, edge_chunk, join
 from servogen.engines.board import board_of
-from servogen.pic.image import Image, to_hex
+from servogen.pic.device import device
+from servogen.pic.image import Image, read_hex, to_hex
 from servogen.pic.isa import decode, encode
 from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
@@ -45,6 +51,7 @@ from servogen.units import Clock
 from tests.checker.plans import after, due, start_stop
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 from tests.prove.attack_programs import programs
+from tests.simulator.reference import Chip
 
 JOBS = {
     "stop, hold": 'stop_pin = "RB7"\nstop_pulses = "hold"\n',
@@ -53,6 +60,7 @@ JOBS = {
     "start and stop": 'start_pin = "RA4"\nstop_pin = "RB7"\n',
     "no button": "",
 }
+ANY_EEPROM = "any EEPROM"
 FRAMES = 45
 MANY_FRAMES = 300
 """Of the programs without a job, whose frames are short: TMR0 takes all the values that it can have there."""
@@ -61,6 +69,8 @@ SETTLED = 1000
 SILENT_PERIODS = 50
 """Within which the first pulse must come."""
 ENVIRONMENTS = 16
+LONG = 400_000
+"""Cycles that the reference chip takes some seconds for."""
 NEAR = 24
 """Words before and after an instruction that reads a port."""
 READS = {decode(encode(name, f=f, b=b)) for name in ("BTFSC", "BTFSS") for f in (5, 6) for b in range(8)}
@@ -79,6 +89,13 @@ class Target:
     """The cycle of the first rise."""
     frames: int = FRAMES
     """That are run to find a fault."""
+    trimmed: tuple[int, ...] = ()
+    """The pins of the servos whose trims the EEPROM holds, where any content of it is to be proven."""
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Return the options of `servogen prove`."""
+        return ("--any-eeprom",) if self.trimmed else ()
 
 
 @dataclass(frozen=True)
@@ -90,22 +107,35 @@ class Environment:
     """(cycle, pin, level), in order."""
     start_seed: int | None = None
     tmr0_phase: int = 0
+    times: tuple[int, int] | None = None
+    """Of an EEPROM write, as a part of 256 of the longest; of the watchdog in µs; None: the usual ones."""
+    eeprom: tuple[int, ...] = ()
+    """The first bytes of the EEPROM, where any content is to be proven."""
 
 
 def target(name: str) -> Target:
     """Return a job of `JOBS`, or a program of `attack_programs`."""
+    if name == ANY_EEPROM:
+        done = built_text(
+            job_text(1, sweep(1, 0.04, limits=(80, 81)), limits=(80, 81), firmware="soft_start_s = 0.04\n")
+        )
+        schedule = done.plan.schedule
+        made = _target(name, done.programs[0].image, schedule, int(done.programs[0].verdict.start or 0))
+        return replace(made, trimmed=tuple(PINS.index(channel.pin) for channel in schedule.channels))
     if name not in JOBS:
         image, schedule = programs()[name]
         first = Machine(image, schedule.clock).run_to_edge(PINS.index("RB1"), 1, 50 * schedule.period)
         assert first is not None
-        text = schedule.json_text().encode()
-        return Target(name, image, schedule, text, read_plan(text, "schedule.json"), int(first), MANY_FRAMES)
+        return replace(_target(name, image, schedule, int(first)), frames=MANY_FRAMES)
     done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]))
     program = done.programs[0]
     assert program.verdict.start is not None
-    text = done.plan.schedule.json_text().encode()
-    plan = read_plan(text, "schedule.json")
-    return Target(name, program.image, done.plan.schedule, text, plan, int(program.verdict.start))
+    return _target(name, program.image, done.plan.schedule, int(program.verdict.start))
+
+
+def _target(name: str, image: Image, schedule: PulseSchedule, first: int) -> Target:
+    text = schedule.json_text().encode()
+    return Target(name, image, schedule, text, read_plan(text, "schedule.json"), first)
 
 
 def as_verified(case: Target) -> Environment:
@@ -133,7 +163,9 @@ def random_environment(case: Target, rng: random.Random) -> Environment:
     end = case.first + case.frames * case.plan.period
     noise = [(rng.randrange(end), rng.choice(free), rng.randrange(2)) for _ in range(rng.choice((0, 60)))]
     seed = rng.choice((None, rng.randrange(1 << 20)))
-    return Environment(tuple(levels), tuple(sorted(noise)), seed, rng.randrange(4))
+    times = rng.choice((None, (rng.randint(1, 256), rng.randint(7000, 33_000))))
+    trims = tuple(rng.choice((0, 1, 0x7F, 0x80, 0xFF, rng.randrange(256))) for _ in case.trimmed)
+    return Environment(tuple(levels), tuple(sorted(noise)), seed, rng.randrange(4), times, trims)
 
 
 def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
@@ -141,10 +173,31 @@ def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     position, found = case.plan.first, []
     for frame in range(case.frames):
         at, out = due(case.plan, position)
-        found += [(frame * case.plan.period + int(a), int(o)) for a, o in zip(at, out, strict=True)]
+        edges = [(frame * case.plan.period + int(a), int(o)) for a, o in zip(at, out, strict=True)]
+        found += trimmed(case, edges, around.eeprom)
         if position != OVER:
             position = after(case.plan, position, around.buttons[frame])
     return [(cycle - found[0][0], out) for cycle, out in found]
+
+
+def trimmed(case: Target, edges: list[tuple[int, int]], content: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Return edges whose falls are as much later as the trims say (docs/firmware.md, "Trim")."""
+    if not content:
+        return edges
+    late = {
+        pin: (byte ^ 0x80) - 0x80 if byte != 0xFF else 0
+        for pin, byte in zip(case.trimmed, content, strict=True)
+    }
+    moved, out = [], 0
+    for cycle, levels in edges:
+        for pin in (pin for pin in range(13) if (out ^ levels) >> pin & 1):
+            moved.append((cycle if levels >> pin & 1 else cycle + late.get(pin, 0), 1 << pin))
+        out = levels
+    found: list[tuple[int, int]] = []
+    for cycle, changes in sorted(moved):
+        out ^= changes
+        found = [*found[:-1], (cycle, out)] if found and found[-1][0] == cycle else [*found, (cycle, out)]
+    return found
 
 
 def sources(case: Target, around: Environment) -> list[SignalSource]:
@@ -160,12 +213,21 @@ def sources(case: Target, around: Environment) -> list[SignalSource]:
     return made
 
 
+def chip_of(case: Target, image: Image, around: Environment) -> tuple[Image, Clock, SimulatorOptions]:
+    """Return the chip, and what it holds."""
+    board = board_of(case.schedule)
+    options = replace(board, start_seed=around.start_seed, tmr0_phase=around.tmr0_phase)
+    if around.times is not None:
+        part, watchdog = around.times
+        longest = device(board.device).max_eeprom_write_us
+        options = replace(options, eeprom_write_us=max(4, longest * part // 256), watchdog_us=watchdog)
+    content = dict(enumerate(around.eeprom))
+    return replace(image, eeprom=image.eeprom | content), case.schedule.clock, options
+
+
 def observed(case: Target, image: Image, around: Environment, frames: int) -> list[tuple[int, int]]:
     """What the simulator does, in the same form."""
-    options: SimulatorOptions = replace(
-        board_of(case.schedule), start_seed=around.start_seed, tmr0_phase=around.tmr0_phase
-    )
-    machine = Machine(image, case.schedule.clock, options, Stimuli(sources(case, around)))
+    machine = Machine(*chip_of(case, image, around), Stimuli(sources(case, around)))
     chunk = machine.run(case.first + frames * case.plan.period)
     begun = next((cycle for cycle, out in levels_of(chunk) if out), None)
     if begun is None:  # the first pulse may come within 50 periods
@@ -196,12 +258,60 @@ def is_right(case: Target, image: Image, around: Environment, frames: int | None
     return [edge for edge in observed(case, image, around, frames) if edge[0] < end] == wanted
 
 
+def as_second_chip(case: Target, image: Image, around: Environment) -> list[tuple[int, int]]:
+    """What the reference chip does (`tests.simulator.reference`), which shares no code with the prover."""
+    program, clock, options = chip_of(case, image, around)
+    start = Machine(program, clock, options).state()
+    chip = Chip(
+        program,
+        watchdog_cycles=int(clock.round_us(options.watchdog_us).cycles),
+        eeprom_cycles=int(clock.round_us(options.eeprom_us).cycles),
+        ra4_pull_up=options.ra4_pull_up,
+        tmr0_phase=options.tmr0_phase,
+        stimuli=[
+            each[:3] for part in Stimuli(sources(case, around)).changes(clock) for each in rows(part[1])
+        ],
+    )
+    named = start.registers
+    chip.w, chip.status, chip.ram, chip.tmr0 = start.w, start.status, [*start.ram], named["TMR0"]
+    chip.fsr, chip.eedata, chip.eeadr, chip.eecon1 = (
+        named[name] for name in ("FSR", "EEDATA", "EEADR", "EECON1")
+    )
+    chip.latch = [(named["LATA"] | named["LATB"] << 5) >> pin & 1 for pin in range(13)]
+    chip.run(case.first + case.frames * case.plan.period)
+    edges = [(cycle, pin, level) for cycle, pin, level in chip.edges]
+    found = levels_of(edge_chunk(*(np.array(column) for column in zip(*edges, strict=True))))
+    begun = next((cycle for cycle, out in found if out), 0)
+    return [(cycle - begun, out) for cycle, out in found]
+
+
+def rows(packed: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
+    """Return changes of levels from their packed form: (cycle, pin, level)."""
+    return [(each >> 8, each >> 2 & 0x3F, each & 3) for each in packed.tolist()]
+
+
+def confirmed(case: Target, image: Image, around: Environment) -> bool | None:
+    """Return whether the reference chip is wrong, too; None if that would take long."""
+    if case.first + case.frames * case.plan.period > LONG:
+        return None
+    end = (case.frames - 1) * case.plan.period
+    wanted = [edge for edge in expected(case, around) if edge[0] < end]
+    return [edge for edge in as_second_chip(case, image, around) if edge[0] < end] != wanted
+
+
 def mutants(case: Target, rng: random.Random) -> Iterator[tuple[str, Image]]:
     """Endless: one word changed, of every second one a word near an instruction that reads a port."""
     everywhere = list(case.image.program)
     reads = [each for each in everywhere if decode(case.image.program[each]) in READS]
     near = [each for each in everywhere if any(abs(each - read) <= NEAR for read in reads)]
+    cells = [cell for cell, byte in case.image.eeprom.items() if byte != 0xFF and not case.trimmed]
     while True:
+        if cells and rng.random() < 0.3:
+            cell, byte = rng.choice(cells), rng.randrange(256)
+            if byte != case.image.eeprom[cell]:
+                changed = replace(case.image, eeprom={**case.image.eeprom, cell: byte})
+                yield f"EEPROM {cell}: {case.image.eeprom[cell]:02X} -> {byte:02X}", changed
+            continue
         address = rng.choice(near if near and rng.random() < 0.5 else everywhere)
         word = case.image.program[address]
         row = decode(word)
@@ -242,9 +352,14 @@ def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Co
         turn = counts["mutants"] % len(cases)
         case, (what, image) = cases[turn], next(streams[turn])
         counts["mutants"] += 1
-        if hidden(case, image, rng) is None:
+        around = hidden(case, image, rng)
+        if around is None:
             continue
         counts["hidden faults"] += 1
+        agrees = confirmed(case, image, around)
+        counts["shown by the reference chip"] += agrees is True
+        if agrees is False:
+            wrong.append(f"{case.name}, {what}: only the simulator shows a fault")
         with TemporaryDirectory() as folder:
             answer = answered(case, image, Path(folder), max_states)
         counts[answer] += 1
@@ -265,7 +380,10 @@ def answered(case: Target, image: Image, folder: Path, max_states: int) -> str:
     schedule.write_bytes(case.text)
     with contextlib.chdir(folder):
         answer = json.loads(
-            servogen("prove", program, "--against", schedule, "--max-states", max_states, "--json")
+            servogen(
+                *("prove", program, "--against", schedule, "--max-states", max_states, "--json"),
+                *case.options,
+            )
         )
         if answer["counterexample"] is None:
             return str(answer["answer"])
@@ -275,7 +393,9 @@ def answered(case: Target, image: Image, folder: Path, max_states: int) -> str:
         trace = read_edges(folder / "counterexample.csv", clock)
         chunk = join(trace.chunks)
         machine = repeated(case, image, words, clock)
-        fault = judged(case, image, chunk, machine, answer["counterexample"]["cycle"])
+        content = read_hex(Path(words[2]).read_text(), words[2]).image.eeprom if case.trimmed else {}
+        trims = tuple(content.get(byte, 0xFF) for byte in range(len(case.trimmed)))
+        fault = judged(case, image, chunk, machine, answer["counterexample"]["cycle"], trims)
     return REPLAYED if fault else NOT_REPLAYED
 
 
@@ -309,7 +429,7 @@ def repeated(case: Target, image: Image, words: list[str], clock: Clock) -> Mach
     return Machine(image, clock, SimulatorOptions(**values, start=tuple(starts)), stimuli)  # type: ignore[arg-type]
 
 
-OPTIONS = {"device", "watchdog_us", "floating", "start_seed", "tmr0_phase", "ra4_pull_up"}
+OPTIONS = {"device", "watchdog_us", "eeprom_write_us", "floating", "start_seed", "tmr0_phase", "ra4_pull_up"}
 
 
 def readings(case: Target, image: Image, machine: Machine, end: int) -> list[tuple[int, int, int]]:
@@ -334,7 +454,14 @@ def readings(case: Target, image: Image, machine: Machine, end: int) -> list[tup
     return found
 
 
-def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault: int) -> bool:
+def judged(
+    case: Target,
+    image: Image,
+    chunk: EdgeChunk,
+    machine: Machine,
+    fault: int,
+    trims: tuple[int, ...] = (),
+) -> bool:
     """Return whether edges, the last ones around cycle `fault`, are not those of the plan.
 
     A frame's sample of a button is the first reading in it; a frame in which a button is not read says
@@ -351,6 +478,7 @@ def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault
     while frame + plan.period <= end:
         at, out = due(plan, position)
         wanted = [(frame + int(cycle), int(level)) for cycle, level in zip(at, out, strict=True)]
+        wanted = trimmed(case, wanted, trims)
         if [edge for edge in seen if frame <= edge[0] < frame + plan.period] != wanted:
             return True
         here = [read for read in reads if frame <= read[0] < frame + plan.period]
@@ -413,7 +541,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    everything = [*JOBS, *programs()]
+    everything = [*JOBS, ANY_EEPROM, *programs()]
     parser.add_argument("--jobs", nargs="*", choices=everything, default=everything)
     parser.add_argument("--max-states", type=int, default=20_000)
     parser.add_argument(

@@ -6,8 +6,11 @@ changes that.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
+from tests.prove import test_asynchronous as at_any_time
 from tests.prove.test_prove_inputs import assembled, schedule_of
 
 PULSE = """
@@ -79,6 +82,41 @@ SELF_RESET = (
 SELF_RESET += "        goto 0\non\n{pad}        goto frame\n"
 
 
+SELECTED = """
+        clrf EEADR
+        btfsc PORTA, 2
+        bsf EEADR, 0
+        btfsc PORTB, 7
+        bsf EEADR, 1
+        bsf STATUS, RP0
+        bsf EECON1, RD
+        bcf STATUS, RP0
+        movf EEDATA, w
+        movwf 0x28
+kept    decfsz 0x28, f
+        goto kept
+"""
+CELLS, SELECTED_CYCLES = dict.fromkeys(range(4), 20), 10 + 3 * 20 - 1
+"""Two inputs select which of four bytes of the EEPROM is counted down, in 69 cycles."""
+
+
+def _asynchronous() -> dict[str, tuple[Image, PulseSchedule]]:
+    """Return programs that are interrupted, sleep, or write the EEPROM."""
+    window, written_later = at_any_time.WINDOW, at_any_time.written_later
+    schedule = schedule_of(at_any_time.PERIOD, at_any_time.WIDTH)
+    found = {}
+    for name, enable, handler in (("INT", "0x90", at_any_time.INT), ("RB", "0x88", at_any_time.RB)):
+        body = window.format(pulse=at_any_time.PULSE, enable=enable, fine=at_any_time.FINE)
+        found[f"{name} in a window"] = at_any_time.assembled(body, handler), schedule
+    sleeps = at_any_time.SLEEPER.format(after=at_any_time.AFTER_INT)
+    found["sleeps"] = at_any_time.assembled(sleeps, watchdog="ON"), at_any_time.once()
+    polled = at_any_time.written(at_any_time.POLL, "stop    goto stop\n")
+    slow = replace(at_any_time.once(), period=64, clock=at_any_time.SLOW, device="PIC16F84A")
+    found["waits for the EEPROM"] = polled, slow
+    found["writes the EEPROM"] = written_later()
+    return found
+
+
 def _frames(inside: str, cycles: int) -> tuple[Image, int, int]:
     """Return the program, its period and its width; the period is a multiple of 32."""
     length = PULSE_CYCLES + cycles + 1 + REST_CYCLES + 2
@@ -92,8 +130,11 @@ def programs() -> dict[str, tuple[Image, PulseSchedule]]:
     found = {"polls in an interrupt": (assembled(IN_AN_INTERRUPT, SAVED_ISR), 8192, PULSE_CYCLES + 4)}
     found["TMR0 absolutely"] = _frames(ABSOLUTE, 4)
     found["RB change"] = _frames(CHANGED, 8)
+    image, period_, width_ = _frames(SELECTED, SELECTED_CYCLES)
+    found["selects in the EEPROM"] = replace(image, eeprom=CELLS), period_, width_
     pad = "        nop\n" * (2 + 2 + START_CYCLES - 3 - 2)
     text = SELF_RESET.format(pulse=PULSE.format(inside=POLL), rest=REST, pad=pad)
     period = PULSE_CYCLES + 4 + 1 + REST_CYCLES + 2 + 2 + START_CYCLES
     found["resets itself"] = (assembled(text), period, PULSE_CYCLES + 4)
-    return {name: (image, schedule_of(period, width)) for name, (image, period, width) in found.items()}
+    named = {name: (image, schedule_of(period, width)) for name, (image, period, width) in found.items()}
+    return named | _asynchronous()
