@@ -191,10 +191,10 @@ def gait(
             "raise the body, or use legs with a longer foot part",
         )
     _write_walk(walker, rhythm, planned_walk, facts, picture, csv, animate)
-    upright = planned_walk.full_height()
+    found = {"full-height": planned_walk.full_height(), "feet-collide": planned_walk.close_feet()}
     warnings = [
         *check_loads(loads, walker.lifting_joint, model),
-        *([Diagnostic("warning", "full-height", upright)] if upright else []),
+        *(Diagnostic("warning", code, text) for code, text in found.items() if text),
     ]
     if json:
         as_json(walk_to_json(walker, rhythm, planned_walk, facts, loads), warnings)

@@ -59,7 +59,7 @@ def walk_of(
     heavy = tuple(_overloads(walker.robot, planned, job.bindings, job.servos))
     return PlannedPoses(
         trajectory,
-        warnings=(*heavy, *_upright(document, planned)),
+        warnings=(*heavy, *_walk_warnings(document, planned)),
         notes=tuple(_notes(document, planned, job.servos)),
         parts=tuple(
             Part(f"segment {number} ({_way(row)})", begin)
@@ -127,7 +127,7 @@ def walk_on_command(
             raise error.at(document.place(*key)) from error
         directions += [direction, direction.reversed(names[1])]
         heavy += _overloads(walker.robot, endless, job.bindings, job.servos)
-        heavy += _upright(document, endless)
+        heavy += _walk_warnings(document, endless)
         last = len(direction.angles) - 1
         text = f"{names[0]} and {names[1]}: " + ", ".join(
             f"{phase} of {count} frames"
@@ -397,8 +397,11 @@ def _overloads(
         )
 
 
-def _upright(document: Document, planned: Walk) -> Iterator[Diagnostic]:
-    """Yield a warning if the robot stands at the full height of its legs."""
-    text = planned.full_height()
-    if text is not None:
-        yield Diagnostic("warning", "full-height", text, document.place("walk", "body_height_mm"))
+def _walk_warnings(document: Document, planned: Walk) -> Iterator[Diagnostic]:
+    """Yield a warning if the robot stands at the full height of its legs, and if its feet meet."""
+    for code, text, key in (
+        ("full-height", planned.full_height(), "body_height_mm"),
+        ("feet-collide", planned.close_feet(), "route"),
+    ):
+        if text is not None:
+            yield Diagnostic("warning", code, text, document.place("walk", key))

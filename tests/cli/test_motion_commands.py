@@ -50,6 +50,8 @@ def walked(**others: Any) -> Any:
         "slip": said("slip"),
         "lost_motion_text": lambda: None,
         "full_height": lambda: None,
+        "close_feet": lambda: None,
+        "stretched_text": lambda: "",
     }
     return SimpleNamespace(**{**given, **others})
 

@@ -461,3 +461,33 @@ def test_a_cycle_that_the_gait_lengthens_is_said() -> None:
         "need, so that every foot lifts and lands on a frame"
     )
     assert short == "a cycle takes 48 frames, 0.96 s"
+
+
+def test_feet_that_meet_are_warned_of_with_their_legs_distance_and_frame(tmp_path: Path) -> None:
+    """Seen from above, as by the angles' forward kinematics; a robot with longer sides has no warning."""
+    mounts = ", ".join(
+        f'{{ name = "{side}{row}", x_mm = {x}, y_mm = {y}{", mirrored = true" if side == "R" else ""} }}'
+        for side, y in (("L", 34.5), ("R", -34.5))
+        for row, x in (("1", "FRONT"), ("2", "0"), ("3", "-FRONT"))
+    )
+    text = f'name = "own"\nkind = "hexapod"\nmount = [{mounts}]\n'
+    text += "lengths_mm = { ab = 33, bc = 72, cd = 109, df = 94 }\n"
+    way = 'gait = "ripple"\ncycle_s = 1.04\nlift_mm = 17\nbody_height_mm = 159.8\nrepeat = false\n'
+    way += "route = [{ forward_mm = 96, cycles = 2 }]"
+    found = {}
+    for front in (53.5, 153.5):
+        (tmp_path / "own.toml").write_text(text.replace("FRONT", str(front)))
+        found[front] = walk(way, str(tmp_path / "own.toml"))
+    assert not [each for each in found[153.5].warnings if each.code == "feet-collide"]
+    (warning,) = (each for each in found[53.5].warnings if each.code == "feet-collide")
+    planned = feet(found[53.5])[:, :, :2]
+    near = {
+        (LEGS[a], LEGS[b]): np.linalg.norm(planned[:, a] - planned[:, b], axis=1)
+        for a in range(6)
+        for b in range(a)
+    }
+    least = min(float(away.min()) for away in near.values())
+    assert least < 10
+    assert f"come within {least:.1f} mm of each other in frame " in warning.message
+    frame = int(warning.message.split("frame ")[1].split(":")[0])
+    assert any(away[frame] == pytest.approx(least) for away in near.values())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,9 @@ MIN_SWING = 4
 MAX_GRAIN = 24
 """The largest grain, in frames, for which cycles are lengthened to a multiple of it."""
 
+
+CLOSE_M = 0.01
+"""Feet whose points come nearer than this would touch: rubber feet of small robots are about 10 mm wide."""
 
 MAX_STRETCH = 0.03
 """A cycle that is lengthened by a larger share, to whole frames of its gait, is said."""
@@ -159,6 +163,26 @@ class Walk:
         return (
             f"the legs stand at their full height: a foot moves {1000 * self.liftoff_slide_m:z.1f} mm "
             f"sideways before it is {1000 * FIRST_M:g} mm above the ground; a lower body drags its feet less"
+        )
+
+    def close_feet(self) -> str | None:
+        """Return a warning for the two feet that come nearest to each other, if that is too near, else None.
+
+        It is their distance seen from above: the part of a leg that carries a foot stands upright on it, so
+        that a lifted foot passes no other leg. A foot is a point here: what it is made of needs room.
+        """
+        pairs = list(combinations(range(len(self.legs)), 2))
+        if not pairs:
+            return None
+        flat = self.feet[:, :, :2]
+        away = np.stack([np.linalg.norm(flat[:, a] - flat[:, b], axis=1) for a, b in pairs])
+        pair, frame = np.unravel_index(int(np.argmin(away)), away.shape)
+        if away[pair, frame] >= CLOSE_M:
+            return None
+        one, other = (self.legs[leg] for leg in pairs[pair])
+        return (
+            f"the feet {one} and {other} come within {1000 * away[pair, frame]:.1f} mm of each other in "
+            f"frame {frame}: the legs would collide; shorten the stride or the turn"
         )
 
     def centre_texts(self) -> tuple[tuple[int, str], ...]:
