@@ -127,7 +127,7 @@ def test_every_link_of_the_page_on_a_package_index_is_absolute(hatch_build: Modu
     page = metadata["readme"]["text"]
     assert metadata["readme"]["content-type"] == "text/markdown"
     assert re.findall(r"\]\((?!https://|#)[^)]*\)", page) == []
-    assert "docs/design.md | the data flow" in page and "docs/pictures" not in page
+    assert "docs/design.md | the data flow" in page and "](docs/pictures" not in page
 
 
 def test_only_relative_links_lose_their_targets(hatch_build: ModuleType) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 
 from servogen.build.power_ups import (
     Chip,
-    Difference,
+    ChipDifference,
     cause,
     compared_values,
     condition,
@@ -53,7 +53,6 @@ from servogen.grade import (
     visible,
 )
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
-from servogen.grade.judge import NOT_REPEATED
 from servogen.grade.watch import Watched, watch
 from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
@@ -221,7 +220,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
         text = (
             f"watched for {grade.watched_s:g} s: the chip's state did not repeat, so nothing later is judged"
         )
-        grade = replace(grade, remarks=(Diagnostic("note", NOT_REPEATED, text), *grade.remarks))
+        grade = replace(grade, remarks=(Diagnostic("note", "not-repeated", text), *grade.remarks))
     return replace(grade, chips=len(tried), repeats=repeats)
 
 
@@ -233,7 +232,7 @@ class PowerUp(NamedTuple):
     machine: Machine
 
 
-def _power_up(lab: Lab, program: Runnable, chip: Sequence[Difference], tracked: bool = False) -> PowerUp:
+def _power_up(lab: Lab, program: Runnable, chip: Sequence[ChipDifference], tracked: bool = False) -> PowerUp:
     """Watch the program for the lab's time, and on until the state repeats or the longest time is over."""
     running = machine(program.image, lab.clock, chip, tracked=tracked)
     again = machine(program.image, lab.clock, chip)
@@ -302,7 +301,7 @@ def _odd_values(program: Runnable, first: PowerUp) -> Iterator[Chip]:
 def _dependence(lab: Lab, program: Runnable, chip: Chip, cycles: int) -> str:
     """Return on what of a chip it depends that the program fails there within `cycles`, and how."""
 
-    def grade_on(differences: Sequence[Difference]) -> Grade:
+    def grade_on(differences: Sequence[ChipDifference]) -> Grade:
         running = machine(program.image, lab.clock, differences)
         watched = watch(EdgeTrace(lab.clock, running.stream(cycles), Cycles(cycles)))
         return judge(lab, watched, _facts(running.state(), program))

@@ -1,6 +1,6 @@
 """The chips on which a graded program is powered up, and which of their differences matters.
 
-In: a program's image. Out: chips as lists of `Difference`s from the first one. Each chip's bits are those
+In: a program's image. Out: chips as lists of `ChipDifference`s from the first one. Each chip's bits are those
 that are undefined at power-up (RAM, registers, latches) and the levels of the pins that nothing drives:
 
     the first    0 0 0 0 0 0 0 0        typical watchdog and EEPROM, the EEPROM of the HEX file
@@ -45,7 +45,7 @@ NAMED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ChipDifference:
     """One difference from the first chip; `condition` completes "if …"."""
 
     condition: str
@@ -58,10 +58,10 @@ class Difference:
     eeprom: Mapping[int, int] | None = None
 
 
-Chip = tuple[Difference, ...]
+Chip = tuple[ChipDifference, ...]
 
 
-def machine(image: Image, clock: Clock, chip: Sequence[Difference], *, tracked: bool = False) -> Machine:
+def machine(image: Image, clock: Clock, chip: Sequence[ChipDifference], *, tracked: bool = False) -> Machine:
     """Return the chip, powered up on the lab's board."""
     start: dict[str, int] = {}
     options, changes = BOARD, []
@@ -88,7 +88,7 @@ def other_chips(image: Image) -> list[Chip]:
     random = Random(1)
     some = [random.random() < 0.5 for _ in bits]
     slow, quick = _watchdogs() if image.chip_config & CONFIG_WATCHDOG_ON else ((), ())
-    slowest = Difference(
+    slowest = ChipDifference(
         f"a write to the EEPROM takes {SLOWEST_EEPROM_US / 1000:g} ms", eeprom_write_us=SLOWEST_EEPROM_US
     )
     return [
@@ -109,7 +109,7 @@ def compared_values(image: Image, addresses: Sequence[int]) -> Iterator[Chip]:
             yield tuple(_ram_bit(address, bit) for bit in range(8) if value >> bit & 1)
 
 
-def condition(chip: Sequence[Difference]) -> str:
+def condition(chip: Sequence[ChipDifference]) -> str:
     """Return what completes "if …"; several bits of a byte of RAM are told as its value."""
     bytes_of: dict[str, int] = {}
     for each in chip:
@@ -136,15 +136,15 @@ def powered_again(before: Machine) -> Chip | None:
         return None
     shown = ", ".join(f"0x{value:02X} at 0x{address:02X}" for address, value in list(changed.items())[:3])
     more = ", …" if len(changed) > 3 else ""
-    return (Difference(f"the EEPROM holds what the run before has left ({shown}{more})", eeprom=left),)
+    return (ChipDifference(f"the EEPROM holds what the run before has left ({shown}{more})", eeprom=left),)
 
 
-def cause(chip: Chip, fails: Callable[[Sequence[Difference]], bool]) -> Chip:
+def cause(chip: Chip, fails: Callable[[Sequence[ChipDifference]], bool]) -> Chip:
     """Return few differences of a chip on which the program fails that make it fail by themselves.
 
     `fails` is called about ten times for each: the shortest beginning of the list that fails ends with one.
     """
-    needed: list[Difference] = []
+    needed: list[ChipDifference] = []
     rest = list(chip)
     while not needed or not fails(needed):
         passing, failing = 0, len(rest)
@@ -159,7 +159,7 @@ def cause(chip: Chip, fails: Callable[[Sequence[Difference]], bool]) -> Chip:
     return tuple(needed)
 
 
-def _start_bits() -> Iterator[Difference]:
+def _start_bits() -> Iterator[ChipDifference]:
     for name, greatest in START_VALUES.items():
         if name == "ram":
             continue
@@ -168,24 +168,24 @@ def _start_bits() -> Iterator[Difference]:
                 yield _ram_bit(int(name, 16), bit)
             else:
                 told = NAMED[name][bit] if name in NAMED else f"bit {bit} of {name.upper()} is 1"
-                yield Difference(f"{told} at power-up", start=(name, 1 << bit))
+                yield ChipDifference(f"{told} at power-up", start=(name, 1 << bit))
 
 
-def _ram_bit(address: int, bit: int) -> Difference:
+def _ram_bit(address: int, bit: int) -> ChipDifference:
     name = f"0x{address:02X}"
-    return Difference(f"bit {bit} of RAM {name} is 1 at power-up", start=(name, 1 << bit))
+    return ChipDifference(f"bit {bit} of RAM {name} is 1 at power-up", start=(name, 1 << bit))
 
 
-def _pins() -> Iterator[Difference]:
+def _pins() -> Iterator[ChipDifference]:
     """Yield each pin that nothing drives; RA4 is pulled up on the board."""
     for number, pin in enumerate(PINS):
         if pin != "RA4":
-            yield Difference(f"{pin}, an input that nothing drives, is high", high=number)
+            yield ChipDifference(f"{pin}, an input that nothing drives, is high", high=number)
 
 
 def _watchdogs() -> tuple[Chip, Chip]:
     slow, quick = (
-        (Difference(f"the chip's watchdog times out after {time / 1000:g} ms", watchdog_us=time),)
+        (ChipDifference(f"the chip's watchdog times out after {time / 1000:g} ms", watchdog_us=time),)
         for time in (LONGEST_US, SHORTEST_US)
     )
     return slow, quick

@@ -330,12 +330,12 @@ def test_a_motion_that_ends_after_the_watch_is_watched_until_then(grade_of: Call
 
 def test_the_shortest_cause_is_found_whatever_else_differs() -> None:
     """Of 600 differences the 77th alone, or the 5th with the 300th, or a third one that hides the 77th."""
-    every = tuple(power_ups.Difference(str(number)) for number in range(600))
+    every = tuple(power_ups.ChipDifference(str(number)) for number in range(600))
     for needed in ({77}, {5, 300}):
         asked: list[int] = []
 
         def fails(
-            given: Sequence[power_ups.Difference], needed: set[int] = needed, asked: list[int] = asked
+            given: Sequence[power_ups.ChipDifference], needed: set[int] = needed, asked: list[int] = asked
         ) -> bool:
             asked.append(len(given))
             return needed <= {int(each.condition) for each in given}

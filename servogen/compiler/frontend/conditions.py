@@ -16,16 +16,16 @@ _ESCAPES = {"n": 10, "t": 9, "r": 13, "a": 7, "b": 8, "f": 12, "v": 11, "\\": 92
 
 
 @dataclass(frozen=True)
-class Number:
+class IntegerValue:
     """A value; `unsigned` decides how the operators take it."""
 
     value: int
     unsigned: bool = False
 
 
-def _wrapped(value: int, *, unsigned: bool) -> Number:
+def _wrapped(value: int, *, unsigned: bool) -> IntegerValue:
     value &= (1 << _BITS) - 1
-    return Number(value if unsigned or value < 1 << _BITS - 1 else value - (1 << _BITS), unsigned)
+    return IntegerValue(value if unsigned or value < 1 << _BITS - 1 else value - (1 << _BITS), unsigned)
 
 
 def _quotient(a: int, b: int) -> int:
@@ -52,7 +52,7 @@ _RELATIONS: dict[str, Callable[[int, int], bool]] = {
 }
 
 
-class Condition:
+class DirectiveCondition:
     """Reads the tokens of an expression from left to right. A ValueError says what is wrong with them."""
 
     def __init__(self, tokens: Sequence[str]) -> None:
@@ -79,7 +79,7 @@ class Condition:
         if not self._takes(text):
             raise ValueError(f"'{text}' is missing")
 
-    def _choice(self, *, live: bool) -> Number:
+    def _choice(self, *, live: bool) -> IntegerValue:
         """Read a conditional expression; in one that is not `live`, a division by zero does not count."""
         condition = self._binary(0, live=live)
         if not self._takes("?"):
@@ -90,7 +90,7 @@ class Condition:
         unsigned = yes.unsigned or no.unsigned
         return _wrapped((yes if condition.value else no).value, unsigned=unsigned)
 
-    def _binary(self, level: int, *, live: bool) -> Number:
+    def _binary(self, level: int, *, live: bool) -> IntegerValue:
         if level == len(_LEVELS):
             return self._unary(live=live)
         left = self._binary(level + 1, live=live)
@@ -100,12 +100,12 @@ class Condition:
             left = _computed(operator, left, self._binary(level + 1, live=live and needed), live=live)
         return left
 
-    def _unary(self, *, live: bool) -> Number:
+    def _unary(self, *, live: bool) -> IntegerValue:
         token = self._next()
         if token in ("+", "-", "~", "!"):
             operand = self._unary(live=live)
             if token == "!":
-                return Number(int(not operand.value))
+                return IntegerValue(int(not operand.value))
             value = {"+": operand.value, "-": -operand.value, "~": ~operand.value}[token]
             return _wrapped(value, unsigned=operand.unsigned)
         if token == "(":
@@ -116,7 +116,7 @@ class Condition:
             # a name that is no macro is 0, with what looks like its arguments
             if self._tokens[self._at] == "(":
                 self._skip()
-            return Number(0)
+            return IntegerValue(0)
         return _constant(token)
 
     def _skip(self) -> None:
@@ -128,33 +128,35 @@ class Condition:
         raise ValueError("')' is missing")
 
 
-def _computed(operator: str, left: Number, right: Number, *, live: bool) -> Number:
+def _computed(operator: str, left: IntegerValue, right: IntegerValue, *, live: bool) -> IntegerValue:
     a, b = left.value, right.value
     if operator in ("&&", "||"):
-        return Number(int(bool(a and b) if operator == "&&" else bool(a or b)))
+        return IntegerValue(int(bool(a and b) if operator == "&&" else bool(a or b)))
     if operator in ("<<", ">>"):
         bits = b if 0 <= b < _BITS else _BITS
         return _wrapped(a << bits if operator == "<<" else a >> bits, unsigned=left.unsigned)
     unsigned = left.unsigned or right.unsigned
     a, b = (_wrapped(value, unsigned=unsigned).value for value in (a, b))
     if operator in _RELATIONS:
-        return Number(int(_RELATIONS[operator](a, b)))
+        return IntegerValue(int(_RELATIONS[operator](a, b)))
     if operator in ("/", "%") and not b:
         if live:
             raise ValueError("it divides by zero")
-        return Number(0, unsigned)
+        return IntegerValue(0, unsigned)
     return _wrapped(_ARITHMETIC[operator](a, b), unsigned=unsigned)
 
 
-def _constant(token: str) -> Number:
+def _constant(token: str) -> IntegerValue:
     """Return the value of an integer or of a character."""
     if match := re.fullmatch(r"'(?:([^'\\])|\\([0-7]{1,3})|\\x([0-9a-fA-F]+)|\\(.))'", token):
         plain, octal, hexadecimal, simple = match.groups()
         if simple:
             if simple not in _ESCAPES:
                 raise ValueError(f"{token} is no character")
-            return Number(_ESCAPES[simple])
-        return Number(ord(plain) & 0xFF if plain else int(octal or hexadecimal, 8 if octal else 16) & 0xFF)
+            return IntegerValue(_ESCAPES[simple])
+        return IntegerValue(
+            ord(plain) & 0xFF if plain else int(octal or hexadecimal, 8 if octal else 16) & 0xFF
+        )
     digits = plain_numbers(token)
     if not re.fullmatch(r"0[xX][0-9a-fA-F]+|0[0-7]*|[1-9]\d*", digits):
         raise ValueError(f"'{token}' is no integer" if token else "an operand is missing")

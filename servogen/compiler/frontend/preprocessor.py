@@ -30,7 +30,7 @@ from servogen.compiler.frontend.assembly import (
     plain_numbers,
     rewrite,
 )
-from servogen.compiler.frontend.conditions import Condition
+from servogen.compiler.frontend.conditions import DirectiveCondition
 from servogen.compiler.frontend.macros import SPACE, Replacer
 from servogen.errors import InputError, Location
 
@@ -125,7 +125,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         words = [tok.value for tok in tokens if tok.type not in SPACE]
         value = 0
         try:
-            value = Condition(words).value()
+            value = DirectiveCondition(words).value()
         except ValueError as fault:
             self.on_error(tokens[0].source, tokens[0].lineno, f"the expression of #if: {fault}")
         return SimpleNamespace(value=lambda: value)
