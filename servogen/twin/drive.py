@@ -122,8 +122,13 @@ def drive_of(servo: Servo) -> ServoDrive:
     start = said.value("start_ms", motor.start_s, START_S, "s")
     per_us = servo.calibration.per_us
     dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
-    full = said.value("full_drive_us", motor.full_drive_us, FULL_DRIVE_US, "µs")
     damping = torque_constant * speed_constant / resistance
+    assumed = FULL_DRIVE_US
+    if motor.start_s is None:
+        # Two values that nobody stated must not make the loop too fast for the steps of the simulation.
+        least = torque / (per_us * MAX_STIFFNESS * start * damping)
+        assumed = max(assumed, math.ceil(1000 * least) / 1000)
+    full = said.value("full_drive_us", motor.full_drive_us, assumed, "µs")
     stiffness = torque / (full * per_us)
     if stiffness > MAX_STIFFNESS * start * damping:
         raise InputError(

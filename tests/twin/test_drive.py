@@ -140,6 +140,18 @@ def test_motors_at_the_limits_of_what_can_be() -> None:
         drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=0.66, start_s=0.999 * fastest)))
 
 
+def test_assumed_values_alone_never_make_the_loop_too_fast() -> None:
+    """A servo of a file that states neither start_ms nor full_drive_us; the wider drive is told."""
+    fast = of("mpx-tiny-s", speed=math.radians(1000), torque_nm=0.1, max_a=0.65, motor=Motor())
+    drive = drive_of(fast)
+    damping = drive.torque_constant * drive.speed_constant / drive.resistance
+    assert 0.1 / drive.band <= 300**2 * 0.010 * damping  # K / J = 300²/s²
+    (told,) = (text for text in drive.assumptions if "full_drive_us" in text)
+    assert float(told.split("= ")[1].split()[0]) > 5
+    with pytest.raises(InputError, match="too fast"):
+        drive_of(replace(fast, model=replace(fast.model, motor=Motor(full_drive_us=5.0))))
+
+
 def test_a_bank_has_the_constants_of_each_servo_and_their_current_together() -> None:
     drives = (drive_of(of("mpx-tiny-s", 4.8)), drive_of(of("futaba-s3001")))
     found = bank(drives)
