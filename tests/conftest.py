@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Iterator
 
 import pytest
 
@@ -21,6 +22,14 @@ def pytest_collection_finish() -> None:
     """Spare the garbage collector the thousands of tests, which live to the end."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _the_cache_is_of_this_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The certificates of the user's own proofs would change what a build says."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,43 +1,200 @@
-"""Stored certificates of proofs for all inputs: the checker's verdict on a build's programs.
+"""Proofs and their second witness: a theorem counts as proven once the checker has accepted its certificate.
 
-In: builds, a folder of certificates. Out: a verdict on each program's certificate.
+In: a program and its schedule; proofs, or files of certificates. Out: what the checker says.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.checker import Refused, check_certificate, read_certificate
+from servogen.checker import Checked, NotCovered, Refused, check_certificate, read_certificate
+from servogen.checker.certificate import Certificate, fingerprint
+from servogen.edges import PINS
+from servogen.errors import InputError, ToolError
 from servogen.inputs import read_input
+from servogen.outputs import write_bytes
 from servogen.pic.image import Image
+from servogen.prove import Proof, certificate, prove_for_all
+from servogen.pulse import PulseSchedule
 
 MAX_CERTIFICATE_BYTES = 4 << 20
+CHECKED = "proven, checked"
+SUFFIX = ".cert.xz"
 
 
 @dataclass(frozen=True, slots=True)
 class CertificateVerdict:
-    """The checker's verdict on one certificate."""
+    """What is known of a program for every power-up, input and chip, in words."""
 
     text: str
     valid: bool
     missing: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Witnessed:
+    """What the second witness says of a proof: what it checked, or what it does not cover."""
+
+    certificate: bytes = b""
+    checked: Checked | None = None
+    not_covered: str = ""
+
+    @property
+    def text(self) -> str:
+        """Return the verdict in words."""
+        if self.checked is None:
+            return f"proven by one engine: the checker does not cover {self.not_covered}"
+        return CHECKED + "".join(f", with {text}" for text in self.checked.restrictions)
+
+
+def second_witness(
+    proof: Proof, image: Image, schedule: PulseSchedule, text: bytes, allow_held: bool = False
+) -> Witnessed:
+    """Return what the checker says of a proof against a schedule, the content `text` of its file.
+
+    With `allow_held`, there is a certificate about one level of each button, too; the theorem it is not.
+    Raises ToolError where the checker refuses: one of the two witnesses is wrong.
+    """
+    try:
+        packed = certificate(proof, image, schedule, text, allow_held)
+    except ValueError as error:
+        return Witnessed(not_covered=", ".join(_restrictions(proof, schedule)) or f"it: {error}")
+    try:
+        claim = read_certificate(packed, "the certificate")
+        held = claim.held if allow_held else ()
+        checked = check_certificate(claim, image, text, "schedule.json", held)
+    except InputError as error:
+        return Witnessed(not_covered=f"it: {error.first.message}")
+    except NotCovered as error:
+        return Witnessed(not_covered=error.what)
+    except Refused as error:
+        raise ToolError(
+            "internal-error",
+            "two witnesses disagree: servogen.prove says proven, and servogen.checker refuses its "
+            f"certificate: {error}",
+            hint="this is a defect of servogen itself; please report it with the program and schedule.json",
+        ) from None
+    outside = _held_buttons(proof, schedule)
+    return Witnessed(packed, None if outside else checked, ", ".join(outside))
+
+
+def _restrictions(proof: Proof, schedule: PulseSchedule) -> list[str]:
+    """Return what a proof assumes, or is about, that no certificate is."""
+    over = proof.quantifiers
+    named = {
+        "known values at power-up (--start)": bool(over.start),
+        "chips that are never reset (--no-resets)": not over.resets,
+        "one period of the watchdog (--watchdog-us)": not over.watchdog,
+        "one duration of EEPROM writes (--eeprom-write-us)": not over.eeprom_write,
+        "one phase of TMR0 (--no-tmr0-phase)": not over.tmr0_phase,
+        "any content of the EEPROM (--any-eeprom)": over.any_eeprom,
+    }
+    return [text for text, given in named.items() if given] + _held_buttons(proof, schedule)
+
+
+def _held_buttons(proof: Proof, schedule: PulseSchedule) -> list[str]:
+    """Return the pins with a meaning in the schedule that a proof is about one level of."""
+    if not (schedule.buttons or schedule.commands):
+        return []
+    return [f"one level of {PINS[pin]} (--hold-inputs)" for pin in sorted(proof.held)]
+
+
+def prove_program(
+    image: Image, schedule: PulseSchedule, text: bytes
+) -> tuple[CertificateVerdict, Proof, Witnessed | None]:
+    """Prove a program against a schedule, the content `text` of its file, for every power-up, input and chip,
+    and have the proof checked. Raises ToolError.
+    """
+    proof = prove_for_all(image, schedule)
+    if not proof.proven:
+        shown = proof.counterexample
+        text = f"counterexample: {shown.message}" if shown else f"not decided: {proof.reason}"
+        return CertificateVerdict(f"NOT proven: {text}", False), proof, None
+    witness = second_witness(proof, image, schedule, text)
+    return CertificateVerdict(witness.text, witness.checked is not None), proof, witness
+
+
+def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+    """Return the verdict on a program, which is proven unless its certificate is kept; `file` gets it.
+
+    Raises ToolError.
+    """
+    text = schedule.json_text().encode()
+    verdict = kept([file], image, text)
+    if verdict.valid:
+        return verdict
+    verdict, _, witness = prove_program(image, schedule, text)
+    if witness is not None and verdict.valid:
+        write_bytes(file, witness.certificate)
+        keep(witness, image, text)
+    return verdict
+
+
 def certificate_file(folder: Path, job: str, program: str) -> Path:
     """Return where the certificate of a job's program, a HEX file's name, is kept."""
-    return folder / job / f"{program.removesuffix('.hex')}.cert.xz"
+    return beside(folder / job / program)
+
+
+def beside(program: Path) -> Path:
+    """Return where the certificate beside a HEX file is."""
+    return program.with_name(f"{program.name.removesuffix('.hex')}{SUFFIX}")
+
+
+def cached(image: Image, text: bytes) -> Path | None:
+    """Return where the user's cache keeps the certificate of a program and a schedule's text; None without
+    a home.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
+    with suppress(RuntimeError):
+        name = hashlib.sha256(fingerprint(image).encode() + hashlib.sha256(text).digest()).hexdigest()
+        return base.expanduser() / "servogen" / "certificates" / f"{name}{SUFFIX}"
+    return None
+
+
+def keep(witness: Witnessed, image: Image, text: bytes) -> None:
+    """Keep a checked certificate in the user's cache, where `build` finds it; a cache may be read-only."""
+    path = cached(image, text)
+    if witness.checked is not None and path is not None:
+        with suppress(OSError, ToolError, InputError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, witness.certificate)
+
+
+def kept(files: Iterable[Path], image: Image, text: bytes) -> CertificateVerdict:
+    """Return the checker's verdict on the first of `files`, or in the cache, that is a certificate of exactly
+    this program and schedule.
+    """
+    cache = cached(image, text)
+    for file in (*files, *([] if cache is None else [cache])):
+        with suppress(InputError):  # a broken file is none
+            claim = _claim(file) if file.is_file() else None
+            digest = hashlib.sha256(text).hexdigest()
+            if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
+                return _checked(claim, image, text)
+    return CertificateVerdict("not proven yet", False, missing=True)
 
 
 def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:
     """Return the checker's verdict on a certificate, if it exists. Raises InputError if it is malformed."""
     if not file.exists():
         return CertificateVerdict("no certificate", False, missing=True)
-    claim = read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
+    return _checked(_claim(file), image, schedule.encode())
+
+
+def _claim(file: Path) -> Certificate:
+    return read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
+
+
+def _checked(claim: Certificate, image: Image, text: bytes) -> CertificateVerdict:
     try:
-        result = check_certificate(claim, image, schedule.encode(), "schedule.json")
+        result = check_certificate(claim, image, text, "schedule.json")
     except Refused as refused:
         return CertificateVerdict(f"refused: {refused}", False)
     # The held line of a stream is part of the theorem: the schedule says nothing of other levels.
     held = ["with " + " and ".join(claim.held) + " held"] if result.restrictions else []
-    return CertificateVerdict(", ".join(["proven", "checked", *held]), True)
+    return CertificateVerdict(", ".join([CHECKED, *held]), True)

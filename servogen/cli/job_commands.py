@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from math import degrees
@@ -98,9 +99,18 @@ def build(
         Path | None,
         typer.Option("--output", "-o", help="The folder to write to (default: build/ and the job's name)."),
     ] = None,
+    prove: Annotated[
+        bool,
+        typer.Option(
+            "--prove", help="Also prove each program for every power-up, input and chip; may take minutes."
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Build a job's firmware in every dialect and prove every pulse edge."""
+    """Build a job's firmware in every dialect, run it, compare every edge, and show what is proven of it.
+
+    Exit code 1 if a program is not exact or, with --prove, not proven and checked.
+    """
     from servogen.build import build as built
     from servogen.build import write
     from servogen.build.build import program_facts
@@ -113,16 +123,19 @@ def build(
     with status(f"{loaded.name}: planning") as tell:
         result = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(result, folder)
+        theorems = _theorems(result, folder, None, prove, tell)
     if json:
-        as_json(_build_to_json(result, folder), result.warnings)
+        as_json(_build_to_json(result, folder, theorems), result.warnings)
     else:
         _width_table(result.plan.widths)
-        _program_table([result])
+        _program_table([result], [theorems])
         print("\n".join(timing_budgets_text(program_facts(result), result.job.clock)))
         plan = plan_text(result.plan.schedule.plan_error)
         print(f"{folder}: {'exact' if result.exact else 'NOT EXACT'}; {plan}; all of it in report.txt")
+        print("\n".join(_theorem_lines(result, folder, theorems)))
     warn_of_all(result.warnings)
-    raise typer.Exit(0 if result.exact else 1)
+    proven = all(verdict.valid or (verdict.missing and not prove) for verdict in theorems)
+    raise typer.Exit(0 if result.exact and proven else 1)
 
 
 def demo(
@@ -134,12 +147,13 @@ def demo(
         Path | None,
         typer.Option(
             "--certificates",
-            help="Also check the certificates in this folder (JOB/main.cert.xz), the proofs for all inputs.",
+            help="The folder of the certificates (JOB/main.cert.xz) that show what is proven "
+            "(default: beside each HEX file, or in the cache).",
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Build and prove several jobs, each into its own folder, and print one table.
+    """Build several jobs, each into its own folder, and print one table: what is exact, and what is proven.
 
     Exit code 1 if a program is not exact, or a certificate is refused.
     """
@@ -161,42 +175,65 @@ def demo(
                 refused.append(error.first)
                 continue
             write(results[-1], output / loaded.name)
-        checks = [] if certificates is None else _check_certificates(results, certificates, tell)
+        theorems = [
+            _theorems(result, output / result.job.name, certificates, False, tell) for result in results
+        ]
     if json:
         warnings = [warning for build in results for warning in build.warnings]
-        content: dict[str, object] = {
-            "jobs": [_build_to_json(build, output / build.job.name) for build in results]
-        }
-        if certificates is not None:
-            content["for_all_inputs"] = [verdict.text for verdict in checks]
-        as_json(content, (*warnings, *refused))
+        shown = [
+            _build_to_json(build, output / build.job.name, verdicts)
+            for build, verdicts in zip(results, theorems, strict=True)
+        ]
+        as_json({"jobs": shown}, (*warnings, *refused))
     else:
-        _program_table(results, [verdict.text for verdict in checks])
+        _program_table(results, theorems)
         for refusal in refused:
             print(refusal.message)
         for build in results:
             if build.warnings:
                 print(f"{build.job.name}: {counted(len(build.warnings), 'warning')} in its report.txt")
     fine = all(build.exact for build in results) and all(
-        verdict.valid or verdict.missing for verdict in checks
+        verdict.valid or verdict.missing for verdicts in theorems for verdict in verdicts
     )
     raise typer.Exit(0 if fine else 1)
 
 
-def _check_certificates(
-    builds: list[Build], folder: Path, tell: Callable[[str], None]
+def _theorems(
+    result: Build, folder: Path, certificates: Path | None, prove: bool, tell: Callable[[str], None]
 ) -> list[CertificateVerdict]:
-    """Return the checker's verdict on each program's certificate. Raises InputError."""
+    """Return what is known of each program for every power-up, input and chip.
+
+    That is what the checker says of its certificate in `certificates`, if given, or beside its HEX file in
+    `folder`, or in the user's cache; or, with `prove`, of a proof that is made now. Raises InputError.
+    """
     from servogen.build.build import hex_name
-    from servogen.build.certificates import certificate_file, checked
+    from servogen.build.certificates import beside, certificate_file, checked, kept, proved
 
     verdicts = []
-    for result in builds:
-        for program in result.programs:
-            tell(f"{result.job.name}: checking the proof for all inputs, {program.firmware.dialect}")
-            file = certificate_file(folder, result.job.name, hex_name(result, program))
-            verdicts.append(checked(file, program.image, result.plan.schedule.json_text()))
+    schedule = result.plan.schedule
+    for program in result.programs:
+        name, image, text = hex_name(result, program), program.image, schedule.json_text()
+        tell(f"{result.job.name}: {'proving' if prove else 'checking a proof of'} {program.firmware.dialect}")
+        if prove:
+            verdicts.append(proved(beside(folder / name), image, schedule))
+        elif certificates is not None:
+            verdicts.append(checked(certificate_file(certificates, result.job.name, name), image, text))
+        else:
+            verdicts.append(kept([beside(folder / name)], image, text.encode()))
     return verdicts
+
+
+def _theorem_lines(result: Build, folder: Path, theorems: list[CertificateVerdict]) -> Iterator[str]:
+    """Yield what is proven of a build's programs, and the command that proves the others."""
+    from servogen.build.build import hex_name
+
+    names = [hex_name(result, program) for program in result.programs]
+    rows = sorted(zip(theorems, names, strict=True), key=lambda row: (not row[0].valid, row[0].text))
+    for (text, missing), group in groupby(rows, key=lambda row: (row[0].text, row[0].missing)):
+        files = [name for _, name in group]
+        words = ["servogen", "prove", str(folder / files[0]), "--against", str(folder / "schedule.json")]
+        how = f": {shlex.join(words)}, or build with --prove" if missing else ""
+        yield f"every power-up, input and chip: {', '.join(files)}: {text}{how}"
 
 
 def _width_table(widths: Sequence[Quantised]) -> None:
@@ -236,17 +273,14 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
     )
 
 
-def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> None:
+def _program_table(builds: list[Build], theorems: list[list[CertificateVerdict]]) -> None:
     from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
-    programs = [(result, program) for result in builds for program in result.programs]
-    certified = [[text] for text in for_all_inputs] or [[] for _ in programs]
     table(
         "Programs",
         (
             *("job", "engine", "dialect", "words", "left", "RAM", "left", "frames"),
-            *("worst edge error", "from the plan", "verdict"),
-            *(["for all inputs"] if for_all_inputs else []),
+            *("worst edge error", "from the plan", "one run", "all runs"),
         ),
         [
             (
@@ -261,15 +295,20 @@ def _program_table(builds: list[Build], for_all_inputs: Sequence[str] = ()) -> N
                 f"{program.verdict.worst_edge_error} cycles",
                 "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
                 "exact" if program.exact else "NOT EXACT",
-                *certificate,
+                verdict.text,
             )
-            for (result, program), certificate in zip(programs, certified, strict=True)
+            for result, verdicts in zip(builds, theorems, strict=True)
+            for program, verdict in zip(result.programs, verdicts, strict=True)
         ],
     )
 
 
-def _build_to_json(result: Build, folder: Path) -> dict[str, object]:
-    return {"folder": str(folder), **result.to_json()}
+def _build_to_json(result: Build, folder: Path, theorems: list[CertificateVerdict]) -> dict[str, object]:
+    proven = {
+        "proven": all(verdict.valid for verdict in theorems),
+        "all_runs": [verdict.text for verdict in theorems],
+    }
+    return {"folder": str(folder), **result.to_json(), **proven}
 
 
 def plan(
@@ -427,7 +466,7 @@ def report(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Build and prove a job and write a self-contained HTML page about it."""
+    """Build a job, run it and write a self-contained HTML page about it."""
     from servogen.build.reporting import page_of
     from servogen.errors import InputError, Location
     from servogen.job import load, plan_job

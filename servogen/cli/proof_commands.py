@@ -19,6 +19,8 @@ from servogen.inputs import read_input
 from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
+    from servogen.build.certificates import Witnessed
+    from servogen.checker import Checked
     from servogen.engines.stream.streaming import Streaming
     from servogen.job import PlannedJob
     from servogen.pic.analysis.facts import Answer
@@ -36,7 +38,10 @@ def register(app: typer.Typer) -> None:
 
 
 PROVEN, NOT_PROVEN = 0, 1
-"""Exit codes; NOT_PROVEN also where something was found or could not be decided."""
+"""Exit codes; NOT_PROVEN also where something was found, not decided, or not covered by the checker."""
+
+ONE_ENGINE = "proven by one engine"
+ANY_LINE = "any waveform on the line (--any-line)"
 
 EXTRA_FRAMES = 2
 """The number of frames after the wrong edge that a repeated counterexample shows."""
@@ -78,6 +83,13 @@ def prove(
             "--certify-held-inputs",
             help="With --certificate and --hold-inputs: write the certificate although it is not about the "
             "other levels of the buttons; check-certificate needs --allow-held.",
+        ),
+    ] = False,
+    accept_one_engine: Annotated[
+        bool,
+        typer.Option(
+            "--accept-one-engine",
+            help="With --against: exit 0 also for what the prover shows and the checker does not cover.",
         ),
     ] = False,
     plain_tmr0: Annotated[
@@ -154,9 +166,11 @@ def prove(
 ) -> None:
     """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
 
-    With --against, prove that every edge is the schedule's for every power-up, input and chip.
+    With --against, prove that every edge is the schedule's for every power-up, input and chip, and have the
+    proof checked by an independent checker.
 
-    Exit code 0: proven, or decided and nothing found; 1: something was found or could not be decided.
+    Exit code 0: proven and checked, or decided and nothing found; 1: something was found or could not be
+    decided, or the checker does not cover it.
     """
     from servogen.prove.quantifiers import Quantifiers
     from servogen.simulator.options import start_value
@@ -192,10 +206,11 @@ def prove(
             max_states=max_states,
             any_line=any_line,
             certify_held=certify_held_inputs,
+            accept_one_engine=accept_one_engine,
         )
         raise typer.Exit(prove_schedule(file, device, request, json))
     switched = hold_inputs or plain_tmr0 or any_eeprom or power_up or no_resets
-    switched = switched or watchdog_us is not None or eeprom_write_us is not None
+    switched = switched or accept_one_engine or watchdog_us is not None or eeprom_write_us is not None
     if certificate is not None or switched or max_states is not None or any_line is not None:
         raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
@@ -247,6 +262,8 @@ class ProofRequest:
     """The job whose serial line may have any waveform."""
     certify_held: bool = False
     """Whether a certificate may be about one level of each button."""
+    accept_one_engine: bool = False
+    """Whether the checker need not cover the proof."""
 
     @property
     def content(self) -> Path:
@@ -256,9 +273,10 @@ class ProofRequest:
 
 def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: bool) -> int:
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
+    from servogen.build import certificates
     from servogen.build.signals import device_for, program_for
-    from servogen.inputs import read_input
-    from servogen.prove import certificate, prove_for_all
+    from servogen.outputs import write_bytes
+    from servogen.prove import prove_for_all
     from servogen.prove.prover import MAX_STATES
     from servogen.simulator import SimulatorOptions
 
@@ -284,16 +302,17 @@ def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: 
             lambda explored, known: tell(f"{explored} of {known} states"),
             request.max_states or MAX_STATES,
         )
-    if proof.proven and request.certificate is not None:
-        from servogen.outputs import write_bytes
-
+    witness = None
+    if proof.proven:
         text = read_input(request.against, MAX_SCHEDULE_BYTES)
-        try:
-            packed = certificate(proof, program.image, schedule, text, request.certify_held)
-        except ValueError as error:
-            hint = "--certify-held-inputs writes it" if proof.held and not request.certify_held else ""
-            raise InputError("no-certificate", f"proven, but {error}", Location(str(file)), hint) from None
-        write_bytes(request.certificate, packed)
+        with status("checking the proof"):
+            witness = certificates.second_witness(proof, program.image, schedule, text, request.certify_held)
+        certificates.keep(witness, program.image, text)
+        if request.certificate is not None:
+            if not witness.certificate:
+                hint = "--certify-held-inputs writes it" if proof.held and not request.certify_held else ""
+                raise InputError("no-certificate", witness.text, Location(str(file)), hint)
+            write_bytes(request.certificate, witness.certificate)
     line = _any_line(program, *planned) if proof.proven and planned is not None else None
     shown = proof.counterexample if line is None else line.counterexample
     if shown is not None:
@@ -301,13 +320,16 @@ def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: 
         if shown.eeprom is not None:
             _write_content(shown.eeprom, program.image, request.content)
     if json:
-        answer = _proof_to_json(proof, file, request, schedule)
+        answer = _proof_to_json(proof, witness, file, request, schedule)
         as_json(answer if line is None else answer | _line_to_json(line, proof, file, request, schedule))
     elif line is None:
-        print("\n".join(_lines(proof, file, request, schedule)))
+        print("\n".join(_lines(proof, witness, file, request, schedule)))
     else:
         print("\n".join(_line_lines(line, proof, file, request, schedule)))
-    return PROVEN if proof.proven and (line is None or line.proven) else NOT_PROVEN
+    if line is not None:
+        return PROVEN if line.proven and request.accept_one_engine else NOT_PROVEN
+    accepted = witness is not None and (witness.checked is not None or request.accept_one_engine)
+    return PROVEN if accepted else NOT_PROVEN
 
 
 def _line_job(job_file: Path, schedule: PulseSchedule, against: Path) -> tuple[PlannedJob, Streaming]:
@@ -347,7 +369,8 @@ def _line_lines(
             f"  with an idle line every edge is the schedule's: {_size(idle)}",
         ]
     return [
-        "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
+        f"{ONE_ENGINE}: the checker does not cover {ANY_LINE}",
+        "  for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
         "at its slot's cycle and is as wide as complete commands say",
         *(f"  {finding}" for finding in line.findings),
         "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
@@ -371,8 +394,10 @@ def _line_to_json(
     """Return the answer for any line as values of JSON."""
     shown = line.counterexample
     return {
-        "answer": "proven" if line.proven else "counterexample" if shown else "not decided",
+        "answer": ONE_ENGINE if line.proven else "counterexample" if shown else "not decided",
         "reason": line.reason,
+        "checked": None,
+        "not_covered": ANY_LINE if line.proven else "",
         "any_line": list(line.findings),
         "assumptions": _of_any_line(line, idle, schedule),
         "counterexample": _counterexample_to_json(shown, file, request, schedule) if shown else None,
@@ -406,16 +431,20 @@ def _command(
     return shlex.join([*words, "--edges", "counterexample.csv"])
 
 
-def _lines(proof: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule) -> list[str]:
+def _lines(
+    proof: Proof, witness: Witnessed | None, file: Path, request: ProofRequest, schedule: PulseSchedule
+) -> list[str]:
+    """Return the answer as text; `witness` is what the checker says of a proof."""
     counterexample = proof.counterexample
     if counterexample is not None:
         return _counterexample_lines(counterexample, file, request, schedule)
-    if not proof.proven:
+    if witness is None:
         return [f"not decided: {proof.reason}", f"  {_size(proof)}"]
-    over = _over(proof)
     return [
-        f"proven for {over}: every edge of all pins is the schedule's",
+        witness.text,
+        f"  for {_over(proof)}: every edge of all pins is the schedule's",
         f"  {_size(proof)}",
+        *(_checked_lines(witness.checked) if witness.checked else []),
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
@@ -459,10 +488,12 @@ def _over(proof: Proof) -> str:
 
 
 def _proof_to_json(
-    proof: Proof, file: Path, request: ProofRequest, schedule: PulseSchedule
+    proof: Proof, witness: Witnessed | None, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> dict[str, object]:
     counterexample = proof.counterexample
-    answer = "proven" if proof.proven else "counterexample" if counterexample else "not decided"
+    answer = "counterexample" if counterexample else "not decided"
+    if witness is not None:
+        answer = "proven" if witness.checked else ONE_ENGINE
     return {
         "file": str(file),
         "answer": answer,
@@ -470,6 +501,8 @@ def _proof_to_json(
         "states": proof.states,
         "runs": proof.runs,
         "cycles": proof.cycles,
+        "checked": asdict(witness.checked) if witness and witness.checked else None,
+        "not_covered": witness.not_covered if witness else "",
         "assumptions": list(proof.assumptions),
         "counterexample": _counterexample_to_json(counterexample, file, request, schedule)
         if counterexample
@@ -521,8 +554,12 @@ def check_certificate(
         as_json({"valid": True, "held": claim.held} | asdict(checked))
         return
     print(f"{certificate}: valid{''.join(f', with {text}' for text in checked.restrictions)}")
-    print("\n".join(f"  over {text}" for text in checked.over))
+    print("\n".join(_checked_lines(checked)))
+
+
+def _checked_lines(checked: Checked) -> list[str]:
+    """Return what the checker's theorem is over, and how much it ran."""
     counts = (
         f"{checked.states} states, {checked.frames} frames, {checked.cycles} cycles, {checked.forks} splits"
     )
-    print(f"  checked: {counts}")
+    return [*(f"  over {text}" for text in checked.over), f"  checked: {counts}"]

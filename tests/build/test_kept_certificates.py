@@ -47,7 +47,7 @@ def test_one_is_valid_for_its_program_only() -> None:
     folder = ROOT / "firmware" / JOB
     schedule = (folder / "schedule.json").read_text()
     file = certificate_file(KEPT, JOB, "main.hex")
-    assert checked(file, image_of(folder / "main.hex"), schedule).text == "proven"
+    assert checked(file, image_of(folder / "main.hex"), schedule).text == "proven, checked"
     other = checked(file, image_of(folder / "main.sdcc.hex"), schedule)
     assert (other.valid, other.missing) == (False, False)
     assert "another program" in other.text
@@ -57,9 +57,10 @@ def test_one_is_valid_for_its_program_only() -> None:
 def test_demo_shows_what_the_checker_says(tmp_path: Path) -> None:
     job = ROOT / "jobs" / f"{JOB}.toml"
     answer = json.loads(servogen("demo", job, "--output", tmp_path, "--certificates", KEPT, "--json"))
-    assert set(answer["for_all_inputs"]) == {"proven"}
+    (shown,) = answer["jobs"]
+    assert (shown["exact"], shown["proven"], set(shown["all_runs"])) == (True, True, {"proven, checked"})
     wrong = tmp_path / "certificates"
     shutil.copytree(KEPT / JOB, wrong / JOB)
     shutil.copy(KEPT / JOB / "main.sdcc.cert.xz", wrong / JOB / "main.cert.xz")
     answer = json.loads(servogen("demo", job, "--output", tmp_path, "--certificates", wrong, "--json"))
-    assert sum("refused" in text for text in answer["for_all_inputs"]) == 1
+    assert sum("refused" in text for text in answer["jobs"][0]["all_runs"]) == 1

@@ -18,6 +18,7 @@ from servogen import job as job_package
 from servogen import report
 from servogen import verify as verify_package
 from servogen.build import reporting, retarget
+from servogen.build.certificates import CertificateVerdict
 from servogen.cli import job_commands
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic
@@ -122,22 +123,19 @@ def built(name: str = "arm", exact: bool = True, warnings: int = 0) -> Any:
     )
 
 
+MISSING = CertificateVerdict("not proven yet", False, missing=True)
+VALID, REFUSED = CertificateVerdict("proven, checked", True), CertificateVerdict("refused: x", False)
 PROGRAM_COLUMNS = ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames")
-PROGRAM_COLUMNS += ("worst edge error", "from the plan", "verdict")
+PROGRAM_COLUMNS += ("worst edge error", "from the plan", "one run", "all runs")
 ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
-    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "exact"),
-    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT EXACT"),
+    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "exact", "not proven yet"),
+    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT EXACT", "proven, checked"),
 ]
 
 
 def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
-    job_commands._program_table([built(exact=False)])
-    job_commands._program_table([built(exact=False)], ["valid", "refused"])
-    certified = [(*ROWS[0], "valid"), (*ROWS[1], "refused")]
-    assert tables == [
-        ("Programs", PROGRAM_COLUMNS, ROWS),
-        ("Programs", (*PROGRAM_COLUMNS, "for all inputs"), certified),
-    ]
+    job_commands._program_table([built(exact=False)], [[MISSING, VALID]])
+    assert tables == [("Programs", PROGRAM_COLUMNS, ROWS)]
 
 
 @pytest.fixture
@@ -155,6 +153,9 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(build_package, "build", build)
     monkeypatch.setattr(build_package, "write", lambda result, folder: results["written"].append(folder))
+    results["theorems"] = [MISSING, MISSING]
+    monkeypatch.setattr(job_commands, "_theorems", lambda *given: results["theorems"])
+    monkeypatch.setattr(import_module("servogen.build.build"), "hex_name", lambda result, program: "main.hex")
     return results
 
 
@@ -169,11 +170,12 @@ def test_demo_prints_one_table_and_the_warnings_of_each_job(
     assert building["written"] == [Path("build", name) for name in "abc"]
     (programs,) = tables
     assert [row[0] for row in programs[2]] == ["a", "a", "b", "b", "c", "c"]
-    assert [row[-1] for row in programs[2]] == ["exact", word] * 3
+    assert [row[-2] for row in programs[2]] == ["exact", word] * 3
+    assert {row[-1] for row in programs[2]} == {"not proven yet"}
     shown = json.loads(run("demo", "b.toml", "c.toml", "-o", "other", "--json").out)
-    assert shown["jobs"] == [{"folder": f"other/{name}", "job": name} for name in "bc"]
+    proven = {"proven": False, "all_runs": ["not proven yet"] * 2}
+    assert shown["jobs"] == [{"folder": f"other/{name}", "job": name, **proven} for name in "bc"]
     assert [each["message"] for each in shown["diagnostics"]] == ["warning 0", "warning 1"]
-    assert "for_all_inputs" not in shown
     assert len(tables) == 1
 
 
@@ -198,18 +200,40 @@ def test_demo_goes_on_after_a_job_that_does_not_fit(
     ("valid", "missing", "code"), [(True, False, 0), (False, True, 0), (False, False, 1)]
 )
 def test_demo_is_refused_with_a_certificate_that_is_refused(
-    run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch, valid: bool,
-    missing: bool, code: int,
-) -> None:  # fmt: skip
+    run: Run, building: dict[str, Any], tables: Tables, valid: bool, missing: bool, code: int
+) -> None:
     """One that is missing is named in the table only."""
-    verdict = SimpleNamespace(text="words", valid=valid, missing=missing)
-    monkeypatch.setattr(job_commands, "_check_certificates", lambda *_: [verdict, verdict])
+    building["theorems"] = [CertificateVerdict("words", valid, missing)] * 2
     assert run("demo", "a.toml", "--certificates", "c").code == code
     assert [row[-1] for row in tables[0][2]] == ["words", "words"]
-    assert (
-        json.loads(run("demo", "a.toml", "--certificates", "c", "--json").out)["for_all_inputs"]
-        == ["words"] * 2
-    )
+    (shown,) = json.loads(run("demo", "a.toml", "--certificates", "c", "--json").out)["jobs"]
+    assert (shown["proven"], shown["all_runs"]) == (valid, ["words"] * 2)
+
+
+@pytest.mark.parametrize(
+    ("theorems", "words", "code"),
+    [
+        ([VALID, VALID], (), 0),
+        ([VALID, MISSING], (), 0),
+        ([VALID, MISSING], ("--prove",), 1),
+        ([VALID, REFUSED], (), 1),
+        ([VALID, VALID], ("--prove",), 0),
+    ],
+)
+def test_only_who_asks_for_a_proof_is_refused_without_one(
+    run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch,
+    theorems: list[CertificateVerdict], words: tuple[str, ...], code: int,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(import_module("servogen.build.build"), "program_facts", lambda result: ())
+    monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(()))
+    building["theorems"] = theorems
+    ran = run("build", "jobs/a.toml", *words)
+    assert ran.code == code
+    assert "every power-up, input and chip: main.hex" in ran.out
+    command = "servogen prove build/a/main.hex --against build/a/schedule.json, or build with --prove"
+    assert (command in ran.out) == (MISSING in theorems)
+    shown = json.loads(run("build", "jobs/a.toml", "--json", *words).out)
+    assert shown["proven"] == all(each.valid for each in theorems)
 
 
 def facts(**others: Any) -> Any:
@@ -520,7 +544,12 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
     ran = run("build", "jobs/a.toml")
     assert (ran.code, ran.out.splitlines()) == (
         code,
-        ["budgets", f"build/a: {word}; {PLAN}; all of it in report.txt"],
+        [
+            "budgets",
+            f"build/a: {word}; {PLAN}; all of it in report.txt",
+            "every power-up, input and chip: main.hex, main.hex: not proven yet: servogen prove "
+            "build/a/main.hex --against build/a/schedule.json, or build with --prove",
+        ],
     )
     assert ran.err.splitlines()[0] == "2 warnings:"
     assert [title for title, *_ in tables] == ["Pulse widths", "Programs"]

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from servogen import checker
+from servogen.build.certificates import Witnessed
 from servogen.cli import proof_commands
 from servogen.cli.proof_commands import ProofRequest
 from servogen.errors import InputError
@@ -64,18 +65,26 @@ def proof(proven: bool = True, shown: Any = None, **others: Any) -> Proof:
     return Proof(**{**given, **others})
 
 
+COUNTS = checker.Checked(5, 6, 7, 8, ("every input",))
+WITNESS = Witnessed(b"x", COUNTS)
 SIZE = "  3 states, 4 runs of 500 cycles together"
 
 
 def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> None:
-    assert proof_commands._lines(proof(), FILE, request(), SCHEDULE) == [
-        "proven for every power-up, input and chip: every edge of all pins is the schedule's",
+    assert proof_commands._lines(proof(), WITNESS, FILE, request(), SCHEDULE) == [
+        "proven, checked",
+        "  for every power-up, input and chip: every edge of all pins is the schedule's",
         SIZE,
+        "  over every input",
+        "  checked: 5 states, 6 frames, 7 cycles, 8 splits",
         "  assumed:",
         "    one",
         "    two",
     ]
-    undecided = proof_commands._lines(proof(False), FILE, request(), SCHEDULE)
+    alone = proof_commands._lines(proof(), Witnessed(not_covered="SLEEP"), FILE, request(), SCHEDULE)
+    assert alone[0] == "proven by one engine: the checker does not cover SLEEP"
+    assert alone[2:4] == [SIZE, "  assumed:"]
+    undecided = proof_commands._lines(proof(False), None, FILE, request(), SCHEDULE)
     assert undecided == ["not decided: too many states", SIZE]
 
 
@@ -114,7 +123,7 @@ def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> Non
         (wrong(eeprom={3: 4}), f"wrong.hex --start w=1 --clock-hz 4000000 {end}"),
     ):
         lines = [head, f"  servogen simulate {command}"]
-        assert proof_commands._lines(proof(False, shown), FILE, request(), SCHEDULE) == lines
+        assert proof_commands._lines(proof(False, shown), None, FILE, request(), SCHEDULE) == lines
         found = proof_commands._counterexample_to_json(shown, FILE, request(), SCHEDULE)
         stimulus = shown.stimulus(SCHEDULE) or None
         assert found == {
@@ -127,11 +136,20 @@ def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> Non
 
 
 @pytest.mark.parametrize(
-    ("found", "answer"),
-    [(proof(), "proven"), (proof(False, wrong()), "counterexample"), (proof(False), "not decided")],
+    ("found", "witness", "answer"),
+    [
+        (proof(), WITNESS, "proven"),
+        (proof(), Witnessed(not_covered="SLEEP"), "proven by one engine"),
+        (proof(False, wrong()), None, "counterexample"),
+        (proof(False), None, "not decided"),
+    ],
 )
-def test_the_json_of_a_proof_has_its_answer_and_its_size(found: Proof, answer: str) -> None:
-    shown = proof_commands._proof_to_json(found, FILE, request(), SCHEDULE)
+def test_the_json_of_a_proof_has_its_answer_and_its_size(
+    found: Proof, witness: Witnessed | None, answer: str
+) -> None:
+    shown = proof_commands._proof_to_json(found, witness, FILE, request(), SCHEDULE)
+    assert (shown["checked"] is None) == (answer != "proven")
+    assert shown["not_covered"] == ("SLEEP" if answer == "proven by one engine" else "")
     assert (shown["file"], shown["answer"], shown["reason"]) == ("a prog.hex", answer, found.reason)
     assert (shown["states"], shown["runs"], shown["cycles"], shown["assumptions"]) == (
         3,
@@ -148,7 +166,8 @@ def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None
     idle = proof(held=held, assumptions=("one", *idle_only, "two"))
     line = LineProof("", ("a finding",), ("of the line",))
     assert proof_commands._line_lines(line, idle, FILE, request(), SCHEDULE) == [
-        "proven for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
+        "proven by one engine: the checker does not cover any waveform on the line (--any-line)",
+        "  for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
         "at its slot's cycle and is as wide as complete commands say",
         "  a finding",
         "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
@@ -160,8 +179,10 @@ def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None
     ]
     found = proof_commands._line_to_json(line, idle, FILE, request(), SCHEDULE)
     assert found == {
-        "answer": "proven",
+        "answer": "proven by one engine",
         "reason": "",
+        "checked": None,
+        "not_covered": "any waveform on the line (--any-line)",
         "any_line": ["a finding"],
         "assumptions": ["one", "two", "of the line"],
         "counterexample": None,
@@ -258,6 +279,7 @@ def test_the_exit_code_of_prove_is_that_of_its_proof(run: Command, asked: list[P
         ("--eeprom-write-us", 0),
         ("--certificate", "c"),
         ("--max-states", 1),
+        ("--accept-one-engine",),
         ("--any-line", "j.toml"),
     ],
 )

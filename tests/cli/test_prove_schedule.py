@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import lzma
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,7 @@ Run = Callable[..., Any]
 
 STARTS = Path(__file__).parent.parent / "verify" / "start_state"
 SCHEDULE = STARTS / "schedule.json"
+FIRMWARE = Path(__file__).parent.parent.parent / "firmware"
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +34,7 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_proof_names_its_assumptions_and_writes_a_certificate(run: Run) -> None:
     done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, "--certificate", "good.xz")
     assert done.code == 0, done.err
-    assert done.out.startswith("proven for every power-up, input and chip: ")
+    assert done.out.startswith("proven, checked\n  for every power-up, input and chip: ")
     assert "    the EEPROM holds what the file says" in done.out
     assert run("assemble", STARTS / "good.asm", "-o", "good.hex").code == 0
     assert run("check-certificate", "good.xz", "good.hex", "--against", SCHEDULE).code == 0
@@ -52,10 +54,13 @@ def test_a_button_that_is_held_has_a_certificate_only_if_asked_for_and_no_valid_
     assert run(*prove).code == 1
     held = run(*prove, "--hold-inputs")
     assert held.code == 2
-    assert "a proof over every level of the buttons and the line" in held.err
+    assert "the checker does not cover one level of RA4 (--hold-inputs)" in held.err
     assert "--certify-held-inputs" in held.err
     assert not Path("c.xz").exists()
-    assert run(*prove, "--hold-inputs", "--certify-held-inputs").code == 0
+    certified = run(*prove, "--hold-inputs", "--certify-held-inputs")
+    assert certified.code == 1, "it is not the theorem"
+    assert certified.out.startswith("proven by one engine: the checker does not cover one level of RA4 (")
+    assert run(*prove, "--hold-inputs", "--certify-held-inputs", "--accept-one-engine").code == 0
     check = ("check-certificate", "c.xz", "a.hex", "--against", "s.json")
     refused = run(*check)
     assert refused.code == 1
@@ -140,8 +145,12 @@ def test_rules_of_buttons_that_cannot_be_are_bad_input(run: Run, buttons: str, m
 def test_what_is_switched_off_is_assumed_and_has_no_certificate(run: Run) -> None:
     options = ("--start", "ram=0", "--no-resets", "--watchdog-us", 18_000)
     done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options)
-    assert done.code == 0, done.err
-    assert done.out.startswith("proven for every input: ")
+    assert done.code == 1, done.err
+    first = "proven by one engine: the checker does not cover known values at power-up (--start), "
+    assert done.out.startswith(first + "chips that are never reset (--no-resets), one period of the watchdog")
+    assert "  for every input: " in done.out
+    accepted = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options, "--accept-one-engine")
+    assert (accepted.code, accepted.out) == (0, done.out)
     assert "    at power-up ram is 0x00" in done.out
     assert "    there is no reset after power-on" in done.out
     done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options, "--certificate", "good.xz")
@@ -174,4 +183,49 @@ def test_a_proof_that_the_checker_cannot_follow_has_no_certificate(run: Run) -> 
     done = run("prove", "once.asm", "--against", "once.json", "--certificate", "once.xz")
     assert done.code == 2
     assert "SLEEP and EEPROM writes are not certified" in done.err
-    assert run("prove", "once.asm", "--against", "once.json").code == 0
+    alone = run("prove", "once.asm", "--against", "once.json")
+    assert (alone.code, alone.out.partition(":")[0]) == (1, "proven by one engine")
+    assert run("prove", "once.asm", "--against", "once.json", "--accept-one-engine").code == 0
+
+
+def test_two_witnesses_that_disagree_are_an_internal_error_that_names_both(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A certificate that lacks its last state is one that the checker must refuse."""
+    from servogen.prove import certificate
+
+    def torn(*given: Any) -> bytes:
+        content = json.loads(lzma.decompress(certificate(*given)))
+        content["cuts"] = content["cuts"][:-1]
+        return lzma.compress(json.dumps(content).encode())
+
+    monkeypatch.setattr("servogen.build.certificates.certificate", torn)
+    done = run("prove", STARTS / "good.asm", "--against", SCHEDULE)
+    assert (done.code, done.out) == (3, "")
+    assert "servogen.prove says proven, and servogen.checker refuses its certificate: " in done.err
+    assert "[internal-error]" in done.err
+
+
+def test_a_proof_is_kept_for_the_next_build_and_only_a_checked_one(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    program, schedule = FIRMWARE / "lab9-program" / "main.hex", FIRMWARE / "lab9-program" / "schedule.json"
+    assert run("prove", program, "--against", schedule, "--no-resets", "--accept-one-engine").code == 0
+    job = FIRMWARE.parent / "jobs" / "lab9-program.toml"
+
+    def known() -> list[str]:
+        built = run("build", job, "-o", "made", "--json")
+        assert built.code == 0, built.err
+        answer = json.loads(built.out)
+        assert (answer["exact"], answer["proven"]) == (True, False)
+        return [str(text) for text in answer["all_runs"]]
+
+    assert known() == ["not proven yet"] * 3
+    assert run("prove", program, "--against", schedule).code == 0
+    assert known() == ["proven, checked", "not proven yet", "not proven yet"]
+    (kept,) = (tmp_path / "cache").rglob("*.cert.xz")
+    wrong = kept.rename(Path("made/main.cert.xz"))
+    assert known()[0] == "proven, checked", "a certificate beside the HEX file counts, too"
+    wrong.rename("made/main.xc8.cert.xz")
+    assert known() == ["not proven yet"] * 3, "not for another program"
