@@ -142,12 +142,13 @@ def test_motors_at_the_limits_of_what_can_be() -> None:
 
 def test_assumed_values_alone_never_make_the_loop_too_fast() -> None:
     """A servo of a file that states neither start_ms nor full_drive_us; the wider drive is told."""
-    fast = of("mpx-tiny-s", speed=math.radians(1000), torque_nm=0.1, max_a=0.65, motor=Motor())
+    speed = 6000 * of("mpx-tiny-s").calibration.per_us
+    fast = of("mpx-tiny-s", speed=speed, torque_nm=0.02, max_a=0.65, motor=Motor())
     drive = drive_of(fast)
     damping = drive.torque_constant * drive.speed_constant / drive.resistance
-    assert 0.1 / drive.band <= 300**2 * 0.010 * damping  # K / J = 300²/s²
+    assert 0.02 / drive.band <= 300**2 * 0.010 * damping  # K / J = 300²/s²
     (told,) = (text for text in drive.assumptions if "full_drive_us" in text)
-    assert float(told.split("= ")[1].split()[0]) > 5
+    assert float(told.split("= ")[1].split()[0]) == pytest.approx(6.67, abs=0.01)  # 6000 / 300² / 10 ms
     with pytest.raises(InputError, match="too fast"):
         drive_of(replace(fast, model=replace(fast.model, motor=Motor(full_drive_us=5.0))))
 
