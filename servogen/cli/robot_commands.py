@@ -16,7 +16,9 @@ import typer
 from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
 from servogen.cli.show import as_json, status, table
 
-RobotName = Annotated[str, typer.Argument(help="A name listed by `servogen robots`, or a TOML or URDF file.")]
+RobotName = Annotated[
+    str, typer.Argument(help="A name listed by `servogen robots`, or a TOML or URDF file (arm.urdf#tip).")
+]
 JointValues = Annotated[
     list[float] | None,
     typer.Argument(help="Joint positions in degrees or mm.", parser=number, show_default=False),

@@ -199,12 +199,11 @@ def rig_of(document: Document, table: JobTable) -> JobRig:
 
 def _robot(document: Document, name: str) -> Robot:
     """Return the robot of [robot]: of a file beside the job, or of the catalogue. Raises InputError."""
-    beside = Path(document.file).parent / name
-    own = name.lower().endswith((catalogue.TOML, catalogue.URDF))
-    if own and not beside.is_file():
-        raise document.error("unknown-robot", ("robot", "name"), f"there is no robot file '{beside}'")
+    folder, (file, _) = Path(document.file).parent, catalogue.file_of(name)
+    if file is not None and not (folder / file).is_file():
+        raise document.error("unknown-robot", ("robot", "name"), f"there is no robot file '{folder / file}'")
     try:
-        return catalogue.robot(str(beside) if own else name)
+        return catalogue.robot(name if file is None else str(folder / name))
     except InputError as error:
         # An error inside the robot's file is reported there, all others at [robot] name.
         if error.location is not None and error.location.file and error.location.file != document.file:

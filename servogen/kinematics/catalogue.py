@@ -19,6 +19,8 @@ from servogen.toml import file as toml_file
 from servogen.toml.file import Document
 
 TOML, URDF = ".toml", ".urdf"
+TIP = "#"
+"""Separates the path of a URDF file from the link at the tip of the chain that is meant."""
 
 
 def names() -> tuple[str, ...]:
@@ -29,13 +31,21 @@ def names() -> tuple[str, ...]:
 def robot(name: str) -> Robot:
     """Return the robot with a short name or an alias, or the one in the file at a path.
 
-    Raises InputError for an unknown name, which suggests a similar one, and for an invalid file.
+    A URDF file may have the link of its tip behind it: arm.urdf#hand. Raises InputError for an unknown name,
+    which suggests a similar one, and for an invalid file.
     """
-    if name.lower().endswith(URDF):
-        return _urdf(Path(name))
-    if name.lower().endswith(TOML):
-        return robot_of(toml_file.read(Path(name)))
-    return _catalogued(name)
+    path, tip = file_of(name)
+    if path is None:
+        return _catalogued(name)
+    return _urdf(path, tip) if path.name.lower().endswith(URDF) else robot_of(toml_file.read(path))
+
+
+def file_of(name: str) -> tuple[Path | None, str | None]:
+    """Return the file that a name states, and the tip behind it; None for what the name does not state."""
+    file, mark, tip = name.rpartition(TIP)
+    if mark and file.lower().endswith(URDF):
+        return Path(file), tip
+    return (Path(name) if name.lower().endswith((TOML, URDF)) else None), None
 
 
 def arm(name: str) -> Arm:
@@ -108,9 +118,9 @@ def _read(short: str) -> Robot:
     return robot_of(toml_file.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml"))
 
 
-def _urdf(path: Path) -> Arm:
+def _urdf(path: Path, tip: str | None) -> Arm:
     try:
         text = read_input(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError("not-utf8", "is not UTF-8 text", Location(str(path))) from error
-    return from_urdf(text, str(path))
+    return from_urdf(text, str(path), tip)

@@ -321,7 +321,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
             "urdf-unsupported",
             f"'{robot.name}' is not a serial chain: it ends in {', '.join(ends) or 'nothing'}",
             Location(file),
-            "name the tip",
+            f"name the link at the tip behind the file: {file}#{ends[0]}" if ends else "URDF describes trees",
         )
     link = tip or ends[0]
     if link not in {part.name for part in robot.links}:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics import urdf
+from servogen.job import loads
+from servogen.kinematics import catalogue, urdf
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.transforms import rot
@@ -189,7 +190,7 @@ def test_a_tip_chooses_the_chain_of_a_tree() -> None:
     text = robot(
         LINKS, '<link name="other"/>', SHOULDER, SLIDE, SLIDE.replace("slide", "s2").replace("hand", "other")
     )
-    with pytest.raises(InputError, match=r"hand, other[\s\S]*name the tip"):
+    with pytest.raises(InputError, match=r"hand, other[\s\S]*name the link at the tip"):
         from_urdf(text, "tree.urdf")
     assert [joint.name for joint in from_urdf(text, "tree.urdf", "other").joints] == ["shoulder", "s2"]
     with pytest.raises(InputError, match="no link 'ohter'"):
@@ -205,3 +206,24 @@ def test_numbers_that_no_robot_has_are_refused(number: str, said: str, place: st
     end = min(tail.index(sign) for sign in ' "' if sign in tail)
     with pytest.raises(InputError, match=f"has the number {said} .*\n  numbers are finite"):
         from_urdf(f"{head}{mark}{number}{tail[end:]}", "made.urdf")
+
+
+def test_the_tip_of_a_tree_is_named_behind_its_file(tmp_path: Path) -> None:
+    """At the command line and in a job alike: the name of a robot is one text."""
+    other = SLIDE.replace("slide", "grip").replace('"hand"', '"finger"')
+    links = LINKS + '<link name="finger"/>'
+    (tmp_path / "two.urdf").write_text(robot(links, SHOULDER, SLIDE, other))
+    path = str(tmp_path / "two.urdf")
+    with pytest.raises(InputError, match=r"it ends in .*\n.*name the link at the tip behind the file: .*#"):
+        catalogue.robot(path)
+    for tip, joint in (("hand", "slide"), ("finger", "grip")):
+        assert [each.name for each in catalogue.arm(f"{path}#{tip}").joints] == ["shoulder", joint]
+    with pytest.raises(InputError, match="no link 'hnd'"):
+        catalogue.robot(f"{path}#hnd")
+    servos = "".join(
+        f'[[servo]]\nname = "{joint}"\npin = "RB{pin}"\nmodel = "futaba-s3001"\njoint = "{joint}"\n{ratio}\n'
+        for pin, joint, ratio in ((0, "shoulder", ""), (1, "grip", "deg_per_mm = 1\nzero_deg = 0"))
+    )
+    job = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n[robot]\nname = "two.urdf#finger"\n' + servos
+    poses = "[motion]\nposes = [{ shoulder_deg = 90, grip_deg = 0, hold_s = 1 }]\n"
+    assert loads(job + poses, str(tmp_path / "job.toml")).robot == catalogue.robot(f"{path}#finger")
