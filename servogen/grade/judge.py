@@ -36,9 +36,6 @@ from servogen.grade.film import Film
 from servogen.grade.lab import Check, Lab, Solution
 from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
 
-NOT_REPEATED = "not-repeated"
-"""The code of the note on a program whose chip's state did not repeat."""
-
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -106,7 +103,7 @@ class Grade:
     @property
     def how_long(self) -> str:
         """Return for how long a right program was watched, if it was not seen to go on endlessly."""
-        return next((remark.message for remark in self.remarks if remark.code == NOT_REPEATED), "")
+        return next((remark.message for remark in self.remarks if remark.code == "not-repeated"), "")
 
     @property
     def reasons(self) -> tuple[str, ...]:
