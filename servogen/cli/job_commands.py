@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from math import degrees
@@ -54,19 +55,37 @@ MIN_FOLDED = 3
 
 def new(
     file: Annotated[Path, typer.Argument(help="The job file to write.")] = Path("job.toml"),
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="The kind of robot: servo, arm, leg, hexapod, omni or stream."),
+    ] = None,
+    servo: Annotated[
+        str | None,
+        typer.Option("--servo", help="The servo of every joint: a model, such as sg90, or a servo file."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:
-    """Write a commented job file to start from."""
+    """Write a commented job file to start from (without --robot: one servo; on a terminal it asks)."""
     from servogen.errors import InputError, Location
-    from servogen.job import template
+    from servogen.job import KINDS, starter, usual_servo
     from servogen.outputs import write_text
 
     if file.exists() and not force:
         raise InputError(
             "output-exists", "exists already", Location(str(file)), "give another name, or --force"
         )
-    write_text(file, template())
-    print(f"{file}: change it to your robot, then: servogen build {file}")
+    asks = robot is None and sys.stdin.isatty() and sys.stdout.isatty()
+    if asks:
+        robot = typer.prompt(f"robot ({', '.join(KINDS)})", default=KINDS[0])
+    robot = robot or KINDS[0]
+    if servo is None:
+        servo = usual_servo(robot)
+        servo = typer.prompt("servo (a model, or a servo file)", default=servo) if asks else servo
+    with status(f"{file}: planning"):
+        text = starter(robot, servo, file)
+    write_text(file, text)
+    print(f"{file}: a job for your robot; its comments say what to change. Next:")
+    print(f"  servogen check {file}\n  servogen watch {file}")
 
 
 def check(job: JobFile, json: Json = False) -> None:

@@ -2,6 +2,19 @@
 
 from servogen.job.job import FirmwareSettings, Job, PlannedJob
 from servogen.job.plan import plan_job
-from servogen.job.reader import calibrated, load, loads, template
+from servogen.job.reader import calibrated, load, loads
+from servogen.job.starter import KINDS, starter, template, usual_servo
 
-__all__ = ["FirmwareSettings", "Job", "PlannedJob", "calibrated", "load", "loads", "plan_job", "template"]
+__all__ = [
+    "KINDS",
+    "FirmwareSettings",
+    "Job",
+    "PlannedJob",
+    "calibrated",
+    "load",
+    "loads",
+    "plan_job",
+    "starter",
+    "template",
+    "usual_servo",
+]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -495,8 +494,3 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         max_together=table.frame.max_together,
         place=document.place("frame", "period_us"),
     )
-
-
-def template() -> str:
-    """Return the commented job file that `servogen new` writes; it loads without changes."""
-    return (files("servogen.job") / "template.toml").read_text(encoding="utf-8")

@@ -27,6 +27,10 @@ MIN_US, MAX_US = 100.0, 10_000.0
 """Other widths must be typing errors: milliseconds, or an extra zero."""
 
 
+MIN_SPELLING = 4
+"""The fewest letters and digits by which a servo is recognised."""
+
+
 class PointTable(Table):
     """The pulse width at an angle, or at a speed of a continuous-rotation servo."""
 
@@ -91,6 +95,23 @@ class ModelTable(FactKeys, Table):
 def names() -> tuple[str, ...]:
     """Return the models in the catalogue."""
     return tuple(sorted(entry.name[: -len(".toml")] for entry in _folder().iterdir() if entry.is_file()))
+
+
+def catalogued_as(spelling: str) -> str:
+    """Return the catalogue's name for a servo in any usual spelling, such as `SG90`, `Tower Pro SG90` or
+    `s3001`: the end of one name or title, without regard to case and signs. Anything else is returned as is.
+    """
+    wanted = _plain(spelling)
+    found = [
+        name
+        for name in names()
+        if any(_plain(known).endswith(wanted) for known in (name, _catalogued(name)[1].title))
+    ]
+    return found[0] if len(found) == 1 and len(wanted) >= MIN_SPELLING else spelling
+
+
+def _plain(name: str) -> str:
+    return "".join(filter(str.isalnum, name.lower()))
 
 
 def servo_model(

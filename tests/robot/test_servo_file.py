@@ -89,6 +89,6 @@ def test_a_mistake_in_the_file_is_told_with_its_line_there(
 
 
 def test_an_unknown_model_says_that_a_file_can_be_given(tmp_path: Path) -> None:
-    path = written(tmp_path, job=JOB.replace("servos/micro.toml", "sg90"))
+    path = written(tmp_path, job=JOB.replace("servos/micro.toml", "sg91"))
     with pytest.raises(InputError, match=r'model = "my-servo\.toml"'):
         plan_job(load(path))

@@ -1,0 +1,69 @@
+"""Job files to start from: `starters/*.toml`, a whole job for each kind of robot.
+
+In: the kind, the servo that turns its joints. Out: the text of a job file, planned before it is returned.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from servogen.errors import InputError, ServogenError, did_you_mean
+from servogen.job.plan import plan_job
+from servogen.job.reader import loads
+from servogen.pulse import plan
+from servogen.robot import servo_models
+
+KINDS = ("servo", "arm", "leg", "hexapod", "omni", "stream")
+"""The kinds of robots, from one servo on a pin to positions over a serial line."""
+
+MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
+
+
+def template(kind: str = KINDS[0]) -> str:
+    """Return the commented job file of a kind, with the servos it was written for. Raises InputError."""
+    if kind not in KINDS:
+        raise InputError(
+            "unknown-name", f"there is no job to start from for '{kind}'", hint=did_you_mean(kind, KINDS)
+        )
+    return (files("servogen.job") / "starters" / f"{kind}.toml").read_text(encoding="utf-8")
+
+
+def usual_servo(kind: str) -> str:
+    """Return the catalogue's servo that a kind's template names. Raises InputError."""
+    return MODEL.findall(template(kind))[0]
+
+
+def starter(kind: str, servo: str, file: Path) -> str:
+    """Return the text of a job file that turns every joint of a kind of robot with one model of servo.
+
+    `servo` is a model of the catalogue in any usual spelling, or the path of a servo's file; `file` is where
+    the job will be written. Raises InputError if there is no such kind or servo, or the servo does not fit.
+    """
+    kind = kind.lower()
+    text = template(kind)
+    name = servo_models.catalogued_as(servo)
+    model = servo_models.servo_model(name)
+    usual = servo_models.servo_model(usual_servo(kind))
+    fitting = [
+        each for each in servo_models.names() if servo_models.servo_model(each).continuous == usual.continuous
+    ]
+    fits = f"these fit: {', '.join(fitting)}"
+    if model.continuous != usual.continuous:
+        wrong = "turns continuously" if model.continuous else "has angles"
+        needs = "a servo with angles" if model.continuous else "continuous-rotation servos"
+        raise InputError("wrong-servo-kind", f"'{kind}' needs {needs}: {model.title} {wrong}", hint=fits)
+    if name.endswith(servo_models.FILE_ENDING):
+        name = Path(os.path.relpath(name, file.parent)).as_posix()
+    quoted = json.dumps(name, ensure_ascii=False)
+    text = MODEL.sub(lambda _: f"model = {quoted}", text)
+    try:
+        job = plan_job(loads(text, str(file)))
+        plan(job.trajectory, job.servos, job.frame)
+    except ServogenError as error:
+        message = f"{model.title} does not fit '{kind}': {error.first.message}"
+        raise InputError(error.first.code, message, hint=fits) from error
+    return text

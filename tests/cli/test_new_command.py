@@ -1,0 +1,143 @@
+"""`servogen new`: a whole job for each kind of robot and servo, which `check` accepts and `build` builds."""
+
+from __future__ import annotations
+
+import io
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from servogen.job import KINDS, load, plan_job
+from servogen.pulse import plan
+from servogen.robot import servo_models
+from tests.cli.conftest import Run
+
+WITH_ANGLES = ("futaba-s3001", "mpx-tiny-s", "sg90")
+FITTING = [(kind, servo) for kind in KINDS if kind != "omni" for servo in WITH_ANGLES]
+NARROW = """\
+title = "Narrow"
+points = [{ angle_deg = 60, width_us = 1200 }, { angle_deg = 120, width_us = 1800 }]
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def models(file: str) -> set[str]:
+    return {servo["model"] for servo in tomllib.loads(Path(file).read_text("utf-8"))["servo"]}
+
+
+def test_the_combinations_are_all_of_the_catalogue() -> None:
+    assert {*WITH_ANGLES, "continuous"} == set(servo_models.names())
+
+
+@pytest.mark.parametrize(("kind", "servo"), [*FITTING, ("omni", "continuous")])
+def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kind: str, servo: str) -> None:
+    ran = run("new", "my.toml", "--robot", kind, "--servo", servo)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.splitlines()[1:] == ["  servogen check my.toml", "  servogen watch my.toml"]
+    assert models("my.toml") == {servo}
+    job = plan_job(load(Path("my.toml")))
+    pulses = plan(job.trajectory, job.servos, job.frame)
+    assert (*job.warnings, *pulses.warnings) == ()
+    shortest, longest = servo_models.servo_model(servo).calibration.widths_us
+    assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
+
+
+@pytest.mark.parametrize("kind", ["arm", "leg", "hexapod", "omni", "stream"])
+def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> None:
+    assert run("new", "my.toml", "--robot", kind).code == 0
+    ran = run("check", "my.toml")
+    assert (ran.code, ran.err) == (0, "")
+
+
+def test_a_new_job_is_built(run: Run) -> None:
+    assert run("new", "one.toml", "--robot", "servo", "--servo", "SG90").code == 0
+    assert run("check", "one.toml").err == ""
+    assert run("build", "one.toml").code == 0
+
+
+@pytest.mark.parametrize("spelling", ["SG90", "sg90", "towerpro-sg90", "Tower Pro SG90", "TowerPro_SG90"])
+def test_a_servo_has_the_spellings_of_the_field(run: Run, spelling: str) -> None:
+    assert run("new", "my.toml", "--servo", spelling).code == 0
+    assert models("my.toml") == {"sg90"}
+
+
+@pytest.mark.parametrize("spelling", ["90", "sg91", "s", "-"])
+def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None:
+    ran = run("new", "my.toml", f"--servo={spelling}")
+    assert ran.code == 2
+    assert f"unknown servo model '{spelling}'" in ran.err
+    assert not Path("my.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("robot", "servo", "message", "hint"),
+    [
+        (
+            "quadruped",
+            "sg90",
+            "no job to start from for 'quadruped'",
+            "arm, hexapod, leg, omni, servo, stream",
+        ),
+        ("omni", "sg90", "'omni' needs continuous-rotation servos", "these fit: continuous"),
+        ("leg", "continuous", "'leg' needs a servo with angles", "these fit: futaba-s3001, mpx-tiny-s, sg90"),
+        ("arm", "narrow.toml", "Narrow does not fit 'arm': ", "these fit: futaba-s3001, mpx-tiny-s, sg90"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_what_fits(
+    run: Run, robot: str, servo: str, message: str, hint: str
+) -> None:
+    Path("narrow.toml").write_text(NARROW, "utf-8")
+    ran = run("new", "my.toml", "--robot", robot, "--servo", servo)
+    first, second = ran.err.splitlines()[:2]
+    assert ran.code == 2
+    assert message in first
+    assert hint in second
+    assert not Path("my.toml").exists()
+
+
+def test_a_servo_file_is_found_from_the_job(run: Run) -> None:
+    """The job names it relative to itself."""
+    Path("jobs").mkdir()
+    Path("narrow.toml").write_text(NARROW, "utf-8")
+    ran = run("new", "jobs/serial.toml", "--robot", "stream", "--servo", "narrow.toml")
+    assert ran.code == 2  # its angles of 20 to 160 are outside the travel of 60
+    Path("wide.toml").write_text(NARROW.replace("60,", "0,").replace("120,", "180,"), "utf-8")
+    assert run("new", "jobs/serial.toml", "--robot", "stream", "--servo", "wide.toml").code == 0
+    assert models("jobs/serial.toml") == {"../wide.toml"}
+    assert run("check", "jobs/serial.toml").code == 0
+
+
+def test_a_file_is_overwritten_only_by_force(run: Run) -> None:
+    Path("my.toml").write_text("mine", "utf-8")
+    assert run("new", "my.toml", "--robot", "leg").code == 2
+    assert Path("my.toml").read_text("utf-8") == "mine"
+    assert run("new", "my.toml", "--robot", "leg", "--force").code == 0
+    assert "[leg]" in Path("my.toml").read_text("utf-8")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_it_asks_for_robot_and_servo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stdin", Terminal("leg\nSG90\n"))
+    monkeypatch.setattr(sys, "stdout", shown)
+    assert run("new").code == 0
+    assert "robot (" in shown.getvalue()
+    assert models("job.toml") == {"sg90"}
+    assert "[leg]" in Path("job.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize("stream", ["stdin", "stdout"])
+def test_elsewhere_it_asks_nothing(run: Run, monkeypatch: pytest.MonkeyPatch, stream: str) -> None:
+    monkeypatch.setattr(sys, stream, Terminal("leg\nSG90\n"))
+    assert run("new").code == 0
+    assert models("job.toml") == {"futaba-s3001"}
