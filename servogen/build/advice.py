@@ -23,7 +23,7 @@ from servogen.engines.player.layout import Demand
 from servogen.engines.player.shares import Shares, shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
-from servogen.job.reader import changed
+from servogen.job.reader import AUTO, changed
 from servogen.job.schema import MotionTable, WalkTable
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.robot.servo import Servo
@@ -242,8 +242,10 @@ def advised(
 
 
 def _shares(job: PlannedJob) -> Shares | None:
-    """Return what the parts of the motion take in the player; None if it cannot be encoded at all."""
-    if job.stream is not None:
+    """Return what the parts of the motion take in the player; None if it cannot be encoded at all, and for a
+    job that names another engine.
+    """
+    if job.stream is not None or job.firmware.engine not in (AUTO, "player"):
         return None
     try:
         return shares(job)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.registry import engine_named, suitable
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.job import PlannedJob
 from servogen.motion import JointTrajectory
 from servogen.plan_error import DECIMALS
@@ -100,7 +100,7 @@ def _planned(job: PlannedJob) -> PlayedJob:
         except (InputError, ResourceError) as error:
             refused.append(error)
             continue
-        return played
+        return played if not refused else _with_reason(played, refused[0])
     smallest, largest = refused[0], refused[-1]
     if not isinstance(smallest, ResourceError):
         raise smallest
@@ -109,6 +109,14 @@ def _planned(job: PlannedJob) -> PlayedJob:
     if all(error.code == "beyond-max-error" for error in refused):
         raise ResourceError("beyond-max-error", message, hint=largest.hint)
     raise ResourceError("does-not-fit", message, hint=largest.hint)
+
+
+def _with_reason(played: PlayedJob, refused: InputError | ResourceError) -> PlayedJob:
+    """Return the job with a note why not the smallest engine plays it, whose C is the easiest to read."""
+    title = engine_named(played.engine).title
+    text = f"{title} plays this motion: {refused.message.removeprefix(f'{played.job.name}: ')}"
+    note = Diagnostic("note", "engine-chosen", text, played.job.document.place("firmware", "engine"))
+    return replace(played, job=replace(played.job, notes=(*played.job.notes, note)))
 
 
 def _suitable(job: PlannedJob) -> Sequence[str]:

@@ -244,3 +244,38 @@ def test_for_motions_far_beyond_the_chip_nothing_is_tried(
     error = ResourceError("does-not-fit", "too long")
     assert advice.advised(job, error) is error
     assert bool(calls) is tried
+
+
+LAW = """[chip]
+device = "PIC16F84"
+clock_hz = 4_000_000
+[[servo]]
+name = "arm"
+pin = "RB0"
+model = "futaba-s3001"
+[motion]
+law = "cubic"
+poses = [
+    { arm_deg = 30, hold_s = 2 },
+    { arm_deg = 90, move_s = 1.4, hold_s = 5 },
+    { arm_deg = 120, move_s = 0.8, hold_s = 3 },
+]
+"""
+
+
+def test_a_larger_engine_than_the_smallest_says_why() -> None:
+    """A law's frames are more than the sequence engine's program can hold; two poses are not."""
+    job = plan_job(loads(LAW, "job.toml"))
+    (why,) = [note.message for note in planned(job).job.notes if note.code == "engine-chosen"]
+    assert why.startswith(
+        "the player plays this motion: planned, but more than the sequence engine can hold: "
+    )
+    assert "the chip has 1024" in why
+    easy = plan_job(loads((ROOT / "jobs" / "lab8-exercise.toml").read_text(), "job.toml"))
+    assert not [note for note in planned(easy).job.notes if note.code == "engine-chosen"]
+
+
+def test_the_advice_for_one_engine_counts_no_bytes_of_another() -> None:
+    job = plan_job(loads(LAW + '[firmware]\nengine = "sequence"\n', "job.toml"))
+    found = advice.advised(job, ResourceError("does-not-fit", "too large"))
+    assert "by part" not in str(found) and found.details["advice"]["motion_bytes"] is None  # type: ignore[index]
