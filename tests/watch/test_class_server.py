@@ -176,7 +176,6 @@ def test_a_socket_with_a_foreign_host_is_refused(running: Running) -> None:
         "watch/2/",
         "watch/99/",
         "watch/-1/",
-        "watch/0",
         "watch/0/../1/",
         "watch/0/main.c",
         "watch/0/ana+main.c.html",
@@ -189,6 +188,11 @@ def test_nothing_else_is_served(running: Running, name: str) -> None:
     code, text, _ = running.get(f"/{running.token}/{name}")
     assert code == 404
     assert SECRET not in text and "PULSES" not in text
+
+
+def test_a_room_without_its_last_slash_leads_to_the_room(running: Running) -> None:
+    code, text, headers = running.get(f"/{running.token}/watch/0")
+    assert (code, text, headers["Location"]) == (308, "", f"/{running.token}/watch/0/")
 
 
 @pytest.mark.parametrize("room", ["", "watch/2/", "watch/99/", "watch/0/../1/", "watch/0/watch/1/"])
