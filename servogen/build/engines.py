@@ -111,6 +111,21 @@ def _planned(job: PlannedJob) -> PlayedJob:
     raise ResourceError("does-not-fit", message, hint=largest.hint)
 
 
+BENT_US = 2.0
+"""A calibration whose points are farther than this off a straight line is named where the pulses miss."""
+
+
+def _bent(job: PlannedJob) -> str:
+    """Return the servo whose calibration is least straight, in words: an engine that stores a motion once for
+    several servos follows straight ones only; empty if all are straight.
+    """
+    worst = max(job.servos, key=lambda servo: servo.calibration.bend_us)
+    if worst.calibration.bend_us <= BENT_US:
+        return ""
+    bend = f"{worst.calibration.bend_us:.1f} µs off a straight line"
+    return f"; the calibration of {worst.name} is bent: a point is {bend}, which costs accuracy"
+
+
 def _with_reason(played: PlayedJob, refused: InputError | ResourceError) -> PlayedJob:
     """Return the job with a note why not the smallest engine plays it, whose C is the easiest to read."""
     title = engine_named(played.engine).title
@@ -134,7 +149,7 @@ def _played_by(name: str, job: PlannedJob) -> PlayedJob:
         raise ResourceError(
             "beyond-max-error",
             f"{job.name}: planned, but the pulses of {engine_named(name).title} would be up to "
-            f"{error.text()} from the plan: max_error_us allows {limit:g} µs",
+            f"{error.text()} from the plan: max_error_us allows {limit:g} µs{_bent(job)}",
             job.document.place("firmware", "max_error_us"),
         )
     motion = replace(job, trajectory=played.trajectory)

@@ -59,6 +59,16 @@ class Calibration:
         (low, high), (shortest, longest) = self.angles, self.widths_us
         return (high - low) / (longest - shortest)
 
+    @property
+    def bend_us(self) -> float:
+        """Return how far (µs) its points are off the straight line between its ends."""
+        first, last = self.points[0], self.points[-1]
+        slope = (last.width_us - first.width_us) / (last.angle - first.angle)
+        return max(
+            abs(point.width_us - first.width_us - slope * (point.angle - first.angle))
+            for point in self.points
+        )
+
     def width_us(self, angle: float) -> float:
         """Return the width at `angle` in µs; beyond the end points, the nearest segment is extrapolated."""
         before, after = self._around([point.angle for point in self.points], angle)

@@ -279,3 +279,20 @@ def test_the_advice_for_one_engine_counts_no_bytes_of_another() -> None:
     job = plan_job(loads(LAW + '[firmware]\nengine = "sequence"\n', "job.toml"))
     found = advice.advised(job, ResourceError("does-not-fit", "too large"))
     assert "by part" not in str(found) and found.details["advice"]["motion_bytes"] is None  # type: ignore[index]
+
+
+@pytest.mark.parametrize(("middle_us", "named"), [(1500, False), (1501, False), (1515, True)])
+def test_where_the_pulses_miss_a_bent_calibration_is_named(middle_us: int, named: bool) -> None:
+    """1500 µs is on the line from 1000 µs at 0° to 2000 µs at 180°."""
+    points = f"points = [{{ angle_deg = 0, width_us = 1000 }}, {{ angle_deg = 90, width_us = {middle_us} }}, "
+    points += "{ angle_deg = 180, width_us = 2000 }]"
+    text = LAW.replace('model = "futaba-s3001"', f'model = "futaba-s3001"\n{points}')
+    text = (
+        text[: text.index("law =")]
+        + "poses = [{ arm_deg = 33.3, hold_s = 1 }, { arm_deg = 90.1, hold_s = 1 }]\n"
+    )
+    with pytest.raises(ResourceError) as caught:
+        planned(plan_job(loads(text + '[firmware]\nengine = "sequence"\nmax_error_us = 0.01\n', "job.toml")))
+    assert (
+        "the calibration of arm is bent: a point is 15.0 µs off a straight line" in str(caught.value)
+    ) is named
