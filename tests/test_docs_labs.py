@@ -16,6 +16,7 @@ import pytest
 from servogen.cli import main
 
 ROOT = Path(__file__).parent.parent
+SECTIONS = [*(f"Lab {number}" for number in range(1, 11)), "Lecture notes"]
 PAGE = (ROOT / "docs" / "labs.md").read_text("utf-8")
 SYMBOLIC = "--symbolic"
 NUMBER = re.compile(r"([+-]?\d+(?:\.(\d+))?)(\D*)")
@@ -35,7 +36,7 @@ def exercises() -> list[Exercise]:
     for section in PAGE.split("\n## ")[1:]:
         for block in re.findall(r"^```console\n\$ servogen (.*?)^```", section, re.M | re.S):
             command, *answers = block.splitlines()
-            found.append(Exercise(section.split(":")[0], command, tuple(answers)))
+            found.append(Exercise(re.split(":|\n", section)[0], command, tuple(answers)))
     return found
 
 
@@ -89,7 +90,7 @@ def words_of(command: str) -> list[str]:
 
 def test_the_page_has_every_lab_and_no_block_that_is_not_run() -> None:
     labs = dict.fromkeys(exercise.lab for exercise in exercises())
-    assert list(labs) == [f"Lab {number}" for number in range(1, 11)]
+    assert list(labs) == SECTIONS
     assert len(exercises()) == PAGE.count("```console") > 60
     assert all(exercise.answers for exercise in exercises())
     assert set(files()) == {"lab6.toml", "lab8.toml", "lab10.toml", "lab10-turns.toml", "touch.toml"}
@@ -115,7 +116,7 @@ def check(checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return run
 
 
-@pytest.mark.parametrize("lab", [f"Lab {number}" for number in range(1, 11)])
+@pytest.mark.parametrize("lab", SECTIONS)
 def test_every_command_of_a_lab_prints_its_answers(lab: str, check: Check) -> None:
     for exercise in exercises():
         if exercise.lab == lab and SYMBOLIC not in exercise.command:
