@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test check docs docs-tools prove bench firmware constraints flash clean help
 
 help:
-	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
+	@echo "make demo      install into $(VENV), build every job under jobs/, print one table: exact, and proven"
 	@echo "make test      the tests"
 	@echo "make check     format, lint, types and the tests, which also rebuild firmware/"
 	@echo "make docs      make the documentation site, build/site, and fail at any warning"
@@ -25,7 +25,7 @@ help:
 	@echo "make certificates  the same, and keep the certificates in certificates/: after make firmware"
 	@echo "make bench     measure speeds and print ratios"
 	@echo "make constraints  write constraints.txt: the newest versions that pyproject.toml allows; then make check"
-	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
+	@echo "make flash     build JOB=lab8-exercise, compare its edges and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
 	@echo "make clean     remove what was made"
 
 $(READY): pyproject.toml $(CONSTRAINTS)

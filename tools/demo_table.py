@@ -13,7 +13,7 @@ from pathlib import Path
 
 FIRMWARE = Path(__file__).parent.parent / "firmware"
 COLUMNS = ("job", "engine", "words: c2c", "xc8", "sdcc", "left", "RAM", "frames")
-COLUMNS += ("worst edge error", "from the plan", "verdict")
+COLUMNS += ("worst edge error", "from the plan", "one run")
 
 
 def row(report: Path) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ from servogen.verify import Verdict
 
 EXPECTED_WARNING = "delay-rounded"
 """A warning that is omitted: the C states cycles as times, which the compiler is meant to round back; every
-edge proves that it does.
+edge shows that it does.
 """
 
 Progress = Callable[[str], None]
@@ -185,7 +185,7 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
                 Diagnostic("warning", "dialect-left-out", f"no program for {dialect}: {error.message}")
             )
             continue
-        progress(f"proving {dialect}")
+        progress(f"comparing {dialect}")
         span = checked_cycles(schedule)
         programs.append(judged(schedule, firmware, span))
     return Build(

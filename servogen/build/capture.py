@@ -254,7 +254,7 @@ def _by_sigrok(look: SigrokLook, output: Path, wanted_s: float) -> SigrokCapture
 
 
 def check_rate(rate: int) -> None:
-    """Raise InputError if a capture at this rate (samples per second) would prove nothing."""
+    """Raise InputError if a capture at this rate (samples per second) would show nothing."""
     Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Location(key="--rate"))
 
 

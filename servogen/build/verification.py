@@ -20,7 +20,9 @@ import numpy as np
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace, Expected, join
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import Diagnostic, Location
+from servogen.pic.device import registers
 from servogen.pic.image import Image
+from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.plan_error import plan_text
 from servogen.pulse import PulseSchedule
@@ -194,6 +196,40 @@ def judge_image(
     return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing), CHIP_DEPENDENT)
 
 
+def not_judged(schedule: PulseSchedule, image: Image | None = None) -> tuple[str, ...]:
+    """Return what a schedule is about, or a program has, that no verdict on one run or one recording covers.
+
+    `image` is the program that ran; None for a recording.
+    """
+    ran = image is not None
+    held = " and ".join(f"{source.pin} was held at {source.level}" for source in schedule.inputs)
+    how = held if ran and held else "edges do not show what came in"
+    every = "; `servogen prove` covers every level" if ran else ""
+    texts = []
+    if schedule.buttons is not None:
+        texts.append(f"buttons were not judged: {how}{every}")
+    if schedule.commands is not None:
+        texts.append(f"commands were not judged: {how}{every}")
+    if schedule.inputs and schedule.buttons is None and schedule.commands is None:
+        every = "; `servogen prove --any-line` covers every waveform" if ran else ""
+        texts.append(f"the line was not judged: {how}{every}")
+    if image is not None and _reads_eeprom(image):
+        texts.append(
+            "trims were not judged: the EEPROM held what the file says; `servogen prove --any-eeprom` covers "
+            "every content"
+        )
+    return tuple(texts)
+
+
+def _reads_eeprom(image: Image) -> bool:
+    """Return whether a program begins to read the EEPROM: BSF EECON1, RD (DS35007 section 3.1)."""
+    decoded = (decode(word) for word in image.program.values())
+    reading = (registers()["EECON1"].address & 0x7F, 0)
+    return any(
+        each and each.instruction.mnemonic == "BSF" and (each.f, each.b) == reading for each in decoded
+    )
+
+
 def end_of(verdict: Verdict) -> Cycles | None:
     """Return the cycle since reset up to which a verdict compared; None if no scheduled pin rises."""
     return None if verdict.start is None else Cycles(verdict.start + verdict.span.compared)
@@ -226,7 +262,7 @@ def judge_capture(
 ) -> CaptureVerdict:
     """Return the verdict on a capture; an incomplete capture is never exact.
 
-    Raises InputError if it was, or may have been, sampled too slowly to prove anything.
+    Raises InputError if it was, or may have been, sampled too slowly to show anything.
     """
     trace = capture.trace.stored()
     sampled = sampling(trace, capture.sample)
@@ -245,9 +281,9 @@ def judge_capture(
 
 @dataclass(frozen=True, slots=True)
 class Forever:
-    """A proof for all time: `verdict` covers `lead_in` and `loop` frames.
+    """What holds for all time from one start: `verdict` covers `lead_in` and `loop` frames.
 
-    If `reason` is not empty, there is no such proof, and `verdict` covers the searched time.
+    If `reason` is not empty, nothing repeats, and `verdict` covers the searched time.
     """
 
     verdict: Verdict
@@ -260,7 +296,7 @@ class Forever:
         return self.verdict.passed and not self.reason
 
     def text(self) -> str:
-        """Return a line that states what is exact, or why nothing is."""
+        """Return a line that says so, or why not."""
         if self.passed:
             return (
                 f"exact for all time from this start: lead-in {self.lead_in} frames, "

@@ -54,14 +54,14 @@ def flash(
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option("--against", help="The schedule to prove it against (default: the one beside it)."),
+        typer.Option("--against", help="The schedule to compare it with (default: the one beside it)."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Program the chip even if the checks fail.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without running it.")] = False,
     timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0,
     json: Json = False,
 ) -> None:
-    """Prove a program's pulses, program a chip with it, and check that the chip was programmed."""
+    """Compare a program's pulses with their schedule, program a chip, and check that it was programmed."""
     from servogen.bench.programmers.flash import command_of
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import ProgrammingRequest, find

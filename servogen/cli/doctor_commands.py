@@ -24,7 +24,7 @@ TOOLS = (
     ("xc8-cc", "compiles main.xc8.c, should you want a second opinion"),
     ("sdcc", "compiles main.sdcc.c, where it has its pic14 port"),
 )
-"""Beside the programmers, which `servogen flash` knows. None is needed to build and prove a job."""
+"""Beside the programmers, which `servogen flash` knows. None is needed to build a job and prove it."""
 
 MISSING = "missing"
 
@@ -68,7 +68,7 @@ def doctor(
         print(f"servogen {__version__}, Python {platform.python_version()}, {platform.platform()}")
         table("Libraries", ("library", "version"), list(libraries.items()))
         table(
-            "Tools (none is needed to build and prove a job)",
+            "Tools (none is needed to build a job and prove it)",
             ("tool", "what for", "found"),
             [(name, use, path or MISSING) for name, use, path in tools],
         )

@@ -24,11 +24,11 @@ from servogen.errors import InputError, Location
 from servogen.programs import chip_of, read_schedule
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from servogen.edges import EdgeTrace
+    from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
-    from servogen.pulse.schedule import Input
     from servogen.simulator import SimulatorOptions
 
 FOREVER_SECONDS = 3 * 3600.0
@@ -57,7 +57,8 @@ def verify(
     forever: Annotated[
         bool,
         typer.Option(
-            "--forever", help="Prove it for all time, by running until the chip's whole state repeats."
+            "--forever",
+            help="Compare for all time from this start: run until the chip's whole state repeats.",
         ),
     ] = False,
     partial: Partial = False,
@@ -69,7 +70,7 @@ def verify(
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
     from servogen.build import judge_file, judge_image
     from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
-    from servogen.build.verification import hidden_by
+    from servogen.build.verification import hidden_by, not_judged
     from servogen.traces import read_edges
     from servogen.traces.captures import is_capture
     from servogen.verify import verdict_lines
@@ -96,21 +97,22 @@ def verify(
     if span is not None and span < schedule.period:
         raise InputError(
             "out-of-range",
-            f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing",
+            f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: nothing is compared",
         )
-    held = schedule.inputs if is_program(file) else ()
+    image = None
     with status("comparing every edge"):
         if is_program(file):
             program = program_for(schedule, file, board.device, read_program)
-            verdict = judge_image(schedule, program.image, span, program.listing, board)
+            image = program.image
+            verdict = judge_image(schedule, image, span, program.listing, board)
         else:
             trace = read_edges(file, schedule.clock, wires=wires)
             hidden = hidden_by(file, schedule.clock, wires)
             verdict = judge_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
     if json:
-        as_json(verdict.to_json() | _held_json(held), verdict.warnings)
+        as_json(verdict.to_json() | _run_json(schedule, image), verdict.warnings)
     else:
-        print("\n".join((*verdict_lines(verdict), *_held_lines(held))))
+        print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
     raise typer.Exit(0 if verdict.accepted(partial) else 1)
 
 
@@ -118,7 +120,7 @@ def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: SimulatorOptions, json: bool
 ) -> int:
     from servogen.build.signals import is_program, program_for
-    from servogen.build.verification import judge_forever
+    from servogen.build.verification import judge_forever, not_judged
     from servogen.verify import verdict_lines
 
     if not is_program(file):
@@ -132,23 +134,19 @@ def _verify_forever(
     with status("looking for a repeat of the chip's state"):
         forever = judge_forever(schedule, program.image, limit, program.listing, board)
     if json:
-        as_json(forever.to_json() | _held_json(schedule.inputs), forever.verdict.warnings)
+        as_json(forever.to_json() | _run_json(schedule, program.image), forever.verdict.warnings)
     else:
         print(forever.text())
-        print("\n".join((*verdict_lines(forever.verdict), *_held_lines(schedule.inputs))))
+        print("\n".join((*verdict_lines(forever.verdict), *not_judged(schedule, program.image))))
     return 0 if forever.passed else 1
 
 
-def _held_lines(inputs: Sequence[Input]) -> list[str]:
-    """Return what is assumed of the inputs of a program that ran, which have one level throughout."""
-    if not inputs:
-        return []
-    levels = ", ".join(f"{source.pin} at {source.level}" for source in inputs)
-    return [f"with its inputs held throughout: {levels}; `prove` covers other levels"]
+def _run_json(schedule: PulseSchedule, image: Image | None) -> dict[str, object]:
+    """Return the levels at which a program's inputs were held, and what was not judged."""
+    from servogen.build.verification import not_judged
 
-
-def _held_json(inputs: Sequence[Input]) -> dict[str, object]:
-    return {"held": {source.pin: source.level for source in inputs}}
+    held = {source.pin: source.level for source in schedule.inputs} if image is not None else {}
+    return {"held": held, "not_judged": list(not_judged(schedule, image))}
 
 
 def _verify_capture(
@@ -163,7 +161,7 @@ def _verify_capture(
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.build.verification import judge_capture
+    from servogen.build.verification import judge_capture, not_judged
     from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
 
@@ -173,9 +171,9 @@ def _verify_capture(
     with status("comparing every edge"):
         verdict = judge_capture(schedule, capture)
     if json:
-        as_json(verdict.to_json())
+        as_json(verdict.to_json() | _run_json(schedule, None))
     else:
-        print("\n".join(capture_lines(verdict)))
+        print("\n".join((*capture_lines(verdict), *not_judged(schedule))))
     return 0 if verdict.accepted(partial) else 1
 
 

@@ -1,7 +1,7 @@
 """The fingerprint: everything that a machine's future depends on, as bytes.
 
 In: the state vector. Out: bytes that are equal for two states exactly if the machine will behave identically
-from both, given the same program, clock and options, and no stimulus. The proof for unlimited time
+from both, given the same program, clock and options, and no stimulus. The search for unlimited time
 (`recurrence.py`) relies on it.
 """
 

@@ -1,4 +1,4 @@
-"""Proof for unlimited time: a machine that returns to an earlier state repeats its behaviour from then on.
+"""Unlimited time: a machine that returns to an earlier state repeats its behaviour from then on.
 
 In: an image, a clock, and a definition of where a frame starts. Out: a `Repeat` (lead-in and loop), or a
 `NoRepeat` with the reason and the time covered. For each frame start, a digest of 16 bytes of everything that
@@ -31,7 +31,7 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class NoRepeat:
-    """No proof: the reason, and the time from reset that was examined."""
+    """No repetition: the reason, and the time from reset that was examined."""
 
     reason: str
     covered: Cycles

@@ -112,7 +112,7 @@ def _complain(lines: list[bytes], number: int, path: Path, columns: int, pins: M
                     "unknown-level",
                     f"the level of {PINS[pins[column]]} is not known ({level.decode()})",
                     place,
-                    "record the pin for the whole time; what was not recorded proves nothing",
+                    "record the pin for the whole time; what was not recorded shows nothing",
                 )
             if level not in LEVELS and level not in UNKNOWN:
                 shown = level[:40].decode("utf-8", "replace")

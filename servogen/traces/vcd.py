@@ -7,7 +7,7 @@ bytes.
 Files written by GTKWave, sigrok and other tools are read too; where wires are not named after their pins,
 the caller says which is which. High impedance is undriven; weak high and low (H, L) are high and low. A pin
 whose level is unknown for any time (X; without a value at the beginning; after $dumpoff) is an error, because
-a level that was not recorded proves nothing.
+a level that was not recorded shows nothing.
 """
 
 from __future__ import annotations
@@ -525,5 +525,5 @@ def _unknown(unknown: Mapping[int, int], until: bytes | None, place: Location) -
         "unknown-level",
         f"the level of {PINS[pin]} is not known from #{since} to {end}",
         place,
-        "a value at the first time stamp, no X or $dumpoff after it; what was not recorded proves nothing",
+        "a value at the first time stamp, no X or $dumpoff after it; what was not recorded shows nothing",
     )

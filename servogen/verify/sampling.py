@@ -1,4 +1,4 @@
-"""The sampling rate of a capture, and whether it suffices to prove anything.
+"""The sampling rate of a capture, and whether it suffices to show anything.
 
     pin        ┌──────────┐           ┌──┐
     samples  ·    ·    ·    ·    ·    ·    ·    a pulse shorter than a sample may be missed;
@@ -64,7 +64,7 @@ class Sampling:
         needed = f"at least {rate_words(longest_us)} is needed"
         every = f"every {self.sample_us:g} µs ({rate_words(self.sample_us)})"
         if self.stated:
-            return f"sampled {every}, too slow to prove anything: {needed}"
+            return f"sampled {every}, too slow to show anything: {needed}"
         return f"does not state its sampling rate, and all its edges are on a grid of {every}: {needed}"
 
 

@@ -331,7 +331,7 @@ def test_a_rate_that_would_prove_nothing_is_refused_before_anything_is_looked_at
 ) -> None:
     done = run("capture", *how, "--rate", 50_000, "--against", SCHEDULE, "-o", tmp_path / "run.sr")
     assert done.code == 2
-    assert "--rate: sampled every 20 µs (50 kHz), too slow to prove anything: at least 100 kHz" in done.err
+    assert "--rate: sampled every 20 µs (50 kHz), too slow to show anything: at least 100 kHz" in done.err
 
 
 @pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="needs sigrok-cli")

@@ -108,7 +108,7 @@ def test_sigrok_captures_two_frames_more_and_what_a_slow_crystal_needs(
         "wanted_seconds": done.wanted_s,
     }
     assert done.shortage is None
-    with pytest.raises(InputError, match="too slow to prove anything"):
+    with pytest.raises(InputError, match="too slow to show anything"):
         capture_by_sigrok(tmp_path / "run.sr", driver, SCHEDULE, None, CaptureSettings(rate=99_000))
     capture_by_sigrok(tmp_path / "run.sr", driver, None, 0.02, replace(given, rate=99_000))
 
@@ -221,11 +221,11 @@ def test_the_rate_is_the_devices_where_that_is_slower(
     done = captured(monkeypatch, slow, tmp_path / "a.vcd", SCHEDULE, 0.02)
     assert int(done.plan.rate) == 200_000
     useless = Analyser(b"\x23" + (50_000).to_bytes(4, "big") + b"\0")
-    with pytest.raises(InputError, match="too slow to prove anything"):
+    with pytest.raises(InputError, match="too slow to show anything"):
         captured(monkeypatch, useless, tmp_path / "b.vcd", SCHEDULE, 0.02)
     assert int(captured(monkeypatch, useless, tmp_path / "b.vcd", None, 0.02).plan.rate) == 50_000
     slower, untouched = CaptureSettings(rate=50_000), Analyser(PLAIN)
-    with pytest.raises(InputError, match="too slow to prove anything"):
+    with pytest.raises(InputError, match="too slow to show anything"):
         captured(monkeypatch, untouched, tmp_path / "c.vcd", SCHEDULE, 0.02, slower)
     assert untouched.written == b""
     assert int(captured(monkeypatch, slow, tmp_path / "c.vcd", None, 0.02, slower).plan.rate) == 50_000

@@ -202,7 +202,7 @@ def test_a_capture_is_judged_by_its_samples_and_never_proven_if_it_is_incomplete
     assert whole.passed
     torn = judge_capture(SCHEDULE, replace(capture, missing="it was unplugged"))
     assert (torn.passed, torn.reasons[-1]) == (False, "the capture is incomplete: it was unplugged")
-    with pytest.raises(InputError, match=r"a\.vcd: error: .*too slow to prove anything"):
+    with pytest.raises(InputError, match=r"a\.vcd: error: .*too slow to show anything"):
         judge_capture(SCHEDULE, capture, Tolerances(glitch_us=0.5))
 
 

@@ -126,7 +126,7 @@ def test_less_than_a_frame_proves_nothing(
 ) -> None:
     ran = run("verify", "a.hex", "--against", "s.json", "--seconds", seconds)
     assert ran.code == code
-    refused = f"--seconds {seconds:g} is less than one frame of 20000 cycles: it proves nothing"
+    refused = f"--seconds {seconds:g} is less than one frame of 20000 cycles: nothing is compared"
     assert (refused in ran.err) == (code == 2)
 
 

@@ -162,7 +162,7 @@ def test_a_time_step_that_is_too_long_is_too_slow_whatever_the_file_says(run: Ru
     file.write_text(head + "".join(f"#{n * 20 + 3}\n1!\n#{n * 20 + 4}\n0!\n" for n in range(99)))
     ran = run("verify", file, "--against", SCHEDULE)
     assert ran.code == 2
-    assert "sampled every 1000 µs (1 kHz), too slow to prove anything: at least 100 kHz" in ran.err
+    assert "sampled every 1000 µs (1 kHz), too slow to show anything: at least 100 kHz" in ran.err
 
 
 @pytest.mark.parametrize("write", [silent_vcd, csv], ids=["vcd", "csv"])
@@ -382,11 +382,50 @@ def test_a_shorter_time_that_is_asked_for_is_not_the_whole(run: Run, tmp_path: P
 
 @pytest.mark.parametrize("options", [[], ["--forever", "--seconds", "5"]])
 def test_inputs_that_are_held_while_a_program_runs_are_named(run: Run, options: list[str]) -> None:
-    """What the program does at other levels was not seen; a recording has no inputs that are held."""
+    """What the program does at other levels was not seen."""
     folder = ROOT / "firmware" / "hexapod-command"
     asked = ("verify", folder / "main.hex", "--against", folder / "schedule.json", *options)
-    assert "with its inputs held throughout: RA4 at 1; `prove` covers other levels" in run(*asked).out
-    assert json.loads(run(*asked, "--json").out)["held"] == {"RA4": 1}
+    text = "commands were not judged: RA4 was held at 1; `servogen prove` covers every level"
+    trims = "trims were not judged: the EEPROM held what the file says"
+    lines = run(*asked).out.splitlines()
+    assert lines[-2] == text and lines[-1].startswith(trims)
+    answer = json.loads(run(*asked, "--json").out)
+    assert answer["held"] == {"RA4": 1} and [each[:8] for each in answer["not_judged"]] == [
+        text[:8],
+        trims[:8],
+    ]
     plain = ("verify", LAB8 / "main.hex", "--against", SCHEDULE, "--seconds", "1")
     assert "held" not in run(*plain).out
-    assert json.loads(run(*plain, "--json").out)["held"] == {}
+    plain_answer = json.loads(run(*plain, "--json").out)
+    assert (plain_answer["held"], plain_answer["not_judged"]) == ({}, [])
+
+
+def with_button(tmp_path: Path, **rule: object) -> Path:
+    """The exercise's schedule with a stop button at RB7, which its program does not have."""
+    stop = {"pin": "RB7", "level": rule.pop("level", 0)}
+    buttons = {"start": None, "stop": stop, "pulses": "hold", "pressed_frames": 3, **rule}
+    inputs = [{"pin": "RB7", "level": 1 - int(str(stop["level"]))}]
+    file = tmp_path / "buttons.json"
+    file.write_text(json.dumps({**json.loads(SCHEDULE.read_text()), "inputs": inputs, "buttons": buttons}))
+    return file
+
+
+@pytest.mark.parametrize("rule", [{}, {"pressed_frames": 2}, {"pulses": "off"}, {"level": 1}])
+def test_a_verdict_on_one_run_says_that_buttons_were_not_judged(
+    run: Run, tmp_path: Path, rule: dict[str, object]
+) -> None:
+    """Whatever the schedule says of a press, one run without any is the same."""
+    level = 1 - int(str(rule.get("level", 0)))
+    schedule = with_button(tmp_path, **rule)
+    ran = run("verify", LAB8 / "main.hex", "--against", schedule)
+    assert (ran.code, ran.out[:7]) == (0, "exact: ")
+    assert f"buttons were not judged: RB7 was held at {level}; `servogen prove` covers every level" in ran.out
+
+
+def test_a_verdict_on_a_recording_says_that_buttons_were_not_judged(run: Run, tmp_path: Path) -> None:
+    schedule = with_button(tmp_path)
+    for file in (edge_csv(tmp_path / "edges", edges(1500)), sr(tmp_path / "run.sr", lab8(20), 0.5, 200_000)):
+        ran = run("verify", file, "--against", schedule, "--partial")
+        assert "buttons were not judged: edges do not show what came in" in ran.out, ran
+        shown = json.loads(run("verify", file, "--against", schedule, "--json").out)
+        assert shown["not_judged"] == ["buttons were not judged: edges do not show what came in"]

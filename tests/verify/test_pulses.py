@@ -363,7 +363,7 @@ def test_a_sample_may_be_as_long_as_the_shortest_pulse_that_counts() -> None:
     with pytest.raises(InputError) as stated:
         Sampling(12.5, True).check(10.0)
     assert stated.value.message == (
-        "sampled every 12.5 µs (80 kHz), too slow to prove anything: at least 100 kHz is needed"
+        "sampled every 12.5 µs (80 kHz), too slow to show anything: at least 100 kHz is needed"
     )
     assert stated.value.hint == (
         "a sample may be no longer than 10 µs, the shortest pulse or gap that counts"

@@ -2,7 +2,7 @@
 
 In: a `Function`, its liveness and the rules. Out: fewer instructions, and on no path more cycles: where
 nothing jumps, an instruction takes one cycle whether it is skipped or not. `tools/superoptimiser` finds the
-rules, and a test proves each for all values of the bytes and flags that it reads.
+rules, and a test checks each for all values of the bytes and flags that it reads.
 
     {"from": ["MOVF a,W", "MOVWF b", "MOVF a,W"], "to": ["MOVF a,W", "MOVWF b"], "dead": ["Z"]}
 

@@ -242,7 +242,7 @@ class _Interrupt:
             first: _State = (INTERRUPT_VECTOR, (), begin, frozen, last if self.gaps else NO_LOOK, bit)
             if seen.add(first):
                 waiting.append(first)
-        ends: dict[_End, None] = {}  # in order, so that every run of the proof finds the same
+        ends: dict[_End, None] = {}  # in order, so that every run of the search finds the same
         going: _Going | None = None
         while waiting or going:
             if going:

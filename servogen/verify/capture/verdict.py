@@ -33,7 +33,7 @@ class Tolerances:
     glitch_us: float = 10.0
     """Pulses and gaps shorter than this are glitches, unless the schedule has some as short.
 
-    A sample may not be longer: a slower analyser proves nothing.
+    A sample may not be longer: a slower analyser shows nothing.
     """
 
     def words(self) -> str:
