@@ -279,8 +279,8 @@ def as_second_chip(case: Target, image: Image, around: Environment) -> list[tupl
     )
     chip.latch = [(named["LATA"] | named["LATB"] << 5) >> pin & 1 for pin in range(13)]
     chip.run(case.first + case.frames * case.plan.period)
-    edges = [(cycle, pin, level) for cycle, pin, level in chip.edges]
-    found = levels_of(edge_chunk(*(np.array(column) for column in zip(*edges, strict=True))))
+    columns = np.array(chip.edges, dtype=np.int64).reshape(-1, 3).T
+    found = levels_of(edge_chunk(*columns))
     begun = next((cycle for cycle, out in found if out), 0)
     return [(cycle - begun, out) for cycle, out in found]
 
