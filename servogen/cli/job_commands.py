@@ -26,7 +26,7 @@ from servogen.cli.options import (
     RecordedWires,
 )
 from servogen.cli.show import as_json, status, table, warn_of_all
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError
 from servogen.programs import beside_c, dialect_of, included_names, read_source
 from servogen.units import counted
 
@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     from servogen.job import PlannedJob
     from servogen.pulse import Quantised
     from servogen.report.plan_facts import PlanFacts, ServoFacts
+
+
+MAX_WIDTH_ROWS = 16
+"""The largest number of widths of which each has a row."""
+SHOWN_FIRST = "hexapod-tripod"
+"""The job that is proposed after a demo: the one that moves most."""
 
 
 def register(app: typer.Typer) -> None:
@@ -146,12 +152,13 @@ def build(
     if json:
         as_json(_build_to_json(result, folder, theorems), result.warnings)
     else:
-        _width_table(result.plan.widths)
-        _program_table([result], [theorems])
+        _width_table(result.plan.widths, "report.txt")
+        _program_table(result, theorems)
         print("\n".join(timing_budgets_text(program_facts(result), result.job.clock)))
         plan = plan_text(result.plan.schedule.plan_error)
         print(f"{folder}: {'exact' if result.exact else 'NOT EXACT'}; {plan}; all of it in report.txt")
         print("\n".join(_theorem_lines(result, folder, theorems)))
+        print(f"next: servogen watch {job}, or servogen flash {folder / 'main.hex'}")
     warn_of_all(result.warnings)
     proven = all(verdict.valid or (verdict.missing and not prove) for verdict in theorems)
     raise typer.Exit(0 if result.exact and proven else 1)
@@ -180,41 +187,101 @@ def demo(
     from servogen.build import build as built
     from servogen.job import load, plan_job
 
-    results: list[Build] = []
+    results: list[tuple[Path, Build]] = []
     refused: list[Diagnostic] = []
+    wrong: list[InputError] = []
     with status("reading") as tell:
-        for loaded in [plan_job(load(job)) for job in jobs]:
+        planned = []
+        for job in jobs:
+            try:
+                planned.append((job, plan_job(load(job))))
+            except InputError as error:  # the other jobs are built all the same
+                wrong.append(error)
+        for job, loaded in planned:
 
             def progress(step: str, name: str = loaded.name) -> None:
                 tell(f"{name}: {step}")
 
             try:
-                results.append(built(loaded, progress))
+                results.append((job, built(loaded, progress)))
             except ResourceError as error:
                 refused.append(error.first)
                 continue
-            write(results[-1], output / loaded.name)
+            except InputError as error:
+                wrong.append(error)
+                continue
+            write(results[-1][1], output / results[-1][1].job.name)
         theorems = [
-            _theorems(result, output / result.job.name, certificates, False, tell) for result in results
+            _theorems(result, output / result.job.name, certificates, False, tell) for _, result in results
         ]
+    rows = [(result, verdicts) for (_, result), verdicts in zip(results, theorems, strict=True)]
     if json:
-        warnings = [warning for build in results for warning in build.warnings]
-        shown = [
-            _build_to_json(build, output / build.job.name, verdicts)
-            for build, verdicts in zip(results, theorems, strict=True)
-        ]
-        as_json({"jobs": shown}, (*warnings, *refused))
+        warnings = [warning for result, _ in rows for warning in result.warnings]
+        errors = [diagnostic for error in wrong for diagnostic in error.diagnostics]
+        shown = [_build_to_json(result, output / result.job.name, verdicts) for result, verdicts in rows]
+        as_json({"jobs": shown}, (*warnings, *refused, *errors))
     else:
-        _program_table(results, theorems)
+        _demo_table(rows)
         for refusal in refused:
             print(refusal.message)
-        for build in results:
-            if build.warnings:
-                print(f"{build.job.name}: {counted(len(build.warnings), 'warning')} in its report.txt")
-    fine = all(build.exact for build in results) and all(
+        for result, _ in rows:
+            if result.warnings:
+                print(f"{result.job.name}: {counted(len(result.warnings), 'warning')} in its report.txt")
+        _demo_end(results, theorems, output)
+        for error in wrong:
+            print(error, file=sys.stderr)
+    fine = all(result.exact for result, _ in rows) and all(
         verdict.valid or verdict.missing for verdicts in theorems for verdict in verdicts
     )
-    raise typer.Exit(0 if fine else 1)
+    raise typer.Exit(InputError.exit_code if wrong else 0 if fine else 1)
+
+
+def _demo_table(rows: Sequence[tuple[Build, Sequence[CertificateVerdict]]]) -> None:
+    """Print a row for each job, whose dialects' programs differ in size only, unless it says otherwise."""
+
+    def of_each(result: Build, words: Sequence[str]) -> str:
+        if len(set(words)) == 1:
+            return words[0]
+        named = zip((program.firmware.dialect for program in result.programs), words, strict=True)
+        return "; ".join(f"{dialect}: {word}" for dialect, word in named)
+
+    table(
+        "Jobs",
+        ("job", "one run", "all runs", "from the plan", "engine", "words", "frames"),
+        [
+            (
+                result.job.name,
+                of_each(result, ["exact" if program.exact else "NOT EXACT" for program in result.programs]),
+                of_each(result, [verdict.text for verdict in verdicts]),
+                _from_plan(result),
+                result.engine,
+                max(program.firmware.compilation.words for program in result.programs),
+                result.frames,
+            )
+            for result, verdicts in rows
+        ],
+        least=("frames", "words", "engine"),
+    )
+
+
+def _demo_end(
+    results: Sequence[tuple[Path, Build]], theorems: Sequence[Sequence[CertificateVerdict]], output: Path
+) -> None:
+    """Print what was shown, and what to type next."""
+    if not results:
+        return
+    programs = [program for _, result in results for program in result.programs]
+    exact = sum(program.exact for program in programs)
+    proven = sum(verdict.valid for verdicts in theorems for verdict in verdicts)
+    jobs = f"{counted(len(results), 'job')}, {counted(len(programs), 'program')} in {output}/"
+    print(f"{jobs}: {exact} exact in one run, {proven} proven for every power-up, input and chip")
+    walking = [job for job, _ in results if job.stem == SHOWN_FIRST] or [results[0][0]]
+    print(f"next: servogen watch {walking[0]}")
+
+
+def _from_plan(result: Build) -> str:
+    error = result.plan.schedule.plan_error
+    return "?" if error is None else error.text()
 
 
 def _theorems(
@@ -255,14 +322,22 @@ def _theorem_lines(result: Build, folder: Path, theorems: list[CertificateVerdic
         yield f"every power-up, input and chip: {', '.join(files)}: {text}{how}"
 
 
-def _width_table(widths: Sequence[Quantised]) -> None:
-    """Print one row for each width, and one for each ramp."""
-    examples = any(row.which for row in widths)
+def _width_table(widths: Sequence[Quantised], unfolded: str = "--json") -> None:
+    """Print one row for each width, and one for each ramp; of many, one for each servo."""
+    folded = list(_folded(widths))
+    many = len(folded) > MAX_WIDTH_ROWS
+    if many:
+        servos = dict.fromkeys(row.channel for row in widths)
+        rising = sorted(widths, key=lambda row: row.requested_us)
+        folded = [[row for row in rising if row.channel == servo] for servo in servos]
+    examples = any(row.which for row in widths) and not many
     table(
         "Pulse widths",
         ("servo", *(["pulse"] if examples else []), "requested µs", "cycles", "error µs", "frames"),
-        [_width_cells(rows, examples) for rows in _folded(widths)],
+        [_width_cells(rows, examples, "widths" if many else "widths of ramps") for rows in folded],
     )
+    if many:
+        print(f"{len(widths)} widths, a row for each servo: {unfolded} has them all")
 
 
 def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
@@ -275,7 +350,7 @@ def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
             yield rows
 
 
-def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
+def _width_cells(rows: list[Quantised], examples: bool, what: str) -> tuple[object, ...]:
     first, last = rows[0], rows[-1]
     if len(rows) == 1:
         which = [first.which] if examples else []
@@ -283,7 +358,7 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
         return (first.channel, *which, f"{float(first.requested_us):z.3f}", first.cycles, error, first.frames)
     errors = [float(row.error_us) for row in rows]
     return (
-        f"{first.channel}, {len(rows)} widths of ramps",
+        f"{first.channel}, {len(rows)} {what}",
         *([""] if examples else []),
         f"{float(first.requested_us):z.3f} to {float(last.requested_us):z.3f}",
         f"{first.cycles} to {last.cycles}",
@@ -292,33 +367,30 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
     )
 
 
-def _program_table(builds: list[Build], theorems: list[list[CertificateVerdict]]) -> None:
+def _program_table(result: Build, theorems: Sequence[CertificateVerdict]) -> None:
     from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
     table(
-        "Programs",
+        f"Programs: engine {result.engine}, {counted(result.frames, 'frame')} compared",
         (
-            *("job", "engine", "dialect", "words", "left", "RAM", "left", "frames"),
-            *("worst edge error", "from the plan", "one run", "all runs"),
+            *("dialect", "one run", "all runs", "worst edge error", "from the plan"),
+            *("words", "words left", "RAM", "RAM left"),
         ),
         [
             (
-                result.job.name,
-                result.engine,
                 program.firmware.dialect,
+                "exact" if program.exact else "NOT EXACT",
+                verdict.text,
+                f"{program.verdict.worst_edge_error} cycles",
+                "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
                 program.firmware.compilation.words,
                 PROGRAM_WORDS - program.firmware.compilation.words,
                 program.firmware.compilation.ram_bytes,
                 RAM_BYTES - program.firmware.compilation.ram_bytes,
-                result.frames,
-                f"{program.verdict.worst_edge_error} cycles",
-                "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
-                "exact" if program.exact else "NOT EXACT",
-                verdict.text,
             )
-            for result, verdicts in zip(builds, theorems, strict=True)
-            for program, verdict in zip(result.programs, verdicts, strict=True)
+            for program, verdict in zip(result.programs, theorems, strict=True)
         ],
+        least=("from the plan",),
     )
 
 
@@ -487,7 +559,7 @@ def report(
 ) -> None:
     """Build a job, run it and write a self-contained HTML page about it."""
     from servogen.build.reporting import page_of
-    from servogen.errors import InputError, Location
+    from servogen.errors import Location
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.plan_error import plan_text

@@ -21,8 +21,8 @@ def table(
 ) -> None:
     """Print a table on standard output; columns of numbers are right-aligned.
 
-    On a terminal cells are wrapped between words. Where that is not enough, columns are left out: first those
-    named in `least`, then the last ones, and a line says which; the first column stays.
+    Where not everything fits on a terminal, the columns named in `least` are left out; then cells are wrapped
+    between words; then the last columns are left out, too. A line says which; the first column stays.
     """
     from rich.box import SIMPLE
     from rich.console import Console
@@ -55,11 +55,10 @@ def _fitted(
     words = [max(cell_len(word) for text in each for word in text.split() or [""]) for each in texts]
     whole = [max(cell_len(line) for text in each for line in text.split("\n")) for each in texts]
     shown = list(range(len(columns)))
-    for index in (*least, *range(len(columns) - 1, 0, -1)):
-        if sum(words[each] + SPACE for each in shown) + EDGE <= width:
-            break
-        if index in shown:
-            shown.remove(index)
+    for sizes, going in ((whole, least), (words, range(len(columns) - 1, 0, -1))):
+        for index in going:
+            if sum(sizes[each] + SPACE for each in shown) + EDGE > width and index in shown:
+                shown.remove(index)
     left = width - EDGE - sum(words[each] + SPACE for each in shown)
     widths = []
     for index in shown:  # what is left goes to the first columns, which are read first

@@ -21,7 +21,7 @@ from servogen.build import reporting, retarget
 from servogen.build.certificates import CertificateVerdict
 from servogen.cli import job_commands
 from servogen.engines.firmware import ResourceError
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
 from servogen.pulse import Quantised
 from servogen.units import Clock, Cycles
@@ -35,7 +35,7 @@ Tables = list[tuple[Any, ...]]
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> Tables:
     shown: Tables = []
-    monkeypatch.setattr(job_commands, "table", lambda *given: shown.append(given))
+    monkeypatch.setattr(job_commands, "table", lambda *given, least=(): shown.append(given))
     return shown
 
 
@@ -125,17 +125,26 @@ def built(name: str = "arm", exact: bool = True, warnings: int = 0) -> Any:
 
 MISSING = CertificateVerdict("not proven yet", False, missing=True)
 VALID, REFUSED = CertificateVerdict("proven, checked", True), CertificateVerdict("refused: x", False)
-PROGRAM_COLUMNS = ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames")
-PROGRAM_COLUMNS += ("worst edge error", "from the plan", "one run", "all runs")
+PROGRAM_COLUMNS = ("dialect", "one run", "all runs", "worst edge error", "from the plan")
+PROGRAM_COLUMNS += ("words", "words left", "RAM", "RAM left")
 ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
-    ("arm", "sequence", "c2c", 200, 824, 8, 60, 30, "0 cycles", "0.25 µs", "exact", "not proven yet"),
-    ("arm", "sequence", "xc8", 1024, 0, 68, 0, 30, "3 cycles", "?", "NOT EXACT", "proven, checked"),
+    ("c2c", "exact", "not proven yet", "0 cycles", "0.25 µs", 200, 824, 8, 60),
+    ("xc8", "NOT EXACT", "proven, checked", "3 cycles", "?", 1024, 0, 68, 0),
 ]
 
 
 def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
-    job_commands._program_table([built(exact=False)], [[MISSING, VALID]])
-    assert tables == [("Programs", PROGRAM_COLUMNS, ROWS)]
+    job_commands._program_table(built(exact=False), [MISSING, VALID])
+    assert tables == [("Programs: engine sequence, 30 frames compared", PROGRAM_COLUMNS, ROWS)]
+
+
+def test_many_widths_have_a_row_for_each_servo(tables: Tables, capsys: pytest.CaptureFixture[str]) -> None:
+    each = [width(servo, str(us), us) for servo in "ab" for us in (1900, 1000, *range(1100, 1117))]
+    job_commands._width_table(each, "report.txt")
+    ((_, _, rows),) = tables
+    spans = ("1000.000 to 1900.000", "1000 to 1900", "+0.000 to +0.000", 19)
+    assert rows == [(f"{servo}, 19 widths", *spans) for servo in "ab"]
+    assert capsys.readouterr().out == "38 widths, a row for each servo: report.txt has them all\n"
 
 
 @pytest.fixture
@@ -166,12 +175,19 @@ def test_demo_prints_one_table_and_the_warnings_of_each_job(
     building["build"] = lambda job: built(job.name, exact, {"a": 0, "b": 1, "c": 2}[job.name])
     ran = run("demo", "a.toml", "b.toml", "c.toml")
     assert ran.code == code
-    assert ran.out.splitlines() == ["b: 1 warning in its report.txt", "c: 2 warnings in its report.txt"]
+    count = 6 if exact else 3
+    assert ran.out.splitlines() == [
+        "b: 1 warning in its report.txt",
+        "c: 2 warnings in its report.txt",
+        f"3 jobs, 6 programs in build/: {count} exact in one run, "
+        "0 proven for every power-up, input and chip",
+        "next: servogen watch a.toml",
+    ]
     assert building["written"] == [Path("build", name) for name in "abc"]
     (programs,) = tables
-    assert [row[0] for row in programs[2]] == ["a", "a", "b", "b", "c", "c"]
-    assert [row[-2] for row in programs[2]] == ["exact", word] * 3
-    assert {row[-1] for row in programs[2]} == {"not proven yet"}
+    both = "exact" if exact else f"c2c: exact; xc8: {word}"
+    rest = (both, "not proven yet", "0.25 µs", "sequence", 1024, 30)
+    assert programs[2] == [(name, *rest) for name in "abc"]
     shown = json.loads(run("demo", "b.toml", "c.toml", "-o", "other", "--json").out)
     proven = {"proven": False, "all_runs": ["not proven yet"] * 2}
     assert shown["jobs"] == [{"folder": f"other/{name}", "job": name, **proven} for name in "bc"]
@@ -189,11 +205,25 @@ def test_demo_goes_on_after_a_job_that_does_not_fit(
 
     building["build"] = build
     ran = run("demo", "a.toml", "b.toml", "c.toml", "-o", "out")
-    assert (ran.code, ran.out) == (0, "b is too large\n")
+    assert (ran.code, ran.out.splitlines()[0]) == (0, "b is too large")
     assert building["written"] == [Path("out/a"), Path("out/c")]
     shown = json.loads(run("demo", "a.toml", "b.toml", "--json").out)
     assert [each["code"] for each in shown["diagnostics"]] == ["does-not-fit"]
     assert len(shown["jobs"]) == 1
+
+
+def test_a_wrong_job_does_not_hide_the_others(run: Run, building: dict[str, Any], tables: Tables) -> None:
+    def build(job: Any) -> Any:
+        if job.name == "b":
+            raise InputError("servo-limit", "a cannot go to 170°", Location("b.toml", 20))
+        return built(job.name)
+
+    building["build"] = build
+    ran = run("demo", "a.toml", "b.toml", "c.toml", "-o", "out")
+    assert ran.code == 2 and ran.err == "b.toml:20: error: a cannot go to 170° [servo-limit]\n"
+    assert [row[0] for row in tables[0][2]] == ["a", "c"]
+    shown = json.loads(run("demo", "a.toml", "b.toml", "--json").out)
+    assert [each["code"] for each in shown["diagnostics"]] == ["servo-limit"]
 
 
 @pytest.mark.parametrize(
@@ -205,7 +235,7 @@ def test_demo_is_refused_with_a_certificate_that_is_refused(
     """One that is missing is named in the table only."""
     building["theorems"] = [CertificateVerdict("words", valid, missing)] * 2
     assert run("demo", "a.toml", "--certificates", "c").code == code
-    assert [row[-1] for row in tables[0][2]] == ["words", "words"]
+    assert [row[2] for row in tables[0][2]] == ["words"]
     (shown,) = json.loads(run("demo", "a.toml", "--certificates", "c", "--json").out)["jobs"]
     assert (shown["proven"], shown["all_runs"]) == (valid, ["words"] * 2)
 
@@ -549,10 +579,14 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
             f"build/a: {word}; {PLAN}; all of it in report.txt",
             "every power-up, input and chip: main.hex, main.hex: not proven yet: servogen prove "
             "build/a/main.hex --against build/a/schedule.json, or build with --prove",
+            "next: servogen watch jobs/a.toml, or servogen flash build/a/main.hex",
         ],
     )
     assert ran.err.splitlines()[0] == "2 warnings:"
-    assert [title for title, *_ in tables] == ["Pulse widths", "Programs"]
+    assert [title for title, *_ in tables] == [
+        "Pulse widths",
+        "Programs: engine sequence, 30 frames compared",
+    ]
     shown = run("build", "jobs/a.toml", "-o", "other", "--json")
     found = json.loads(shown.out)
     assert (shown.code, found["folder"], found["job"]) == (code, "other", "a")

@@ -52,9 +52,10 @@ def test_a_file_where_the_folder_of_a_build_is_to_be_says_so(run: Run, tmp_path:
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_several_jobs_are_read_before_the_first_is_built(run: Run, tmp_path: Path) -> None:
+def test_a_job_that_is_not_there_does_not_hide_the_others(run: Run, tmp_path: Path) -> None:
     ran = run("demo", JOB, tmp_path / "no.toml", "-o", tmp_path / "out")
-    assert ran.code == 2 and not (tmp_path / "out").exists()
+    assert ran.code == 2 and "no.toml" in ran.err
+    assert [made.name for made in (tmp_path / "out").iterdir()] == ["lab9-program"]
 
 
 def test_several_jobs_as_json(run: Run, tmp_path: Path) -> None:
