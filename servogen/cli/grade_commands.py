@@ -36,6 +36,34 @@ NO_PROGRAM = "no-program"
 
 def register(app: typer.Typer) -> None:
     app.command()(grade)
+    app.command()(handout)
+
+
+def handout(
+    lab: Annotated[
+        str,
+        typer.Argument(help="lab8-exercise, lab9-exercise or a lab of your own (.toml).", show_default=False),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="A .md or .html file (default: Markdown to standard output)."),
+    ] = None,
+) -> None:
+    """Write a lab's task sheet without its solution: wiring, servos, task, grading."""
+    from servogen.grade import handout_html, handout_markdown, load_lab
+    from servogen.outputs import write_text
+
+    task = load_lab(lab)
+    if output is None:
+        print(handout_markdown(task), end="")
+        return
+    forms = {".md": handout_markdown, ".html": handout_html}
+    if output.suffix not in forms:
+        raise InputError(
+            "not-allowed", "is neither .md nor .html", Location(str(output)), "name the file handout.html"
+        )
+    write_text(output, forms[output.suffix](task))
+    print(f"{output}: the sheet for students. Their programs: servogen grade {lab} FILES")
 
 
 def grade(

@@ -59,7 +59,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "watch_commands": ("watch",),
     },
     "Labs and tools": {
-        "grade_commands": ("grade",),
+        "grade_commands": ("grade", "handout"),
         "schema_commands": ("schema",),
         "doctor_commands": ("doctor",),
     },

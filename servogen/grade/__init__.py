@@ -2,6 +2,7 @@
 
 from servogen.grade.checks import ChipFacts, Fault
 from servogen.grade.display import message, page_names, shell_word, shown_name, visible
+from servogen.grade.handout import handout_html, handout_markdown
 from servogen.grade.judge import Grade, Row, judge, refused
 from servogen.grade.lab import Check, Lab, load_lab, names
 from servogen.grade.page import page
@@ -17,6 +18,8 @@ __all__ = [
     "Submission",
     "Submissions",
     "find_submissions",
+    "handout_html",
+    "handout_markdown",
     "judge",
     "load_lab",
     "message",

@@ -34,7 +34,7 @@ def template(kind: str = KINDS[0]) -> str:
 
 def usual_servo(kind: str) -> str:
     """Return the catalogue's servo that a kind's template names. Raises InputError."""
-    return MODEL.findall(template(kind))[0]
+    return next(MODEL.finditer(template(kind)))[1]
 
 
 def starter(kind: str, servo: str, file: Path) -> str:
