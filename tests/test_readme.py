@@ -6,9 +6,10 @@ from pathlib import Path
 from tools import demo_table
 
 ROOT = Path(__file__).parent.parent
-TABLE_PAGE = ROOT / "README.md"
+TABLE_PAGE = ROOT / "docs" / "commands.md"
 """The page with the table of the demo."""
 README = (ROOT / "README.md").read_text()
+COMMANDS_PAGE = TABLE_PAGE.read_text()
 
 
 def test_the_table_of_the_demo_is_the_kept_firmware() -> None:
@@ -36,7 +37,7 @@ def test_every_command_is_told_and_every_command_told_is_there() -> None:
     from servogen.cli.main import COMMANDS
 
     there = {name for names in COMMANDS.values() for name in names}
-    section = README.split("## Commands")[1].split("Every command has")[0]
+    section = COMMANDS_PAGE.partition("# Commands")[2].partition("Every command has")[0]
     first_cells = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
     told = {
         word.removeprefix("servogen ").split()[0]
@@ -50,3 +51,15 @@ def test_every_link_leads_somewhere() -> None:
     for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")):
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_page_is_short_and_its_commands_are_there() -> None:
+    """A first page: under 120 lines, without sizes in megabytes or exit codes; each door has three commands."""
+    from servogen.cli.main import COMMANDS
+
+    assert README.count("\n") < 120
+    assert not re.search(r"\d MB\b|[Ee]xit code|completion", README.partition("## More")[0])
+    doors = re.findall(r"^\*\*[\w ]+\*\* \(.*\):\n\n((?:    .*\n)+)", README, re.M)
+    assert [door.count("\n") for door in doors] == [3, 3, 3, 3]
+    there = {name for names in COMMANDS.values() for name in names}
+    assert set(re.findall(r"^    servogen ([\w-]+)", "".join(doors), re.M)) <= there
