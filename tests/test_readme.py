@@ -54,7 +54,7 @@ def test_every_link_leads_somewhere() -> None:
 
 
 def test_the_page_is_short_and_its_commands_are_there() -> None:
-    """A first page: under 120 lines, without sizes in megabytes or exit codes; each door has three commands."""
+    """Under 120 lines, without sizes in megabytes or exit codes; each of four doors has three commands."""
     from servogen.cli.main import COMMANDS
 
     assert README.count("\n") < 120

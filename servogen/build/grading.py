@@ -294,7 +294,7 @@ def _odd_values(program: Runnable, first: PowerUp) -> Iterator[Chip]:
     usual = machine(program.image, clock, ()).run(end)
     for chip in compared_values(program.image, first.machine.read_unwritten[:READ_UNWRITTEN]):
         edges = machine(program.image, clock, chip).run(end)
-        if not all(map(np.array_equal, edges, usual)):
+        if not all(np.array_equal(mine, theirs) for mine, theirs in zip(edges, usual, strict=True)):
             yield chip
 
 

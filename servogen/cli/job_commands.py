@@ -228,8 +228,8 @@ def demo(
             if result.warnings:
                 print(f"{result.job.name}: {counted(len(result.warnings), 'warning')} in its report.txt")
         _demo_end(results, theorems, output)
-        for error in wrong:
-            print(error, file=sys.stderr)
+        for unread in wrong:
+            print(unread, file=sys.stderr)
     fine = all(result.exact for result, _ in rows) and all(
         verdict.valid or verdict.missing for verdicts in theorems for verdict in verdicts
     )

@@ -78,7 +78,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--turn-deg": (0.0, -360, 360),
     "--watchdog-us": (18_000, None, None),  # 18 ms, parameter 31
     "capture --memory": (None, 8, None),
-    "capture --rate": (1_000_000, 1, None),
+    "capture --rate": (None, 1, None),
     "capture --seconds": (None, 0.001, None),
     "drive --step-mm": (None, 1, None),
     "drive --turn-deg": (None, 0.1, None),

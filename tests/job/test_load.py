@@ -109,7 +109,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         (
             'device = "PIC16F84"',
             'device = "PIC16F88"',
-            "2:1: error: chip.device: unknown device 'PIC16F88' [unknown-device]\n  did you",
+            "2:1: error: chip.device: unknown device 'PIC16F88' [unknown-device]\n  known: PIC16F84,",
         ),
         ("4_000_000", "20_000_000", "3:1: error: chip.clock_hz: 20000000 Hz is above the PIC16F84's limit"),
         ("clock_hz", "clock", "3:1: error: chip.clock: 'clock' has no unit: write clock_hz"),
