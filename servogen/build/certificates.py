@@ -113,8 +113,8 @@ def prove_program(
     proof = prove_for_all(image, schedule)
     if not proof.proven:
         shown = proof.counterexample
-        text = f"counterexample: {shown.message}" if shown else f"not decided: {proof.reason}"
-        return CertificateVerdict(f"NOT proven: {text}", False), proof, None
+        why = f"counterexample: {shown.message}" if shown else f"not decided: {proof.reason}"
+        return CertificateVerdict(f"NOT proven: {why}", False), proof, None
     witness = second_witness(proof, image, schedule, text)
     return CertificateVerdict(witness.text, witness.checked is not None), proof, witness
 

@@ -14,6 +14,7 @@ from servogen import build, traces, verify
 from servogen.build import measured_schedule, signals, verification
 from servogen.cli import signal_commands
 from servogen.errors import Diagnostic
+from servogen.pic.image import Image
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import pulse_plot
 from servogen.traces import captures
@@ -27,6 +28,7 @@ SCHEDULE = PulseSchedule(
     (),
     (Run(2, (Pulse(Cycles(0), Cycles(1)),)),),
 )
+IMAGE = Image({})
 
 
 def judged(whole: bool = True, partly: bool = True, **others: Any) -> Any:
@@ -51,7 +53,7 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
 
         return call
 
-    program = SimpleNamespace(image="image", listing="listing")
+    program = SimpleNamespace(image=IMAGE, listing="listing")
     monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
     monkeypatch.setattr(signals, "program_for", noted("program", lambda: program))
     monkeypatch.setattr(build, "judge_image", noted("image", lambda: found["verdict"]))
@@ -110,7 +112,7 @@ def test_a_program_is_compared_for_the_time_that_is_given(run: Command, seen: di
     """0.1 s are 100,000 cycles of a microsecond; without a time the motion three times."""
     run("verify", "a.hex", "--against", "s.json")
     schedule, image, span, listing, board = seen["image"]
-    assert (schedule, image, span, listing, board.device) == (SCHEDULE, "image", None, "listing", "PIC16F84")
+    assert (schedule, image, span, listing, board.device) == (SCHEDULE, IMAGE, None, "listing", "PIC16F84")
     run("verify", "a.hex", "--against", "s.json", "--seconds", 0.1, "--device", "PIC16F84A")
     assert seen["image"][2] == 100_000
     assert seen["image"][4].device == "PIC16F84A"
@@ -167,7 +169,7 @@ def test_a_repeat_is_looked_for_in_three_hours_or_the_time_given(
     ran = run("verify", "a.hex", "--against", "s.json", "--forever")
     assert (ran.code, ran.out) == (code, "it repeats\nline 1\nline 2\n")
     schedule, image, limit, listing, board = seen["forever"]
-    assert (schedule, image, limit, listing) == (SCHEDULE, "image", 10_800_000_000, "listing")
+    assert (schedule, image, limit, listing) == (SCHEDULE, IMAGE, 10_800_000_000, "listing")
     assert board.device == "PIC16F84"
     shown = run("verify", "a.hex", "--against", "s.json", "--forever", "--seconds", 0.5, "--json")
     assert (shown.code, json.loads(shown.out)["forever"]) == (code, True)
