@@ -63,7 +63,7 @@ def tuned(name: str, dialect: str, compiler: object, rounds: int = 2) -> Rounds:
     for _ in range(rounds):
         image = compiler(source.text)  # type: ignore[operator]
         said = tune_to(job(name), image, "theirs.hex", dialect, source)
-        found.passed.append(said.verdict.passed)
+        found.exact.append(said.verdict.passed)
         found.worst.append(said.verdict.worst_edge_error)
         if not said.source:
             break
@@ -83,7 +83,7 @@ def test_what_tune_gives_is_exact_under_a_compiler_that_adds_cycles(
     name: str, dialect: str, seed: int
 ) -> None:
     found = tuned(name, dialect, lambda text: other_compiler(text, dialect, job(name).device, seed))
-    assert found.passed == [False, True]
+    assert found.exact == [False, True]
     assert found.worst[0] != 0 and found.worst[1] == 0
 
 
@@ -91,7 +91,7 @@ def test_a_sequence_with_pauses_and_long_runs_is_exact_too() -> None:
     found = tuned(
         "omni-square", "xc8", lambda text: other_compiler(text, "xc8", job("omni-square").device, 4)
     )
-    assert found.passed == [False, True]
+    assert found.exact == [False, True]
 
 
 def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
@@ -102,7 +102,7 @@ def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
         return other_compiler(long, "xc8", job("lab9-exercise").device, 0)
 
     found = tuned("lab9-exercise", "xc8", compiler, rounds=6)
-    assert found.passed == [False, False, True]
+    assert found.exact == [False, False, True]
 
 
 def test_servogens_own_hex_needs_no_tuning() -> None:
@@ -307,7 +307,7 @@ def test_the_command_leads_to_an_exact_hex_round_by_round(
 )
 def test_under_the_real_sdcc_every_edge_is_exact_after_one_tuning(name: str, tmp_path: Path) -> None:
     found = tuned(name, "sdcc", lambda text: sdcc_compiled(text, job(name).device.name, tmp_path, sdcc()))  # type: ignore[arg-type]
-    assert found.passed == [False, True]
+    assert found.exact == [False, True]
 
 
 @pytest.mark.skipif(sdcc() is None, reason="SDCC's pic14 port is not on this machine")

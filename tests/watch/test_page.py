@@ -177,7 +177,7 @@ def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path
     edges = ScheduledEdges(read_schedule(against), 0).edges(0, 15_000_000)
     edges[-101] = (edges[-101][0] + 9, *edges[-101][1:])
     page = watch(captured(tmp_path / "late.vcd", 90.0, edges), against)
-    assert text(page, "#difference-text").startswith("not exact: first at")
+    assert text(page, "#difference-text").startswith("does not agree: first at")
     page.click("#difference")
     page.until("watched.waves.data.differing.length === 2")
     columns = page.run("watched.waves.data.differing.map(e => Math.round(watched.waves.x(e.cycle)))")

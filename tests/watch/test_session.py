@@ -376,7 +376,7 @@ def test_the_first_difference_of_a_capture_is_the_edge_that_is_late(tmp_path: Pa
     late = next(index for index, edge in enumerate(edges) if edge[0] > 11_000_000 and edge[2] == LOW)
     edges[late] = (edges[late][0] + 4, *edges[late][1:])
     subject = load_subject(captured(tmp_path / "late.vcd", 140.0, edges), Setting(schedule=schedule))
-    assert subject.verdict.startswith("not exact: first at 3.3")
+    assert subject.verdict.startswith("does not agree: first at 3.3")
     assert "a pulse of 1171.16 µs where 1167.00 µs are scheduled" in subject.verdict  # 4 µs, in samples
     session = WatchSession(subject)
     scale = 10 / (1 + 140e-6)
@@ -419,7 +419,7 @@ def test_a_capture_of_something_else_has_no_schedule_beside_it(tmp_path: Path) -
     schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
     lone = [(BEGIN + 5000, RB0, HIGH), (BEGIN + 5100, RB0, LOW)]
     subject = load_subject(captured(tmp_path / "x.vcd", 0.0, lone), Setting(schedule=schedule))
-    assert subject.verdict.startswith("not exact") and "exact within" not in subject.verdict
+    assert subject.verdict.startswith("does not agree: ")
     assert WatchSession(subject).model()["is"] == "model"
 
 
@@ -642,7 +642,7 @@ def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytes
         for n, image in enumerate(words)
     ]
     result = SimpleNamespace(
-        programs=programs, passed=False, frames=7, job=SimpleNamespace(name="arm"),
+        programs=programs, exact=False, frames=7, job=SimpleNamespace(name="arm"),
         plan=SimpleNamespace(schedule=SimpleNamespace(plan_error=PlanError(0.25))),
         warnings=[SimpleNamespace(sentence="a warning")],
     )  # fmt: skip
