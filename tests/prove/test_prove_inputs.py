@@ -181,7 +181,7 @@ def test_a_schedule_without_pulses_is_followed_by_a_program_without_pulses() -> 
     trimmed = prove_for_all(silent, nothing, Quantifiers(any_eeprom=True))
     assert trimmed.reason == "any EEPROM: the schedule has no pulses"
     forever = judge_forever(nothing, silent, Cycles(100_000))
-    assert forever.verdict.proven and not forever.proven
+    assert forever.verdict.passed and not forever.passed
     for body in (RELEASED, "        nop\n" * 300 + "        bsf PORTB, 1\nstop    goto stop\n"):
         pulsing = assembled(body)
         shown = prove_for_all(pulsing, nothing).counterexample

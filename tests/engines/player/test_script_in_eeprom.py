@@ -147,7 +147,7 @@ def test_trims_and_the_script_share_the_eeprom() -> None:
     }
     compilation = replace(own.firmware.compilation, image=replace(own.image, eeprom=eeprom))
     changed = replace(own.firmware, compilation=compilation)
-    assert compared(trimmed(schedule, trims), changed, checked_cycles(schedule)).passed
+    assert compared(trimmed(schedule, trims), changed, checked_cycles(schedule)).exact
 
 
 def test_a_chain_of_directions_is_read_from_the_eeprom() -> None:
