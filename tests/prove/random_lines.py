@@ -89,7 +89,7 @@ def walk(aim: Target, run: Run) -> Iterator[str]:
     """Yield what the theorem does not allow in a run."""
     chip = chip_model.Chip(run.made.streamed, dict(enumerate(run.trims)))
     verdict = check(run.made, run.line, chip, run.options)
-    if not verdict.proven:
+    if not verdict.passed:
         yield f"{'; '.join(verdict_lines(verdict))}"
     for cycle, wrong in states(aim, run):
         yield f"cycle {cycle}: {wrong}"
