@@ -536,7 +536,10 @@ def test_new_writes_a_file_once(run: Run, tmp_path: Path, monkeypatch: pytest.Mo
     """job.toml unless told otherwise; an existing file is overwritten with --force only."""
     monkeypatch.chdir(tmp_path)
     ran = run("new")
-    assert (ran.code, ran.out) == (0, "job.toml: change it to your robot, then: servogen build job.toml\n")
+    assert (ran.code, ran.out.splitlines()[1:]) == (
+        0,
+        ["  servogen check job.toml", "  servogen watch job.toml"],
+    )
     text = Path("job.toml").read_text()
     Path("job.toml").write_text("mine")
     again = run("new")
