@@ -25,19 +25,28 @@ FRAME_NUMBER, PLACE, WIDTH = range(chip.SLOTS, chip.SLOTS + 3)
 """Columns beside the chip's slots: the schedule's frame, -1 when nothing more is due, and the number of the
 place in the list.
 """
+COLUMNS = {
+    "w": chip.W, "status": chip.STATUS, "fsr": chip.FSR, "porta": chip.PORTA, "portb": chip.PORTB,
+    "eedata": chip.EEDATA, "eeadr": chip.EEADR, "pclath": chip.PCLATH, "intcon": chip.INTCON,
+    "eecon1": chip.EECON1, "tmr0": chip.TMR0, "option": chip.OPTION, "trisa": chip.TRISA, "trisb": chip.TRISB,
+}  # fmt: skip
+"""The slots of registers."""
+UNKNOWN = {row.slot: row.unknown for row in chip.REGISTERS}
+WRITE_LEFT = "write_left"
+"""The column that may be missing: no state has an EEPROM write in progress."""
 RAM = {f"ram.{address:02x}": address for address in range(chip.RAM, chip.RAM_END)}
-FREE = RAM.keys() | {row.column for row in chip.REGISTERS if row.moves}
+FREE = RAM.keys() | {"w", "fsr", "eedata", "eeadr", "tmr0"}
 """Columns of cells that may move with φ."""
-CELLS = {row.column: (row.slot, row.unknown) for row in chip.REGISTERS if row.unknown}
+CELLS = {name: (slot, UNKNOWN[slot]) for name, slot in COLUMNS.items() if UNKNOWN[slot]}
 CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
-NUMBERS = {**{row.column: (row.slot, row.largest) for row in chip.REGISTERS if not row.unknown},
-           "pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "prescaler": (chip.T0_ZERO, 0xFF),
-           "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
+NUMBERS = {"option": (chip.OPTION, 0xFF), "trisa": (chip.TRISA, 0x1F), "trisb": (chip.TRISB, 0xFF),
+           "pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "prescaler": (chip.TMR0_ZERO, 0xFF),
+           WRITE_LEFT: (chip.WRITTEN_BY, 1 << 30), "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (chip.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
 """Columns of numbers, with the largest ones."""
-AGES = [chip.T0_ZERO, chip.CLEARED, chip.FRAME]
+AGES = [chip.TMR0_ZERO, chip.CLEARED, chip.FRAME]
 """Slots that count from an earlier cycle on."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
         "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
@@ -89,10 +98,11 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     words = [word for place in places for word in (place.levels, place.sampled)]
     if any(type(word) is not int or not 0 <= word < 1 << len(PINS) for word in words):
         raise ValueError("places")
-    if data["columns"].keys() != {*CELLS, *NUMBERS}:
-        raise ValueError(f"columns {', '.join(sorted(data['columns'].keys() ^ {*CELLS, *NUMBERS}))}")
+    columns = {WRITE_LEFT: {"all": 0}} | data["columns"]
+    if columns.keys() != {*CELLS, *NUMBERS}:
+        raise ValueError(f"columns {', '.join(sorted(columns.keys() ^ {*CELLS, *NUMBERS}))}")
     states = np.zeros((count, WIDTH), dtype=np.int64)
-    for name, column in data["columns"].items():
+    for name, column in columns.items():
         slot, largest = NUMBERS.get(name) or CELLS[name]
         values = _column(name, column, count)
         mask, phased = (values >> 8 & 0xFF, values >> 16) if name in CELLS else (0 * values, 0 * values)
@@ -103,7 +113,10 @@ def _certificate(data: dict[str, Any]) -> Certificate:
             raise ValueError(f"column {name} has a value that is out of range")
         states[:, slot] = values
     states[:, AGES] *= -1
-    states[:, [chip.IRQ, chip.DARK]] = chip.NEVER
+    states[:, [chip.REQUESTED, chip.DARK_UNTIL]] = chip.NEVER
+    states[states[:, chip.EECON1] & chip.WR == 0, chip.WRITTEN_BY] = chip.NEVER
+    # A pin may set INTF and RBIF at any time: they are 1 or unknown.
+    states[:, chip.INTCON] |= (chip.INTF | chip.RBIF) << 8 & ~(states[:, chip.INTCON] << 8)
     if (states[:, PLACE] >= len(places)).any():
         raise ValueError("column place")
     fields = {key: data[key] for key in ("image", "schedule", "clock_hz", "held")}

@@ -18,6 +18,7 @@ from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache
+from math import ceil
 
 import numpy as np
 
@@ -40,8 +41,10 @@ EXACT = [chip.PC, chip.DEPTH, *(row.slot for row in chip.REGISTERS if not row.un
 CHIP, ALWAYS = np.arange(COLUMNS) < chip.SLOTS, np.arange(COLUMNS) <= DUE
 ALWAYS[[chip.W, *range(chip.RAM, chip.RAM_END), FRAME_NUMBER, PLACE]] = False
 """The chip's slots; and what every run depends on."""
-TIMES = [chip.CLEARED, chip.WDT_DUE, chip.FRAME]
+TIMES = [chip.CLEARED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.FRAME]
 MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
+FORK_CYCLES = 300
+"""As many cycles take as long as a way that is split."""
 """Of a way between two cuts; cycles that are run; ways that wait for it; states that are taken together."""
 PAUSE = 100
 """In this cycle runs stop once, so that those which have forgotten their differences go on as one."""
@@ -63,7 +66,7 @@ class NotCovered(Refused):
         self.what = what
 
 
-OUTSIDE = (chip.SLEEPS, chip.EEPROM_WRITE, chip.REGISTER, chip.PHASE, chip.INTERRUPT)
+OUTSIDE = (chip.REGISTER, chip.PHASE, chip.SEQUENCE)
 """Reasons to stop that are no fault of the program."""
 
 
@@ -86,16 +89,18 @@ class Checked:
 class Checker:
     """Runs the chip from power-up and from the listed states."""
 
-    def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
+    def __init__(self, image: Image, plan: Plan, certificate: Certificate, any_eeprom: bool = False) -> None:
         levels = {PINS.index(pin): level for pin, level in certificate.held.items()}
         # With a button held the schedule's own frames are claimed, as they follow one another.
         if any(plan.buttons >> pin & 1 for pin in levels):
             plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
         self._plan = plan
         watched = image.config is None or image.config & WATCHDOG_ON
+        cells = [chip.UNKNOWN if any_eeprom else image.eeprom.get(cell, 0xFF) for cell in range(64)]
+        self._any_eeprom = any_eeprom
         self._memory = chip.ChipMemory(
             chip.program_code(image, certificate.cuts),
-            np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)]),
+            np.array([*cells, 0, 0]),
             chip.result_table(),
             chip.slot_table(),
             memo=np.full((chip.MEMO, 2), -1),
@@ -108,7 +113,13 @@ class Checker:
             held=sum(1 << pin for pin in levels),
             levels=sum(level << pin for pin, level in levels.items()),
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
+            longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
         )
+        self._ways = {
+            chip.MAY_INTERRUPT: self._interrupted,
+            chip.MAY_BE_WRITTEN: self._written,
+            chip.SLEEPS: self._woken,
+        }
         self._following, self._sampled = cache(self._after), cache(self._sample)
         self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
@@ -136,7 +147,19 @@ class Checker:
         over += [f"every watchdog that is not faster than {WATCHDOG_US // 1000} ms"] * bool(
             self._board.watchdog
         )
+        over += [f"every EEPROM write of at most {self._plan.write_us // 1000} ms"] * bool(self.writes)
+        over += ["every content of the EEPROM"] * (self._any_eeprom or not self.reads)
         return tuple(over)
+
+    @property
+    def reads(self) -> bool:
+        """Return whether a run has read the EEPROM."""
+        return bool(self._memory.eeprom[chip.EEPROM_READ])
+
+    @property
+    def writes(self) -> bool:
+        """Return whether a run has written to the EEPROM."""
+        return bool(self._memory.eeprom[chip.EEPROM_WRITTEN])
 
     def _known(self, certificate: Certificate) -> Ints:
         """Return the listed states with their places numbered, once they can be found. Raises Refused."""
@@ -159,6 +182,7 @@ class Checker:
         for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & chip.UNKNOWN)):
             shapes[shape.tobytes()].append(number)
         for text, numbers_of in shapes.items():
+            numbers_of.sort(key=lambda number: int(rows[number, chip.WRITTEN_BY]))  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
             self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
         return rows
@@ -167,14 +191,15 @@ class Checker:
         """Return listed states as those of a chip that runs on from there."""
         rows, ratio = rows.copy(), _ratio(rows)
         # TMR0 counts the edges of RA4, which may have any level at any time.
-        rows[rows[:, chip.OPTION] & chip.T0CS != 0, chip.T0] = chip.UNKNOWN
-        rows[:, chip.T0_ZERO] -= (rows[:, chip.T0] & 0xFF) * ratio
-        due = rows[:, chip.T0_ZERO] + 256 * ratio - 1
-        rows[:, chip.T0_DUE] = np.where(
-            rows[:, chip.T0] >> 8, chip.NEVER, np.where(due > 0, due, due + 256 * ratio)
+        rows[rows[:, chip.OPTION] & chip.T0CS != 0, chip.TMR0] = chip.UNKNOWN
+        rows[:, chip.TMR0_ZERO] -= (rows[:, chip.TMR0] & 0xFF) * ratio
+        due = rows[:, chip.TMR0_ZERO] + 256 * ratio - 1
+        rows[:, chip.OVERFLOW_AT] = np.where(
+            rows[:, chip.TMR0] >> 8, chip.NEVER, np.where(due > 0, due, due + 256 * ratio)
         )
-        rows[:, chip.T0] &= ~0xFF
-        rows[:, [chip.GIVEN, chip.WDT_DUE]] = chip.UNKNOWN, chip.NEVER
+        rows[:, chip.TMR0] &= ~0xFF
+        rows[:, [chip.CHOSEN, chip.TIME_OUT_AT]] = chip.UNKNOWN, chip.NEVER
+        rows[:, [chip.DECLINED, chip.UNFINISHED]] = -1
         for row in rows:
             frame, place = row[[FRAME_NUMBER, PLACE]].tolist()
             row[DUE] = self._due(frame, place)
@@ -186,11 +211,12 @@ class Checker:
     def _power_up(self) -> Ints:
         """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
         s = np.zeros(COLUMNS, dtype=np.int64)
-        s[chip.RAM : chip.RAM_END] = s[chip.GIVEN] = chip.UNKNOWN
+        s[chip.RAM : chip.RAM_END] = s[chip.CHOSEN] = chip.UNKNOWN
         for row in chip.REGISTERS:
             s[row.slot] = row.reset
         s[chip.FRAME] = chip.BEFORE
-        s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = chip.NEVER
+        s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = chip.NEVER
+        s[[chip.DECLINED, chip.UNFINISHED]] = -1
         chip.plan_time_out(s, self._board, 0, 0)
         frame, memory = self._plan.first
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
@@ -219,12 +245,18 @@ class Checker:
                     stopped.append(rows)
                 elif why in (chip.FORK, chip.BUTTON):
                     stopped += self._both(rows, why)
+                elif why in self._ways:
+                    self._forks += len(rows)
+                    stopped += self._ways[why](np.unique(rows, axis=0))
                 elif why == chip.CUT:
                     arrived.append(rows)
                 else:
                     reason, outside = chip.REASONS[why], why in OUTSIDE
                     raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
-                if self._run > MAX_CYCLES or sum(map(len, stopped)) > MAX_ROWS:
+                if (
+                    max(self._run, FORK_CYCLES * self._forks) > MAX_CYCLES
+                    or sum(map(len, stopped)) > MAX_ROWS
+                ):
                     raise _refused(rows[0], "more cycles, or ways, than are allowed")
             states = np.concatenate([states, *stopped])
         if arrived:
@@ -243,7 +275,7 @@ class Checker:
         cycles = int(s[chip.CYCLE] - rows[0, chip.CYCLE])
         self._run += cycles
         self._cycles += cycles * len(rows)
-        changed = np.flatnonzero(CHIP & (ALWAYS | (used & chip.WRITTEN != 0)))
+        changed = np.flatnonzero(CHIP & (ALWAYS | (used & chip.CHANGED != 0)))
         rows[:, changed] = s[changed]
         return rows, why, others
 
@@ -277,13 +309,72 @@ class Checker:
         both = [rows, rows.copy()]
         for level, its in enumerate(both):
             # A level is given for one instruction only, whereas a bit of a register stays as it was chosen.
-            stored = chip.GIVEN if why == chip.BUTTON else slot
+            stored = chip.CHOSEN if why == chip.BUTTON else slot
             its[:, stored] = its[:, stored] & ~(bit << 8) | bit * level
             if why == chip.BUTTON and its[0, chip.FRAME] not in (chip.BEFORE, chip.NEVER):
                 its[:, PLACE] = [self._sampled(place, pin, level) for place in its[:, PLACE].tolist()]
                 for row in its[its[:, PLACE] < 0]:
                     raise _refused(row, "an input is read again")
         return both
+
+    def _interrupted(self, rows: Ints) -> list[Ints]:
+        """Return the rows without an interrupt, and with one by each flag that the latest instruction may have
+        sampled, in its first cycle or in its last one.
+        """
+        now, ways = int(rows[0, chip.CYCLE]), [rows]
+        for flag in _bits(int(rows[0, chip.DOUBTED])):
+            for cycle in (now + 1, now + 2):
+                ways.append(rows.copy())
+                for row in ways[-1]:
+                    chip.happen(row, flag)
+                    if chip.interrupt(row, cycle) == chip.OVERFLOW:
+                        raise _refused(row, chip.REASONS[chip.OVERFLOW])
+        rows[:, chip.DECLINED] = now
+        return ways
+
+    def _written(self, rows: Ints) -> list[Ints]:
+        """Return the rows with the EEPROM write over, and not yet."""
+        over = rows.copy()
+        for row in over:
+            chip.happen(row, chip.WRITE_OVER)
+            chip.request(row, row[chip.CYCLE])
+        rows[:, chip.UNFINISHED] = rows[:, chip.CYCLE]
+        return [rows, over]
+
+    def _woken(self, rows: Ints) -> list[Ints]:
+        """Return the rows after SLEEP: it is a NOP if an enabled flag is set, else the chip sleeps until
+        whatever wakes it (section 6.11). Raises Refused where the time of waking would matter.
+        """
+        first, ways = rows[0], []
+        certain = chip.certain(first)
+        for flag in _bits(certain & -certain or chip.doubtful(first)):
+            ways.append(rows.copy())
+            for row in ways[-1]:
+                chip.do_not_sleep(row, flag)
+        if certain:
+            return ways
+        self._rest(rows)
+        write = chip.WRITE_OVER if first[chip.EECON1] & chip.WR else 0
+        wakers = _bits(chip.enabled(first) & (chip.INTF | chip.RBIF | write))
+        for flag in [*wakers, *([0] if self._board.watchdog else [])]:
+            ways.append(rows.copy())
+            for row in ways[-1]:
+                chip.wake(row, self._board, flag)
+        return ways
+
+    def _rest(self, rows: Ints) -> None:
+        """Let nothing be due any more in rows that sleep. Raises Refused if a pulse is due."""
+        for row in rows:
+            if row[chip.FRAME] == chip.BEFORE:
+                if not self._board.watchdog:
+                    raise _refused(row, "SLEEP before the first pulse, and nothing has to end it")
+            elif row[chip.FRAME] != chip.NEVER:
+                if row[chip.EDGE] < len(self._plan.edges[row[DUE]][0]) or not self._plan.silent_after(
+                    int(row[FRAME_NUMBER])
+                ):
+                    raise _refused(row, "SLEEP while pulses are due")
+                row[[chip.FRAME, FRAME_NUMBER, chip.EDGE]] = chip.NEVER, OVER.frame, 0
+                row[PLACE], row[DUE] = self._number(Place(OVER.memory)), self._plan.run_of(OVER)
 
     def _sample(self, number: int, pin: int, level: int) -> int:
         """Return the number of the place once a pin was read; -1 if it was read before in this frame."""
@@ -297,8 +388,10 @@ class Checker:
         for shape, listed in self._listed:
             numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
             within = numbers >= 0
+            # A write that is over earlier is over in as many ways, or fewer.
+            within &= settled[:, chip.WRITTEN_BY] <= self._states[numbers][:, chip.WRITTEN_BY]
             if self._board.watchdog:
-                ages = [chip.CLEARED, chip.WDT_DUE]
+                ages = [chip.CLEARED, chip.TIME_OUT_AT]
                 # A watchdog that was cleared later than in the listed state times out later, too.
                 within &= (settled[:, ages] >= self._states[numbers][:, ages]).all(axis=1)
             missing &= ~within
@@ -324,6 +417,11 @@ def _place_of(row: Ints) -> str:
     return f"{where}, high pins: {high}"
 
 
+def _bits(word: int) -> list[int]:
+    """Return the bits of a word."""
+    return [1 << bit for bit in range(word.bit_length()) if word >> bit & 1]
+
+
 def _ratio(rows: Ints) -> Ints:
     """Return the cycles in which TMR0 counts one."""
     option = rows[:, chip.OPTION]
@@ -333,11 +431,12 @@ def _ratio(rows: Ints) -> Ints:
 def _settled(rows: Ints) -> Ints:
     """Return states as a certificate lists them: with cycles counted from now on, and TMR0 as it is read."""
     rows, now, ratio = rows.copy(), rows[:, [chip.CYCLE]], _ratio(rows)
-    counts = (now[:, 0] - rows[:, chip.T0_ZERO]) % (256 * ratio)
-    rows[:, chip.T0] |= np.where(rows[:, chip.T0] & chip.UNKNOWN, 0, counts // ratio)
-    rows[:, chip.T0_ZERO] = -(counts % ratio)
+    counts = (now[:, 0] - rows[:, chip.TMR0_ZERO]) % (256 * ratio)
+    rows[:, chip.TMR0] |= np.where(rows[:, chip.TMR0] & chip.UNKNOWN, 0, counts // ratio)
+    rows[:, chip.TMR0_ZERO] = -(counts % ratio)
     rows[:, TIMES] -= np.where(abs(rows[:, TIMES]) == chip.NEVER, 0, now)
-    rows[:, [chip.CYCLE, chip.T0_FROM]] = 0
+    rows[:, [chip.CYCLE, chip.TMR0_FROM, chip.DOUBTED, chip.KEYS, chip.KEY_AT]] = 0
+    rows[:, [chip.DECLINED, chip.UNFINISHED]] = -1
     return rows
 
 
@@ -353,7 +452,7 @@ def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     doubt = np.where(cells >> 16, 0xFF, cells >> 8)
     fits = np.where(moves, together, doubt & ~unknown == 0).all(axis=1)
     values = np.where(moves, cells - timer, cells) & 0xFF & ~unknown
-    count = rows[:, [chip.T0_ZERO]] * (shape[-1] & chip.UNKNOWN == 0)
+    count = rows[:, [chip.TMR0_ZERO]] * (shape[-1] & chip.UNKNOWN == 0)
     keys = np.hstack([rows[:, EXACT], count, values])
     return [key.tobytes() if fit else None for key, fit in zip(keys, fits, strict=True)]
 
@@ -374,7 +473,12 @@ def _restrictions(held: dict[str, int], plan: Plan, allowed: Collection[str]) ->
 
 
 def check_certificate(
-    certificate: Certificate, image: Image, schedule: bytes, file: str, allowed: Collection[str] = ()
+    certificate: Certificate,
+    image: Image,
+    schedule: bytes,
+    file: str,
+    allowed: Collection[str] = (),
+    any_eeprom: bool = False,
 ) -> Checked:
     """Return what was run to check the certificate of a program against a schedule, the contents of `file`.
 
@@ -392,4 +496,8 @@ def check_certificate(
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:
         raise Refused("the certificate is of another schedule")
     restrictions = _restrictions(certificate.held, plan, allowed)
-    return replace(Checker(image, plan, certificate).check(), restrictions=restrictions)
+    checker = Checker(image, plan, certificate, any_eeprom)
+    checked = checker.check()
+    if checker.reads and checker.writes and not any_eeprom:  # what it reads is what it has written in any run
+        checked = Checker(image, plan, certificate, any_eeprom=True).check()
+    return replace(checked, restrictions=restrictions)

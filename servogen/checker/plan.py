@@ -199,6 +199,8 @@ class Plan:
     stated: frozenset[tuple[str, int]] = frozenset()
     """Input pins with the one level of which the schedule says what follows; it says nothing of other levels.
     """
+    write_us: int = 20_000
+    """The longest EEPROM write (parameter D122)."""
     fastest: int = 20_000_000
     """The chip's largest clock in Hz."""
 
@@ -241,6 +243,11 @@ class Plan:
         pulses = any(len(cycles) for cycles, _ in self.edges[bisect_right(self.ends, self.loop) :])
         silent = frame >= self.loop and not self.buttons and not pulses
         return OVER if silent or not (on or inputs.start) else PlanPosition(frame, memory)
+
+    def silent_after(self, frame: int) -> bool:
+        """Return whether no frame after `frame` has a pulse, whatever the inputs are."""
+        later = self.edges[min(bisect_right(self.ends, frame + 1), bisect_right(self.ends, self.loop)) :]
+        return not (self.buttons or self.parts or any(len(cycles) for cycles, _ in later))
 
     def _commanded(self, frame: int, wanted: int) -> int:
         """Return the frame after `frame`, that of another part where it is the last one of its part."""
@@ -298,6 +305,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         if commands
         else [],
         stated=frozenset() if buttons else frozenset(map(_stated, data.get("inputs", []))),
+        write_us=8_000 if data.get("device") == "PIC16F84A" else 20_000,
         fastest=20_000_000 if data.get("device") in (None, "PIC16F84A") else 10_000_000,
     )
 

@@ -55,8 +55,6 @@ def certificate(
         raise ValueError("only a proof over every power-up, reset and chip has a certificate")
     if proof.held and (schedule.buttons or schedule.commands) and not hold_inputs:
         raise ValueError("only a proof over every level of the buttons and the line has a certificate")
-    if proof.asynchronous:
-        raise ValueError("interrupts by INT and port B, SLEEP and EEPROM writes are not certified")
     listed = [node for node in proof.nodes if node.parent >= 0 and node.spec.phase != BEFORE]
     nodes = [node for node in listed if _is_settled(proof.transitions, node.rest)]
     rows = {node.rest: _row(proof.transitions, node.rest) for node in nodes}
@@ -79,7 +77,10 @@ def certificate(
         "cuts": list(proof.cuts),
         "count": len(nodes),
         "places": list(places),
-        "columns": {name: _column(values) for name, values in columns.items()},
+        # Without a write to the EEPROM there is no column of it: such certificates stay as they are.
+        "columns": {
+            name: _column(each) for name, each in columns.items() if name != "write_left" or any(each)
+        },
     }
     text = json.dumps(content, separators=(",", ":"))
     return lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME)
@@ -133,15 +134,18 @@ _BYTES = [part for name in FREE_BYTES for part in ((name, "PRESCALER") if name =
 _NAMES = (
     "pc",
     *(name.lower() for name in (*_BYTES, *_CELLS, *_NUMBERS)),
-    *("trisa", "trisb", "porta", "portb", "depth", *_STACK, "watchdog_age"),
+    *("trisa", "trisb", "porta", "portb", "depth", *_STACK, "watchdog_age", "write_left"),
 )
 """The columns beside those of the RAM and the schedule, in the order of the file."""
 
 
 def _is_settled(transitions: Transitions, number: int) -> bool:
-    """Return whether no interrupt is under way and TMR0 counts; the checker passes other states by."""
+    """Return whether no interrupt is under way, no key in EECON2, and TMR0 counts; the checker passes other
+    states by.
+    """
     rest = transitions.rest(number)
-    return rest[FIELD["IRQ_AT"]] == NEVER and rest[FIELD["T0_AT"]] <= BASE
+    keys = rest[FIELD["EE_STEP"]] and rest[FIELD["EE_STEP_AT"]] >= BASE - 2
+    return rest[FIELD["IRQ_AT"]] == NEVER and rest[FIELD["T0_AT"]] <= BASE and not keys
 
 
 def _row(transitions: Transitions, number: int) -> dict[str, int]:
@@ -174,6 +178,7 @@ def _row(transitions: Transitions, number: int) -> dict[str, int]:
         "portb": cell("LATCH", 5),
         "depth": get("DEPTH"),
         "watchdog_age": BASE - get("WDT_CLEARED"),
+        "write_left": 0 if get("EE_DONE_AT") == NEVER else get("EE_DONE_AT") - BASE,
     }
     if not timed:
         row["tmr0"] = ALL_UNKNOWN

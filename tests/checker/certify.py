@@ -153,6 +153,7 @@ def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = la
     columns = {
         name: {"delta": np.diff([0, *states[:, slot].tolist()]).tolist()}
         for name, (slot, _) in (*CELLS.items(), *NUMBERS.items())
+        if name != "write_left"
     }
     data = {
         "format": 2,

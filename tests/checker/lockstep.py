@@ -87,18 +87,20 @@ def noise(rng: random.Random, cycles: int) -> Stimuli:
 def power_up() -> chip.Ints:
     s = np.zeros(chip.SLOTS, dtype=np.int64)
     s[chip.RAM : chip.RAM_END] = chip.UNKNOWN
-    for slot in (chip.T0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W, chip.GIVEN):
+    for slot in (chip.TMR0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W, chip.CHOSEN):
         s[slot] = chip.UNKNOWN
     s[chip.PORTA] = s[chip.STATUS] = 0x1F00
     s[chip.EECON1] = 0x0800
     s[chip.OPTION], s[chip.TRISA], s[chip.TRISB], s[chip.FRAME] = 0xFF, 0x1F, 0xFF, chip.BEFORE
-    for slot in (chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK):
+    s[chip.INTCON] = 0x0300  # INTF and RBIF may be set by the pins at once
+    for slot in (chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL):
         s[slot] = chip.NEVER
+    s[chip.DECLINED] = s[chip.UNFINISHED] = -1
     return s
 
 
 def memory(image: Image) -> chip.ChipMemory:
-    eeprom = np.array([image.eeprom.get(cell, 0xFF) for cell in range(64)])
+    eeprom = np.array([*(image.eeprom.get(cell, 0xFF) for cell in range(64)), 0, 0])
     memo = np.full((chip.MEMO, 2), -1)
     code = chip.program_code(image, frozenset())
     return chip.ChipMemory(code, eeprom, chip.result_table(), chip.slot_table(), memo)
@@ -152,7 +154,7 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
             return Compared(instructions, asked, why, phase >= 0)
         assert machine.cycles == s[chip.CYCLE] and state.pc & 0x3FF == s[chip.PC], f"seed {seed}"
         contained(s, state, phase, seed)
-        if phase < 0 and s[chip.T0] >> 8 == 0 and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
+        if phase < 0 and s[chip.TMR0] >> 8 == 0 and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
             phase = rng.randrange(256)
             forget(s, rng, phase)
     return Compared(instructions, asked, chip.TOO_LONG, phase >= 0)
@@ -161,7 +163,7 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
 def give(s: chip.Ints, state: MachineState, image: Image) -> None:
     """Answer the checker's question with the simulator's value."""
     slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BIT])
-    if slot != chip.GIVEN:
+    if slot != chip.CHOSEN:
         value = concrete(state, slot)
         assert s[slot] >> 8 & bits
         s[slot] = s[slot] & ~(bits << 8) | value & bits
@@ -169,7 +171,7 @@ def give(s: chip.Ints, state: MachineState, image: Image) -> None:
     f = image.program[int(s[chip.PC])] & 0x7F
     address = state.registers["FSR"] if f == 0 else f | (state.status & 0x20) << 2
     value = state.registers[FILES[address if address in FILES else address & 0x7F]]
-    s[chip.GIVEN] = s[chip.GIVEN] & ~(bits << 8) | value & bits
+    s[chip.CHOSEN] = s[chip.CHOSEN] & ~(bits << 8) | value & bits
 
 
 def concrete(state: MachineState, slot: int) -> int:
@@ -186,7 +188,7 @@ def contained(s: chip.Ints, state: MachineState, phase: int, seed: int) -> None:
         cell, value = int(s[slot]), concrete(state, slot)
         used = USED.get(slot, 0xFF)
         if slot == chip.INTCON:
-            cell |= 0x300 if s[chip.T0] >> 8 == 0 else 0x700
+            cell |= 0x300 if s[chip.TMR0] >> 8 == 0 else 0x700
         if cell >> 16:
             assert (cell + phase) & 0xFF == value, f"seed {seed}: slot {slot:#x}"
         else:
@@ -208,5 +210,5 @@ def forget(s: chip.Ints, rng: random.Random, phase: int) -> None:
     for slot in (*rng.sample(range(chip.RAM, chip.RAM_END), 30), 0x0C, 0x0D, 0x20):
         if s[slot] >> 8 == 0:
             s[slot] = (s[slot] - phase) & 0xFF | 1 << 16
-    s[chip.T0_ZERO] += phase * int(chip.ratio(s))
-    s[chip.T0], s[chip.T0_DUE] = 1 << 16, chip.NEVER
+    s[chip.TMR0_ZERO] += phase * int(chip.ratio(s))
+    s[chip.TMR0], s[chip.OVERFLOW_AT] = 1 << 16, chip.NEVER

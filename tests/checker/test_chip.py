@@ -36,8 +36,9 @@ def edges(*rows: tuple[int, int]) -> tuple[chip.Ints, chip.Ints]:
 def resting(**slots: int) -> chip.Ints:
     """Return a chip in cycle 100 with everything known to be 0, no event due, and these slots."""
     s = np.zeros(chip.SLOTS, dtype=np.int64)
-    s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = NEVER
-    s[chip.FRAME], s[chip.GIVEN], s[chip.CYCLE] = chip.BEFORE, UNKNOWN, AT
+    s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = NEVER
+    s[[chip.DECLINED, chip.UNFINISHED]] = -1
+    s[chip.FRAME], s[chip.CHOSEN], s[chip.CYCLE] = chip.BEFORE, UNKNOWN, AT
     s[chip.OPTION] = chip.PSA
     for name, value in slots.items():
         s[getattr(chip, name)] = value
@@ -80,22 +81,22 @@ def test_a_port_is_read_pin_by_pin() -> None:
 
 
 def test_registers_beside_the_ports_are_read_as_they_are() -> None:
-    s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, T0_ZERO=90, EECON1=0x0800, OPTION=0xC8)
+    s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, TMR0_ZERO=90, EECON1=0x0800, OPTION=0xC8)
     assert chip.read(s, NOTHING, chip.PCL, AT) == 0xFF  # of the next instruction
     s[chip.PC] = 0x1FF
     assert chip.read(s, NOTHING, chip.PCL, AT) == 0
     for name in ("FSR", "EEDATA", "PCLATH", "EECON1", "OPTION"):
         assert chip.read(s, NOTHING, getattr(chip, name), AT) == s[getattr(chip, name)]
-    assert chip.read(s, NOTHING, chip.T0, AT) == 10
+    assert chip.read(s, NOTHING, chip.TMR0, AT) == 10
     assert chip.read(s, NOTHING, chip.NOWHERE, AT) == 0
 
 
 @pytest.mark.parametrize(("timer", "doubt"), [(0, 0), (UNKNOWN, T0IF), (MOVES, T0IF)])
-def test_intf_and_rbif_are_always_unknown_and_t0if_where_tmr0_is(timer: int, doubt: int) -> None:
-    for intcon, its_doubt in ((0xF8, 0), (0x07, 0), (0x00, 0), (0xA4, 0), (0x80, T0IF)):
-        s = resting(INTCON=intcon | its_doubt << 8, T0=timer)
+def test_a_flag_that_is_set_stays_so_and_t0if_is_unknown_where_tmr0_is(timer: int, doubt: int) -> None:
+    for intcon, its_doubt in ((0xF8, 3), (0x07, 0), (0x00, 7), (0xA4, 3), (0x80, T0IF | 3)):
+        s = resting(INTCON=intcon | its_doubt << 8, TMR0=timer)
         cell = chip.read(s, NOTHING, chip.INTCON, AT)
-        unknown = INTF | RBIF | doubt | its_doubt
+        unknown = (doubt & ~intcon) | its_doubt
         assert cell == intcon & ~unknown | unknown << 8
 
 
@@ -107,30 +108,30 @@ def test_tmr0_counts_once_in_2_to_256_cycles_from_the_third_after_a_write(ps: in
     """DS35007 section 5 and register 2-2; the cycle in which T0IF is seen: DS30430 figure 6-4."""
     ratio = 2 << ps
     s = resting(OPTION=ps)
-    assert chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 250) == chip.GOES_ON
+    assert chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 250) == chip.GOES_ON
     counts = AT + 3
     for cycle in (*range(AT + 1, counts + 1), counts + ratio - 1):
         assert chip.timer(s, cycle) == 250
     for n in (1, 5, 6, 261, 262):
         assert chip.timer(s, counts + n * ratio) == (250 + n) % 256
         assert chip.timer(s, counts + n * ratio - 1) == (249 + n) % 256
-    assert s[chip.T0_DUE] == counts + 6 * ratio - 1
-    s[chip.CYCLE] = s[chip.T0_DUE] - 1
-    chip.attend(s, NO_EDGES, NOTHING)
+    assert s[chip.OVERFLOW_AT] == counts + 6 * ratio - 1
+    s[chip.CYCLE] = s[chip.OVERFLOW_AT] - 1
+    chip.events(s, NO_EDGES, NOTHING)
     assert s[chip.INTCON] == 0
     s[chip.CYCLE] += 1
-    chip.attend(s, NO_EDGES, NOTHING)
+    chip.events(s, NO_EDGES, NOTHING)
     assert s[chip.INTCON] == T0IF
-    assert s[chip.T0_DUE] == counts + (6 + 256) * ratio - 1
+    assert s[chip.OVERFLOW_AT] == counts + (6 + 256) * ratio - 1
 
 
 def test_a_write_of_tmr0_whose_count_was_unknown_leaves_t0if_unknown() -> None:
     for before in (UNKNOWN, MOVES):
-        s = resting(T0=before, INTCON=T0IE | T0IF)
-        chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 5)
+        s = resting(TMR0=before, INTCON=T0IE)
+        chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 5)
         assert s[chip.INTCON] == T0IE | T0IF << 8
     s = resting(INTCON=T0IE | T0IF)
-    chip.write(s, np.zeros(64, np.int64), NOTHING, chip.T0, AT, 5)
+    chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 5)
     assert s[chip.INTCON] == T0IE | T0IF
 
 
@@ -140,10 +141,10 @@ def test_a_change_of_tmr0s_clock_makes_its_count_unknown_and_other_bits_of_optio
     bit: int, before: int
 ) -> None:
     """T0CS is bit 5, PSA 3, PS2 to PS0 are 2 to 0: DS35007 register 2-2."""
-    s = resting(OPTION=before, T0_FROM=40, T0_ZERO=50, T0_DUE=900)
-    assert chip.write(s, np.zeros(64, np.int64), NOTHING, chip.OPTION, AT, before ^ 1 << bit) == chip.GOES_ON
+    s = resting(OPTION=before, TMR0_FROM=40, TMR0_ZERO=50, OVERFLOW_AT=900)
+    assert chip.write(s, np.zeros(66, np.int64), NOTHING, chip.OPTION, AT, before ^ 1 << bit) == chip.GOES_ON
     assert s[chip.OPTION] == before ^ 1 << bit
-    after = s[[chip.T0, chip.T0_FROM, chip.T0_ZERO, chip.T0_DUE]].tolist()
+    after = s[[chip.TMR0, chip.TMR0_FROM, chip.TMR0_ZERO, chip.OVERFLOW_AT]].tolist()
     assert after == ([UNKNOWN, 0, 0, NEVER] if bit in (0, 1, 2, 3, 5) else [0, 40, 50, 900])
 
 
@@ -168,69 +169,97 @@ WATCHED = NOTHING._replace(watchdog=7000)
     ],
 )
 def test_when_the_watchdog_of_some_chip_may_time_out(option: int, changed: int, cycle: int, due: int) -> None:
-    s = resting(OPTION=option, CLEARED=60, WDT_DUE=1)
+    s = resting(OPTION=option, CLEARED=60, TIME_OUT_AT=1)
     chip.plan_time_out(s, WATCHED, changed, cycle)
-    assert s[chip.WDT_DUE] == due
+    assert s[chip.TIME_OUT_AT] == due
     chip.plan_time_out(s, NOTHING, changed, cycle)
-    assert s[chip.WDT_DUE] == due  # no watchdog: nothing is planned
+    assert s[chip.TIME_OUT_AT] == due  # no watchdog: nothing is planned
 
 
 # Interrupts -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("intcon", [GIE | T0IE | T0IF, 0xFF, GIE | T0IE, GIE | T0IF, T0IE | T0IF, 0x5B, 0])
+@pytest.mark.parametrize(
+    "intcon",
+    [
+        GIE | T0IE | T0IF,
+        0xFF,
+        GIE | T0IE,
+        GIE | T0IF,
+        T0IE | T0IF,
+        0x5B,
+        0,
+        GIE | INTE | INTF,
+        GIE | RBIE | RBIF,
+        GIE | INTE | RBIF,
+        GIE | RBIE | INTF,
+    ],
+)
 @pytest.mark.parametrize(
     ("before", "requested", "otherwise"),
     [(NEVER, 100, NEVER), (100, 100, NEVER), (101, 100, NEVER), (99, 99, 99), (90, 90, 90)],
 )
-def test_an_interrupt_is_requested_by_gie_t0ie_and_t0if_together(
+def test_an_interrupt_is_requested_by_gie_and_a_flag_with_its_enable_bit(
     intcon: int, before: int, requested: int, otherwise: int
 ) -> None:
     """What was sampled in an earlier cycle stays so, whatever becomes of the flags (DS30430 figure 8-17)."""
-    s = resting(INTCON=intcon, IRQ=before)
+    s = resting(INTCON=intcon, REQUESTED=before)
     chip.request(s, 100)
-    assert s[chip.IRQ] == (requested if intcon & 0xA4 == 0xA4 else otherwise)
+    asked = any(intcon & bits == bits for bits in (0xA4, 0x92, 0x89))
+    assert s[chip.REQUESTED] == (requested if asked else otherwise)
 
 
 def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled() -> None:
     for irq, entered in ((AT - 1, True), (AT - 2, True), (AT, False)):
-        s = resting(INTCON=GIE | T0IE | T0IF, IRQ=irq, PC=0x123, DEPTH=2)
-        why = chip.attend(s, NO_EDGES, NOTHING)
+        s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=irq, PC=0x123, DEPTH=2)
+        why = chip.events(s, NO_EDGES, NOTHING)
         if entered:
             assert why == chip.INTERRUPTED
             assert s[[chip.PC, chip.DEPTH, chip.STACK + 2, chip.STACK + 1]].tolist() == [4, 3, 0x123, 0]
-            assert s[[chip.CYCLE, chip.IRQ, chip.INTCON]].tolist() == [irq + 3, NEVER, T0IE | T0IF]
+            assert s[[chip.CYCLE, chip.REQUESTED, chip.INTCON]].tolist() == [irq + 3, NEVER, T0IE | T0IF]
         else:
             assert why == chip.GOES_ON
-            assert s[[chip.PC, chip.DEPTH, chip.CYCLE, chip.IRQ]].tolist() == [0x123, 2, AT, AT]
+            assert s[[chip.PC, chip.DEPTH, chip.CYCLE, chip.REQUESTED]].tolist() == [0x123, 2, AT, AT]
             assert s[chip.NEXT_EVENT] == AT + 1
 
 
 @pytest.mark.parametrize(("depth", "why"), [(7, chip.INTERRUPTED), (8, chip.OVERFLOW)])
 def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> None:
-    s = resting(INTCON=GIE | T0IE | T0IF, IRQ=AT - 1, DEPTH=depth)
-    assert chip.attend(s, NO_EDGES, NOTHING) == why
+    s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=AT - 1, DEPTH=depth)
+    assert chip.events(s, NO_EDGES, NOTHING) == why
 
 
 @pytest.mark.parametrize(
-    ("intcon", "doubt", "timer", "refused"),
+    ("intcon", "timer", "eecon1", "doubted"),
     [
-        (GIE | INTE, 0, 0, True),
-        (GIE | RBIE, 0, 0, True),
-        (INTE | RBIE | T0IE, T0IF, UNKNOWN, False),
-        (GIE | T0IE, 0, 0, False),
-        (GIE | T0IE, T0IF, 0, True),
-        (GIE | T0IE, 0, UNKNOWN, True),
-        (GIE | T0IE, 0, MOVES, True),
-        (GIE, T0IF, UNKNOWN, False),
-        (GIE | EEIE, 0, 0, False),
+        (GIE | INTE, 0, 0, INTF),
+        (GIE | RBIE, 0, 0, RBIF),
+        (GIE | RBIE | INTE | T0IE, UNKNOWN, 0, RBIF | INTF | T0IF),
+        (INTE | RBIE | T0IE, UNKNOWN, 0, 0),
+        (GIE | T0IE, 0, 0, 0),
+        (GIE | T0IE, UNKNOWN, 0, T0IF),
+        (GIE | T0IE, MOVES, 0, T0IF),
+        (GIE, UNKNOWN, chip.WR, 0),
+        (GIE | EEIE, 0, 0, 0),
+        (GIE | EEIE, 0, chip.WR, chip.WRITE_OVER),
+        (EEIE, 0, chip.WR, 0),
     ],
 )
-def test_interrupts_that_pins_or_an_unknown_count_may_cause_are_refused(
-    intcon: int, doubt: int, timer: int, refused: bool
+def test_a_flag_that_may_be_set_in_an_instruction_may_interrupt_after_it(
+    intcon: int, timer: int, eecon1: int, doubted: int
 ) -> None:
-    s = resting(INTCON=intcon | doubt << 8, T0=timer)
-    assert (chip.attend(s, NO_EDGES, NOTHING) == chip.INTERRUPT) is refused
+    """After the instruction, and once only, and also if the instruction clears GIE (DS30430 figure 8-17)."""
+    s = resting(INTCON=intcon | 0x0300, TMR0=timer, EECON1=eecon1)
+    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON
+    assert s[chip.DOUBTED] == doubted
+    assert bool(s[chip.NEXT_EVENT] == AT) is (doubted != 0)
+    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON, "of this boundary it was asked"
+    s[chip.CYCLE] += 1
+    s[chip.INTCON] &= ~GIE
+    assert chip.events(s, NO_EDGES, NOTHING) == (chip.MAY_INTERRUPT if doubted else chip.GOES_ON)
+    s[chip.DECLINED] = s[chip.CYCLE]
+    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON
+    assert s[chip.DOUBTED] == 0
 
 
 # Events in order ------------------------------------------------------------------------------------------
@@ -239,41 +268,42 @@ def test_interrupts_that_pins_or_an_unknown_count_may_cause_are_refused(
 @pytest.mark.parametrize(
     ("slots", "limits", "due"),
     [
-        ({"T0_DUE": 500}, {}, 500),
-        ({"WDT_DUE": 501}, {}, 501),
-        ({"DARK": 502}, {}, 503),
-        ({"IRQ": 504}, {}, 505),
+        ({"OVERFLOW_AT": 500}, {}, 500),
+        ({"TIME_OUT_AT": 501}, {}, 501),
+        ({"DARK_UNTIL": 502}, {}, 503),
+        ({"REQUESTED": 504}, {}, 505),
+        ({"WRITTEN_BY": 507}, {}, 507),
         ({}, {"limit": 506}, 506),
         ({"FRAME": 90}, {"period": 400}, 490),
-        ({"T0_DUE": 500, "WDT_DUE": 499, "DARK": 499}, {"limit": 501}, 499),
+        ({"OVERFLOW_AT": 500, "TIME_OUT_AT": 499, "DARK_UNTIL": 499}, {"limit": 501}, 499),
     ],
 )
 def test_the_next_event_is_the_earliest(slots: dict[str, int], limits: dict[str, int], due: int) -> None:
     s = resting(**slots)
-    assert chip.attend(s, NO_EDGES, NOTHING._replace(**limits)) == chip.GOES_ON
+    assert chip.events(s, NO_EDGES, NOTHING._replace(**limits)) == chip.GOES_ON
     assert s[chip.NEXT_EVENT] == due
 
 
 @pytest.mark.parametrize(
     ("slots", "limits", "why"),
     [
-        ({"WDT_DUE": AT}, {}, chip.WATCHED),
-        ({"WDT_DUE": AT + 1}, {}, chip.GOES_ON),
-        ({"DARK": AT - 1}, {}, chip.DARK_PIN),
-        ({"DARK": AT}, {}, chip.GOES_ON),
+        ({"TIME_OUT_AT": AT}, {}, chip.WATCHED),
+        ({"TIME_OUT_AT": AT + 1}, {}, chip.GOES_ON),
+        ({"DARK_UNTIL": AT - 1}, {}, chip.DARK_PIN),
+        ({"DARK_UNTIL": AT}, {}, chip.GOES_ON),
         ({}, {"limit": AT}, chip.TOO_LONG),
         ({}, {"limit": AT + 1}, chip.GOES_ON),
         ({"FRAME": 60}, {"period": 40}, chip.NEW_FRAME),
         ({"FRAME": 60}, {"period": 41}, chip.GOES_ON),
         ({"FRAME": chip.BEFORE}, {"period": 1}, chip.GOES_ON),
-        ({"WDT_DUE": AT, "DARK": AT - 1}, {}, chip.WATCHED),
-        ({"IRQ": AT - 1, "FRAME": 60}, {"period": 40}, chip.NEW_FRAME),  # then the interrupt
+        ({"TIME_OUT_AT": AT, "DARK_UNTIL": AT - 1}, {}, chip.WATCHED),
+        ({"REQUESTED": AT - 1, "FRAME": 60}, {"period": 40}, chip.NEW_FRAME),  # then the interrupt
     ],
 )
 def test_a_run_stops_in_the_cycle_in_which_something_is_due(
     slots: dict[str, int], limits: dict[str, int], why: int
 ) -> None:
-    assert chip.attend(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
+    assert chip.events(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
 
 
 @pytest.mark.parametrize(("edge", "cycle", "why"), [(0, 39, chip.MISSING), (0, 40, chip.GOES_ON),
@@ -283,7 +313,7 @@ def test_an_edge_is_missing_one_cycle_after_it_was_due(edge: int, cycle: int, wh
     """The frame began in cycle 60: an edge in its cycle 40 is made by the instruction of cycle 100."""
     at, _ = edges((cycle if edge == 0 else 0, 1), (max(cycle, 30) if edge == 0 else cycle, 0))
     s = resting(FRAME=60, EDGE=edge, CYCLE=AT if edge != 1 else 80)
-    assert chip.attend(s, at, NOTHING._replace(period=200)) == why
+    assert chip.events(s, at, NOTHING._replace(period=200)) == why
     if why == chip.GOES_ON:
         assert s[chip.NEXT_EVENT] == (60 + int(at[edge]) + 1 if edge < 2 else 260)
 
@@ -340,53 +370,91 @@ def test_an_edge_must_be_the_next_one_and_in_its_cycle(
 def test_an_unknown_level_may_be_driven_for_ten_cycles_before_the_first_pulse_only() -> None:
     for slots in ({"PORTA": 0x0200}, {"PORTB": 0x8000}):
         why, s = drive(*edges((0, 1)), **slots)
-        assert (why, s[chip.DARK]) == (chip.GOES_ON, AT + 10)
-        why, s = drive(*edges((0, 1)), DARK=AT + 3, **slots)
-        assert s[chip.DARK] == AT + 3  # since it began
+        assert (why, s[chip.DARK_UNTIL]) == (chip.GOES_ON, AT + 10)
+        why, s = drive(*edges((0, 1)), DARK_UNTIL=AT + 3, **slots)
+        assert s[chip.DARK_UNTIL] == AT + 3  # since it began
         assert drive(*edges((0, 1)), FRAME=90, **slots)[0] == chip.DARK_PIN
-        why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK=AT + 3, **slots)
-        assert (why, s[chip.DARK]) == (chip.GOES_ON, NEVER)
+        why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK_UNTIL=AT + 3, **slots)
+        assert (why, s[chip.DARK_UNTIL]) == (chip.GOES_ON, NEVER)
 
 
 # Writes ---------------------------------------------------------------------------------------------------
 
 
-def test_eecon1_keeps_wrerr_and_wren_and_starts_no_write() -> None:
+def test_eecon1_keeps_eeif_wrerr_and_wren_and_starts_no_write_without_the_keys() -> None:
     """EEIF is bit 4, WRERR 3, WREN 2, WR 1, RD 0: DS35007 section 3."""
-    cells = np.arange(64) + 0x40
+    cells = np.arange(66) + 0x40
     for value in range(256):
         s = resting(EEADR=0x3F, EEDATA=0x11, EECON1=0x0800)
         why = chip.write(s, cells, NOTHING, chip.EECON1, AT, value)
-        assert why == (chip.EEPROM_WRITE if value & 0x12 else chip.GOES_ON)
+        assert why == (chip.SEQUENCE if value & 0x02 else chip.GOES_ON)
         if why == chip.GOES_ON:
-            assert s[chip.EECON1] == value & 0x0C
+            assert s[chip.EECON1] == value & 0x1C
             assert s[chip.EEDATA] == (0x7F if value & 1 else 0x11)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "between", "before", "wren", "begins"),
+    [
+        (0x55, 0xAA, 2, 1, True, True),
+        (0x55, 0xAA, 2, 1, False, False),
+        (0x55, 0xAA, 3, 1, True, False),
+        (0x55, 0xAA, 1, 1, True, False),
+        (0x55, 0xAA, 2, 2, True, False),
+        (0x54, 0xAA, 2, 1, True, False),
+        (0x55, 0xAB, 2, 1, True, False),
+        (0x55, 0xAA << 8, 2, 1, True, False),
+    ],
+)
+def test_a_write_begins_after_its_keys_in_their_cycles(
+    first: int, second: int, between: int, before: int, wren: bool, begins: bool
+) -> None:
+    """DS35007 section 3.2: MOVLW between the keys, nothing before WR, WREN already set."""
+    cells, around = np.zeros(66, np.int64), NOTHING._replace(longest_write=20_000)
+    s = resting(EECON1=chip.WREN if wren else 0)
+    chip.write(s, cells, around, chip.EECON2, AT, first)
+    chip.write(s, cells, around, chip.EECON2, AT + between, second)
+    when = AT + between + before
+    why = chip.write(s, cells, around, chip.EECON1, when, chip.WREN | chip.WR)
+    assert (why == chip.GOES_ON) is begins
+    assert cells[chip.EEPROM_WRITTEN] == begins
+    if begins:
+        assert s[chip.WRITTEN_BY] == when + 1 + 20_000
+        chip.write(s, cells, around, chip.EECON1, when + 1, 0)
+        assert s[chip.EECON1] == chip.WR, "it cannot be cleared"
+        s[chip.CYCLE] = s[chip.WRITTEN_BY] - 1
+        chip.events(s, NO_EDGES, around)
+        assert s[chip.EECON1] == chip.WR
+        s[chip.CYCLE] += 1
+        chip.events(s, NO_EDGES, around)
+        assert (s[chip.EECON1], s[chip.WRITTEN_BY]) == (chip.EEIF, NEVER)
 
 
 @pytest.mark.parametrize(("address", "byte"), [(0, 0x40), (63, 0x7F), (64, UNKNOWN), (0xFF, UNKNOWN),
                                                (0x0100, UNKNOWN), (3 | MOVES, UNKNOWN)])  # fmt: skip
 def test_a_cell_of_the_eeprom_is_read_at_a_known_address_below_64(address: int, byte: int) -> None:
     s = resting(EEADR=address)
-    assert chip.write(s, np.arange(64) + 0x40, NOTHING, chip.EECON1, AT, 1) == chip.GOES_ON
+    assert chip.write(s, np.arange(66) + 0x40, NOTHING, chip.EECON1, AT, 1) == chip.GOES_ON
     assert s[chip.EEDATA] == byte
-    assert chip.write(s, np.arange(64) + 0x40, NOTHING, chip.EECON1, AT, 0x0800) == chip.GOES_ON
+    assert chip.write(s, np.arange(66) + 0x40, NOTHING, chip.EECON1, AT, 0x0800) == chip.GOES_ON
     assert s[chip.EECON1] == 0x0800
 
 
 def test_intcon_is_written_with_its_flags_and_may_request_an_interrupt_from_the_next_cycle() -> None:
-    none = np.zeros(64, np.int64)
+    none = np.zeros(66, np.int64)
     for value in range(256):
         s = resting()
         assert chip.write(s, none, NOTHING, chip.INTCON, AT, value) == chip.GOES_ON
-        assert s[chip.INTCON] == value
-        assert s[chip.IRQ] == (AT + 1 if value & 0xA4 == 0xA4 else NEVER)
+        assert s[chip.INTCON] == value | (3 & ~value) << 8  # the pins may set INTF and RBIF again at once
+        asked = any(value & bits == bits for bits in (0xA4, 0x92, 0x89))
+        assert s[chip.REQUESTED] == (AT + 1 if asked else NEVER)
     s = resting()
     assert chip.write(s, none, NOTHING, chip.INTCON, AT, 0xA0 | 0x0700) == chip.GOES_ON
-    assert s[chip.INTCON] == 0xA0 | T0IF << 8  # INTF and RBIF are unknown always, and not noted
+    assert s[chip.INTCON] == 0xA0 | 0x0700
 
 
 def test_other_registers_take_the_cell_and_what_does_not_exist_takes_nothing() -> None:
-    none = np.zeros(64, np.int64)
+    none = np.zeros(66, np.int64)
     for slot in (chip.FSR, chip.EEDATA, chip.EEADR):
         for cell in (0xA5, 0x0F | 0xA000, 0x12 | MOVES):
             s = resting()
@@ -458,10 +526,10 @@ def test_option_and_tris_write_w() -> None:
         (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0300}, chip.PCLATH, 0x01),
         (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0200}, chip.PCLATH, 0x02),
         (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x1C00}, None, 0),  # 1024 words have ten bits of address
-        (encode("BTFSS", f=5, b=2), {"TRISA": 0x04}, chip.GIVEN, 0x04),
-        (encode("BTFSS", f=6, b=7), {"TRISB": 0x80}, chip.GIVEN, 0x80),
-        (encode("BTFSS", f=11, b=1), {}, chip.GIVEN, 0x02),
-        (encode("BTFSS", f=1, b=1), {"T0": UNKNOWN}, chip.GIVEN, 0x02),
+        (encode("BTFSS", f=5, b=2), {"TRISA": 0x04}, chip.CHOSEN, 0x04),
+        (encode("BTFSS", f=6, b=7), {"TRISB": 0x80}, chip.CHOSEN, 0x80),
+        (encode("BTFSS", f=11, b=1), {"INTCON": 0x0300}, chip.CHOSEN, 0x02),
+        (encode("BTFSS", f=1, b=1), {"TMR0": UNKNOWN}, chip.CHOSEN, 0x02),
     ],
 )
 def test_a_bit_that_decides_the_way_is_asked_for(
@@ -491,7 +559,7 @@ def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
         why, s, _ = run([word], board, **inputs)
         slot = chip.PORTA if f == 5 else chip.PORTB
         assert (why, s[chip.ASKED], s[chip.ASKED_BIT]) == (chip.BUTTON, slot, 1 << bit)
-        answered = {"GIVEN": UNKNOWN & ~(1 << bit << 8) | 1 << bit}
+        answered = {"CHOSEN": UNKNOWN & ~(1 << bit << 8) | 1 << bit}
         why, s, _ = run([word], board, **inputs, **answered)
         assert why == chip.TOO_LONG
         if word == encode("MOVF", f=f, d=0):
@@ -499,7 +567,7 @@ def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
             assert s[chip.W] == 1 << bit | (mask & ~(1 << bit)) << 8
         else:
             assert s[chip.CYCLE] == AT + 1
-        assert s[chip.GIVEN] == UNKNOWN  # for this instruction only
+        assert s[chip.CHOSEN] == UNKNOWN  # for this instruction only
     # A test of another bit, and a read that writes the port back, ask for nothing.
     other = encode("BTFSC", f=f, b=bit ^ 1)
     assert run([other], board, **inputs)[1][chip.ASKED_BIT] == (
@@ -538,7 +606,7 @@ def test_calls_and_returns_use_eight_levels() -> None:
 def test_clrwdt_restarts_the_watchdog_and_makes_to_and_pd_known() -> None:
     why, s, _ = run([encode("CLRWDT")], WATCHED._replace(limit=AT + 1), STATUS=0x1F00, OPTION=0x0A)
     assert (why, s[chip.STATUS], s[chip.CLEARED]) == (chip.TOO_LONG, 0x18 | 0x0700, AT + 1)
-    assert s[chip.WDT_DUE] == AT + 1 + 4 * 7000
+    assert s[chip.TIME_OUT_AT] == AT + 1 + 4 * 7000
 
 
 def test_status_as_a_destination_keeps_to_and_pd_and_flags_of_the_instruction() -> None:
@@ -578,8 +646,8 @@ def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -
         board = NOTHING._replace(limit=int(s[chip.CYCLE]) + 1)
         return int(chip.run(s, np.zeros(chip.SLOTS, dtype=np.int64), *edges(), held, board))
 
-    assert why() == why(CYCLE=1, FRAME=0) == why(T0_FROM=AT) == why(FRAME=NEVER) == chip.CUT
-    passed = (why(CYCLE=0, FRAME=0), why(FRAME=chip.BEFORE), why(T0_FROM=AT + 1), why(IRQ=AT))
+    assert why() == why(CYCLE=1, FRAME=0) == why(TMR0_FROM=AT) == why(FRAME=NEVER) == chip.CUT
+    passed = (why(CYCLE=0, FRAME=0), why(FRAME=chip.BEFORE), why(TMR0_FROM=AT + 1), why(REQUESTED=AT))
     assert passed == (chip.TOO_LONG,) * 4
 
 

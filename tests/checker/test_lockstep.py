@@ -56,7 +56,7 @@ def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None
             used_now = np.zeros(chip.SLOTS, dtype=np.int64)
             assert chip.run(other, used_now, NO_EDGES, NO_EDGES, held, board(400)) == reason, seed
             assert np.array_equal(used, used_now), seed
-            assert np.array_equal(other[ram], np.where(used[ram] & chip.WRITTEN, first[ram], before)), seed
+            assert np.array_equal(other[ram], np.where(used[ram] & chip.CHANGED, first[ram], before)), seed
             other[ram] = first[ram]
             assert np.array_equal(other, first), seed
             compared += int((used[ram] == 0).sum())

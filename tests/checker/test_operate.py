@@ -101,29 +101,29 @@ def written(slot: int, cell: int, option: int = 0) -> tuple[int, chip.Ints]:
     """Write a cell to a register in cycle 100. Returns the reason to stop, and the chip afterwards."""
     state = np.zeros(chip.SLOTS, np.int64)
     state[chip.OPTION] = option
-    return chip.write(state, np.zeros(64, np.int64), board(1), slot, 100, cell), state
+    return chip.write(state, np.zeros(66, np.int64), board(1), slot, 100, cell), state
 
 
 def test_tmr0_is_known_after_a_known_byte_was_written_and_moves_after_one_that_moves() -> None:
     """Two cycles of inhibited counting, then one count every two cycles (DS35007 section 5)."""
     for cell, ten_later in [(7, 17), (250, 4), (7 | MOVES, 17 | MOVES)]:
-        _, state = written(chip.T0, cell)
+        _, state = written(chip.TMR0, cell)
         assert chip.timer(state, 103) == cell
         assert chip.timer(state, 103 + 10 * 2) == ten_later
-    _, state = written(chip.T0, 7, option=chip.PSA)  # undivided
+    _, state = written(chip.TMR0, 7, option=chip.PSA)  # undivided
     assert [chip.timer(state, cycle) for cycle in range(101, 106)] == [7, 7, 7, 8, 9]
     for unknown_bits in (0x01, 0x80, 0xFF):
-        _, state = written(chip.T0, unknown_bits << 8)
+        _, state = written(chip.TMR0, unknown_bits << 8)
         assert chip.timer(state, 123) == chip.UNKNOWN
-        assert state[chip.T0_DUE] == chip.NEVER, "no overflow of an unknown count can be foreseen"
-    _, state = written(chip.T0, 7, option=chip.T0CS)
+        assert state[chip.OVERFLOW_AT] == chip.NEVER, "no overflow of an unknown count can be foreseen"
+    _, state = written(chip.TMR0, 7, option=chip.T0CS)
     assert chip.timer(state, 123) == chip.UNKNOWN, "it counts edges of RA4"
 
 
 def test_an_overflow_is_foreseen_for_a_known_count_only() -> None:
     """From 254, two counts of two cycles after the inhibited ones; T0IF is seen one cycle ahead."""
-    assert written(chip.T0, 254)[1][chip.T0_DUE] == 103 + 2 * 2 - 1
-    assert written(chip.T0, 254 | MOVES)[1][chip.T0_DUE] == chip.NEVER
+    assert written(chip.TMR0, 254)[1][chip.OVERFLOW_AT] == 103 + 2 * 2 - 1
+    assert written(chip.TMR0, 254 | MOVES)[1][chip.OVERFLOW_AT] == chip.NEVER
 
 
 def test_registers_whose_unknown_bits_would_change_what_the_chip_does_are_not_written() -> None:

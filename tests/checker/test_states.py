@@ -51,7 +51,7 @@ def one_state(claim: dict[str, Any], **columns: int) -> dict[str, Any]:
 # Columns --------------------------------------------------------------------------------------------------
 
 LARGEST = {"option": 0xFF, "trisa": 0x1F, "trisb": 0xFF, "pc": 0x3FF, "depth": 8, "prescaler": 0xFF,
-           "watchdog_age": 1 << 40, "time": 1 << 30, "frame": 1 << 30, "place": 0,
+           "watchdog_age": 1 << 40, "write_left": 1 << 30, "time": 1 << 30, "frame": 1 << 30, "place": 0,
            **{f"stack{level}": 0x3FF for level in range(8)}}  # fmt: skip
 """Of each column of numbers: docs/proof.md. The certificate here has one place."""
 
@@ -61,9 +61,9 @@ def test_a_number_is_within_its_range(claim: dict[str, Any], name: str) -> None:
     assert LARGEST.keys() == NUMBERS.keys()
     least = -1 if name == "frame" else 0
     for value in (least, LARGEST[name]):
-        states = certify.reread(one_state(claim, **{name: value})).states
+        states = certify.reread(one_state(claim, eecon1=chip.WR, **{name: value})).states
         slot = NUMBERS[name][0]
-        assert states[0, slot] == (-value if slot in (chip.T0_ZERO, chip.CLEARED, chip.FRAME) else value)
+        assert states[0, slot] == (-value if slot in (chip.TMR0_ZERO, chip.CLEARED, chip.FRAME) else value)
     for value in (least - 1, LARGEST[name] + 1):
         with pytest.raises(InputError, match=f"column {name}"):
             certify.reread(one_state(claim, **{name: value}))
@@ -145,7 +145,7 @@ def test_a_column_is_one_value_or_the_differences(claim: dict[str, Any]) -> None
     two["columns"] |= {"pc": {"delta": [5, 7]}, "w": {"delta": [9, -4]}, "option": {"all": 3}}
     states = certify.reread(two).states
     assert states[:, [chip.PC, chip.W, chip.OPTION]].tolist() == [[5, 9, 3], [12, 5, 3]]
-    assert states[:, [chip.IRQ, chip.DARK]].tolist() == [[NEVER, NEVER]] * 2
+    assert states[:, [chip.REQUESTED, chip.DARK_UNTIL]].tolist() == [[NEVER, NEVER]] * 2
     for column in ({"delta": [5]}, {"delta": [5, 1, 1]}, {"delta": []}):
         with pytest.raises(InputError, match=r"column pc has \d values of 2"):
             certify.reread(two | {"columns": two["columns"] | {"pc": column}})
@@ -187,7 +187,8 @@ def row(**slots: int) -> chip.Ints:
     """Return a state in cycle 1000, with everything known to be 0 and no time-out due."""
     s = np.zeros(COLUMNS, dtype=np.int64)
     s[chip.CYCLE], s[chip.OPTION] = 1000, chip.PSA
-    s[[chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK]] = NEVER
+    s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = NEVER
+    s[[chip.DECLINED, chip.UNFINISHED]] = -1
     for name, value in slots.items():
         s[getattr(chip, name)] = value
     return s
@@ -208,14 +209,14 @@ def test_the_watchdog_is_on_by_its_bit_and_on_an_erased_chip(config: int | None,
     """7 ms at 4 MHz, times 128: OPTION_REG is FFh after a reset (DS35007 sections 6.1, 6.10)."""
     image = Image(PLAIN.program, config)
     power_up = checker(image=image)._power_up()[0]
-    assert power_up[chip.WDT_DUE] == (due if due == NEVER else 128 * due)
+    assert power_up[chip.TIME_OUT_AT] == (due if due == NEVER else 128 * due)
 
 
 @pytest.mark.parametrize("clock_hz", [3_999_999, 4_000_000, 20_000_000])
 def test_the_watchdogs_period_is_a_whole_number_of_cycles_rounded_down(clock_hz: int) -> None:
     schedule = SCHEDULE.replace(b"4000000", str(clock_hz).encode())
     power_up = checker(schedule, certify.plain_program("0x3ff5"))._power_up()[0]
-    assert power_up[chip.WDT_DUE] == 128 * (7 * clock_hz // 4000)
+    assert power_up[chip.TIME_OUT_AT] == 128 * (7 * clock_hz // 4000)
 
 
 @pytest.mark.parametrize("option", [*range(8), chip.PSA, chip.PSA | 7])
@@ -224,34 +225,34 @@ def test_tmr0s_time_is_its_count_and_the_cycles_since_it_counted(option: int) ->
     ratio = 1 if option & 8 else 2 << option
     for zero, now in ((1000, 1000), (1000, 1001), (1000 - 255 * ratio, 1000), (1000 - 256 * ratio + 1, 1000),
                       (1000 - 600 * ratio - ratio // 2, 1000)):  # fmt: skip
-        state = row(OPTION=option, T0_ZERO=zero, CYCLE=now, CLEARED=990, FRAME=800, T0_FROM=980)
+        state = row(OPTION=option, TMR0_ZERO=zero, CYCLE=now, CLEARED=990, FRAME=800, TMR0_FROM=980)
         (listed,) = check._settled(state[None])
-        assert listed[chip.T0] == (now - zero) // ratio % 256
-        assert listed[chip.T0_ZERO] == -((now - zero) % ratio)
-        assert listed[[chip.CYCLE, chip.T0_FROM]].tolist() == [0, 0]
+        assert listed[chip.TMR0] == (now - zero) // ratio % 256
+        assert listed[chip.TMR0_ZERO] == -((now - zero) % ratio)
+        assert listed[[chip.CYCLE, chip.TMR0_FROM]].tolist() == [0, 0]
         assert listed[[chip.CLEARED, chip.FRAME]].tolist() == [990 - now, 800 - now]
         again = started(checker(), listed)
         for later in (0, 1, ratio - 1, ratio, 300 * ratio + 1):
             assert chip.timer(again, later) == chip.timer(state, now + later)
         due = next(t for t in itertools.count(1) if (now + t + 1 - zero) % (256 * ratio) == 0)
-        assert again[chip.T0_DUE] == due
-        assert again[chip.T0] == 0
-        assert (again[chip.GIVEN], again[chip.WDT_DUE]) == (UNKNOWN, NEVER)
+        assert again[chip.OVERFLOW_AT] == due
+        assert again[chip.TMR0] == 0
+        assert (again[chip.CHOSEN], again[chip.TIME_OUT_AT]) == (UNKNOWN, NEVER)
 
 
 def test_times_that_never_come_stay_so_and_an_unknown_count_is_not_noted() -> None:
     for cell in (UNKNOWN, 7 | MOVES):
-        state = row(T0=cell & ~0xFF, WDT_DUE=NEVER, FRAME=chip.BEFORE, T0_ZERO=993)
+        state = row(TMR0=cell & ~0xFF, TIME_OUT_AT=NEVER, FRAME=chip.BEFORE, TMR0_ZERO=993)
         (listed,) = check._settled(state[None])
-        assert listed[chip.T0] == cell
-        assert listed[[chip.WDT_DUE, chip.FRAME]].tolist() == [NEVER, chip.BEFORE]
+        assert listed[chip.TMR0] == cell
+        assert listed[[chip.TIME_OUT_AT, chip.FRAME]].tolist() == [NEVER, chip.BEFORE]
         assert check._settled(row(FRAME=NEVER)[None])[0, chip.FRAME] == NEVER
         again = started(checker(), listed)
-        assert again[chip.T0_DUE] == NEVER
+        assert again[chip.OVERFLOW_AT] == NEVER
         assert chip.timer(again, 0) == cell
     (counted,) = check._settled(row(OPTION=chip.T0CS | chip.PSA)[None])
     again = started(checker(), counted)
-    assert again[chip.T0] == UNKNOWN  # edges of RA4, at any time
+    assert again[chip.TMR0] == UNKNOWN  # edges of RA4, at any time
 
 
 def test_a_started_state_has_the_next_edge_of_its_frame_and_its_watchdog() -> None:
@@ -261,7 +262,7 @@ def test_a_started_state_has_the_next_edge_of_its_frame_and_its_watchdog() -> No
         (listed,) = check._settled(row(FRAME=1000 - age, CLEARED=970, OPTION=0x0A)[None])
         again = started(watched, listed)
         assert (again[chip.EDGE], again[DUE]) == (edge, 0)
-        assert again[chip.WDT_DUE] == -30 + 4 * 7000
+        assert again[chip.TIME_OUT_AT] == -30 + 4 * 7000
 
 
 def contains(listed: chip.Ints, state: chip.Ints) -> bool:
@@ -279,7 +280,7 @@ def bytes_of(cell: int, phase: int) -> set[int]:
     return {cell & 0xFF | choice & cell >> 8 for choice in range(256)}
 
 
-SLOTS = (0x0C, chip.W, chip.T0)
+SLOTS = (0x0C, chip.W, chip.TMR0)
 
 
 def within(state: chip.Ints, listed: chip.Ints, phase: int) -> bool:
@@ -361,12 +362,12 @@ def test_a_cell_contains_a_cell_with_fewer_choices(listed: int, state: int, with
 def test_bytes_that_move_together_keep_their_difference_from_tmr0(
     byte: int, timer: int, within: bool
 ) -> None:
-    listed = row(T0=7 | MOVES, T0_ZERO=-3)
+    listed = row(TMR0=7 | MOVES, TMR0_ZERO=-3)
     listed[0x20] = 5 | MOVES
-    state = row(T0=timer, T0_ZERO=-3)
+    state = row(TMR0=timer, TMR0_ZERO=-3)
     state[0x20] = byte
     assert contains(listed, state) is within
-    state[chip.T0_ZERO] = -2  # the prescaler's count
+    state[chip.TMR0_ZERO] = -2  # the prescaler's count
     assert not contains(listed, state)
 
 
@@ -380,15 +381,15 @@ def test_everything_beside_bytes_must_be_equal(name: str) -> None:
         other = row()
         other[column] = 1
         assert not contains(row(), other)
-    for slot in (chip.CLEARED, chip.WDT_DUE, chip.EDGE, chip.GIVEN):  # compared otherwise, or not at all
+    for slot in (chip.CLEARED, chip.TIME_OUT_AT, chip.EDGE, chip.CHOSEN):  # compared otherwise, or not at all
         other = row()
         other[slot] = 1
         assert contains(row(), other)
 
 
 def test_the_prescalers_count_says_nothing_where_tmr0_is_unknown() -> None:
-    assert contains(row(T0=UNKNOWN, T0_ZERO=-1), row(T0=UNKNOWN, T0_ZERO=-2))
-    assert not contains(row(T0_ZERO=-1), row(T0_ZERO=-2))
+    assert contains(row(TMR0=UNKNOWN, TMR0_ZERO=-1), row(TMR0=UNKNOWN, TMR0_ZERO=-2))
+    assert not contains(row(TMR0_ZERO=-1), row(TMR0_ZERO=-2))
 
 
 @pytest.mark.parametrize(
@@ -441,7 +442,7 @@ def test_a_refusal_names_the_listed_state_and_the_frame() -> None:
     state[[ORIGIN, FRAME_NUMBER]] = 17, 23
     assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in check._place_of(state)
     state[ORIGIN] = -1
-    assert str(checker()._refused(state, "")).startswith("1000 cycles after power-up, ")
+    assert check._place_of(state).startswith("1000 cycles after power-up, ")
 
 
 @pytest.mark.parametrize(

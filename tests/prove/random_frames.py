@@ -244,11 +244,11 @@ def uncovered(
             yield f"seed {seed}: cycle {cycle}: no state of the certificate contains this one"
 
 
-SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.T0: at.TMR0, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
+SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.TMR0: at.TMR0, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
 SLOTS |= {slot: slot for slot in range(chip.RAM, chip.RAM_END)}
 SLOTS |= {chip.STATUS: at.STATUS, chip.INTCON: at.INTCON, chip.EECON1: at.EECON1}
 """The simulator's slots of the checker's."""
-TIMER = list(SLOTS).index(chip.T0)
+TIMER = list(SLOTS).index(chip.TMR0)
 EXACT = {chip.PCLATH: at.PCLATH, chip.OPTION: at.OPTION, chip.DEPTH: at.DEPTH}
 
 
