@@ -42,7 +42,8 @@ CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
 NUMBERS = {"option": (chip.OPTION, 0xFF), "trisa": (chip.TRISA, 0x1F), "trisb": (chip.TRISB, 0xFF),
            "pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "prescaler": (chip.TMR0_ZERO, 0xFF),
-           WRITE_LEFT: (chip.WRITTEN_BY, 1 << 30), "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
+           WRITE_LEFT: (chip.WRITTEN_BY, 1 << 30),
+           "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (chip.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
 """Columns of numbers, with the largest ones."""

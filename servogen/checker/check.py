@@ -182,7 +182,9 @@ class Checker:
         for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & chip.UNKNOWN)):
             shapes[shape.tobytes()].append(number)
         for text, numbers_of in shapes.items():
-            numbers_of.sort(key=lambda number: int(rows[number, chip.WRITTEN_BY]))  # of equals, the widest one
+            numbers_of.sort(
+                key=lambda number: int(rows[number, chip.WRITTEN_BY])
+            )  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
             self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
         return rows
@@ -318,8 +320,8 @@ class Checker:
         return both
 
     def _interrupted(self, rows: Ints) -> list[Ints]:
-        """Return the rows without an interrupt, and with one by each flag that the latest instruction may have
-        sampled, in its first cycle or in its last one.
+        """Return the rows without an interrupt, and with one by each flag that the latest instruction may
+        have sampled, in its first cycle or in its last one.
         """
         now, ways = int(rows[0, chip.CYCLE]), [rows]
         for flag in _bits(int(rows[0, chip.DOUBTED])):

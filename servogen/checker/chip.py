@@ -111,8 +111,8 @@ REASONS = (
     "a pin whose level is unknown or not driven", "an unknown value in a register",
     "control that depends on TMR0's phase", "an EEPROM write without its sequence",
 )  # fmt: skip
-(CUT, NEW_FRAME, FORK, BUTTON, LAST_EDGE, MAY_INTERRUPT, MAY_BE_WRITTEN, SLEEPS, TOO_LONG, WRONG_EDGE, MISSING,
- NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE) = range(19)  # fmt: skip
+(CUT, NEW_FRAME, FORK, BUTTON, LAST_EDGE, MAY_INTERRUPT, MAY_BE_WRITTEN, SLEEPS, TOO_LONG, WRONG_EDGE,
+ MISSING, NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE) = range(19)  # fmt: skip
 GOES_ON, INTERRUPTED = -1, -2
 
 # The program ---------------------------------------------------------------------------------------------
@@ -403,8 +403,8 @@ def events(s: Ints, edge_at: Ints, board: ChipSurroundings) -> int:
 
 @compiled
 def wake(s: Ints, board: ChipSurroundings, flag: int) -> None:
-    """Go on after SLEEP, which a flag has ended, or (0) the watchdog; TMR0 stood still, the watchdog is cleared
-    (section 6.11.2).
+    """Go on after SLEEP, which a flag has ended, or (0) the watchdog; TMR0 stood still, and the watchdog is
+    cleared (section 6.11.2).
     """
     if flag:
         happen(s, flag)
@@ -543,8 +543,8 @@ def ask(s: Ints, slot: int, bits: int) -> int:
 
 @compiled
 def locate(s: Ints, f: int, slots: Ints) -> int:
-    """Return the slot of the register at `f` in an instruction, or -1 to stop if it depends on unknown bits: those of FSR
-    or RP0 (section 2).
+    """Return the slot of the register at `f` in an instruction, or -1 to stop if it depends on unknown bits:
+    those of FSR or RP0 (section 2).
     """
     doubt = s[STATUS] >> 8 & RP0 if f > 0 and slots[f] != slots[f | 0x80] else 0
     if f == 0 and s[FSR] >> 8:
@@ -594,7 +594,8 @@ def undecided(
 
 @compiled
 def store(
-    s: Ints, edge_at: Ints, edge_out: Ints, eeprom: Ints, board: ChipSurroundings, slot: int, r: int, flags: int
+    s: Ints, edge_at: Ints, edge_out: Ints, eeprom: Ints, board: ChipSurroundings,
+    slot: int, r: int, flags: int,
 ) -> int:  # fmt: skip
     """Write the result of an instruction that affects `flags` to a register."""
     if slot == STATUS:  # TO and PD cannot be written, nor can the flags that it affects (section 2.3.1)

@@ -19,7 +19,8 @@ PLAIN, SCHEDULE = certify.plain_program(), certify.schedule()
 BUTTON, STOPPABLE = certify.button_program(), certify.schedule(STOP)
 
 
-FAULTS = ("SLEEP while pulses are due", "a pin whose level is unknown or not driven", "a word that is not an instruction",
+FAULTS = ("SLEEP while pulses are due",
+          "a pin whose level is unknown or not driven", "a word that is not an instruction",
           "an edge that is not expected", "a stack of more than eight levels")  # fmt: skip
 
 

@@ -74,7 +74,7 @@ def as_column(numbers: np.ndarray) -> Data:
 def flipped(case: Subject, rng: random.Random) -> tuple[str, Data, bool]:
     """One bit of one field of one state."""
     data = copy.deepcopy(case.data)
-    name = rng.choice([*CELLS, *NUMBERS])
+    name = rng.choice([*CELLS, *(name for name in NUMBERS if name in data["columns"])])
     row = rng.randrange(data["count"])
     bits = 17 if name in FREE else 16 if name in CELLS else NUMBERS[name][1].bit_length()
     numbers = values(data["columns"][name], data["count"]).copy()

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from servogen.checker import Checked, check_certificate, read_certificate
-
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
