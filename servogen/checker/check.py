@@ -123,6 +123,7 @@ class Checker:
         self._following, self._sampled = cache(self._after), cache(self._sample)
         self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
+        self._followed: set[bytes] = set()
         self._places: list[Place] = []
         self._numbers: dict[Place, int] = {}
         self._listed: list[tuple[Ints, dict[bytes | None, int]]] = []
@@ -248,8 +249,9 @@ class Checker:
                 elif why in (chip.FORK, chip.BUTTON):
                     stopped += self._both(rows, why)
                 elif why in self._ways:
+                    rows = self._new(rows)
                     self._forks += len(rows)
-                    stopped += self._ways[why](np.unique(rows, axis=0))
+                    stopped += self._ways[why](rows) if len(rows) else []
                 elif why == chip.CUT:
                     arrived.append(rows)
                 else:
@@ -318,6 +320,22 @@ class Checker:
                 for row in its[its[:, PLACE] < 0]:
                     raise _refused(row, "an input is read again")
         return both
+
+    def _new(self, rows: Ints) -> Ints:
+        """Return the rows from whose states nothing was followed yet: a program that waits for what comes by
+        itself need not come to a cut. Before the first pulse, which must come, every state is new.
+        """
+        rows = np.unique(rows, axis=0)
+        columns = [*EXACT, *BYTES, *TIMES, chip.TMR0_ZERO]
+        states = np.hstack([_settled(rows)[:, columns], rows[:, [chip.DOUBTED, chip.CHOSEN]]])
+        new = np.ones(len(rows), dtype=bool)
+        for number, state in enumerate(states):
+            key = hashlib.sha256(state.tobytes()).digest()
+            described = rows[number, chip.FRAME] != chip.BEFORE and chip.at_rest(rows[number])
+            new[number] = not described or key not in self._followed
+            if described:
+                self._followed.add(key)
+        return rows[new]
 
     def _interrupted(self, rows: Ints) -> list[Ints]:
         """Return the rows without an interrupt, and with one by each flag that the latest instruction may

@@ -409,6 +409,8 @@ def wake(s: Ints, board: ChipSurroundings, flag: int) -> None:
     if flag:
         happen(s, flag)
     s[PC], s[CYCLE], s[DOUBTED], s[CHOSEN] = s[PC] + 1 & 0x3FF, s[CYCLE] + 1, 0, UNKNOWN
+    if s[EECON1] & WR:  # it went on, at least while the oscillator started (1024 periods, section 6.6)
+        s[WRITTEN_BY] = max(s[WRITTEN_BY] - 256, s[CYCLE])
     clear_watchdog(s, board, s[CYCLE], TO if flag else 0)
     request(s, s[CYCLE])  # the instruction after SLEEP is executed before the interrupt
 
@@ -671,7 +673,7 @@ def run(
             if reason != GOES_ON:
                 return int(reason)
         pc, cycle = s[PC], s[CYCLE]
-        if code[pc, IS_CUT] and cycle > 0 and s[FRAME] != BEFORE and at_rest(s):
+        if code[pc, IS_CUT] and cycle > 0 and s[FRAME] != BEFORE and at_rest(s) and not s[DOUBTED]:
             return CUT
         flow = code[pc, FLOW]
         if flow in (NO_FLOW, SLEEP):
