@@ -320,21 +320,21 @@ def clear_watchdog(s: Ints, board: ChipSurroundings, cycle: int, to_pd: int) -> 
 @compiled
 def enabled(s: Ints) -> int:
     """Return the enabled flags; GIE is another matter (section 6.8)."""
-    return s[INTCON] >> 3 & (FLAGS_OF_INTCON | WRITE_OVER)
+    return int(s[INTCON] >> 3 & (FLAGS_OF_INTCON | WRITE_OVER))
 
 
 @compiled
 def certain(s: Ints) -> int:
     """Return the enabled flags that are set; they end SLEEP, and interrupt if GIE is set."""
     over = WRITE_OVER if s[EECON1] & EEIF else 0
-    return enabled(s) & (s[INTCON] & FLAGS_OF_INTCON | over)
+    return int(enabled(s) & (s[INTCON] & FLAGS_OF_INTCON | over))
 
 
 @compiled
 def doubtful(s: Ints) -> int:
     """Return the enabled flags that may be set in any cycle, by a pin, TMR0 or the end of a write."""
     flags = s[INTCON] >> 8 | (WRITE_OVER if s[EECON1] & WR else 0)
-    return enabled(s) & (flags | (T0IF if s[TMR0] >> 8 else 0)) & ~certain(s)
+    return int(enabled(s) & (flags | (T0IF if s[TMR0] >> 8 else 0)) & ~certain(s))
 
 
 @compiled
