@@ -261,7 +261,7 @@ class Checker:
                     max(self._run, FORK_CYCLES * self._forks) > MAX_CYCLES
                     or sum(map(len, stopped)) > MAX_ROWS
                 ):
-                    raise _refused(rows[0], "more cycles, or ways, than are allowed")
+                    raise NotCovered("more cycles, or ways, than are allowed", _place_of(rows[0]))
             states = np.concatenate([states, *stopped])
         if arrived:
             self._compare(np.concatenate(arrived))

@@ -163,7 +163,7 @@ def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
         assert float(peak) == pytest.approx(joint["peak_speed"] / radians(1), abs=0.06)
         assert limits == "-90 to 90"
     frames = found["frames_per_cycle"]
-    assert f"a cycle: {frames} frames, {frames * 0.02:g} s\n" in out
+    assert f"a cycle: {frames} frames, {frames * 0.02:g} s" in out
     assert f"the walk: {found['frames']} frames, the last {frames} of them" in out
     margin = re.search(r"stability margin: at least ([\d.]+) mm \(frame (\d+), on ([\w, ]+)\)", out)
     assert margin is not None

@@ -32,6 +32,8 @@ def twinned(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         passed=True,
         word="as planned",
         checks=(),
+        missed="",
+        judged=True,
         record=record,
         events=[SimpleNamespace(seconds=1.256, text="it falls")],
         reasons=lambda: ["because"],
