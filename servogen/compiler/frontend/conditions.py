@@ -91,6 +91,7 @@ class DirectiveCondition:
         return _wrapped((yes if condition.value else no).value, unsigned=unsigned)
 
     def _binary(self, level: int, *, live: bool) -> IntegerValue:
+        """Read the operators of a level of precedence and of those above it, from left to right."""
         if level == len(_LEVELS):
             return self._unary(live=live)
         left = self._binary(level + 1, live=live)
@@ -101,6 +102,7 @@ class DirectiveCondition:
         return left
 
     def _unary(self, *, live: bool) -> IntegerValue:
+        """Read an operand with the signs before it."""
         token = self._next()
         if token in ("+", "-", "~", "!"):
             operand = self._unary(live=live)
@@ -129,6 +131,7 @@ class DirectiveCondition:
 
 
 def _computed(operator: str, left: IntegerValue, right: IntegerValue, *, live: bool) -> IntegerValue:
+    """Return the value of a binary operator (ISO C99 6.10.1, 6.3.1.8). Raises ValueError."""
     a, b = left.value, right.value
     if operator in ("&&", "||"):
         return IntegerValue(int(bool(a and b) if operator == "&&" else bool(a or b)))

@@ -55,7 +55,9 @@ class Replacer:
             arguments: list[Tokens] = []
             hidden = _hidden(token)
             if macro.arglist is not None:
-                opening = next((at for at in _from_end(waiting) if waiting[at].type not in SPACE), None)
+                opening = next(
+                    (index for index in _from_end(waiting) if waiting[index].type not in SPACE), None
+                )
                 closing = None if opening is None else _closing(waiting, opening)
                 # a name without parentheses behind it, or whose parentheses do not close, stays
                 if opening is None or closing is None:
@@ -70,10 +72,10 @@ class Replacer:
                 hidden &= _hidden(waiting[closing])
                 del waiting[closing:]
             body = self._body(macro, arguments)
-            for each in body:
-                each.source, each.lineno = token.source, token.lineno
-                each.outermost = getattr(token, "outermost", token.value)
-                each.hidden = _hidden(each) | hidden | {token.value}
+            for replaced in body:
+                replaced.source, replaced.lineno = token.source, token.lineno
+                replaced.outermost = getattr(token, "outermost", token.value)
+                replaced.hidden = _hidden(replaced) | hidden | {token.value}
             self.counted(token, body)
             waiting += reversed(body)
         return out
@@ -81,27 +83,27 @@ class Replacer:
     def _arguments(self, macro: Any, name: Any, inside: Tokens) -> list[Tokens] | None:
         """Return the arguments of a use, one for each parameter; None where their number is wrong."""
         most = len(macro.arglist)
-        found: list[Tokens] = [[]]
+        arguments: list[Tokens] = [[]]
         depth = 0
         for token in inside:
             depth += {"(": 1, ")": -1}.get(token.value, 0)
-            if token.value == "," and depth == 0 and not (macro.variadic and len(found) == most):
-                found.append([])
+            if token.value == "," and depth == 0 and not (macro.variadic and len(arguments) == most):
+                arguments.append([])
             else:
-                found[-1].append(token)
-        found = [_stripped(argument) for argument in found]
-        if most == 0 and found == [[]]:
+                arguments[-1].append(token)
+        arguments = [_stripped(argument) for argument in arguments]
+        if most == 0 and arguments == [[]]:
             return []
-        if macro.variadic and found == [[]] and most == 1:
+        if macro.variadic and arguments == [[]] and most == 1:
             return [_OMITTED]
-        if macro.variadic and len(found) == most - 1:
-            found.append(_OMITTED)
-        if len(found) == most:
-            return found
+        if macro.variadic and len(arguments) == most - 1:
+            arguments.append(_OMITTED)
+        if len(arguments) == most:
+            return arguments
         if macro.variadic:
             self.fault(name, f"Macro {name.value} must have at least {most - 1} arguments")
         else:
-            self.fault(name, f"Macro {name.value} requires {most} arguments but was passed {len(found)}")
+            self.fault(name, f"Macro {name.value} requires {most} arguments but was passed {len(arguments)}")
         return None
 
     def _body(self, macro: Any, arguments: list[Tokens]) -> Tokens:
@@ -110,18 +112,18 @@ class Replacer:
         out: Tokens = []
         # spaces do not count beside # and ##
         value = macro.value
-        at = 0
+        index = 0
 
         def behind(index: int) -> int:
             return next(
                 (after for after in range(index + 1, len(value)) if value[after].type not in SPACE), -1
             )
 
-        while at < len(value):
-            token, after = value[at], behind(at)
+        while index < len(value):
+            token, after = value[index], behind(index)
             if token.value == "#" and after > 0 and value[after].value in given:
                 out.append(self._string(value[after], given))
-                at = after
+                index = after
             elif token.type == "CPP_DPOUND" and after > 0:
                 out = _stripped(out)
                 right = value[after]
@@ -138,7 +140,7 @@ class Replacer:
                     out.pop()
                 else:
                     out += operand
-                at = after
+                index = after
             elif token.type == "CPP_ID" and token.value in given:
                 if after > 0 and value[after].type == "CPP_DPOUND":
                     out += _copies(given[token.value]) or [_EMPTY]
@@ -146,7 +148,7 @@ class Replacer:
                     out += _copies(self.replace(_copies(given[token.value])))
             else:
                 out += _copies([token])
-            at += 1
+            index += 1
         return [token for token in out if token is not _EMPTY]
 
     def _string(self, parameter: Any, given: Mapping[str, Tokens]) -> Any:
@@ -171,8 +173,8 @@ class Replacer:
 
 
 def _hidden(token: Any) -> frozenset[str]:
-    found: frozenset[str] = getattr(token, "hidden", _NONE)
-    return found
+    hidden: frozenset[str] = getattr(token, "hidden", _NONE)
+    return hidden
 
 
 def _copies(tokens: Tokens) -> Tokens:
@@ -188,10 +190,10 @@ def _closing(waiting: Tokens, opening: int) -> int | None:
     if waiting[opening].value != "(":
         return None
     depth = 0
-    for at in range(opening, -1, -1):
-        depth += {"(": 1, ")": -1}.get(waiting[at].value, 0)
+    for index in range(opening, -1, -1):
+        depth += {"(": 1, ")": -1}.get(waiting[index].value, 0)
         if depth == 0:
-            return at
+            return index
     return None
 
 

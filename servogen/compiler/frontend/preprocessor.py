@@ -239,11 +239,11 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         """Return the token that two make, or both if they make none."""
         lexer = self.lexer.clone()
         lexer.input(left.value + right.value)
-        found = list(iter(lexer.token, None))
-        if len(found) != 1:
+        tokens = list(iter(lexer.token, None))
+        if len(tokens) != 1:
             return [left, right]
         token = copy.copy(left)
-        token.type, token.value = found[0].type, found[0].value
+        token.type, token.value = tokens[0].type, tokens[0].value
         return [token]
 
     def limit(self, name: Any, body: list[Any]) -> None:

@@ -399,6 +399,7 @@ def test_the_header_has_the_chip_its_clock_and_the_period() -> None:
         "clock_hz": 4_000_000,
         "clock_mhz": "4",
         "oscillator": "XT",
+        "configuration": "0x3FF1",  # DS35007 register 6-1: XT, no watchdog, power-up timer, no protection
         "period_us": "20000",
     }
 

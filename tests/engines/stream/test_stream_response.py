@@ -170,10 +170,10 @@ def test_every_way_through_masked_interrupts_counts() -> None:
 
 def test_the_page_has_the_figures_of_the_jobs() -> None:
     page = (Path(__file__).parents[3] / "docs" / "firmware.md").read_text()
-    row = r"^\| `(stream-\w+)` \| (\d+) rounds \| (\d+) \| (\d+) \| \d+ \| (proven|not proven) \|$"
+    row = r"^\| `(stream-\w+)` \| (\d+) rounds \| (\d+) \| (\d+) \| \d+ \| (yes|no) \|$"
     found = {job: rest for job, *rest in re.findall(row, page, re.M)}
     assert len(found) == 3
-    for job, (rounds, left, pulse, proven) in found.items():
+    for job, (rounds, left, pulse, in_time) in found.items():
         one, after_command = firmware(job).timing_budgets
         assert (made(job).streamed.layout.rounds, one.room, one.worst) == (int(rounds), int(left), int(pulse))
-        assert ((after_command.left or -1) >= 0) == (proven == "proven")
+        assert ((after_command.left or -1) >= 0) == (in_time == "yes")

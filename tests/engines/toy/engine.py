@@ -10,7 +10,7 @@ from servogen.engines.firmware import Firmware, compiled_to_fit
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.sequence.waits import CALLS
 from servogen.errors import InputError
-from servogen.pic.device import oscillator_for
+from servogen.pic.device import config_word, oscillator_for
 from servogen.pulse.plan import plan
 from servogen.units import Cycles
 
@@ -45,6 +45,7 @@ class ToyEngine:
                 device=job.device.name,
                 clock_hz=job.clock.hz,
                 oscillator=oscillator_for(job.clock.hz),
+                configuration=f"0x{config_word(oscillator_for(job.clock.hz)):04X}",
                 ports=list(ports_of(schedule)),
                 port=pin[1],
                 mask=f"0x{1 << int(pin[2]):02X}",
