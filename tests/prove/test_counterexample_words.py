@@ -420,20 +420,16 @@ def test_a_column_is_one_value_or_differences() -> None:
 
 
 def test_a_proof_that_is_none_has_no_certificate() -> None:
-    proof: Any = SimpleNamespace(
-        proven=True, transitions=object(), quantifiers=EVERYTHING, asynchronous=True, nodes=()
-    )
+    proof: Any = SimpleNamespace(proven=True, transitions=object(), quantifiers=EVERYTHING, nodes=())
     only = "^only a proof over every power-up, reset and chip has a certificate$"
     for changes in (
         {"proven": False},
         {"transitions": None},
         {"quantifiers": Quantifiers(resets=False)},
     ):
-        wrong: Any = SimpleNamespace(**(vars(proof) | {"asynchronous": False} | changes))
+        wrong: Any = SimpleNamespace(**(vars(proof) | changes))
         with pytest.raises(ValueError, match=only):
             certificate(wrong, Image({}), SCHEDULE, b"")
-    with pytest.raises(ValueError, match=r"^interrupts by INT and port B, SLEEP and EEPROM writes are not"):
-        certificate(proof, Image({}), SCHEDULE, b"")
 
 
 def test_a_certificate_names_its_image_its_schedule_and_what_is_held() -> None:
