@@ -368,7 +368,7 @@ def test_every_option_is_explained_on_the_page() -> None:
     group = SimpleNamespace(addoption=lambda name, **facts: added.append(name))
     parser: Any = SimpleNamespace(getgroup=lambda *names: group)
     plugin.pytest_addoption(parser)
-    assert len(added) == 12
+    assert len(added) == 13
     assert set(added) == set(re.findall(r"--servogen-[a-z-]+", PAGE))
 
 
