@@ -361,6 +361,7 @@ def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
     of_all: dict[str, Any] = {
         "word": "exact",
         "coverage": SimpleNamespace(words=lambda: "all of 3"),
+        "tolerances": SimpleNamespace(words=lambda: "a sample"),
         "duration_us": 2_500_000.0,
         "frames": 125,
         "plan_error": None,
@@ -370,6 +371,7 @@ def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
     assert dict(targets._of_capture(cast(Any, capture))) == {
         "servogen_verdict": "exact",
         "servogen_different_frames": "all of 3",
+        "servogen_tolerances": "a sample",
         "servogen_seconds": "2.5",
         "servogen_frames": "125",
         "servogen_plan_error": "no plan to compare with",
