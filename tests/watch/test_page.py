@@ -392,7 +392,7 @@ def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
     stopped = bodies(page)
     assert stopped[0] < begin[0] + 20 and stopped[2] < begin[2] - 5
     page.call("Page.reload")
-    page.until("document.getElementById('twin-show')?.checked")
+    page.until("watched.latest && document.getElementById('twin-show')?.checked")
     assert bodies(page) == stopped
     page.click("#twin-show")
     page.until("document.getElementById('twin-text').textContent === '' && !watched.robot.bodies")
