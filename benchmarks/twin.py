@@ -12,10 +12,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from servogen.build.engines import planned
 from servogen.job import load, plan_job
 from servogen.twin import TwinSettings
 from servogen.twin.run import Record, simulate
+from servogen.workflows.engines import planned
 
 JOB = Path(__file__).parent.parent / "jobs" / "hexapod-turn.toml"
 EDGES_FIRST, LOCK_STEP = 25.0, 12.0

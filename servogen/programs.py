@@ -79,7 +79,7 @@ class Program:
 
 
 def is_job(path: Path) -> bool:
-    """Return whether a path is that of a job file, whose program is built: `servogen.build.job_program`."""
+    """Return whether a path is that of a job file, whose program `workflows.job_program` builds."""
     return path.suffix.lower() == JOB_SUFFIX and not path.is_dir()
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import ResourceError, build, write
 from servogen.job import load, plan_job
+from servogen.workflows import ResourceError, build, write
 from tools.firmware_checksums import SUMS, checksum, ignored_names, read_sums, update_sums
 
 ROOT = Path(__file__).parent.parent

@@ -18,7 +18,7 @@ ABOUT_IT = (
     "servogen/prove/",
     "servogen/checker/",
     "servogen/cli/proof_commands.py",
-    "servogen/build/certificates.py",
+    "servogen/workflows/certificates.py",
     "tools/prove_firmware.py",
     "tools/superoptimiser/",  # another theorem: a rule, for all values of the bytes that it reads
     "docs/proof.md",

@@ -11,9 +11,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from servogen.build.certificates import certificate_file, prove_program
 from servogen.pic.image import read_hex
 from servogen.programs import read_schedule, read_source
+from servogen.workflows.certificates import certificate_file, prove_program
 
 HEADINGS = ("program", "states", "runs", "certificate", "verdict")
 

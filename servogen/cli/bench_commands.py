@@ -19,9 +19,9 @@ from servogen.units import counted
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
-    from servogen.build import PlayedJob
-    from servogen.build.capture import Captured
     from servogen.pic.image import Image
+    from servogen.workflows import PlayedJob
+    from servogen.workflows.capture import Captured
 
 
 DEFAULT_RATE = 1_000_000
@@ -65,7 +65,7 @@ def flash(
     from servogen.bench.programmers.flash import command_of
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import ProgrammingRequest, find
-    from servogen.build.flashing import check, schedule_beside
+    from servogen.workflows.flashing import check, schedule_beside
 
     if is_job(file):
         hint = f"build it, then flash its folder: servogen build {file}"
@@ -173,13 +173,13 @@ def rig(
     from servogen.bench.virtual.board import BoardOptions
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
-    from servogen.build import planned
     from servogen.drive.on_command import line_baud
     from servogen.engines.board import board_of
     from servogen.engines.player.commands import CommandLine
     from servogen.engines.stream.settings import Stream
     from servogen.job import load, plan_job
     from servogen.simulator.sources import pin_number
+    from servogen.workflows import planned
 
     loaded = plan_job(load(job))
     line = loaded.stream or Stream(receive_pin="RB7")
@@ -292,8 +292,8 @@ def capture(
     json: Json = False,
 ) -> None:
     """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    from servogen.build.capture import CaptureSettings, capture_by_sigrok
-    from servogen.build.capture import capture as captured
+    from servogen.workflows.capture import CaptureSettings, capture_by_sigrok
+    from servogen.workflows.capture import capture as captured
 
     schedule = None if against is None else read_schedule(against)
     looking = CaptureSettings(

@@ -60,7 +60,7 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
     if path.suffix.lower() in (programs.C_SUFFIX, *programs.ASSEMBLY_SUFFIXES):
         warn_of_missing_limits()
     if programs.is_job(path):
-        from servogen.build.job_program import read_program as built  # loads the compiler and the engines
+        from servogen.workflows.job_program import read_program as built  # loads the compiler and the engines
 
         program = built(path)
     else:

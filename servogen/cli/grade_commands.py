@@ -21,9 +21,9 @@ from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from servogen.build.grading import Graded, GradingTask
     from servogen.grade import Lab
     from servogen.grade.formats import GradedProgram
+    from servogen.workflows.grading import Graded, GradingTask
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 """The suffixes of HEX files in a folder; without .obj, which other tools use for different files."""
@@ -143,8 +143,8 @@ def grade(
         require_server()
     elif port:
         raise InputError("conflicting-options", "--port is for --watch")
-    from servogen.build.grading import GradingTask, copies, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
+    from servogen.workflows.grading import GradingTask, copies, grade_submissions
 
     keep_apart([path for path in files if not path.is_dir()], csv, junit, gradescope, classroom)
     task = GradingTask.of(load_lab(lab), read_submission, timeout, memory_mb)
@@ -273,9 +273,9 @@ def _write_pages(
     folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
 ) -> ServogenError | None:
     """Write each page that can be written; return the error of the first one that could not."""
-    from servogen.build.films import class_page, film_name, film_page, watch_command
     from servogen.grade import page
     from servogen.outputs import make_folder, write_text
+    from servogen.workflows.films import class_page, film_name, film_page, watch_command
 
     make_folder(folder)
     failure = None

@@ -31,11 +31,11 @@ from servogen.programs import beside_c, dialect_of, included_names, read_source
 from servogen.units import counted
 
 if TYPE_CHECKING:
-    from servogen.build.build import Build
-    from servogen.build.certificates import CertificateVerdict
     from servogen.job import PlannedJob
     from servogen.pulse import Quantised
     from servogen.report.plan_facts import PlanFacts, ServoFacts
+    from servogen.workflows.certificates import CertificateVerdict
+    from servogen.workflows.job_build import Build
 
 
 MAX_WIDTH_ROWS = 16
@@ -96,9 +96,9 @@ def new(
 
 def check(job: JobFile, json: Json = False) -> None:
     """Check a job file and show its pulses, without building it."""
-    from servogen.build import planned as planned_job
     from servogen.job import load, plan_job
     from servogen.plan_error import plan_text
+    from servogen.workflows import planned as planned_job
 
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
@@ -136,12 +136,12 @@ def build(
 
     Exit code 1 if a program is not exact or, with --prove, not proven and checked.
     """
-    from servogen.build import build as built
-    from servogen.build import write
-    from servogen.build.build import program_facts
     from servogen.job import load, plan_job
     from servogen.plan_error import plan_text
     from servogen.report import timing_budgets_text
+    from servogen.workflows import build as built
+    from servogen.workflows import write
+    from servogen.workflows.job_build import program_facts
 
     loaded = plan_job(load(job))
     folder = output or Path("build") / loaded.name
@@ -183,9 +183,9 @@ def demo(
 
     Exit code 1 if a program is not exact, or a certificate is refused.
     """
-    from servogen.build import ResourceError, write
-    from servogen.build import build as built
     from servogen.job import load, plan_job
+    from servogen.workflows import ResourceError, write
+    from servogen.workflows import build as built
 
     results: list[tuple[Path, Build]] = []
     refused: list[Diagnostic] = []
@@ -292,8 +292,8 @@ def _theorems(
     That is what the checker says of its certificate in `certificates`, if given, or beside its HEX file in
     `folder`, or in the user's cache; or, with `prove`, of a proof that is made now. Raises InputError.
     """
-    from servogen.build.build import hex_name
-    from servogen.build.certificates import beside, certificate_file, checked, kept, proved
+    from servogen.workflows.certificates import beside, certificate_file, checked, kept, proved
+    from servogen.workflows.job_build import hex_name
 
     verdicts = []
     schedule = result.plan.schedule
@@ -311,7 +311,7 @@ def _theorems(
 
 def _theorem_lines(result: Build, folder: Path, theorems: list[CertificateVerdict]) -> Iterator[str]:
     """Yield what is proven of a build's programs, and the command that proves the others."""
-    from servogen.build.build import hex_name
+    from servogen.workflows.job_build import hex_name
 
     names = [hex_name(result, program) for program in result.programs]
     rows = sorted(zip(theorems, names, strict=True), key=lambda row: (not row[0].valid, row[0].text))
@@ -410,11 +410,11 @@ def plan(
     json: Json = False,
 ) -> None:
     """Show a job's motion without building it: frames, servos, paths, pulse errors."""
-    from servogen.build import nearest_pulses
     from servogen.job import load, plan_job
     from servogen.outputs import atomic_write
     from servogen.report.motion_table import frame_lines
     from servogen.report.plan_facts import plan_facts
+    from servogen.workflows import nearest_pulses
 
     with status("planning"):
         asked = plan_job(load(job))
@@ -558,13 +558,13 @@ def report(
     json: Json = False,
 ) -> None:
     """Build a job, run it and write a self-contained HTML page about it."""
-    from servogen.build.reporting import page_of
     from servogen.errors import Location
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.plan_error import plan_text
     from servogen.traces.channels import wires_of
     from servogen.verify import capture_lines
+    from servogen.workflows.reporting import page_of
 
     for given, key, what in ((rate, "--rate", "a sampling rate"), (wire, "--wire", "wires")):
         if given and capture is None:
@@ -623,11 +623,11 @@ def tune(
     Compile that C and run tune again with it as --c. Exit code 0: every edge of the HEX is exact; 1: not yet,
     and the next C has been written.
     """
-    from servogen.build.retarget import tune_to
     from servogen.compiler import Source
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.verify import verdict_lines
+    from servogen.workflows.retarget import tune_to
 
     loaded = plan_job(load(job))
     text = read_source(c_file) if c_file else ""

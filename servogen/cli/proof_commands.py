@@ -19,7 +19,6 @@ from servogen.inputs import read_input
 from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
-    from servogen.build.certificates import Witnessed
     from servogen.checker import Checked
     from servogen.engines.stream.streaming import Streaming
     from servogen.job import PlannedJob
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from servogen.prove import Counterexample, Proof, Quantifiers
     from servogen.prove.stream.proof import LineProof
     from servogen.pulse import PulseSchedule
+    from servogen.workflows.certificates import Witnessed
 
 
 def register(app: typer.Typer) -> None:
@@ -273,12 +273,12 @@ class ProofRequest:
 
 def prove_schedule(file: Path, device: str | None, request: ProofRequest, json: bool) -> int:
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
-    from servogen.build import certificates
-    from servogen.build.signals import device_for, program_for
     from servogen.outputs import write_bytes
     from servogen.prove import prove_for_all
     from servogen.prove.prover import MAX_STATES
     from servogen.simulator import SimulatorOptions
+    from servogen.workflows import certificates
+    from servogen.workflows.signals import device_for, program_for
 
     if request.certificate is not None and not request.over.complete:
         raise InputError(
@@ -532,9 +532,9 @@ def check_certificate(
     checker covers, with the reason; 2: a file is not valid.
     """
     from servogen import checker
-    from servogen.build.certificates import MAX_CERTIFICATE_BYTES
     from servogen.pic.image import read_hex
     from servogen.programs import MAX_SCHEDULE_BYTES, program_file, read_source
+    from servogen.workflows.certificates import MAX_CERTIFICATE_BYTES
 
     claim = checker.read_certificate(read_input(certificate, MAX_CERTIFICATE_BYTES), str(certificate))
     hex_file = program_file(hex_file)

@@ -29,8 +29,8 @@ def schema(
     output: Output = None,
 ) -> None:
     """Print the JSON schema of a kind of file; editors complete and check with it."""
-    from servogen.build.schemas import SCHEMAS
     from servogen.outputs import write_text
+    from servogen.workflows.schemas import SCHEMAS
 
     text = json.dumps(SCHEMAS[kind](), indent=2) + "\n"
     if output is None:

@@ -68,12 +68,12 @@ def verify(
     json: Json = False,
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
-    from servogen.build import judge_file, judge_image
-    from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
-    from servogen.build.verification import hidden_by, not_judged
     from servogen.traces import read_edges
     from servogen.traces.captures import is_capture
     from servogen.verify import verdict_lines
+    from servogen.workflows import judge_file, judge_image
+    from servogen.workflows.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
+    from servogen.workflows.verification import hidden_by, not_judged
 
     schedule = read_schedule(against)
     wires = wires_for(file, wire)
@@ -119,9 +119,9 @@ def verify(
 def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: SimulatorOptions, json: bool
 ) -> int:
-    from servogen.build.signals import is_program, program_for
-    from servogen.build.verification import judge_forever, not_judged
     from servogen.verify import verdict_lines
+    from servogen.workflows.signals import is_program, program_for
+    from servogen.workflows.verification import judge_forever, not_judged
 
     if not is_program(file):
         raise InputError(
@@ -143,7 +143,7 @@ def _verify_forever(
 
 def _run_json(schedule: PulseSchedule, image: Image | None) -> dict[str, object]:
     """Return the levels at which a program's inputs were held, and what was not judged."""
-    from servogen.build.verification import not_judged
+    from servogen.workflows.verification import not_judged
 
     held = {source.pin: source.level for source in schedule.inputs} if image is not None else {}
     return {"held": held, "not_judged": list(not_judged(schedule, image))}
@@ -161,9 +161,9 @@ def _verify_capture(
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.build.verification import judge_capture, not_judged
     from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
+    from servogen.workflows.verification import judge_capture, not_judged
 
     capture = read_capture(file, wires)
     if rate is not None:
@@ -201,7 +201,9 @@ def measure(
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    from servogen.build.signals import (
+    from servogen.verify import measure as measured
+    from servogen.verify import measurement_lines
+    from servogen.workflows.signals import (
         is_program,
         measured_warnings,
         refuse_chip_options,
@@ -209,8 +211,6 @@ def measure(
         unscheduled_edges,
         wires_for,
     )
-    from servogen.verify import measure as measured
-    from servogen.verify import measurement_lines
 
     keep_apart([file], schedule)
     models = servos_named(servo or [])
@@ -238,8 +238,8 @@ def measure(
 def _write_schedule(
     path: Path, trace: EdgeTrace, file: Path, servos: Mapping[str, str], device: str | None
 ) -> None:
-    from servogen.build.measured_schedule import measured_schedule
     from servogen.outputs import write_text
+    from servogen.workflows.measured_schedule import measured_schedule
 
     write_text(path, measured_schedule(trace, str(file), servos, device).json_text())
 
@@ -257,8 +257,9 @@ def plot(
     device: OwnDevice = None,
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
-    from servogen.build import motion_cycles
-    from servogen.build.signals import (
+    from servogen.report.pulse_plot import pulse_plot
+    from servogen.workflows import motion_cycles
+    from servogen.workflows.signals import (
         device_for,
         is_program,
         refuse_chip_options,
@@ -266,7 +267,6 @@ def plot(
         unscheduled_edges,
         wires_for,
     )
-    from servogen.report.pulse_plot import pulse_plot
 
     keep_apart([path for path in (file, against) if path], output)
     schedule = read_schedule(against) if against else None

@@ -56,7 +56,6 @@ def twin(
     json: Json = False,
 ) -> None:
     """Simulate the robot that a job's HEX drives: motors, supply, bodies and contacts (needs MuJoCo)."""
-    from servogen.build.twinning import twin_of
     from servogen.cli.files import keep_apart
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
@@ -65,6 +64,7 @@ def twin(
     from servogen.simulator import load_stimuli
     from servogen.twin import Ground, TwinSettings
     from servogen.twin.pictures import csv_text, twin_plot, twin_scene
+    from servogen.workflows.twinning import twin_of
 
     keep_apart([path for path in (job, hexfile, stimulus) if path], picture, film, csv)
     for path, suffixes, kind in ((picture, SUFFIXES, "picture"), (film, FILM_SUFFIXES, "film")):

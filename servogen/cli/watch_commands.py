@@ -72,7 +72,6 @@ def watch(
     It prints the address of the page, which only this machine can open, and runs until Ctrl-C.
     """
     require_server()
-    from servogen.build.signals import chosen_device, device_for, wires_for
     from servogen.drive.serial_link import port_opener
     from servogen.job import load
     from servogen.programs import DEFAULT_DEVICE, is_job, program_file, read_schedule
@@ -81,6 +80,7 @@ def watch(
     from servogen.watch.live_line import LiveLine
     from servogen.watch.server import Room, WatchServer
     from servogen.watch.subject import Setting, check, load_subject
+    from servogen.workflows.signals import chosen_device, device_for, wires_for
 
     check(file)
     watches_job = is_job(file)

@@ -18,6 +18,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from servogen.errors import Location, ServogenError
 from servogen.pic.device import Device, config_word, oscillator_for
 from servogen.pulse import PulseSchedule
+from servogen.template_files import template_folder
 
 SUFFIXES = (".j2", ".asm")
 """The endings of templates: bodies and dialects, and the engines' assembly."""
@@ -63,13 +64,6 @@ def assembly(text: str) -> Iterator[AsmLine]:
     for line in text.splitlines():
         code, _, comment = line.partition(";")
         yield AsmLine(code, comment.strip())
-
-
-def template_folder() -> Path:
-    """Return `templates/`: inside the package when installed from a wheel, beside it in a checkout."""
-    package = Path(__file__).parent.parent
-    inside = package / "templates"
-    return inside if inside.is_dir() else package.parent / "templates"
 
 
 @cache

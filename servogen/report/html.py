@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, TemplateError
 
 from servogen.edges import PINS, EdgeTrace
-from servogen.engines.c_text import RenderError, template_folder
+from servogen.engines.c_text import RenderError
 from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
@@ -29,6 +29,7 @@ from servogen.report.text import ProgramFacts, rounded_width, sentence
 from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 from servogen.report.wiring import open_drain, package, remarks, wires
+from servogen.template_files import template_folder
 from servogen.units import counted
 from servogen.verify import CaptureVerdict, capture_summary
 

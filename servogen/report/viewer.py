@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 
-from servogen.engines.c_text import template_folder
+from servogen.template_files import template_folder
 
 MODULES = ("robot.js", "waves.js", "film.js")
 """The modules, in an order in which each comes after those that it imports."""

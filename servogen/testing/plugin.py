@@ -375,9 +375,9 @@ def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., TwinVerdict]:
     test is skipped where MuJoCo is not installed.
     """
     pytest.importorskip("mujoco", reason="the twin needs MuJoCo: pip install 'servogen[twin]'")
-    from servogen.build.twinning import twin_of
     from servogen.job import load, plan_job
     from servogen.twin import TwinSettings
+    from servogen.workflows.twinning import twin_of
 
     def run(job: str | Path, program: str | Path | None = None, **settings: Any) -> TwinVerdict:
         file = None if program is None else _beside(request.node, Path(program))

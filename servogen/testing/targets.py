@@ -32,18 +32,6 @@ from servogen.bench.inputs.wiring import MARK_CHANNEL, MCLR, VDD, Contact, Input
 from servogen.bench.ports import open_port
 from servogen.bench.programmers.flash import flash, objections, read_eeprom
 from servogen.bench.programmers.table import ProgrammingRequest, find
-from servogen.build.capture import CaptureSettings, capture
-from servogen.build.verification import (
-    START_FRAMES,
-    checked_cycles,
-    chip_warnings,
-    cycle_of,
-    end_of,
-    hidden_by,
-    judge_capture,
-    judge_edges,
-    judge_file,
-)
 from servogen.edges import PINS, EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of
 from servogen.errors import Diagnostic, InputError, Location, ToolError
@@ -62,6 +50,18 @@ from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 from servogen.verify.capture.check import split
+from servogen.workflows.capture import CaptureSettings, capture
+from servogen.workflows.verification import (
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    cycle_of,
+    end_of,
+    hidden_by,
+    judge_capture,
+    judge_edges,
+    judge_file,
+)
 
 TYPICAL_EDGES_PER_S = TYPICAL_EDGES / float(TYPICAL_PERIOD_S)
 """The rate of edges for which an analyser's memory is planned."""

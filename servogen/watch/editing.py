@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from servogen.build.build import Build, build
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.inputs import read_input
 from servogen.job import Job, PlannedJob, loads, plan_job
@@ -23,6 +22,7 @@ from servogen.plan_error import plan_text
 from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
+from servogen.workflows.job_build import Build, build
 
 DEGREES, ROUNDING = 1, 1e-7
 """The number of decimals of a recorded angle in degrees, and of its last digit what rounding may be off."""

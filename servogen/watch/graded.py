@@ -10,9 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from servogen.build.films import class_page, film_name, film_page
-from servogen.build.grading import Graded, GradingTask
-from servogen.build.power_ups import BOARD
 from servogen.edges import PINS
 from servogen.grade import page, shown_name
 from servogen.programs import within_limits
@@ -20,6 +17,9 @@ from servogen.report.robot_model import servo_model
 from servogen.units import Cycles
 from servogen.watch.server import Page, Room
 from servogen.watch.subject import Subject
+from servogen.workflows.films import class_page, film_name, film_page
+from servogen.workflows.grading import Graded, GradingTask
+from servogen.workflows.power_ups import BOARD
 
 HTML, TEXT = "text/html", "text/plain"
 """The types of pages; Markdown is shown as plain text."""

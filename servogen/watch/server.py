@@ -28,9 +28,9 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from servogen.engines.c_text import template_folder
 from servogen.errors import ServogenError
 from servogen.simulator import aot_cache
+from servogen.template_files import template_folder
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Message, WatchSession

@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 
-from servogen.build.engines import planned
-from servogen.build.verification import judge_capture
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import InputError, Location
@@ -39,6 +37,8 @@ from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
+from servogen.workflows.engines import planned
+from servogen.workflows.verification import judge_capture
 
 START_FRAMES = 50
 """The maximum number of frames from reset to a program's first pulse."""

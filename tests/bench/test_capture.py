@@ -109,7 +109,7 @@ def test_garbage_instead_of_an_identity_is_refused(
 def test_a_chip_that_does_nothing_never_triggers(
     run: Run, serve: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("servogen.build.capture.PATIENCE_S", 0.5)
+    monkeypatch.setattr("servogen.workflows.capture.PATIENCE_S", 0.5)
     port = serve(analyser(Image({0: 0x2800}, 0x3FF1))).paths["analyser"]
     done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--seconds", 0.1)
     assert done.code == 3

@@ -15,12 +15,12 @@ from servogen.bench.analysers.sump import Runs
 from servogen.bench.analysers.sump_client import ReceivedSamples
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
-from servogen.build.reporting import capture_facts
 from servogen.errors import ToolError
 from servogen.pulse import from_json
 from servogen.pulse.expected import expected
 from servogen.report.signals import captured
 from servogen.units import Clock
+from servogen.workflows.reporting import capture_facts
 from tests.bench.conftest import LAB8, ROOT, Run, Serve, image_of, shorter_in
 
 HEXAPOD = ROOT / "firmware" / "hexapod-tripod"

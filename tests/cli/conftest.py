@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import build, write
 from servogen.cli import main
 from servogen.job import load, plan_job
+from servogen.workflows import build, write
 
 ROOT = Path(__file__).parents[2]
 

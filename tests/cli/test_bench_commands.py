@@ -15,10 +15,10 @@ import pytest
 
 from servogen.bench.programmers import flash, table
 from servogen.bench.virtual import rig
-from servogen.build import capture, flashing
 from servogen.cli import bench_commands
 from servogen.errors import Diagnostic
 from servogen.simulator.sources import pin_number
+from servogen.workflows import capture, flashing
 from tests.cli.conftest import Run
 
 ROOT = Path(__file__).parents[2]

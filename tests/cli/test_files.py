@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from servogen import programs
-from servogen.build import job_program
 from servogen.cli import files, show
 from servogen.cli.files import keep_apart
 from servogen.errors import Diagnostic, InputError
+from servogen.workflows import job_program
 
 
 @pytest.fixture(autouse=True)

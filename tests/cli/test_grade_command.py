@@ -144,7 +144,7 @@ def test_where_no_file_is_there_nothing_was_graded(run: Run, tmp_path: Path) -> 
 
 def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without Dask as without a cluster: exit code 3 and one sentence."""
-    monkeypatch.setattr("servogen.build.grading.CONNECT_S", 1)
+    monkeypatch.setattr("servogen.workflows.grading.CONNECT_S", 1)
     ran = run("grade", "lab8-exercise", PROGRAMS / "lab8-right", "--scheduler", "tcp://127.0.0.1:9")
     assert ran.code == 3
     assert "Dask" in ran.err

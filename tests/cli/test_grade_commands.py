@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from servogen import grade as grade_package
-from servogen.build import grading
 from servogen.cli import grade_commands
 from servogen.cli.grade_commands import _Formats
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.grade import formats, points
+from servogen.workflows import grading
 from tests.cli.conftest import Run
 
 

@@ -6,25 +6,24 @@ import json
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from servogen import build as build_package
 from servogen import job as job_package
 from servogen import report
 from servogen import verify as verify_package
-from servogen.build import reporting, retarget
-from servogen.build.certificates import CertificateVerdict
+from servogen import workflows as build_package
 from servogen.cli import job_commands
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
 from servogen.pulse import Quantised
 from servogen.units import Clock, Cycles
+from servogen.workflows import reporting, retarget
+from servogen.workflows.certificates import CertificateVerdict
 from tests.cli.conftest import Run
 
 ROOT = Path(__file__).parents[2]
@@ -164,7 +163,7 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(build_package, "write", lambda result, folder: results["written"].append(folder))
     results["theorems"] = [MISSING, MISSING]
     monkeypatch.setattr(job_commands, "_theorems", lambda *given: results["theorems"])
-    monkeypatch.setattr(import_module("servogen.build.build"), "hex_name", lambda result, program: "main.hex")
+    monkeypatch.setattr("servogen.workflows.job_build.hex_name", lambda result, program: "main.hex")
     return results
 
 
@@ -254,7 +253,7 @@ def test_only_who_asks_for_a_proof_is_refused_without_one(
     run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch,
     theorems: list[CertificateVerdict], words: tuple[str, ...], code: int,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr(import_module("servogen.build.build"), "program_facts", lambda result: ())
+    monkeypatch.setattr("servogen.workflows.job_build.program_facts", lambda result: ())
     monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(()))
     building["theorems"] = theorems
     ran = run("build", "jobs/a.toml", *words)
@@ -571,7 +570,7 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
     word: str,
 ) -> None:
     """In build/ and the job's name unless told otherwise."""
-    monkeypatch.setattr(import_module("servogen.build.build"), "program_facts", lambda result: ())
+    monkeypatch.setattr("servogen.workflows.job_build.program_facts", lambda result: ())
     monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
     building["build"] = lambda job: built(job.name, exact, 2)
     ran = run("build", "jobs/a.toml")

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from servogen import checker
-from servogen.build.certificates import Witnessed
 from servogen.cli import proof_commands
 from servogen.cli.proof_commands import ProofRequest
 from servogen.errors import InputError
@@ -20,6 +19,7 @@ from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.stream.proof import LineProof
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.units import Clock, Cycles
+from servogen.workflows.certificates import Witnessed
 from tests.cli.conftest import Run as Command
 
 SCHEDULE = PulseSchedule(

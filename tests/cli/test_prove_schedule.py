@@ -200,7 +200,7 @@ def test_two_witnesses_that_disagree_are_an_internal_error_that_names_both(
         content["cuts"] = content["cuts"][:-1]
         return lzma.compress(json.dumps(content).encode())
 
-    monkeypatch.setattr("servogen.build.certificates.certificate", torn)
+    monkeypatch.setattr("servogen.workflows.certificates.certificate", torn)
     done = run("prove", STARTS / "good.asm", "--against", SCHEDULE)
     assert (done.code, done.out) == (3, "")
     assert "servogen.prove says proven, and servogen.checker refuses its certificate: " in done.err

@@ -290,8 +290,8 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     done = SimpleNamespace(
         shortage=None, rate=10**6, seconds=1.5, captures=3, plan=plan, analyser=analyser, seen=seen
     )
-    monkeypatch.setattr("servogen.build.capture.capture", lambda *_: done)
-    monkeypatch.setattr("servogen.build.capture.capture_by_sigrok", lambda *_: done)
+    monkeypatch.setattr("servogen.workflows.capture.capture", lambda *_: done)
+    monkeypatch.setattr("servogen.workflows.capture.capture_by_sigrok", lambda *_: done)
     schedule = Path(__file__).parents[2] / "firmware" / "lab8-exercise" / "schedule.json"
     target = tmp_path / "seen.vcd"
     next_step = f"next: servogen verify {target} --against {schedule}"

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from servogen.build.build import Build
 from servogen.cli.main import _Output
 from servogen.cli.options import duration, number
 from servogen.cli.show import table
+from servogen.workflows.job_build import Build
 from tests.cli.conftest import Ran
 
 JOBS = Path(__file__).parents[2] / "jobs"

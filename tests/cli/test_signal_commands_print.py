@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from servogen import build, traces, verify
-from servogen.build import measured_schedule, signals, verification
+from servogen import traces, verify, workflows
 from servogen.cli import signal_commands
 from servogen.errors import Diagnostic
 from servogen.pic.image import Image
@@ -19,6 +18,7 @@ from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import pulse_plot
 from servogen.traces import captures
 from servogen.units import Clock, Cycles
+from servogen.workflows import measured_schedule, signals, verification
 from tests.cli.conftest import Run as Command
 
 SCHEDULE = PulseSchedule(
@@ -56,8 +56,8 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     program = SimpleNamespace(image=IMAGE, listing="listing")
     monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
     monkeypatch.setattr(signals, "program_for", noted("program", lambda: program))
-    monkeypatch.setattr(build, "judge_image", noted("image", lambda: found["verdict"]))
-    monkeypatch.setattr(build, "judge_file", noted("file", lambda: found["verdict"]))
+    monkeypatch.setattr(workflows, "judge_image", noted("image", lambda: found["verdict"]))
+    monkeypatch.setattr(workflows, "judge_file", noted("file", lambda: found["verdict"]))
     monkeypatch.setattr(
         verification,
         "hidden_by",
@@ -212,7 +212,7 @@ def measuring(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
     monkeypatch.setattr(pulse_plot, "pulse_plot", drawn)
     monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
     monkeypatch.setattr(signal_commands, "read_program", read)
-    monkeypatch.setattr(build, "motion_cycles", lambda schedule: Cycles(40_000))
+    monkeypatch.setattr(workflows, "motion_cycles", lambda schedule: Cycles(40_000))
     monkeypatch.chdir(tmp_path)
     return found
 

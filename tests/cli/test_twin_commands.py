@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from servogen import job as job_package
-from servogen.build import twinning
 from servogen.cli import twin_commands
 from servogen.errors import Diagnostic
 from servogen.report import film
 from servogen.twin import pictures
 from servogen.units import Clock
+from servogen.workflows import twinning
 from tests.cli.conftest import Run
 
 

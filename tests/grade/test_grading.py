@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from servogen import isolation
-from servogen.build import grading
-from servogen.build.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 from servogen.errors import InputError, ToolError
 from servogen.grade import Submission, load_lab
 from servogen.isolation import WorkLimits
 from servogen.programs import Program, read_submission
+from servogen.workflows import grading
+from servogen.workflows.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 PROGRAMS = Path(__file__).parent / "programs"

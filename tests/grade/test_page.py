@@ -7,14 +7,14 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
-from servogen.build.films import class_page
-from servogen.build.grading import Graded
 from servogen.errors import Diagnostic
 from servogen.grade import Check, Grade, Submission, load_lab, refused
 from servogen.grade.checks import Fault
 from servogen.grade.formats import GradedProgram, csv_text
 from servogen.grade.judge import Row
 from servogen.grade.page import page
+from servogen.workflows.films import class_page
+from servogen.workflows.grading import Graded
 
 LAB = load_lab("lab8-exercise")
 ROWS = (

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.grading import GradingTask, grade_submissions
 from servogen.grade import Grade, Submission, load_lab
 from servogen.grade.checks import order, order_faults
 from servogen.grade.watch import Commanded, Visit
 from servogen.programs import read_submission
+from servogen.workflows.grading import GradingTask, grade_submissions
 
 PROGRAMS = Path(__file__).parent / "programs"
 ROOT = Path(__file__).parents[2]

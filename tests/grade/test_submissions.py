@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.grading import GradingTask, grade_submissions
 from servogen.cli.grade_commands import IMAGES, SOURCES
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.grade import Submission, Submissions, find_submissions, load_lab, submissions
 from servogen.isolation import WorkLimits
 from servogen.programs import read_submission
+from servogen.workflows.grading import GradingTask, grade_submissions
 
 PROGRAMS = Path(__file__).parent / "programs"
 SOLUTION = (PROGRAMS / "lab8-right" / "delays.c").read_text()

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import planned
 from servogen.engines.registry import ENGINES
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
+from servogen.workflows import planned
 
 JOB = """\
 [chip]

@@ -6,7 +6,6 @@ from fractions import Fraction
 
 import pytest
 
-from servogen.build import planned
 from servogen.engines.stream.settings import (
     BIT_GAP,
     MASKED,
@@ -21,6 +20,7 @@ from servogen.engines.stream.settings import (
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.units import Clock
+from servogen.workflows import planned
 
 CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
 

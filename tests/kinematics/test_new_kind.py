@@ -86,7 +86,7 @@ per_slot = 2
 
 COMMANDS = """
 import json, os, sys
-import servogen.build, servogen.drive.controller, servogen.kinematics.registry
+import servogen.workflows, servogen.drive.controller, servogen.kinematics.registry
 import servogen.motion, servogen.simulator
 from servogen.cli import main
 

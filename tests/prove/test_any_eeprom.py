@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.build import BuiltProgram
 from servogen.edges import PINS, join
 from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.image import Image, read_hex, to_hex
@@ -20,6 +19,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.traces import read_edges
 from servogen.units import Clock, Cycles
+from servogen.workflows.job_build import BuiltProgram
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 from tests.prove.attack import servogen
 from tests.prove.test_prove_inputs import assembled, schedule_of

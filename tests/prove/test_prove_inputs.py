@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import planned
-from servogen.build.verification import judge_forever
 from servogen.edges import PINS, EdgeChunk
 from servogen.engines.firmware import Firmware
 from servogen.job import loads, plan_job
@@ -22,6 +20,8 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import Machine, NoRepeat, find_repeat, parse_stimuli
 from servogen.units import Clock, Cycles
+from servogen.workflows import planned
+from servogen.workflows.verification import judge_forever
 from tests.engines.player.player_jobs import job_text, sweep
 from tests.prove.replay import is_wrong
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.build import planned
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from servogen.plan_error import NO_PLAN, PlanError, plan_text
@@ -16,6 +15,7 @@ from servogen.pulse import PulseSchedule, from_json
 from servogen.pulse.quantise import channel_error, largest
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import servo_model
+from servogen.workflows import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.build import planned
-from servogen.build.reporting import ReportPage, page_of
 from servogen.edges import edge_chunk
 from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
@@ -25,6 +23,8 @@ from servogen.report.signals import pose_frames, scopes
 from servogen.report.wiring import package, remarks, wires
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
+from servogen.workflows import planned
+from servogen.workflows.reporting import ReportPage, page_of
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from servogen.engines.c_text import template_folder
 from servogen.engines.player.buttons import ButtonPin
 from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine
 from servogen.job import Job, loads
 from servogen.report.drawing import PALETTE
 from servogen.report.wiring import open_drain, package, remarks, wires
+from servogen.template_files import template_folder
 
 CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
 SERVO = '[[servo]]\nname = "{name}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'

@@ -329,7 +329,7 @@ def test_a_test_moves_the_robot_and_its_report_has_the_verdict(
         asked.append(given)
         return SimpleNamespace(word="falls", reasons=lambda: ["it tips", "it slips"])
 
-    monkeypatch.setattr("servogen.build.twinning.twin_of", twin_of)
+    monkeypatch.setattr("servogen.workflows.twinning.twin_of", twin_of)
     monkeypatch.setattr("servogen.job.load", lambda path: path.name)
     monkeypatch.setattr("servogen.job.plan_job", lambda job: f"planned {job}")
     pytester.makepyfile(

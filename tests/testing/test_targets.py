@@ -14,7 +14,6 @@ import pytest
 from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, SerialAdapter
 from servogen.bench.inputs.wiring import InputWiring
 from servogen.bench.programmers.table import ProgrammingRequest
-from servogen.build.verification import checked_cycles, cycle_of, running
 from servogen.edges import EdgeTrace, edge_chunk, join
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.pic.image import Image, read_hex
@@ -39,6 +38,7 @@ from servogen.testing.targets import (
 )
 from servogen.traces import write_edges
 from servogen.units import Clock, Cycles
+from servogen.workflows.verification import checked_cycles, cycle_of, running
 
 LAB8 = Path(__file__).parents[2] / "firmware" / "lab8-exercise"
 MHZ4 = Clock(4_000_000)

@@ -7,13 +7,13 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
-from servogen.build.twinning import twin_of
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.simulator import Levels, Stimuli
 from servogen.twin import Ground, TwinSettings, TwinVerdict, run
 from servogen.twin.bodies import bodies
 from servogen.twin.run import standing
+from servogen.workflows.twinning import twin_of
 
 ROBOT = """
 name = "one-leg"

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from servogen.build.engines import PlayedJob, planned
-from servogen.build.twinning import twin_of_image
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.kinematics.hexapod import feet
 from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.pic.image import Image
 from servogen.twin import TwinSettings, TwinVerdict
+from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.twinning import twin_of_image
 
 JOBS = Path(__file__).parent.parent.parent / "jobs"
 

@@ -20,12 +20,12 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from servogen.build.verification import judge_capture, judge_file
 from servogen.errors import InputError
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.traces import read_edges
 from servogen.traces.captures import read_capture
 from servogen.units import Clock, Cycles
+from servogen.workflows.verification import judge_capture, judge_file
 
 PERIOD = 20_000
 WIDTHS = ((1167, 1500), (1200, 1467), (1500, 1167), (1667, 900), (1400, 1401), (1000, 2000))

@@ -10,10 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.build import judge_image
-from servogen.build.build import judged
-from servogen.build.power_ups import BOARD
-from servogen.build.verification import judge_forever
 from servogen.edges import HIGH
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
@@ -21,6 +17,10 @@ from servogen.programs import read_program, read_schedule
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Clock, Cycles
+from servogen.workflows import judge_image
+from servogen.workflows.job_build import judged
+from servogen.workflows.power_ups import BOARD
+from servogen.workflows.verification import judge_forever
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 CASES = Path(__file__).parent

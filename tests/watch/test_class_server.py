@@ -20,12 +20,12 @@ pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from servogen.build.grading import Graded, GradingTask, grade_submissions
 from servogen.grade import Submission, load_lab, page_names
 from servogen.programs import read_submission
 from servogen.watch import server as module
 from servogen.watch.graded import _subject, class_pages, class_rooms
 from servogen.watch.server import WatchServer
+from servogen.workflows.grading import Graded, GradingTask, grade_submissions
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 from tests.watch.browser import Browser, needs_axe, violations, wait
 from tests.watch.commands import served_by

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.films import class_page, film_name, film_page, watch_command
-from servogen.build.grading import Graded, GradingTask, grade_submissions
 from servogen.grade import Lab, Submission, load_lab, page, refused
 from servogen.programs import read_submission
 from servogen.simulator import SimulatorOptions
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, load_subject
+from servogen.workflows.films import class_page, film_name, film_page, watch_command
+from servogen.workflows.grading import Graded, GradingTask, grade_submissions
 from tests.watch.browser import Browser, wait
 
 WRONG = Path(__file__).parent.parent / "grade" / "programs" / "lab8-wrong" / "order.c"

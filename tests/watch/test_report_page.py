@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.reporting import page_of
 from servogen.job import load, plan_job
+from servogen.workflows.reporting import page_of
 from tests.watch.browser import Browser, Page, needs_axe, violations, wait
 
 ROOT = Path(__file__).parent.parent.parent

@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from servogen.build.engines import planned
 from servogen.checker.plan import Line, read_plan
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
@@ -22,6 +21,7 @@ from servogen.motion.trajectory import Part
 from servogen.pic.image import Image
 from servogen.prove import prove_for_all
 from servogen.pulse.schedule import from_json
+from servogen.workflows.engines import planned
 from tests.engines.player.command_walks import (
     JOB,
     ROOT,

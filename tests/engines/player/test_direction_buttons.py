@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from servogen.build.engines import PlayedJob, planned
 from servogen.checker import check_certificate, read_certificate
 from servogen.checker import plan as checker_plan
 from servogen.drive.commands import script
@@ -40,6 +39,7 @@ from servogen.report.wiring import wires
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
+from servogen.workflows.engines import PlayedJob, planned
 
 ROBOT = """
 name = "two"

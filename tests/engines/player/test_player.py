@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build import judge_edges, planned, running
 from servogen.edges import PINS, join
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.engine import play
@@ -12,6 +11,7 @@ from servogen.job import loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.simulator import Machine
 from servogen.units import Cycles
+from servogen.workflows import judge_edges, planned, running
 from tests.engines.player.player_jobs import (
     ROOT,
     built,

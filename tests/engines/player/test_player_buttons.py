@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build.build import BuiltProgram
-from servogen.build.verification import judge_forever
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import waited
@@ -20,6 +18,8 @@ from servogen.simulator import BouncingButton, Levels, Machine, Stimuli
 from servogen.simulator.sources import SignalSource, pin_number
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
+from servogen.workflows.job_build import BuiltProgram
+from servogen.workflows.verification import judge_forever
 from tests.engines.player.player_jobs import built_text, first_frames, job_text, sweep
 
 SOFT = "soft_start_s = 0.16\n"

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.build import judge_edges, planned, running
 from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.units import Clock, Cycles
+from servogen.workflows import judge_edges, planned, running
 from tests.engines.player.player_jobs import built_text, job_text, poses, sweep, trimmed
 
 TABLE = ((1, 6, 32), (2, 10, 32), (4, 13, 32), (8, 13, 32), (10, 13, 32), (16, 13, 32), (20, 13, 64))

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build import judge_edges, running
-from servogen.build.verification import motion_cycles
 from servogen.edges import LOW, PINS, EdgeTrace, join, part
 from servogen.engines.board import board_of
 from servogen.pic.image import Image
@@ -15,6 +13,8 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Machine, Reset, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
+from servogen.workflows import judge_edges, running
+from servogen.workflows.verification import motion_cycles
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep, trimmed, widths
 
 WDT_ON = 0x0004

@@ -4,8 +4,8 @@ from math import radians
 
 import pytest
 
-from servogen.build.verification import judge_forever
 from servogen.units import Cycles
+from servogen.workflows.verification import judge_forever
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, poses
 
 WAY = [(30, 150, 90), (120, 40, 90), (75, 75, 130)]

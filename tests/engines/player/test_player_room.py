@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.build import planned
-from servogen.build.build import Build, judged, report
-from servogen.build.verification import checked_cycles
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, play
 from servogen.engines.player.theorem import LAST_WORDS
 from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
+from servogen.workflows import planned
+from servogen.workflows.job_build import Build, judged, report
+from servogen.workflows.verification import checked_cycles
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
 from tests.engines.player.test_player_kernel import VARIABLES, assembled, ram
 from tests.engines.player.test_player_kernel import label as label_of_assembled

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import pytest
 
-from servogen.build import report
 from servogen.edges import HIGH, EdgeChunk
 from servogen.engines.board import machine_of
 from servogen.engines.player.engine import CHECK, DONE, play
@@ -19,6 +18,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine
+from servogen.workflows import report
 from tests.engines.player.hostile import Base, _played, base, outcome, run
 from tests.engines.player.player_jobs import ROOT, built, built_text, job_text, sweep
 

@@ -7,9 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from servogen.build import Build, build, checked_cycles, planned
-from servogen.build.build import judged as compared
-from servogen.build.build import report
 from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
@@ -21,6 +18,9 @@ from servogen.job import PlannedJob, loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.prove import Quantifiers, prove_for_all
 from servogen.prove.eeprom import TrimSearch
+from servogen.workflows import Build, build, checked_cycles, planned
+from servogen.workflows.job_build import judged as compared
+from servogen.workflows.job_build import report
 from tests.engines.player.command_walks import JOB, problems, random_line
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, sweep, trimmed
 

@@ -11,9 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.build import build, judge_edges, planned, running
-from servogen.build.build import Build, judged, report
-from servogen.build.verification import checked_cycles, judge_forever, motion_cycles
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
@@ -38,11 +35,14 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Levels, Machine, Reset, Stimuli
 from servogen.units import Cycles
 from servogen.verify import verify
-from tests.build.other_compilers import sdcc, sdcc_compiled
+from servogen.workflows import build, judge_edges, planned, running
+from servogen.workflows.job_build import Build, judged, report
+from servogen.workflows.verification import checked_cycles, judge_forever, motion_cycles
 from tests.engines.stream import stream_soak
 from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line, group, talk
 from tests.engines.stream.stream_soak import JOBS, Firmware, check, firmware_of, line_of
+from tests.workflows.other_compilers import sdcc, sdcc_compiled
 
 NAMES = ("stream-arm", "stream-eight", "stream-fast")
 WDT_ON = 0x0004

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 from jinja2 import Environment, StrictUndefined
 
-from servogen.build.grading import Graded, copies
 from servogen.edges import PINS
-from servogen.engines.c_text import template_folder
 from servogen.grade import Grade, Lab, Submission, shell_word, shown_name
 from servogen.grade.points import max_total, number, outcomes, total
 from servogen.report.robot_model import servo_model
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
+from servogen.template_files import template_folder
+from servogen.workflows.grading import Graded, copies
 
 PERIOD_US = 20_000
 SHOWN_US = 100_000

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from servogen.build.job_program import read_program
-from servogen.build.verification import running
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pic.device import DEVICES, Device
@@ -27,6 +25,8 @@ from servogen.traces.captures import read_recording
 from servogen.traces.channels import wires_of
 from servogen.units import Cycles
 from servogen.verify import Measurement, PinMeasurement
+from servogen.workflows.job_program import read_program
+from servogen.workflows.verification import running
 
 MEASURED_SECONDS = 20.0
 """The default time that a program runs: two rounds of the printed lab programs."""

@@ -14,12 +14,12 @@ import pytest
 
 from servogen.bench.analysers.memory import CaptureNeeds
 from servogen.bench.analysers.sigrok import SigrokLook
-from servogen.build import capture as capturing
-from servogen.build.capture import CaptureSettings, capture, capture_by_sigrok, check_rate, wanted_of
 from servogen.errors import InputError, ToolError
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.units import Clock, Cycles
+from servogen.workflows import capture as capturing
+from servogen.workflows.capture import CaptureSettings, capture, capture_by_sigrok, check_rate, wanted_of
 
 MHZ4 = Clock(4_000_000)
 ARM, HAND = Channel("arm", "RB1", "futaba-s3001"), Channel("hand", "RA0", "futaba-s3001")

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from servogen.build import twinning
-from servogen.build.twinning import twin_of, twin_of_build
 from servogen.twin import TwinSettings
+from servogen.workflows import twinning
+from servogen.workflows.twinning import twin_of, twin_of_build
 
 
 def job(loop_start: int) -> Any:

@@ -7,18 +7,17 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from servogen.build import Build, build, checked_cycles, judge_edges, running, write
 from servogen.edges import EdgeTrace, join
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, from_hex
 from servogen.pic.isa import WORD_MASK
 from servogen.pulse import from_json
+from servogen.workflows import Build, build, checked_cycles, judge_edges, running, write
 
 ROOT = Path(__file__).parent.parent.parent
 JOBS = ("lab8-program", "lab8-exercise", "lab9-program", "lab9-exercise")
@@ -133,7 +132,7 @@ def test_a_build_that_is_interrupted_leaves_the_one_before_whole(
     def stopped(*_: object, **__: object) -> None:
         raise stop
 
-    monkeypatch.setattr(import_module("servogen.build.build"), "write_edges", stopped)
+    monkeypatch.setattr("servogen.workflows.job_build.write_edges", stopped)
     with pytest.raises(stop):
         write(built("lab9-program"), tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

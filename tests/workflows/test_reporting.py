@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from servogen.build import reporting
-from servogen.build.reporting import ReportPage, capture_facts, page_of
 from servogen.edges import EdgeTrace
 from servogen.errors import ToolError
 from servogen.plan_error import PlanError
 from servogen.traces.captures import Capture
 from servogen.units import Clock, Cycles
+from servogen.workflows import reporting
+from servogen.workflows.reporting import ReportPage, capture_facts, page_of
 
 CAPTURE = Capture(EdgeTrace(Clock(4_000_000), (), Cycles(10)), sample=1.0)
 

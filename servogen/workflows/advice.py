@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from servogen.build.engines import PlayedJob, planned
 from servogen.compiler import WORDS_NEEDED
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.layout import Demand
@@ -29,6 +28,7 @@ from servogen.pic.device import PROGRAM_WORDS
 from servogen.robot.servo import Servo
 from servogen.toml.locations import Key
 from servogen.units import counted
+from servogen.workflows.engines import PlayedJob, planned
 
 CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
 """The codes of errors for which changes are tried."""

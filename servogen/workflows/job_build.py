@@ -10,16 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from servogen.build.advice import advised
-from servogen.build.engines import planned
-from servogen.build.verification import (
-    LOOPS_CHECKED,
-    START_FRAMES,
-    checked_cycles,
-    chip_warnings,
-    end_of,
-    judge_edges,
-)
 from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
@@ -39,6 +29,16 @@ from servogen.simulator.stimulus import file_inputs
 from servogen.traces import write_edges
 from servogen.units import Cycles
 from servogen.verify import Verdict
+from servogen.workflows.advice import advised
+from servogen.workflows.engines import planned
+from servogen.workflows.verification import (
+    LOOPS_CHECKED,
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    end_of,
+    judge_edges,
+)
 
 EXPECTED_WARNING = "delay-rounded"
 """A warning that is omitted: the C states cycles as times, which the compiler is meant to round back; every

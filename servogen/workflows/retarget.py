@@ -15,8 +15,6 @@ from itertools import islice
 
 import numpy as np
 
-from servogen.build.engines import planned
-from servogen.build.verification import checked_cycles, judge_image, motion_cycles, running
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
 from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
@@ -30,6 +28,8 @@ from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.units import Cycles
 from servogen.verify import Verdict
+from servogen.workflows.engines import planned
+from servogen.workflows.verification import checked_cycles, judge_image, motion_cycles, running
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,11 @@ from functools import cache
 
 import pytest
 
-from servogen.build import advice, build, planned
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.shares import shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import load, loads, plan_job
+from servogen.workflows import advice, build, planned
 from tests.engines.player.player_jobs import ROOT, job_text, poses
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-from servogen.build.measured_schedule import _repeat, measured_schedule
-from servogen.build.signals import unscheduled_edges
 from servogen.edges import EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.pic.image import to_hex
@@ -20,6 +18,8 @@ from servogen.pulse import from_json
 from servogen.pulse.schedule import Pulse
 from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
+from servogen.workflows.measured_schedule import _repeat, measured_schedule
+from servogen.workflows.signals import unscheduled_edges
 from tests.prove.attack import servogen
 from tests.prove.replay import is_wrong
 
@@ -140,7 +140,7 @@ def test_a_level_that_is_driven_again_is_no_new_pulse_and_an_undriven_pin_is_low
 
 
 def test_more_frames_than_a_schedule_has_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("servogen.build.measured_schedule.MAX_FRAMES", 4)
+    monkeypatch.setattr("servogen.workflows.measured_schedule.MAX_FRAMES", 4)
     pulses = [(5, 7 + 100 * n, 10) for n in range(5)]
     assert measured_schedule(edges(*pulses, end=506), "edges", {}).period == 100
     with pytest.raises(InputError, match="5 frames are too many") as error:

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import PlayedJob, checked_cycles, planned
-from servogen.build.build import judged
 from servogen.engines.firmware import Firmware
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
+from servogen.workflows import PlayedJob, checked_cycles, planned
+from servogen.workflows.job_build import judged
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 JOB = Path(__file__).parents[2] / "jobs" / "lab8-exercise.toml"

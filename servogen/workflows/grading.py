@@ -27,16 +27,6 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from servogen.build.power_ups import (
-    Chip,
-    ChipDifference,
-    cause,
-    compared_values,
-    condition,
-    machine,
-    other_chips,
-    powered_again,
-)
 from servogen.edges import PINS, EdgeChunk, EdgeTrace
 from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
 from servogen.grade import (
@@ -60,6 +50,16 @@ from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine, MachineState
 from servogen.units import Clock, Cycles
+from servogen.workflows.power_ups import (
+    Chip,
+    ChipDifference,
+    cause,
+    compared_values,
+    condition,
+    machine,
+    other_chips,
+    powered_again,
+)
 
 RUNNING = WorkLimits(seconds=120.0)
 """The limits for running and judging one program, which usually takes a second."""

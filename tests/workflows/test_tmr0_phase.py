@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import checked_cycles, judge_edges
-from servogen.build.verification import START_FRAMES
 from servogen.cli.files import read_image
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import machine_of
@@ -18,6 +16,8 @@ from servogen.programs import read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.simulator import SimulatorOptions
 from servogen.units import Cycles
+from servogen.workflows import checked_cycles, judge_edges
+from servogen.workflows.verification import START_FRAMES
 from tests.simulator.helpers import image
 
 ROOT = Path(__file__).parents[2]

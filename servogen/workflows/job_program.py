@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from servogen import programs
-from servogen.build.engines import planned
 from servogen.job import Job, load, plan_job
 from servogen.programs import Program, is_job
+from servogen.workflows.engines import planned
 
 
 def read_program(path: Path, device_name: str | None = None) -> Program:

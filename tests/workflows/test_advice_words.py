@@ -10,8 +10,6 @@ from typing import Any, cast
 
 import pytest
 
-from servogen.build import advice
-from servogen.build.advice import Advice, ResourceUse, TriedChange, advised
 from servogen.compiler import WORDS_NEEDED
 from servogen.engines.player.shares import Share, Shares
 from servogen.errors import InputError
@@ -19,8 +17,10 @@ from servogen.job import PlannedJob, loads, plan_job
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
 from servogen.units import Clock
-from tests.build.test_advice import TRIPOD
+from servogen.workflows import advice
+from servogen.workflows.advice import Advice, ResourceUse, TriedChange, advised
 from tests.engines.player.player_jobs import job_text, poses
+from tests.workflows.test_advice import TRIPOD
 
 MOTION = job_text(1, poses([[30], [60], [90], [120], [60]], 1))
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.certificates import certificate_file, checked
 from servogen.checker import read_certificate
 from servogen.checker.certificate import fingerprint
 from servogen.pic.image import Image, read_hex
+from servogen.workflows.certificates import certificate_file, checked
 from tests.prove.attack import servogen
 
 ROOT = Path(__file__).parent.parent.parent

@@ -1,4 +1,4 @@
-"""The four functions of `servogen` itself: load, build, simulate, plot; for notebooks and short scripts.
+"""load, build, simulate, plot: for notebooks and short scripts.
 
 In: files, or what another of the four returned. Out: the values of the packages below, which show themselves
 in a line, or in a notebook as a table or a picture.
@@ -10,10 +10,6 @@ from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 
-from servogen.build.build import Build
-from servogen.build.build import build as build_planned
-from servogen.build.job_program import job_program
-from servogen.build.verification import motion_cycles
 from servogen.edges import EdgeTrace
 from servogen.engines.board import board_of, inputs_of
 from servogen.errors import InputError, Location
@@ -27,6 +23,10 @@ from servogen.simulator import Simulation, SimulatorOptions, load_stimuli
 from servogen.simulator import simulate as run
 from servogen.simulator.machine import Stimulus
 from servogen.units import Clock, Cycles
+from servogen.workflows.job_build import Build
+from servogen.workflows.job_build import build as build_planned
+from servogen.workflows.job_program import job_program
+from servogen.workflows.verification import motion_cycles
 
 File = str | Path
 Runnable = File | Job | Program | Build

@@ -10,10 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from servogen.build.build import Build, Progress, build, program_facts
-from servogen.build.engines import with_end_error
-from servogen.build.twinning import twin_of_build
-from servogen.build.verification import hidden_by, judge_capture, judge_file, motion_cycles, running
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic
@@ -27,6 +23,10 @@ from servogen.twin import TwinVerdict
 from servogen.twin.pictures import page_facts
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
+from servogen.workflows.engines import with_end_error
+from servogen.workflows.job_build import Build, Progress, build, program_facts
+from servogen.workflows.twinning import twin_of_build
+from servogen.workflows.verification import hidden_by, judge_capture, judge_file, motion_cycles, running
 
 
 @dataclass(frozen=True, slots=True)

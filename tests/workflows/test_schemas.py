@@ -22,7 +22,6 @@ import pytest
 from pydantic import ValidationError
 
 from servogen import job
-from servogen.build.schemas import SCHEMAS
 from servogen.errors import InputError
 from servogen.grade.lab import LabTable, load_lab
 from servogen.job.schema import JobTable
@@ -30,6 +29,7 @@ from servogen.kinematics import catalogue
 from servogen.kinematics.registry import KINDS
 from servogen.robot.servo_models import ModelTable, servo_model
 from servogen.toml.file import Table
+from servogen.workflows.schemas import SCHEMAS
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 ROOT = Path(__file__).parents[2]

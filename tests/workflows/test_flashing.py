@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.flashing import FlashCheck, check, schedule_beside
 from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.programs import read_program, read_schedule
 from servogen.pulse import PulseSchedule
+from servogen.workflows.flashing import FlashCheck, check, schedule_beside
 
 LAB8 = Path(__file__).parents[2] / "firmware" / "lab8-exercise"
 HEX, SCHEDULE = LAB8 / "main.hex", LAB8 / "schedule.json"

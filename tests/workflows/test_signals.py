@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build.signals import (
+from servogen.edges import PINS
+from servogen.errors import InputError, Location
+from servogen.programs import Program, clock_of, read_program, read_schedule
+from servogen.robot.servo_models import servo_model
+from servogen.simulator import SimulatorOptions
+from servogen.units import Clock, Cycles
+from servogen.workflows.signals import (
     MEASURED_SECONDS,
     device_for,
     is_program,
@@ -16,12 +22,6 @@ from servogen.build.signals import (
     servos_named,
     unscheduled_edges,
 )
-from servogen.edges import PINS
-from servogen.errors import InputError, Location
-from servogen.programs import Program, clock_of, read_program, read_schedule
-from servogen.robot.servo_models import servo_model
-from servogen.simulator import SimulatorOptions
-from servogen.units import Clock, Cycles
 
 ROOT = Path(__file__).parents[2]
 HEX, SCHEDULE = (ROOT / "firmware" / "lab8-exercise" / name for name in ("main.hex", "schedule.json"))

@@ -11,21 +11,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from servogen.build import verification
-from servogen.build.certificates import checked
-from servogen.build.verification import (
-    Forever,
-    chip_warnings,
-    cycle_of,
-    end_of,
-    hidden_by,
-    judge_capture,
-    judge_edges,
-    judge_file,
-    judge_forever,
-    motion_cycles,
-    running,
-)
 from servogen.checker import Checked, Refused
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import Diagnostic, InputError, Location
@@ -38,6 +23,21 @@ from servogen.simulator import NoRepeat
 from servogen.traces.captures import Capture
 from servogen.units import Clock, Cycles
 from servogen.verify import Tolerances
+from servogen.workflows import verification
+from servogen.workflows.certificates import checked
+from servogen.workflows.verification import (
+    Forever,
+    chip_warnings,
+    cycle_of,
+    end_of,
+    hidden_by,
+    judge_capture,
+    judge_edges,
+    judge_file,
+    judge_forever,
+    motion_cycles,
+    running,
+)
 from tests.edges.rows import chunk
 
 CLOCK = Clock(4_000_000)
@@ -281,10 +281,12 @@ def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: 
             raise Refused(refused[0])
         return Checked(1, 2, 3, 4, ("every input",), tuple(claim.held))
 
-    monkeypatch.setattr("servogen.build.certificates.check_certificate", check_certificate)
+    monkeypatch.setattr("servogen.workflows.certificates.check_certificate", check_certificate)
     for held, text in (((), "proven, checked"), (("RB0", "RA4"), "proven, checked, with RB0 and RA4 held")):
         claim = SimpleNamespace(held=held)
-        monkeypatch.setattr("servogen.build.certificates.read_certificate", lambda *given, claim=claim: claim)
+        monkeypatch.setattr(
+            "servogen.workflows.certificates.read_certificate", lambda *given, claim=claim: claim
+        )
         found = checked(file, Image({}), "{}")
         assert (found.text, found.valid, found.missing) == (text, True, False)
     refused.append("it is of another program")

@@ -14,8 +14,6 @@ from typing import Any, cast
 import pytest
 
 from servogen import isolation
-from servogen.build import grading, power_ups
-from servogen.build.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 from servogen.edges import PINS
 from servogen.errors import ToolError
 from servogen.grade import Check, ChipFacts, Grade, Submission, load_lab
@@ -24,6 +22,8 @@ from servogen.pic.image import Image
 from servogen.pic.listing import Listing, ListingRow
 from servogen.programs import read_submission
 from servogen.units import Clock
+from servogen.workflows import grading, power_ups
+from servogen.workflows.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 
 LAB = load_lab("lab8-exercise")
 TASK = GradingTask(LAB, cast(Any, len), WorkLimits(seconds=2), WorkLimits(seconds=3, elapsed_s=30))

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.bench.programmers.flash import objections, remarks
-from servogen.build.verification import judge_image
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.device import Device
 from servogen.pic.device import device as device_named
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
+from servogen.workflows.verification import judge_image
 
 SCHEDULE = "schedule.json"
 """The file name of the schedule that a build writes beside its images."""

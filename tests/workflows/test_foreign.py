@@ -12,8 +12,16 @@ from typing import Any, cast
 import pytest
 from typer.testing import CliRunner
 
-from servogen.build import PlayedJob, checked_cycles, judge_edges, planned, retarget, running
-from servogen.build.retarget import (
+from servogen.cli.main import app
+from servogen.compiler import Options, Source, compile_sources
+from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import Firmware
+from servogen.errors import InputError
+from servogen.job import PlannedJob, load, plan_job
+from servogen.pic.device import device
+from servogen.pic.image import Image, to_hex
+from servogen.workflows import PlayedJob, checked_cycles, judge_edges, planned, retarget, running
+from servogen.workflows.retarget import (
     MARGIN,
     START,
     Added,
@@ -25,15 +33,7 @@ from servogen.build.retarget import (
     _Write,
     tune_to,
 )
-from servogen.cli.main import app
-from servogen.compiler import Options, Source, compile_sources
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware
-from servogen.errors import InputError
-from servogen.job import PlannedJob, load, plan_job
-from servogen.pic.device import device
-from servogen.pic.image import Image, to_hex
-from tests.build.other_compilers import other_compiler, sdcc, sdcc_compiled
+from tests.workflows.other_compilers import other_compiler, sdcc, sdcc_compiled
 
 ROOT = Path(__file__).parent.parent.parent
 

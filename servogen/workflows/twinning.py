@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from servogen.build.build import Build, Progress
-from servogen.build.engines import PlayedJob, planned
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
 from servogen.programs import read_program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
 from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
+from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.job_build import Build, Progress
 
 
 def twin_of(
