@@ -83,8 +83,10 @@ def test_no_stage_of_the_compiler_imports_what_the_design_does_not_allow() -> No
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """Otherwise it depends on the module that is imported first whether it can be imported at all."""
-    graph = {module_of(file): modules_of(file, for_types=False) for file in PACKAGE.rglob("*.py")}
+    """Otherwise it depends on the module that is imported first whether it can be imported at all. A circle
+    only of types says that two modules cannot be read one after the other.
+    """
+    graph = {module_of(file): modules_of(file) for file in PACKAGE.rglob("*.py")}
     assert components({name: [*first_imported(name, named, graph)] for name, named in graph.items()}) == []
 
 
@@ -99,6 +101,12 @@ def test_a_circle_through_a_package_is_seen() -> None:
     graph = {name: [(1, module) for module in modules] for name, modules in named.items()}
     circles = components({name: [*first_imported(name, found, graph)] for name, found in graph.items()})
     assert [set(circle) for circle in circles] == [{"protocol", "player", "player.start"}]
+
+
+def test_an_import_for_a_type_checker_counts(tmp_path: Path) -> None:
+    file = tmp_path / "typed.py"
+    file.write_text("if TYPE_CHECKING:\n    from servogen.prove.nodes import Node\n")
+    assert modules_of(file) == [(2, "servogen.prove.nodes")]
 
 
 def module_of(file: Path) -> str:
@@ -328,19 +336,10 @@ def mnemonics_in(node: ast.AST) -> list[str]:
     return [each for each in values if isinstance(each, str) and each in by_mnemonic()]
 
 
-def modules_of(file: Path, *, for_types: bool = True) -> list[tuple[int, str]]:
-    """(line, module) of each import of servogen's modules; those that only a type checker executes are left
-    out unless `for_types`.
-    """
-    nodes = nodes_of(tree_of(file))
-    guards = [
-        node for node in nodes if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-    ]
-    unexecuted = set() if for_types else {inner for guard in guards for inner in ast.walk(guard)}
+def modules_of(file: Path) -> list[tuple[int, str]]:
+    """(line, module) of each import of servogen's modules, those for a type checker included."""
     found = []
-    for node in nodes:
-        if node in unexecuted:
-            continue
+    for node in nodes_of(tree_of(file)):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("servogen"):
             found.append((node.lineno, node.module))
         elif isinstance(node, ast.Import):

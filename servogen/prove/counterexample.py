@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 from servogen.edges import PINS, join
 from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
-from servogen.prove.explore import Node, SearchFinding
+from servogen.prove.explore import SearchFinding
+from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule

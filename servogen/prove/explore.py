@@ -14,6 +14,7 @@ from enum import Enum
 
 from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
+from servogen.prove.nodes import Decision, Node
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.simulator.abstract import FIELD, AssumedBits, ChipState, Reason, Use
@@ -36,29 +37,6 @@ class SearchAnswer(Enum):
     UNDECIDED = "not decided"
     REFINE = "something that was generalised decides"
     CUT = "a cut point is missing"
-
-
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """What was chosen before an instruction, `cycle` cycles after the last cut (in a way: after reset)."""
-
-    cycle: int
-    choices: Choices
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A stored state: its cells, beside them, and where it came from."""
-
-    ram: Ram
-    rest: int
-    spec: SpecState
-    parent: int
-    cycles: int
-    """From the parent to it."""
-    decisions: tuple[Decision, ...]
-    raw: tuple[Ram, int]
-    """What it was before it was generalised."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from servogen.pic.device import masks
+from servogen.prove.nodes import Decision, Node
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.simulator import layout
 from servogen.simulator.abstract import (
@@ -27,9 +27,6 @@ from servogen.simulator.abstract import (
     Use,
 )
 from servogen.simulator.layout import INTF, PS, PSA, RBIF, T0CS, T0IE, T0IF
-
-if TYPE_CHECKING:
-    from servogen.prove.explore import Decision, Node
 
 BYTES = tuple(name for name in FREE_BYTES if name not in TIME_FIELDS)
 """Bytes that only the program changes."""

@@ -18,9 +18,10 @@ from servogen.pic.isa import encode
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts, rising_addresses
 from servogen.prove.eeprom import TrimSearch
-from servogen.prove.explore import Explorer, Node, SearchAnswer, SearchFinding, SearchResult
+from servogen.prove.explore import Explorer, SearchAnswer, SearchFinding, SearchResult
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser
+from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import OVER, START_FRAMES, Specification
 from servogen.prove.transitions import Transitions

@@ -35,8 +35,9 @@ from servogen.prove.counterexample import (
     pin_changes,
     slow_oscillator,
 )
-from servogen.prove.explore import Decision, Node, SearchFinding
+from servogen.prove.explore import SearchFinding
 from servogen.prove.forks import Choices
+from servogen.prove.nodes import Decision, Node
 from servogen.prove.prover import _trims_text, _waits_endlessly, _why, held_assumptions
 from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, IN_FRAME, OVER, Specification, SpecState, Violation

@@ -17,9 +17,10 @@ from servogen.pic.isa import encode
 from servogen.prove import eeprom, explore, prover, trims
 from servogen.prove.cuts import _as_held, _needs_w
 from servogen.prove.eeprom import TrimSearch
-from servogen.prove.explore import Decision, Explorer, SearchAnswer, SearchFinding, SearchResult
+from servogen.prove.explore import Explorer, SearchAnswer, SearchFinding, SearchResult
 from servogen.prove.forks import ALONE, PreparedProgram
 from servogen.prove.generalise import PHASE, Generaliser, Guess, follows_timer, live_places
+from servogen.prove.nodes import Decision
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import IN_FRAME, Specification, SpecState
 from servogen.prove.transitions import Transitions, applied
