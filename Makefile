@@ -59,10 +59,10 @@ firmware: $(READY)
 	$(BIN)/python tools/firmware_checksums.py firmware $(basename $(notdir $(JOBS)))
 
 prove: $(READY)
-	$(BIN)/python tools/prove_firmware.py firmware build/certificates $(basename $(notdir $(JOBS)))
+	$(BIN)/servogen demo $(JOBS) --output build --certificates build/certificates --prove
 
 certificates: $(READY)
-	$(BIN)/python tools/prove_firmware.py firmware certificates $(basename $(notdir $(JOBS)))
+	$(BIN)/servogen demo $(JOBS) --output build --certificates certificates --prove
 
 # A fresh environment outside $(VENV), so that nothing of an earlier one is written down.
 constraints: CONSTRAINTS =

@@ -19,14 +19,12 @@ ABOUT_IT = (
     "servogen/checker/",
     "servogen/cli/proof_commands.py",
     "servogen/workflows/certificates.py",
-    "tools/prove_firmware.py",
-    "tools/superoptimiser/",  # another theorem: a rule, for all values of the bytes that it reads
     "docs/proof.md",
 )
 """Files about the theorem, or the program that finds it."""
 NAMES = re.compile(
     r"servogen[ .]prove\b|`(?:make )?prove\b[^`]*`|`prove$|^prove\b|(?:docs/)?proof\.md|--prove\b|prove/"
-    r"|make prove\b|servogen\.build\.certificates|proof_commands|tests[./]prove\b|prove_firmware"
+    r"|make prove\b|servogen\.build\.certificates|proof_commands|tests[./]prove\b"
 )
 """Names of commands, packages and files, which say nothing of a program."""
 ALLOWED = {

@@ -177,11 +177,14 @@ def demo(
             "(default: beside each HEX file, or in the cache).",
         ),
     ] = None,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Prove what has no certificate yet, and write it; takes minutes.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Build several jobs, each into its own folder, and print one table: what is exact, and what is proven.
 
-    Exit code 1 if a program is not exact, or a certificate is refused.
+    Exit code 1 if a program is not exact, a certificate is refused, or, with --prove, one is not proven.
     """
     from servogen.job import load, plan_job
     from servogen.workflows import ResourceError, write
@@ -212,7 +215,7 @@ def demo(
                 continue
             write(results[-1][1], output / results[-1][1].job.name)
         theorems = [
-            _theorems(result, output / result.job.name, certificates, False, tell) for _, result in results
+            _theorems(result, output / result.job.name, certificates, prove, tell) for _, result in results
         ]
     rows = [(result, verdicts) for (_, result), verdicts in zip(results, theorems, strict=True)]
     if json:
@@ -231,7 +234,7 @@ def demo(
         for unread in wrong:
             print(unread, file=sys.stderr)
     fine = all(result.exact for result, _ in rows) and all(
-        verdict.valid or verdict.missing for verdicts in theorems for verdict in verdicts
+        verdict.valid or (verdict.missing and not prove) for verdicts in theorems for verdict in verdicts
     )
     raise typer.Exit(InputError.exit_code if wrong else 0 if fine else 1)
 
@@ -292,7 +295,7 @@ def _theorems(
     That is what the checker says of its certificate in `certificates`, if given, or beside its HEX file in
     `folder`, or in the user's cache; or, with `prove`, of a proof that is made now. Raises InputError.
     """
-    from servogen.workflows.certificates import beside, certificate_file, checked, kept, proved
+    from servogen.workflows.certificates import beside, checked, kept, proved
     from servogen.workflows.job_build import hex_name
 
     verdicts = []
@@ -300,12 +303,14 @@ def _theorems(
     for program in result.programs:
         name, image, text = hex_name(result, program), program.image, schedule.json_text()
         tell(f"{result.job.name}: {'proving' if prove else 'checking a proof of'} {program.firmware.dialect}")
+        job = folder if certificates is None else certificates / result.job.name
+        file = beside(job / name)
         if prove:
-            verdicts.append(proved(beside(folder / name), image, schedule))
+            verdicts.append(proved(file, image, schedule))
         elif certificates is not None:
-            verdicts.append(checked(certificate_file(certificates, result.job.name, name), image, text))
+            verdicts.append(checked(file, image, text))
         else:
-            verdicts.append(kept([beside(folder / name)], image, text.encode()))
+            verdicts.append(kept([file], image, text.encode()))
     return verdicts
 
 

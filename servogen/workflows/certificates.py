@@ -125,19 +125,18 @@ def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerd
     Raises ToolError.
     """
     text = schedule.json_text().encode()
-    verdict = kept([file], image, text)
+    found, verdict = _found([file], image, text)
     if verdict.valid:
+        if found != file and found is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(file, read_input(found, MAX_CERTIFICATE_BYTES))
         return verdict
     verdict, _, witness = prove_program(image, schedule, text)
     if witness is not None and verdict.valid:
+        file.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(file, witness.certificate)
         keep(witness, image, text)
     return verdict
-
-
-def certificate_file(folder: Path, job: str, program: str) -> Path:
-    """Return where the certificate of a job's program, a HEX file's name, is kept."""
-    return beside(folder / job / program)
 
 
 def beside(program: Path) -> Path:
@@ -169,14 +168,18 @@ def kept(files: Iterable[Path], image: Image, text: bytes) -> CertificateVerdict
     """Return the checker's verdict on the first of `files`, or in the cache, that is a certificate of exactly
     this program and schedule.
     """
+    return _found(files, image, text)[1]
+
+
+def _found(files: Iterable[Path], image: Image, text: bytes) -> tuple[Path | None, CertificateVerdict]:
     cache = cached(image, text)
     for file in (*files, *([] if cache is None else [cache])):
         with suppress(InputError):  # a broken file is none
             claim = _claim(file) if file.is_file() else None
             digest = hashlib.sha256(text).hexdigest()
             if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
-                return _checked(claim, image, text)
-    return CertificateVerdict("not proven yet", False, missing=True)
+                return file, _checked(claim, image, text)
+    return None, CertificateVerdict("not proven yet", False, missing=True)
 
 
 def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:

@@ -69,11 +69,6 @@ def drop_jumps_to_next(function: Function) -> bool:
     return changed
 
 
-def _is_jump(block: Block | None) -> bool:
-    """Return whether a block has no labels and consists of one jump of the compiler's."""
-    return block is not None and _leaves(block) and block.instructions[0].op == "GOTO"
-
-
 def _at(function: Function, number: int) -> Block | None:
     return function.blocks[number] if 0 <= number < len(function.blocks) else None
 
@@ -137,27 +132,3 @@ def _leaves(block: Block) -> bool:
     if block.labels or len(block.instructions) != 1:
         return False
     return block.instructions[0].op in ("GOTO", "RETURN") and not block.instructions[0].fixed
-
-
-def invert_skips(function: Function) -> bool:
-    """Rewrite `BTFSC x; GOTO a; GOTO b; a:` as `BTFSS x; GOTO b; a:`."""
-    for number, block in enumerate(function.blocks):
-        first, second, after = (_at(function, number + ahead) for ahead in (1, 2, 3))
-        test = block.last
-        if (
-            test is None
-            or test.op not in INVERSE
-            or test.fixed
-            or not _is_jump(first)
-            or not _is_jump(second)
-        ):
-            continue
-        if _is_skipped(function, number):
-            continue
-        assert first is not None
-        if after is not None and after.has_label(first.instructions[0].target):
-            test.op = INVERSE[test.op]
-            function.blocks.remove(first)
-            function.rebuild()
-            return True
-    return False

@@ -15,9 +15,9 @@ from servogen.compiler.ir.verifier import verify
 from servogen.compiler.passes.branch_simplify import short_branches
 from servogen.compiler.passes.copy_coalescing import coalesce_copies
 from servogen.compiler.passes.dead_code import drop_dead, drop_unreachable
-from servogen.compiler.passes.jump_threading import drop_jumps_to_next, invert_skips, thread_jumps
+from servogen.compiler.passes.idioms import shorten_idioms
+from servogen.compiler.passes.jump_threading import drop_jumps_to_next, thread_jumps
 from servogen.compiler.passes.peephole import peephole
-from servogen.compiler.passes.superoptimise import superoptimise
 from servogen.compiler.passes.tail_merging import merge_tails, tail_calls
 from servogen.compiler.passes.value_numbering import number_values
 
@@ -28,14 +28,13 @@ JUMPS: Mapping[str, Pass] = {
     "thread-jumps": thread_jumps,
     "drop-unreachable": drop_unreachable,
     "drop-jumps-to-next": drop_jumps_to_next,
-    "invert-skips": invert_skips,
 }
 """Passes that only look at where control goes: they apply to library routines too."""
 VALUES: Mapping[str, Pass] = {
     "value-numbering": number_values,
     "dead-code": drop_dead,
     "peephole": peephole,
-    "superoptimise": superoptimise,
+    "idioms": shorten_idioms,
     "branch-simplify": short_branches,
     "copy-coalescing": coalesce_copies,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from servogen.compiler.passes.jump_threading import drop_jumps_to_next, invert_skips, thread_jumps
+from servogen.compiler.passes.jump_threading import drop_jumps_to_next, thread_jumps
 from tests.compiler.cases import every
 from tests.compiler.ir.assembly import check, function, texts
 
@@ -97,27 +97,3 @@ def test_a_jump_to_the_next_instruction_goes(before: str, after: str | None) -> 
 )
 def test_a_jump_over_one_instruction_becomes_a_skip(before: str, after: str | None) -> None:
     check(drop_jumps_to_next, before, after)
-
-
-@every(
-    ("before", "after"),
-    [
-        ("BTFSC Z; GOTO a; GOTO b; a: NOP", "BTFSS Z; GOTO b; a: NOP"),
-        ("BTFSS ga,1; GOTO a; GOTO b; a: NOP", "BTFSC ga,1; GOTO b; a: NOP"),
-        ("CLRF gx; BTFSC Z; GOTO a; GOTO b; c: a: NOP", "CLRF gx; BTFSS Z; GOTO b; c: a: NOP"),
-        ("BTFSC Z; GOTO c; GOTO b; a: NOP", None),
-        ("BTFSC Z; GOTO b; GOTO a; a: NOP", None),
-        ("BTFSC Z; GOTO a; c: GOTO b; a: NOP", None),
-        ("BTFSC Z; c: GOTO a; GOTO b; a: NOP", None),
-        ("BTFSC Z; GOTO a; RETURN; a: NOP", None),
-        ("BTFSC Z; RETURN; GOTO b; a: NOP", None),
-        ("*BTFSC Z; GOTO a; GOTO b; a: NOP", None),
-        ("BTFSC Z; *GOTO a; GOTO b; a: NOP", None),
-        ("BTFSC Z; GOTO a; *GOTO b; a: NOP", None),
-        ("DECFSZ ga,F; GOTO a; GOTO b; a: NOP", None),
-        ("BTFSC C; BTFSC Z; GOTO a; GOTO b; a: NOP", None),
-        ("BTFSC Z; GOTO a; GOTO b", None),
-    ],
-)
-def test_of_two_jumps_one_is_enough(before: str, after: str | None) -> None:
-    check(invert_skips, before, after)

@@ -3,7 +3,7 @@
 In: C files. Out: words by file name and level of optimisation, measured and as recorded in `sizes.json`.
 
 `before.json` holds the words, at -O1, of these programs and of the jobs that the sequence engine builds, in
-all three dialects, before the compiler had counting loops, rules of the superoptimiser and shared delay loops
+all three dialects, before the compiler had counting loops, idioms and shared delay loops
 (commit 1771599^).
 """
 
