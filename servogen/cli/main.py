@@ -47,7 +47,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
     "Robots and motion": {
         "robot_commands": (
-            *("robots", "fk", "ik", "jacobian", "statics"),
+            *("robots", "servos", "fk", "ik", "jacobian", "statics"),
             *("transform", "orientation", "differential", "mobility"),
         ),
         "motion_commands": ("gait", "run-program"),

@@ -35,6 +35,7 @@ SHOWN_M = 1e-9
 
 def register(app: typer.Typer) -> None:
     app.command()(robots)
+    app.command()(servos)
     for command in (fk, ik, jacobian, statics, transform, orientation, differential):
         app.command(context_settings=NEGATIVE_NUMBERS)(command)
     app.command()(mobility)
@@ -69,6 +70,51 @@ def robots(
         as_json(queries.robot_details(name))
     else:
         _print_details(queries.robot_details(name))
+
+
+def servos(
+    name: Annotated[
+        str | None, typer.Argument(help="The servo to show, or a servo file.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the servos of the catalogue, or show every figure of one of them and where it comes from."""
+    from dataclasses import asdict
+
+    from servogen.robot.servo_models import catalogued_as, figures, names, servo_model
+
+    if name is None:
+        keys = ("name", "supply_v", "speed_deg_s", "torque_ncm", "mass_g", "title")
+        rows = [
+            (
+                model.name,
+                model.supply_v,
+                _in(model.speed, degrees(1)),
+                _in(model.torque_nm, 100),
+                _in(model.mass_kg, 1000),
+                model.title,
+            )
+            for model in map(servo_model, names())
+        ]
+        if json:
+            as_json({"servos": [dict(zip(keys, row, strict=True)) for row in rows]})
+        else:
+            shown = [["" if cell is None else cell for cell in row] for row in rows]
+            table("Servos", ("name", "V", "°/s", "N·cm", "g", "title"), shown)
+            print("servogen servos NAME says where each figure comes from")
+        return
+    model = servo_model(catalogued_as(name))
+    found = figures(catalogued_as(name))
+    if json:
+        as_json({"name": model.name, "title": model.title, "figures": [asdict(figure) for figure in found]})
+        return
+    cells = [(figure.key, figure.value, figure.origin, figure.source) for figure in found]
+    table(model.title, ("figure", "value", "from", "source"), cells)
+
+
+def _in(value: float | None, parts: float) -> float | None:
+    """Return a value in the unit of which it has `parts`, in the digits of a data sheet."""
+    return None if value is None else float(f"{value * parts:.4g}")
 
 
 def _write_urdf(name: str | None, path: Path) -> None:

@@ -48,10 +48,7 @@ def starter(kind: str, servo: str, file: Path) -> str:
     name = servo_models.catalogued_as(servo)
     model = servo_models.servo_model(name)
     usual = servo_models.servo_model(usual_servo(kind))
-    fitting = [
-        each for each in servo_models.names() if servo_models.servo_model(each).continuous == usual.continuous
-    ]
-    fits = f"these fit: {', '.join(fitting)}"
+    fits = f"{usual_servo(kind)} fits; `servogen servos` lists the others"
     if model.continuous != usual.continuous:
         wrong = "turns continuously" if model.continuous else "has angles"
         needs = "a servo with angles" if model.continuous else "continuous-rotation servos"

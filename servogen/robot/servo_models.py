@@ -7,6 +7,7 @@ at that voltage.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -90,6 +91,8 @@ class ModelTable(FactKeys, Table):
     points: tuple[PointTable, ...] = Field(min_length=2)
     supply: tuple[SupplyTable, ...] = ()
     motor: MotorTable | None = None
+    sources: dict[str, str] | None = None
+    """The sources of those figures that are not from `source`, by their keys."""
 
 
 def names() -> tuple[str, ...]:
@@ -153,6 +156,60 @@ def servo_model(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class ServoFigure:
+    """A figure of a model's file as its keys and units say it, and where it comes from.
+
+    `origin` is one of `ORIGINS` or "file", the words of a file that names none of them.
+    """
+
+    key: str
+    value: str
+    origin: str
+    source: str
+
+
+ORIGINS = ("maker", "seller", "lab", "assumed")
+"""Whose figures they are: a `source` begins with one of the first three and a colon."""
+
+
+def figures(name: str, place: Location | None = None) -> tuple[ServoFigure, ...]:
+    """Return the figures of a model in the order of its file's keys; `name` as for `servo_model`.
+
+    Raises InputError.
+    """
+    document, table = _model(name, place)
+    motor = _motor(document, table)
+    data = table.model_dump(exclude_none=True, exclude={"title", "source", "sources", "kind"})
+    unit = "°/s" if table.kind == "continuous" else "°"
+    values = {
+        key: _shown(value) for key, value in data.items() if key in FactKeys.model_fields and key != "points"
+    }
+    values["points"] = ", ".join(
+        f"{point.angle_deg if point.speed_deg_s is None else point.speed_deg_s:g}{unit} {point.width_us:g} µs"
+        for point in table.points
+    )
+    for key in ("speed_deg_s", "speed_rad_s", "torque_ncm"):
+        at = [(row.supply_v, getattr(row, key)) for row in table.supply if getattr(row, key) is not None]
+        if at:
+            values[key] = ", ".join(f"{value:g} at {volts:g} V" for volts, value in at)
+    values |= {key: _shown(value) for key, value in data.get("motor", {}).items() if key != "assumed"}
+    return tuple(ServoFigure(key, value, *_origin(key, table, motor)) for key, value in values.items())
+
+
+def _origin(key: str, table: ModelTable, motor: Motor) -> tuple[str, str]:
+    """Return whose figure a key's is, and its source."""
+    source = (table.sources or {}).get(key, table.source)
+    if key in motor.assumed:
+        return "assumed", ""
+    origin, colon, text = source.partition(": ")
+    return (origin, text) if colon and origin in ORIGINS else ("file", source)
+
+
+def _shown(value: object) -> str:
+    return ", ".join(f"{each:g}" for each in (value if isinstance(value, tuple) else (value,)))
+
+
 def _voltage(table: ModelTable, supply_v: float | None) -> float | None:
     return min((row.supply_v for row in table.supply), default=None) if supply_v is None else supply_v
 
@@ -167,6 +224,14 @@ def _motor(document: Document, table: ModelTable) -> Motor:
                 "unknown-name",
                 f"there is no key '{key}' whose value could be assumed",
                 document.place("motor", "assumed", index),
+                did_you_mean(key, keys),
+            )
+    for key in table.sources or ():
+        if key not in keys:
+            raise InputError(
+                "unknown-name",
+                f"there is no figure '{key}' that could have a source",
+                document.place("sources", key),
                 did_you_mean(key, keys),
             )
     return Motor(

@@ -37,8 +37,9 @@ IDLE_A = 0.008
 """The default current of the electronics: that of the S3001."""
 SUPPLY_V = 5.0
 
-MAX_STIFFNESS = 300.0**2
-"""The maximum stiffness of the loop divided by its inertia, 1/s²: 0.3 rad of phase per step of 1 ms."""
+PHASE_RAD = 0.3
+"""The maximum phase of the loop's own oscillation in a step of the physics."""
+MAX_STEPS_PER_MS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,14 @@ class ServoDrive:
         return (self.supply_v - self.resistance * needed) / self.speed_constant
 
     @property
+    def steps_per_ms(self) -> int:
+        """Return the fewest steps of the physics per millisecond in which the loop is followed."""
+        if self.continuous:  # no loop: the width is the share of the voltage
+            return 1
+        own = math.sqrt(self.stall_torque / self.band / self.inertia)
+        return max(1, math.ceil(own / (1000 * PHASE_RAD) * (1 - 1e-9)))
+
+    @property
     def stall_current(self) -> float:
         """Return the current from the supply at standstill, with that of the electronics."""
         return self.supply_v / self.resistance + self.idle_a
@@ -94,13 +103,20 @@ def drive_of(servo: Servo) -> ServoDrive:
     motor = model.motor
     idle = said.value("idle_ma", model.idle_a, IDLE_A, "A")
     no_load = said.value("no_load_ma", motor.no_load_a, 0.0, "A, no dry friction")
+    said.tell("speed_deg_s", f"speed_deg_s = {math.degrees(speed):.4g}")
+    said.tell("torque_ncm", f"torque_ncm = {100 * torque:.4g}")
+    if servo.calibration == model.calibration:
+        said.tell("points", "the pulses of its travel are assumed")
     stall = motor.stall_a
-    if stall is None and model.max_a is not None:
-        said.tell("max_ma", f"the current at standstill is its max_ma, {model.max_a:g} A")
+    power_a = torque * speed / supply
+    # No motor gives more power than it takes: Kt <= Ke. The root is where both are equal.
+    least_a = no_load + power_a / 2 + math.sqrt(power_a**2 / 4 + power_a * no_load)
+    if stall is None and model.max_a is not None and model.max_a - idle >= least_a:
+        said.note(f"the current at standstill is its max_ma, {model.max_a:g} A")
         stall = model.max_a - idle
     if stall is None:
         efficiency = said.value("efficiency", motor.efficiency, EFFICIENCY, "")
-        stall = torque * speed / (efficiency * supply) + no_load
+        stall = max(least_a, power_a / efficiency + no_load)
         said.note(f"the current at standstill is {stall:.3g} A, from speed, torque and efficiency")
     if stall <= no_load:
         raise InputError(
@@ -117,27 +133,27 @@ def drive_of(servo: Servo) -> ServoDrive:
             f"{servo.name}: {torque:g} N·m at {stall:g} A and {math.degrees(speed):.4g} °/s at {supply:g} V "
             "are more power than the motor takes",
             servo.place,
-            "its stall_ma or max_ma is too small",
+            "its stall_ma is too small",
         )
-    start = said.value("start_ms", motor.start_s, START_S, "s")
     per_us = servo.calibration.per_us
-    dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
     damping = torque_constant * speed_constant / resistance
-    assumed = FULL_DRIVE_US
-    if motor.start_s is None:
-        # Two values that nobody stated must not make the loop too fast for the steps of the simulation.
-        least = torque / (per_us * MAX_STIFFNESS * start * damping)
-        assumed = max(assumed, math.ceil(1000 * least) / 1000)
-    full = said.value("full_drive_us", motor.full_drive_us, assumed, "µs")
-    stiffness = torque / (full * per_us)
-    if stiffness > MAX_STIFFNESS * start * damping:
+    # The finest steps follow a product of both from `least` on: what nobody stated never makes it smaller.
+    fastest = 1000 * MAX_STEPS_PER_MS * PHASE_RAD
+    least = 0.0 if model.continuous else torque / (per_us * fastest**2 * damping)
+    slow = START_S if motor.full_drive_us is None else max(START_S, least / motor.full_drive_us)
+    start = said.value("start_ms", motor.start_s, slow, "s")
+    dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
+    soft = math.ceil(1000 * max(FULL_DRIVE_US, least / start)) / 1000
+    full = said.value("full_drive_us", motor.full_drive_us, soft, "µs")
+    if full * start < least * (1 - 1e-9):
         raise InputError(
             "out-of-range",
             f"{servo.name}: with start_ms = {1000 * start:g} and full_drive_us = {full:g} "
-            "its loop is too fast for steps of 1 ms",
+            f"its loop is too fast for steps of {1000 // MAX_STEPS_PER_MS} µs",
             servo.place,
             "state a greater start_ms or full_drive_us",
         )
+    stiffness = torque / (full * per_us)
     critical = 2 * math.sqrt(stiffness * start * damping)
     return ServoDrive(
         supply_v=supply,

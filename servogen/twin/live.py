@@ -79,7 +79,7 @@ class LiveTwin:
     ) -> None:
         """Begin at power-up. Raises InputError, and ToolError where MuJoCo is missing."""
         self.rig, self._bodies, self._world = standing(job, settings)
-        self.settings = settings
+        self.settings = settings = settings.following(self.rig)
         self._edges = edges
         self._receiver = PulseReceiver([servo.pin for servo in self.rig.servos], clock, settings.step_s)
         self._waiting: list[ReceivedPulse] = []

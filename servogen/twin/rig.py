@@ -40,6 +40,11 @@ class TwinRig:
     supply: Supply
     assumptions: tuple[str, ...]
 
+    @property
+    def steps_per_ms(self) -> int:
+        """Return the fewest steps of the physics per millisecond that follow the fastest servo."""
+        return max((drive.steps_per_ms for drive in self.drives), default=1)
+
 
 def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     """Return a job's servos on its robot. Raises InputError where there is none, or no such servo."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
@@ -28,6 +28,7 @@ from servogen.report.tracks import ends_of
 from servogen.simulator import LevelChange, Levels, Machine, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, bodies
+from servogen.twin.drive import MAX_STEPS_PER_MS
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import Variation
 from servogen.twin.pulses import PulseReceiver, ReceivedPulse
@@ -64,9 +65,14 @@ class TwinSettings:
     loops: int = 1
     chunk_ms: int = 20
     steps_per_ms: int = 1
+    """At least so many steps of the physics per millisecond; more where a servo's loop needs them."""
     contacts: bool = True
     energies: bool = False
     """Whether the motors' energies are added up, which takes time."""
+
+    def following(self, rig: TwinRig) -> TwinSettings:
+        """Return the settings with steps that follow the fastest servo of a rig."""
+        return replace(self, steps_per_ms=max(self.steps_per_ms, rig.steps_per_ms))
 
     @property
     def step_s(self) -> Fraction:
@@ -80,7 +86,7 @@ class TwinSettings:
         for name, value, low, high in (
             ("loops", self.loops, 1, 1000),
             ("chunk_ms", self.chunk_ms, 1, 1000),
-            ("steps_per_ms", self.steps_per_ms, 1, 20),
+            ("steps_per_ms", self.steps_per_ms, 1, MAX_STEPS_PER_MS),
         ):
             if not low <= value <= high:
                 raise InputError("out-of-range", f"{name} = {value} is not between {low} and {high}")
@@ -149,6 +155,7 @@ def simulate(
     Raises InputError, and ToolError where MuJoCo is missing.
     """
     rig, built, world = standing(job, settings)
+    settings = settings.following(rig)
     world.energies = Energies() if settings.energies else None
     return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built).run()
 
@@ -158,7 +165,8 @@ def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, 
 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
-    rig, step_s = rig_of(job, settings.broken), float(settings.step_s)
+    rig = rig_of(job, settings.broken)
+    step_s = float(settings.following(rig).step_s)
     built = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _held_at(job))
     world = World(built, rig.wirings, rig.supply, step_s, contacts=settings.contacts)
     _stand(world, job, rig, settings.ground)

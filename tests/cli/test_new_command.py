@@ -31,8 +31,8 @@ def models(file: str) -> set[str]:
     return {servo["model"] for servo in tomllib.loads(Path(file).read_text("utf-8"))["servo"]}
 
 
-def test_the_combinations_are_all_of_the_catalogue() -> None:
-    assert {*WITH_ANGLES, "continuous"} == set(servo_models.names())
+def test_the_servos_are_of_the_catalogue() -> None:
+    assert {*WITH_ANGLES, "continuous"} <= set(servo_models.names())
 
 
 @pytest.mark.parametrize(("kind", "servo"), [*FITTING, ("omni", "continuous")])
@@ -84,9 +84,14 @@ def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None
             "no job to start from for 'quadruped'",
             "arm, hexapod, leg, omni, servo, stream",
         ),
-        ("omni", "sg90", "'omni' needs continuous-rotation servos", "these fit: continuous"),
-        ("leg", "continuous", "'leg' needs a servo with angles", "these fit: futaba-s3001, mpx-tiny-s, sg90"),
-        ("arm", "narrow.toml", "Narrow does not fit 'arm': ", "these fit: futaba-s3001, mpx-tiny-s, sg90"),
+        (
+            "omni",
+            "sg90",
+            "'omni' needs continuous-rotation servos",
+            "continuous fits; `servogen servos` lists",
+        ),
+        ("leg", "continuous", "'leg' needs a servo with angles", "mpx-tiny-s fits; `servogen servos`"),
+        ("arm", "narrow.toml", "Narrow does not fit 'arm': ", "futaba-s3001 fits; `servogen servos`"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_fits(

@@ -67,6 +67,8 @@ COMMANDS = [
     ("robots",),
     ("robots", "scara"),
     ("robots", "hexapod"),
+    ("servos",),
+    ("servos", "hitec-hs-311"),
     ("gait", "hexapod"),
     ("statics", "scara", "10", "20", "30", "40", "--force", "0", "0", "-5"),
     ("euler", "10", "20", "30"),

@@ -64,7 +64,7 @@ def test_it_has_no_travel() -> None:
 
 
 def test_the_catalogue_says_that_its_speeds_are_an_example() -> None:
-    assert "example" in MODEL.source
+    assert "points" in MODEL.motor.assumed
     assert (MODEL.continuous, MODEL.speed, servo_model("futaba-s3001").continuous) == (True, None, False)
 
 

@@ -14,23 +14,30 @@ from servogen.twin.ground import Ground
 from servogen.twin.mjcf import document
 from servogen.twin.pulses import ReceivedPulse
 from servogen.twin.supply import Supply
-from servogen.twin.world import Energies, ServoWiring, World
+from servogen.twin.world import Energies, ServoWiring, World, mujoco
 
 
 @dataclass(frozen=True)
 class Seen:
-    """The greatest steady speed, the torque and the current at a stop."""
+    """The greatest steady speed, the torque and the current at a stop; `speeds` at `times`, from rest on."""
 
     speed: float
     torque: float
     current: float
+    times: np.ndarray
+    speeds: np.ndarray
 
 
-def disc(drive: ServoDrive, upper: float, step_s: float = 0.001, inertia: float = 1e-5) -> Bodies:
+DISC = 1e-5
+"""The inertia of the disc, kg·m²."""
+
+
+def disc(drive: ServoDrive, upper: float, step_s: float = 0.001, inertia: float = DISC) -> Bodies:
     """Return a disc on the servo's shaft, which a stop holds at the angle `upper`."""
     root, world = document("disc", Ground(), step_s)
     body = xml.SubElement(world, "body", pos="0 0 1")
-    friction = {"frictionloss": str(drive.friction)} if drive.friction else {}
+    stiff = {"solreffriction": "0.002 1", "solimpfriction": ".9999 .9999 .001"}  # as in servogen.twin.mjcf
+    friction = {"frictionloss": str(drive.friction), **stiff} if drive.friction else {}
     xml.SubElement(
         body,
         "joint",
@@ -61,19 +68,31 @@ def world_of(servo: Servo, upper: float, supply: Supply | None = None, **options
 
 def on_the_bench(servo: Servo) -> Seen:
     """Return what the servo does when it is sent far away, with and without a stop in its way."""
-    free = world_of(servo, 1e3)
+    per_ms = drive_of(servo).steps_per_ms
+    free, held = (world_of(servo, upper, step_s=0.001 / per_ms) for upper in (1e3, 0.0))
     speeds = []
-    for step in range(200):
-        if step % 20 == 0:
-            free.pulse(ReceivedPulse(step, 0, 500.0))
-        free.advance()
-        speeds.append(float(free.data.actuator_velocity[0]))
-    held = world_of(servo, 0.0)
-    for step in range(300):
-        if step % 20 == 0:
-            held.pulse(ReceivedPulse(step, 0, 500.0))
-        held.advance()
-    return Seen(float(np.max(speeds)), float(held.data.actuator_force[0]), held.current)
+    for step in range(300 * per_ms):
+        for world in (free, held):
+            if step % (20 * per_ms) == 0:
+                world.pulse(ReceivedPulse(step, 0, 500.0))
+            world.advance()
+        speeds.append(float(free.data.qvel[0]))
+    times = np.arange(1, len(speeds) + 1) * free.step_s
+    limit = held.data.efc_type == int(mujoco().mjtConstraint.mjCNSTR_LIMIT_JOINT)
+    torque = float(held.data.efc_force[limit].sum())
+    return Seen(float(np.max(speeds)), torque, held.current, times, np.array(speeds))
+
+
+def speed_against(servo: Servo, load: float) -> float:
+    """Return the speed after 0.3 s of a servo that is sent far away against a torque."""
+    per_ms = drive_of(servo).steps_per_ms
+    world = world_of(servo, 1e3, step_s=0.001 / per_ms)
+    world.data.qfrc_applied[0] = -load
+    for step in range(300 * per_ms):
+        if step % (20 * per_ms) == 0:
+            world.pulse(ReceivedPulse(step, 0, 500.0))
+        world.advance()
+    return float(world.data.qvel[0])
 
 
 def weight_world(servo: Servo, mass: float, arm: float) -> tuple[World, Energies]:

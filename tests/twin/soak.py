@@ -1,7 +1,7 @@
 """The twin's long figures: `python -m tests.twin.soak [TABLE ...]`.
 
 Prints one table per name, those of docs/twin.md: way, turn, specimens, lost_motion, causes, oracle, rough,
-steps. The tests of this folder hold a part of it.
+steps; and servos, that of docs/servos.md. The tests of this folder hold a part of it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ from collections.abc import Callable
 import numpy as np
 
 from servogen.errors import InputError
+from servogen.robot.servo import servo
+from servogen.robot.servo_models import names, servo_model
 from servogen.twin import Ground, TwinSettings, TwinVerdict, Variation
+from servogen.twin.drive import drive_of
+from tests.twin.bench import on_the_bench, speed_against
 from tests.twin.walking import CURVE, SUPPLIED, TURN, WALK, Firmware, rigid_end, walking
 
 FRICTIONS = (0.3, 0.5, 0.8, 1.0)
@@ -154,12 +158,38 @@ def steps() -> None:
             )
 
 
-TABLES = {each.__name__: each for each in (way, turn, specimens, lost_motion, causes, oracle, rough, steps)}
+def servos() -> None:
+    """Every servo of the catalogue on the bench: its speed without load, and the torque at which it stops."""
+    for name in names():
+        model = servo_model(name)
+        arm, assumed = servo("arm", "RB0", model), model.motor.assumed
+        drive = drive_of(arm)
+        speed, stall = on_the_bench(arm).speed, drive.stall_torque
+        low, high = 0.9 * stall, 1.1 * stall
+        while high - low > 1e-4 * stall:
+            load = (low + high) / 2
+            low, high = (load, high) if speed_against(arm, load) > 1e-3 * speed else (low, load)
+        stated = model.speed or max(model.calibration.angles)
+        row = (
+            f"{model.supply_v:g}",
+            f"{math.degrees(stated):.4g}",
+            f"{math.degrees(speed):.4g}",
+            f"{100 * (model.torque_nm or stall):.4g}",
+            f"{100 * low:.4g}",
+            f"{drive.steps_per_ms}",
+            ", ".join(f"`{key}`" for key in assumed) or "none",
+        )
+        print(f"| `{name}` | {' | '.join(row)} |", flush=True)
 
 
-def main(names: list[str]) -> None:
+TABLES = {
+    each.__name__: each for each in (way, turn, specimens, lost_motion, causes, oracle, rough, steps, servos)
+}
+
+
+def main(wanted: list[str]) -> None:
     """Print the tables of these names, or all."""
-    for name in names or TABLES:
+    for name in wanted or TABLES:
         if name not in TABLES:
             raise InputError("unknown-name", f"there is no table '{name}'", hint=", ".join(TABLES))
         start = time.process_time()

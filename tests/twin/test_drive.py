@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from servogen.errors import InputError
-from servogen.robot.servo import Motor, Servo, servo
+from servogen.robot.servo import Motor, Servo, calibration, servo
 from servogen.robot.servo_models import servo_model
 from servogen.twin.drive import bank, drive_of
 from servogen.twin.pulses import ReceivedPulse
@@ -134,23 +134,40 @@ def test_motors_at_the_limits_of_what_can_be() -> None:
         drive_of(of("mpx-tiny-s", motor=Motor(stall_a=2.0, no_load_a=2.0)))
     base = drive_of(of("mpx-tiny-s", 4.8))
     damping = base.torque_constant * base.speed_constant / base.resistance
-    fastest = 0.25 / base.band / 300**2 / damping  # K / J = 300²/s²
-    drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=0.66, start_s=1.001 * fastest)))
-    with pytest.raises(InputError, match=f"start_ms = {999 * fastest:.3g}.* too fast for steps of 1 ms"):
-        drive_of(of("mpx-tiny-s", 4.8, motor=Motor(efficiency=0.66, start_s=0.999 * fastest)))
+    narrow = 0.01 * of("mpx-tiny-s").calibration.per_us
+    fastest = 0.25 / narrow / 6000**2 / damping  # K / J = 6000²/s²: 0.3 rad in 50 µs
+    kept = drive_of(of("mpx-tiny-s", 4.8, motor=Motor(full_drive_us=0.01, start_s=1.001 * fastest)))
+    assert kept.steps_per_ms == 20
+    with pytest.raises(InputError, match=f"start_ms = {999 * fastest:.3g}.* too fast for steps of 50 µs"):
+        drive_of(of("mpx-tiny-s", 4.8, motor=Motor(full_drive_us=0.01, start_s=0.999 * fastest)))
 
 
-def test_assumed_values_alone_never_make_the_loop_too_fast() -> None:
-    """A servo of a file that states neither start_ms nor full_drive_us; the wider drive is told."""
-    speed = 6000 * of("mpx-tiny-s").calibration.per_us
-    fast = of("mpx-tiny-s", speed=speed, torque_nm=0.02, max_a=0.65, motor=Motor())
-    drive = drive_of(fast)
-    damping = drive.torque_constant * drive.speed_constant / drive.resistance
-    assert 0.02 / drive.band <= 300**2 * 0.010 * damping  # K / J = 300²/s²
-    (told,) = (text for text in drive.assumptions if "full_drive_us" in text)
-    assert float(told.split("= ")[1].split()[0]) == pytest.approx(6.67, abs=0.01)  # 6000 / 300² / 10 ms
-    with pytest.raises(InputError, match="too fast"):
-        drive_of(replace(fast, model=replace(fast.model, motor=Motor(full_drive_us=5.0))))
+@pytest.mark.parametrize("stated", [Motor(), Motor(start_s=0.01), Motor(full_drive_us=5.0)])
+def test_the_steps_follow_the_loop_of_a_fast_servo(stated: Motor) -> None:
+    """600 °/s and 180° in 1900 µs: √(K/J) = √(ω0 / (5 µs · 10 ms)) = 356/s, more than 0.3 rad in 1 ms."""
+    curve = calibration(((0.0, 500.0), (math.pi, 2400.0)))
+    fast = of("mpx-tiny-s", calibration=curve, speed=math.radians(600), torque_nm=0.176, motor=stated)
+    assert drive_of(fast).steps_per_ms == 2
+    slow = replace(fast, model=replace(fast.model, speed=math.radians(400)))
+    assert drive_of(slow).steps_per_ms == 1
+
+
+@pytest.mark.parametrize("stated", [Motor(), Motor(start_s=0.01), Motor(full_drive_us=0.001)])
+def test_assumed_values_alone_never_make_the_loop_too_fast(stated: Motor) -> None:
+    """A servo that turns 4000 times a second, of a file that states at most one of the two values."""
+    unknown = of("mpx-tiny-s", speed=25_000.0, torque_nm=0.002, motor=stated)
+    drive = drive_of(unknown)
+    assert drive.steps_per_ms == 20
+    told = " ".join(text for text in drive.assumptions if "full_drive_us" in text or "start_ms" in text)
+    assert ("full_drive_us" in told) == (stated.full_drive_us is None)
+    assert ("start_ms" in told) == (stated.start_s is None)
+
+
+def test_a_greatest_current_that_speed_and_torque_exceed_is_not_that_at_standstill() -> None:
+    """34 N·cm at 1.8 rad/s are 0.61 W: 0.1 A at 4.8 V cannot be all that it takes."""
+    drive = drive_of(of("futaba-s3001", max_a=0.1))
+    assert drive.stall_torque == pytest.approx(0.34) and drive.stall_current > 0.61 / 4.8
+    assert "from speed, torque and efficiency" in " ".join(drive.assumptions)
 
 
 def test_a_bank_has_the_constants_of_each_servo_and_their_current_together() -> None:
@@ -175,14 +192,14 @@ def test_assumptions_are_named_and_stated_facts_are_not() -> None:
     [
         ({"torque_nm": None}, "states no torque_ncm"),
         ({"speed": None}, "states no speed_deg_s"),
-        ({"max_a": 0.1}, "more power than the motor takes"),
+        ({"motor": Motor(stall_a=0.1)}, "more power than the motor takes"),
         ({"motor": Motor(stall_a=0.1, no_load_a=0.2)}, "not above that at full speed"),
-        ({"motor": Motor(start_s=0.001)}, "too fast"),
+        ({"motor": Motor(start_s=0.001, full_drive_us=0.001)}, "too fast"),
     ],
 )
 def test_facts_that_no_motor_can_have_are_refused(facts: dict[str, object], text: str) -> None:
     with pytest.raises(InputError, match=text):
-        drive_of(of("futaba-s3001" if "max_a" in facts else "mpx-tiny-s", **facts))
+        drive_of(of("mpx-tiny-s", **facts))
 
 
 def test_a_supply_sags_as_the_circuit_says() -> None:
