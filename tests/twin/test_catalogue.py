@@ -52,7 +52,7 @@ def test_it_has_the_speed_and_the_torque_of_its_file(name: str) -> None:
 def test_the_steps_of_a_robot_follow_its_servos(name: str, per_ms: int) -> None:
     """600 °/s over 1900 µs of 180°: 356/s, which 0.3 rad allow only in half a millisecond."""
     pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
-    job = plan_job(loads(starter("leg", name, Path("leg.toml")), "leg.toml"))
+    job = plan_job(loads(starter("arm", name, Path("arm.toml")), "arm.toml"))
     rig, _, world = standing(job, TwinSettings())
     assert world.step_s == 0.001 / per_ms
     assert TwinSettings().following(rig).steps_per_ms == per_ms
