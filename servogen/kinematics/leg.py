@@ -24,6 +24,7 @@ must hold together. Then α = atan2(Y, X) - atan2(r, -s), and both signs of β a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -84,6 +85,35 @@ class Leg:
     def r(self) -> float:
         """Return the constant distance of D from the axis of α, along y'."""
         return self.ab + self.cd
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Return the lowest and the highest Z of the foot."""
+        return -self.bc - self.df, self.bc - self.df
+
+    @property
+    def rest_height(self) -> float:
+        """Return the lowest Z: where the foot is unless a posture says otherwise."""
+        return -self.bc - self.df
+
+    def radius(self, beta: float) -> float:
+        """Return ρ, the foot's distance from the axis of α."""
+        return math.hypot(self.r, self.bc * math.sin(beta))
+
+    def ahead(self, beta: float) -> float:
+        """Return the direction of the foot from the axis of α, while α = 0, from x'."""
+        return math.atan2(self.r, -self.bc * math.sin(beta))
+
+    def lifts_at(self, height_m: float) -> tuple[float, float]:
+        """Return both β, the positive one first, at which the foot is at Z = `height_m`. Raises
+        InputError.
+        """
+        beta = self.beta_at(height_m)
+        return beta, -beta
+
+    def lever(self, beta: ArrayLike) -> Floats:
+        """Return the lever arm of a vertical force at the foot about joint B, l_BC sin β, in metres."""
+        return np.asarray(self.bc * np.sin(np.asarray(beta, float)))
 
     def fk(self, alpha: ArrayLike, beta: ArrayLike) -> Floats:
         """Return the foot, shape (..., 3), in the body joint's frame."""

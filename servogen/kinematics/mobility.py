@@ -126,16 +126,14 @@ def verdict(value: int) -> str:
     return "deficient" if value < 0 else "redundant" if value > 0 else "exact"
 
 
-def standing(legs: int, springs: bool) -> int:
-    """Return the mobility of a body on `legs` two-joint legs, whose feet are spherical joints on the floor.
+def standing(legs: int, joints: int) -> int:
+    """Return the mobility of a body on `legs` legs of `joints` turning joints, whose feet are spherical joints
+    on the floor.
 
-    Each leg has two turning joints and its foot has three degrees of freedom: 6 (2 + 2m - 1 - 3m) + 5m = 6 -
-    m for m legs, so three legs leave 3. With the spring joint E' each leg has one more, and the body has all
-    six.
+    Each foot has three degrees of freedom: 6 (2 + k m - 1 - (k + 1) m) + (k + 3) m = 6 + (k - 3) m for m legs
+    of k joints. On three legs of two joints the body keeps 3, on legs of three, or of two and a spring, all 6.
     """
-    links = 3 if springs else 2
-    joints = (["turning"] * links + ["spherical"]) * legs
-    return kutzbach(2 + links * legs, joints)
+    return kutzbach(2 + joints * legs, (["turning"] * joints + ["spherical"]) * legs)
 
 
 def of_arm(arm: Arm) -> Mobility:

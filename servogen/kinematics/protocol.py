@@ -64,6 +64,10 @@ class Posture:
 
     In a walk that turns, a leg whose α would bend further with this one takes the other.
     """
+    roll: float = 0.0
+    """The body's tilt about its x axis, radians: positive lowers its right side."""
+    pitch: float = 0.0
+    """Its tilt about the y axis, radians: positive lowers its front."""
 
 
 @dataclass(frozen=True, slots=True)

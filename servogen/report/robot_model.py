@@ -75,7 +75,7 @@ def _end(end: End) -> dict[str, object]:
     arm, lengths = end.arm, end.arm.length
     joints = zip(end.bindings, end.columns, strict=True)
     shape: dict[str, object]
-    if arm.closed_form == "leg":
+    if arm.closed_form == "pantograph":
         shape = {"leg": {name: lengths[name] for name in ("ab", "bc", "cd", "df")}}
     else:
         shape = {

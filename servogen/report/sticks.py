@@ -2,7 +2,7 @@
 
 In: an `Arm` and joint positions (n, joints). Out: points (n, corners, 3) in metres; the last is the end.
 
-    leg, seen from outside      any other arm: along each row's z, then its x
+    the lab's leg, from outside any other arm: along each row's z, then its x
     A───B                       (modified convention: along x, then z)
         │ C───D
          ╲│   │    β turns BC, D F stays vertical
@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from servogen.kinematics.forward import link_frames
-from servogen.kinematics.leg import Leg
+from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.kinematics.protocol import DrivingRobot, WalkingRobot
 from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.gait.walk import Walk
@@ -25,20 +25,8 @@ from servogen.robot.model import Arm
 
 def stick(arm: Arm, joints: Floats) -> Floats:
     """Return the corners of an arm or leg in its own frame, from its base to its end."""
-    return _leg(Leg.of(arm.length), joints) if arm.closed_form == "leg" else _rows(arm, joints)
-
-
-def _leg(leg: Leg, joints: Floats) -> Floats:
-    alpha, beta = joints.T
-    zero = np.zeros_like(alpha)
-    outward = np.stack([-np.sin(alpha), np.cos(alpha), zero], axis=1)
-    forward = np.stack([np.cos(alpha), np.sin(alpha), zero], axis=1)
-    down = np.array([0.0, 0.0, -1.0])
-    a = np.zeros_like(outward)
-    b = a + leg.ab * outward
-    c = b - leg.bc * np.sin(beta)[:, None] * forward + leg.bc * np.cos(beta)[:, None] * down
-    d = c + leg.cd * outward
-    return np.stack([a, b, c, d, d + leg.df * down], axis=1)
+    kind = LEG_KINDS.get(arm.closed_form or "")
+    return kind.corners(arm, joints) if kind else _rows(arm, joints)
 
 
 def _rows(arm: Arm, joints: Floats) -> Floats:

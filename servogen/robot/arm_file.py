@@ -135,22 +135,11 @@ def _like(document: Document, table: ArmTable, find: Find) -> Arm:
             )
     # The rows stay the model's, so its closed form still holds with other lengths.
     arm = with_lengths(document, table.lengths_mm, model)
-    changed = {joint.name: joint for joint in arm.joints}
-    for index, joint in enumerate(table.joint):
-        if joint.name not in changed:
-            where = ("joint", index, "name")
-            raise document.error(
-                "unknown-joint",
-                where,
-                f"'{model.name}' has no joint '{joint.name}'",
-                did_you_mean(joint.name, changed),
-            )
-        changed[joint.name] = _joint(document, index, joint, changed[joint.name])
+    arm = with_joints(document, table.joint, arm)
     return replace(
         arm,
         name=table.name,
         title=table.title or model.title,
-        joints=tuple(changed.values()),
         base=_frame(table.base) if table.base else arm.base,
         tool=_frame(table.tool) if table.tool else arm.tool,
         dimensions=table.dimensions if table.lengths_mm else arm.dimensions,
@@ -180,6 +169,22 @@ def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
             raise document.error("unknown-name", where, f"'{arm.name}' has no length '{name}'", hint)
     changed = {name: value / 1000 for name, value in lengths_mm.items()}
     return arm.with_lengths(**changed) if changed else arm
+
+
+def with_joints(document: Document, joints: tuple[JointTable, ...], arm: Arm) -> Arm:
+    """Return `arm` with what the file states about its joints. Raises InputError for unknown ones."""
+    changed = {joint.name: joint for joint in arm.joints}
+    for index, joint in enumerate(joints):
+        if joint.name not in changed:
+            where = ("joint", index, "name")
+            raise document.error(
+                "unknown-joint",
+                where,
+                f"'{arm.name}' has no joint '{joint.name}'",
+                did_you_mean(joint.name, changed),
+            )
+        changed[joint.name] = _joint(document, index, joint, changed[joint.name])
+    return replace(arm, joints=tuple(changed.values()))
 
 
 def _arm(document: Document, table: ArmTable, find: Find) -> Arm:

@@ -123,8 +123,18 @@ def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[t
     """Return the channels that turn and lift each leg, in the order of the legs."""
     names = [servo.name for servo in servos]
     joints = {binding.joint: names.index(binding.servo) for binding in bindings}
-    legs = [joint.removesuffix("_alpha") for joint in joints if joint.endswith("_alpha")]
-    return [(joints[f"{leg}_alpha"], joints[f"{leg}_beta"]) for leg in legs if f"{leg}_beta" in joints]
+    return [
+        (joints[joint], joints[lift])
+        for joint in joints
+        for turns, lifts in LEG_JOINTS
+        if joint.endswith(turns)
+        for lift in [joint.removesuffix(turns) + lifts]
+        if lift in joints
+    ]
+
+
+LEG_JOINTS = (("_alpha", "_beta"), ("_hip", "_lift"))
+"""The joints that turn and that lift a leg of two, behind the leg's name."""
 
 
 def encoded_motion(

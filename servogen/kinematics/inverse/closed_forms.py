@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.serial_legs import HipLift
 from servogen.kinematics.transforms import Floats, cos_sin
 from servogen.robot.model import Arm
 
@@ -308,9 +309,31 @@ def _rv_m1_position(arm: Arm, target: TargetComponents) -> list[Branch]:
     ]
 
 
-def _leg(arm: Arm, target: TargetComponents) -> list[Branch]:
+def _pantograph(arm: Arm, target: TargetComponents) -> list[Branch]:
     angles = Leg.of(arm.length).at_height(np.stack(target.p, axis=-1))
     return [(angles[..., side, 0], angles[..., side, 1]) for side in (0, 1)]
+
+
+def _hip_lift(arm: Arm, target: TargetComponents) -> list[Branch]:
+    """Return both lifts at the foot's height, each with the hip towards the foot and away from it."""
+    x, y, z = target.p
+    lifts, towards = HipLift.of(arm.length).at_height(z), azimuth(-x, y, arm.home[0])
+    return [(towards + turn, lifts[..., side]) for side in (0, 1) for turn in (0.0, np.pi)]
+
+
+def _coxa_femur_tibia(arm: Arm, target: TargetComponents) -> list[Branch]:
+    x, y, z = target.p
+    knee = np.pi / 2
+    return [
+        (hip, femur, bend + knee)
+        for hip, reach in (
+            (azimuth(-x, y, arm.home[0]), np.hypot(x, y)),
+            (azimuth(-x, y, arm.home[0]) + np.pi, -np.hypot(x, y)),
+        )
+        for femur, bend in _two_links(
+            reach - arm.length["coxa"], z, arm.length["femur"], arm.length["tibia"]
+        )
+    ]
 
 
 WRIST_JOINTS: Mapping[str, int] = MappingProxyType(
@@ -325,6 +348,7 @@ DIVISORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "anthropomorphic": ("l2", "l3"),
         "rv-m1": ("a2", "a3"),
         "irb6400c": ("l1",),
+        "coxa-femur-tibia": ("femur", "tibia"),
     }
 )
 """The lengths that a closed form divides by: if one of them is 0, the form does not apply."""
@@ -343,7 +367,9 @@ CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
         "irb6400c": irb6400c,
         "spherical": spherical,
         "spherical-wrist": spherical_wrist,
-        "leg": _leg,
+        "pantograph": _pantograph,
+        "hip-lift": _hip_lift,
+        "coxa-femur-tibia": _coxa_femur_tibia,
     }
 )
 """The closed forms by the name that a robot's file gives."""
