@@ -192,7 +192,7 @@ def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
 
 def _model(document: Document, table: HexapodTable, find: Find) -> tuple[Hexapod | None, Arm]:
     """Return the robot of `like`, if there is one, and the legs. Raises InputError."""
-    kinds = "the lab's is leg = \"pantograph\"; others: " + ", ".join(
+    kinds = 'the lab\'s is leg = "pantograph"; others: ' + ", ".join(
         f'leg = "{name}"' for name in LEG_KINDS if name != "pantograph"
     )
     if table.like is not None:

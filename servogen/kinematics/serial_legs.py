@@ -80,7 +80,9 @@ class HipLift:
         reach are clipped.
         """
         rise = np.arcsin(np.clip(height / self._length, -1.0, 1.0))
-        return np.asarray(wrapped(np.stack([rise, np.pi - rise], axis=-1) + math.atan2(self.tibia, self.femur)))
+        return np.asarray(
+            wrapped(np.stack([rise, np.pi - rise], axis=-1) + math.atan2(self.tibia, self.femur))
+        )
 
     def lifts_at(self, height_m: float) -> tuple[float, ...]:
         """Return the lifts at which the foot is at Z = `height_m` and before the hip, the outer one first.
@@ -97,7 +99,9 @@ class HipLift:
     def torque(self, lift: ArrayLike, force_n: ArrayLike) -> Floats:
         """Return the static torque on the lift, in N·m, under a vertical force at the foot."""
         lift = np.asarray(lift, float)
-        return np.asarray(np.asarray(force_n, float) * (self.femur * np.cos(lift) + self.tibia * np.sin(lift)))
+        return np.asarray(
+            np.asarray(force_n, float) * (self.femur * np.cos(lift) + self.tibia * np.sin(lift))
+        )
 
     @property
     def _length(self) -> float:

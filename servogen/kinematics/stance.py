@@ -187,15 +187,18 @@ def circle_stance(
             "legs of two joints cannot tilt the body: a foot keeps its height only on a level circle",
             hint='legs of three joints can: leg = "coxa-femur-tibia"',
         )
+    height = posture.body_height
+    if height is None:
+        height = min(-leg.rest_height - mount.z for mount in mounts)
     return CircleStance(
         posture.stance_width,
-        tuple(least_bent(_stances(leg, arm, mount, posture), motions) for mount in mounts),
+        tuple(least_bent(_stances(leg, arm, mount, height, posture), motions) for mount in mounts),
     )
 
 
-def _stances(leg: TwoJointLeg, arm: Arm, mount: Mount, posture: Posture) -> list[LegStance]:
+def _stances(leg: TwoJointLeg, arm: Arm, mount: Mount, height: float, posture: Posture) -> list[LegStance]:
     """Return the stances of one leg, those within its joint's limits if there are any, the asked sign first."""
-    foot = leg.rest_height if posture.body_height is None else -posture.body_height - mount.z
+    foot = -height - mount.z
     try:
         lifts = list(zip(leg.lifts_at(foot), leg.lifts_at(foot + posture.lift), strict=True))
     except (InputError, ValueError) as error:
@@ -344,16 +347,23 @@ def free_stance(leg: CoxaFemurTibia, arm: Arm, mounts: Sequence[Mount], posture:
 
     Raises InputError for a posture that they cannot take.
     """
-    height = leg.tibia - mounts[0].z if posture.body_height is None else posture.body_height
+    height = posture.body_height
+    if height is None:
+        height = min(leg.tibia - mount.z for mount in mounts)
     branches = []
     for mount in mounts:
         here = free_foothold(leg, mount, posture)
         feet = np.array([[here.real, here.imag, -height + rise] for rise in (0.0, posture.lift)])
         solved = leg.solve(to_leg(mount, feet @ tilt(posture)))
-        within = np.array([
-            [all(joint.allows(angle) for joint, angle in zip(arm.joints, each, strict=True)) for each in branch]
-            for branch in solved.swapaxes(0, 1).tolist()
-        ]).all(axis=1)
+        within = np.array(
+            [
+                [
+                    all(joint.allows(angle) for joint, angle in zip(arm.joints, each, strict=True))
+                    for each in branch
+                ]
+                for branch in solved.swapaxes(0, 1).tolist()
+            ]
+        ).all(axis=1)
         if np.isnan(solved[:, 0]).any():
             far = math.hypot(*(to_leg(mount, feet @ tilt(posture))[0] - [0, leg.coxa, 0]))
             raise InputError(

@@ -236,7 +236,7 @@ LEGS = {"FL": (90, 50), "FR": (90, -50), "RL": (-90, 50), "RR": (-90, -50)}
 
 def four_legs(folder: Path) -> Path:
     """A stream job of a robot that crawls, one foot in the air at a time."""
-    robot = 'name = "four"\ntitle = "four legs"\nkind = "hexapod"\nleg = "leg"\n'
+    robot = 'name = "four"\ntitle = "four legs"\nkind = "hexapod"\nleg = "pantograph"\n'
     robot += 'dimensions = "example"\nsource = "a test"\ncentre_of_mass_mm = [0, 0, 0]\n'
     servos, pin = "", iter(range(8))
     for leg, (x, y) in LEGS.items():

@@ -470,7 +470,7 @@ def test_feet_that_meet_are_warned_of_with_their_legs_distance_and_frame(tmp_pat
         for side, y in (("L", 34.5), ("R", -34.5))
         for row, x in (("1", "FRONT"), ("2", "0"), ("3", "-FRONT"))
     )
-    text = f'name = "own"\nkind = "hexapod"\nmount = [{mounts}]\n'
+    text = f'name = "own"\nkind = "hexapod"\nleg = "pantograph"\nmount = [{mounts}]\n'
     text += "lengths_mm = { ab = 33, bc = 72, cd = 109, df = 94 }\n"
     way = 'gait = "ripple"\ncycle_s = 1.04\nlift_mm = 17\nbody_height_mm = 159.8\nrepeat = false\n'
     way += "route = [{ forward_mm = 96, cycles = 2 }]"

@@ -13,11 +13,13 @@ import pytest
 from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
 from servogen.kinematics.catalogue import arm, robot, robot_of
-from servogen.kinematics.hexapod import HEXAPOD, Hexapod, LegStance
+from servogen.kinematics.hexapod import HEXAPOD, Hexapod
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.protocol import BodyMotion, Posture
 from servogen.kinematics.registry import KINDS
+from servogen.kinematics.stance import LegStance, least_bent
+from servogen.kinematics.transforms import to_body, to_leg
 from servogen.robot.model import Joint, Mount
 from servogen.toml import file as toml_file
 
@@ -76,7 +78,7 @@ def test_a_foot_stands_on_the_line_from_the_centre_of_rotation_through_the_axis(
     assert (unit * stance.outward.conjugate()).real > 0  # and out of the body
     # α turns the foot from where α = 0 has it, on either side, to that line
     alpha = stance.bend(motion) + (ALPHA.lower + ALPHA.upper) / 2
-    foot = h.to_body(mount, LEG.fk(alpha, stance.beta))
+    foot = to_body(mount, LEG.fk(alpha, stance.lift))
     assert complex(foot[0], foot[1]) == pytest.approx(stance.axis + stance.radius * unit)
 
 
@@ -139,16 +141,16 @@ def test_of_two_stances_the_one_that_bends_less_is_taken_and_the_first_of_equal_
     worst = [max(abs(stance.bend(motion)) for motion in motions) for stance in both]
     assert abs(worst[0] - worst[1]) > 0.1
     best = both[0] if worst[0] < worst[1] else both[1]
-    assert h.least_bent(both, motions) is best
-    assert h.least_bent(both[::-1], motions) is best
+    assert least_bent(both, motions) is best
+    assert least_bent(both[::-1], motions) is best
     even = replace(ALPHA, lower=-1.1, upper=1.1)
     ahead = [LegStance(Mount("S", 0.1, 0.04), LEG, even, sign * 0.6) for sign in (1, -1)]
     straight = [BodyMotion(0.05 + 0j, 0.0, 0.5)]  # α bends alike: the asked sign
-    assert h.least_bent(ahead, straight) is ahead[0]
-    assert h.least_bent(ahead[::-1], straight) is ahead[1]
-    nearly = [both[1], replace(both[1], beta=both[1].beta + 1e-10)]
-    assert h.least_bent(nearly, motions) is nearly[0]
-    assert h.least_bent(nearly[::-1], motions) is nearly[1]
+    assert least_bent(ahead, straight) is ahead[0]
+    assert least_bent(ahead[::-1], straight) is ahead[1]
+    nearly = [both[1], replace(both[1], lift=both[1].lift + 1e-10)]
+    assert least_bent(nearly, motions) is nearly[0]
+    assert least_bent(nearly[::-1], motions) is nearly[1]
 
 
 # ---- the stance of the whole robot ----------------------------------------------------------------------
@@ -165,24 +167,26 @@ def test_a_robot_stands_as_high_as_it_is_asked_to_or_as_its_legs_reach() -> None
         assert half[0, 1] == pytest.approx((angles[0, 1] + lifted[0, 1]) / 2)
         assert half[0, 0] == angles[0, 0]
     tall = made().stance(Posture(), [])
-    assert [leg.beta for leg in tall.legs] == [0.0] * 6
+    assert [leg.lift for leg in tall.legs] == [0.0] * 6
     assert tall.feet(0, tall.angles(0, np.array([1j])))[0, 2] == pytest.approx(-0.12)
     # cos β at the top of the swing of 20 mm is (100 - 70)/50
-    assert tall.raised_beta == pytest.approx(math.acos(0.6))
+    assert tall.legs[0].raised == pytest.approx(math.acos(0.6))
 
 
 def test_mounts_above_the_body_s_origin_make_the_legs_stand_less_bent() -> None:
     raised = made(replace(LEFT, z=0.01))
-    assert raised.stance(Posture(body_height=0.1), []).legs[0].beta == pytest.approx(math.acos(0.8))
-    with pytest.raises(InputError, match="mounted at different heights"):
-        made(LEFT, replace(RIGHT, z=0.01)).stance(Posture(), [])
+    assert raised.stance(Posture(body_height=0.1), []).legs[0].lift == pytest.approx(math.acos(0.8))
+    both = made(LEFT, replace(RIGHT, z=0.01)).stance(Posture(), [])
+    assert [leg.lift for leg in both.legs] == pytest.approx([math.acos(0.8), 0.0]), "the lower one reaches"
+    for index in (0, 1):
+        assert both.feet(index, both.angles(index, np.array([0.1 + 0.1j])))[0, 2] == pytest.approx(-0.11)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_asked_sign_of_beta_is_that_of_all_legs_of_a_straight_walk(sign: int) -> None:
     stance = made().stance(Posture(0.1, beta_sign=sign), [BodyMotion(0.04, 0.0, 0.5)])
-    assert {math.copysign(1, leg.beta) for leg in stance.legs} == {sign}
-    top = stance.lifted(0, np.array([[0.0, stance.legs[0].beta]]), np.ones(1))
+    assert {math.copysign(1, leg.lift) for leg in stance.legs} == {sign}
+    top = stance.lifted(0, np.array([[0.0, stance.legs[0].lift]]), np.ones(1))
     assert math.copysign(1, top[0, 1]) == sign
 
 
@@ -214,7 +218,7 @@ def test_a_posture_beyond_the_legs_is_refused(posture: Posture, refusal: str | N
 def test_neutral_of_a_straight_walk_is_inside_the_circle_by_a_sixteenth_of_the_square_of_the_stance() -> None:
     motion = BodyMotion(0.04 + 0j, 0.0, 0.75)
     stance = made(LEFT, RIGHT).stance(Posture(0.1), [motion])
-    rho = math.hypot(0.05, 0.05 * math.sin(stance.legs[0].beta))
+    rho = math.hypot(0.05, 0.05 * math.sin(stance.legs[0].lift))
     out = rho - 0.03**2 / (16 * rho)
     for index, leg in enumerate(stance.legs):
         across = -1j if leg.mount.mirrored else 1j
@@ -251,10 +255,12 @@ def test_feet_and_angles_of_a_robot_with_turned_mounts_are_inverse() -> None:
     angles = np.random.default_rng(5).uniform(-1, 1, (7, 2, 2))
     feet = h.feet(found, angles)
     assert feet.shape == (7, 2, 3)
-    both = h.angles_of(found, feet)
+    both = np.stack(
+        [LEG.ik(to_leg(mount, feet[:, index])) for index, mount in enumerate((LEFT, RIGHT))], axis=1
+    )
     assert np.abs(both - angles[:, :, None, :]).max(axis=-1).min(axis=-1).max() < 1e-6
     with pytest.raises(Unreachable):
-        h.angles_of(found, feet + np.array([0.0, 0.0, 0.2]))
+        LEG.ik(to_leg(LEFT, feet[:, 0] + np.array([0.0, 0.0, 0.2])))
 
 
 def test_the_torque_at_beta_is_the_force_times_its_lever() -> None:
@@ -279,6 +285,7 @@ def test_a_hexapod_names_its_parts() -> None:
 FILE = """\
 name = "bug"
 kind = "hexapod"
+leg = "pantograph"
 lengths_mm = { ab = 15, bc = 30, cd = 25, df = 45 }
 centre_of_mass_mm = [4, -6, 10]
 mass_g = 850
@@ -358,9 +365,12 @@ def test_a_hexapod_like_another_has_all_of_it_but_what_its_file_states() -> None
         (("ab = 15, bc = 30, cd = 25", "ab = 0, bc = 30, cd = 0"), "ab and cd are both 0"),
         (("bc = 30", "bc = 0"), "bc is 0"),
         (('name = "B"', 'name = "A"'), "the name 'A' is used twice"),
-        (('kind = "hexapod"', 'kind = "hexapod"\nleg = "scara"'), "'scara' is not a leg"),
-        (('kind = "hexapod"', 'kind = "hexapod"\nlike = "omni"'), "'omni' is not a leg"),
-        (('kind = "hexapod"', 'kind = "hexapod"\nleg = "lag"'), "unknown robot 'lag'"),
+        (('leg = "pantograph"', 'leg = "scara"'), "'scara' is not a kind of leg"),
+        (('leg = "pantograph"', 'like = "omni"'), "'omni' has no legs"),
+        (('leg = "pantograph"', 'leg = "lag"'), "'lag' is not a kind of leg"),
+        (('leg = "pantograph"\n', ""), "'leg' is missing: which kind of legs it has"),
+        (("foot = 8", "tibia = 8"), "a leg of the kind 'pantograph' has no part 'tibia'"),
+        (('leg = "pantograph"', 'like = "hexapod"\nleg = "hip-lift"'), "are 'pantograph'"),
     ],
 )
 def test_a_file_that_is_not_a_hexapod_is_refused(change: tuple[str, str], message: str) -> None:

@@ -92,8 +92,8 @@ def test_a_platform_on_six_legs_moves_in_all_six_ways() -> None:
 
 
 def test_the_spring_joints_give_the_standing_body_back_its_freedom() -> None:
-    assert [m.standing(legs, springs=False) for legs in (1, 3, 6)] == [5, 3, 0]
-    assert [m.standing(legs, springs=True) for legs in (1, 3, 6)] == [6, 6, 6]
+    assert [m.standing(legs, 2) for legs in (1, 3, 6)] == [5, 3, 0]
+    assert [m.standing(legs, 3) for legs in (1, 3, 6)] == [6, 6, 6]
 
 
 def test_a_redundant_arm() -> None:

@@ -176,14 +176,17 @@ def test_home_goes_back_within_limits_that_leave_it_out() -> None:
 def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
     mounts = '[[mount]]\nname = "A"\nx_mm = 10\ny_mm = 20\n'
     mounts += '[[mount]]\nname = "B"\nx_mm = 1\ny_mm = 2\nmirrored = true\n'
-    found = read('name = "six"\nkind = "hexapod"\n[lengths_mm]\nbc = 70\n' + mounts)
+    found = read('name = "six"\nkind = "hexapod"\nleg = "pantograph"\n[lengths_mm]\nbc = 70\n' + mounts)
     assert isinstance(found, Hexapod)
     assert found.leg.length["bc"] == pytest.approx(0.07)
     assert [(mount.name, mount.x, mount.mirrored) for mount in found.mounts] == [
         ("A", 0.01, False),
         ("B", 0.001, True),
     ]
-    heavy = read('name = "six"\nkind = "hexapod"\ncentre_of_mass_mm = [10, -20, 5]\nmass_g = 900\n' + mounts)
+    heavy = read(
+        'name = "six"\nkind = "hexapod"\nleg = "pantograph"\ncentre_of_mass_mm = [10, -20, 5]\nmass_g = 900\n'
+        + mounts
+    )
     assert isinstance(heavy, Hexapod)
     assert heavy.centre_of_mass == pytest.approx((0.01, -0.02, 0.005))
     assert (heavy.mass, found.centre_of_mass) == (0.9, (0, 0, 0))
@@ -191,8 +194,8 @@ def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
     assert isinstance(like, Hexapod)
     assert len(like.mounts) == 6
     with pytest.raises(InputError, match="needs its legs"):
-        read('name = "six"\nkind = "hexapod"\n')
-    with pytest.raises(InputError, match="is not a leg"):
+        read('name = "six"\nkind = "hexapod"\nleg = "pantograph"\n')
+    with pytest.raises(InputError, match="is not a kind of leg"):
         read('name = "six"\nkind = "hexapod"\nleg = "scara"\n' + mounts)
 
 

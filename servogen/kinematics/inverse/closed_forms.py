@@ -330,9 +330,7 @@ def _coxa_femur_tibia(arm: Arm, target: TargetComponents) -> list[Branch]:
             (azimuth(-x, y, arm.home[0]), np.hypot(x, y)),
             (azimuth(-x, y, arm.home[0]) + np.pi, -np.hypot(x, y)),
         )
-        for femur, bend in _two_links(
-            reach - arm.length["coxa"], z, arm.length["femur"], arm.length["tibia"]
-        )
+        for femur, bend in _two_links(reach - arm.length["coxa"], z, arm.length["femur"], arm.length["tibia"])
     ]
 
 

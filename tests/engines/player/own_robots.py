@@ -58,7 +58,7 @@ def drawn(number: int, chance: random.Random) -> Robot:
         for leg, (x, y) in zip(LEGS, ((x, y) for y in (1, -1) for x in (1, 0, -1)), strict=True)
     )
     robot = (
-        'name = "own"\nkind = "hexapod"\n'
+        'name = "own"\nkind = "hexapod"\nleg = "pantograph"\n'
         f"lengths_mm = {{ ab = {ab}, bc = {bc}, cd = {cd}, df = {df} }}\nmount = [\n{mounts}\n]\n"
     )
     servos = []

@@ -44,6 +44,7 @@ from servogen.workflows.engines import PlayedJob, planned
 ROBOT = """
 name = "two"
 kind = "hexapod"
+leg = "pantograph"
 lengths_mm = { ab = 25, bc = 40, cd = 40, df = 100 }
 mount = [
     { name = "L1", x_mm = 0, y_mm = 50, mirrored = false },
