@@ -63,7 +63,9 @@ def new(
     file: Annotated[Path, typer.Argument(help="The job file to write.")] = Path("job.toml"),
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="The kind of robot: servo, arm, leg, hexapod, omni or stream."),
+        typer.Option(
+            "--robot", help="The kind of robot: servo, arm, leg, hexapod, hexapod-hip-lift, omni or stream."
+        ),
     ] = None,
     servo: Annotated[
         str | None,

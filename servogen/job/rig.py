@@ -30,6 +30,14 @@ from servogen.toml.file import Document
 
 def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, ...]:
     """Return all servos, in the order of the file. Raises InputError."""
+    if len(rows) > len(PINS):
+        raise document.error(
+            "too-many-servos",
+            ("servo", len(PINS)),
+            f"{len(rows)} servos, but the chip has {len(PINS)} pins: two chips are needed",
+            "a job drives one chip: give it the servos of some of the legs; `servogen gait` plans the "
+            "whole robot",
+        )
     by_name: dict[str, int] = {}
     by_pin: dict[str, str] = {}
     for index, row in enumerate(rows):

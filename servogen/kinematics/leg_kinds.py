@@ -3,7 +3,7 @@
 A kind is the arm of the catalogue of the same name, whose rows and closed form give forward and inverse
 kinematics, Jacobian and statics, and a line here.
 
-    pantograph          α turns, β swings the foot fore and aft; a slider mechanism keeps the foot part upright
+    pantograph          α turns, β swings the foot fore and aft; a slider mechanism keeps its part upright
     hip-lift            hip turns, lift raises the rigid rest of the leg, outwards
     coxa-femur-tibia    coxa turns, femur and tibia lift and stretch
 """
@@ -31,7 +31,8 @@ Lengths = Mapping[str, float]
 class LegKind:
     """A kind of leg, by the name that a robot file gives for `leg`.
 
-    `parts`: the parts of the leg from its hip to its foot, as `leg_mass_g` names them. `lifting` is the index
+    `parts`: the parts of the leg from its hip to its foot, as `leg_mass_g` names them; `rods`: the two
+    corners between which each of them lies. `lifting` is the index
     of the joint that carries the weight, `torque` its static torque (...,) for angles (..., k) and vertical
     forces (...,) at the foot. `corners`: the points (n, corners, 3) of the leg's centre line for angles
     (n, k), in the leg's frame. `wrong` returns the length that is wrong, and why, or None.
@@ -39,6 +40,7 @@ class LegKind:
 
     name: str
     parts: tuple[str, ...]
+    rods: tuple[tuple[int, int], ...]
     lifting: int
     sidesteps: bool
     wrong: Callable[[Lengths], tuple[str, str] | None]
@@ -85,6 +87,7 @@ def _serial_corners(arm: Arm, joints: Floats) -> Floats:
 PANTOGRAPH = LegKind(
     name="pantograph",
     parts=("coxa", "thigh", "foot"),
+    rods=((0, 1), (1, 2), (3, 4)),
     lifting=1,
     sidesteps=False,
     wrong=_pantograph_wrong,
@@ -96,6 +99,7 @@ PANTOGRAPH = LegKind(
 HIP_LIFT = LegKind(
     name="hip-lift",
     parts=("coxa", "femur", "tibia"),
+    rods=((0, 1), (1, 2), (2, 3)),
     lifting=1,
     sidesteps=False,
     wrong=_serial_wrong,
@@ -107,6 +111,7 @@ HIP_LIFT = LegKind(
 COXA_FEMUR_TIBIA = LegKind(
     name="coxa-femur-tibia",
     parts=("coxa", "femur", "tibia"),
+    rods=((0, 1), (1, 2), (2, 3)),
     lifting=1,
     sidesteps=True,
     wrong=_serial_wrong,

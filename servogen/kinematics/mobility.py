@@ -127,11 +127,11 @@ def verdict(value: int) -> str:
 
 
 def standing(legs: int, joints: int) -> int:
-    """Return the mobility of a body on `legs` legs of `joints` turning joints, whose feet are spherical joints
-    on the floor.
+    """Return the mobility of a body on `legs` legs of `joints` turning joints, whose feet are spherical
+    joints on the floor.
 
-    Each foot has three degrees of freedom: 6 (2 + k m - 1 - (k + 1) m) + (k + 3) m = 6 + (k - 3) m for m legs
-    of k joints. On three legs of two joints the body keeps 3, on legs of three, or of two and a spring, all 6.
+    Each foot has three degrees of freedom: 6 (2 + k m - 1 - (k + 1) m) + (k + 3) m = 6 + (k - 3) m for m
+    legs of k joints. On three legs of two joints the body keeps 3, on legs of three, or of two and a spring, all 6.
     """
     return kutzbach(2 + joints * legs, (["turning"] * joints + ["spherical"]) * legs)
 

@@ -1,7 +1,8 @@
 """How legs stand and walk: footholds of a body -> joint angles, for each leg by its own mount.
 
-In: the legs' mounts and lengths, a posture, the body's motions. Out: `CircleStance` of legs of two joints, whose
-feet move on circles about their first axes, and `FreeStance` of legs of three, which put a foot anywhere.
+In: the legs' mounts and lengths, a posture, the body's motions. Out: `CircleStance` of legs of two joints,
+whose feet move on circles about their first axes, and `FreeStance` of legs of three, which put
+a foot anywhere.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ SAME_RAD = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class LegStance:
-    """How one leg of two joints stands: its mount, its lengths, its joint α, and the angle of its second one.
+    """How one leg of two joints stands: its mount, its lengths, its joint α, the angle of its second one.
 
     a turn about c, from above        A foot moves on a circle of radius ρ about its leg's axis of α, while
                                       the ground requires a circle about c. The foot needs the least
@@ -197,7 +198,7 @@ def circle_stance(
 
 
 def _stances(leg: TwoJointLeg, arm: Arm, mount: Mount, height: float, posture: Posture) -> list[LegStance]:
-    """Return the stances of one leg, those within its joint's limits if there are any, the asked sign first."""
+    """Return the stances of one leg, within its joint's limits if there are any, the asked sign first."""
     foot = -height - mount.z
     try:
         lifts = list(zip(leg.lifts_at(foot), leg.lifts_at(foot + posture.lift), strict=True))
@@ -253,7 +254,7 @@ class CircleStance:
         return (self.stance_width / 2 - abs(stance.mount.y)) / sideways
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
-        """Return the angles (n, 2): α turns the foot towards its foothold, the other is that of the stance."""
+        """Return the angles (n, 2): α turns the foot towards its foothold, the other is the stance's."""
         stance = self.legs[leg]
         body = np.stack([footholds.real, footholds.imag, np.full(len(footholds), stance.mount.z)], axis=1)
         local = to_leg(stance.mount, body)
@@ -261,7 +262,7 @@ class CircleStance:
         return np.stack([alpha, np.full(len(footholds), stance.lift)], axis=1)
 
     def lifted(self, leg: int, angles: Floats, share: Floats) -> Floats:
-        """Return the angles (n, 2) with the foot raised by a share (n,) of the way to the top of the swing."""
+        """Return the angles (n, 2) with the foot raised by a share (n,) of the way to a swing's top."""
         stance = self.legs[leg]
         lift = stance.lift + (stance.raised - stance.lift) * share
         return np.stack([angles[:, 0], lift], axis=1)
@@ -319,7 +320,8 @@ class FreeStance:
             raise InputError(
                 "out-of-reach",
                 f"the foot of {mount.name} cannot reach ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm below the body",
-                hint="shorten the stride or the turn, lower the body, or bring the feet nearer (stance_width_mm)",
+                hint="shorten the stride or the turn, lower the body, or bring the feet nearer "
+                "(stance_width_mm)",
             )
         return angles
 
@@ -371,7 +373,8 @@ def free_stance(leg: CoxaFemurTibia, arm: Arm, mounts: Sequence[Mount], posture:
                 f"the leg {mount.name} cannot stand {1000 * height:g} mm high and lift its foot by "
                 f"{1000 * posture.lift:g} mm",
                 hint=f"femur and tibia reach {1000 * abs(leg.femur - leg.tibia):g} to "
-                f"{1000 * (leg.femur + leg.tibia):g} mm, the foot is {1000 * far:.1f} mm from the femur's axis",
+                f"{1000 * (leg.femur + leg.tibia):g} mm, the foot is {1000 * far:.1f} mm from the femur's "
+                "axis",
             )
         branches.append(int(np.argmax(within)))
     return FreeStance(leg, tuple(mounts), posture, height, tuple(branches))

@@ -3,9 +3,12 @@
 In: a robot of the catalogue or of a file, the ground, the actuators of its joints. Out: `Bodies`. The XML is
 written without MuJoCo, so that anybody can export it.
 
-    leg (left)      body ─ α about z ─ coxa ─ β about y' ─ thigh ─ (spring E' along y') ─ foot part
-    The slider mechanism of the leg keeps the foot part vertical: a joint at C turns back what β turns, by an
-    equality constraint. A right leg is the mirror image: y' points to the right and α turns about -z.
+    pantograph (left)   body ─ α about z ─ coxa ─ β about y' ─ thigh ─ (spring E' along y') ─ foot part
+                        The slider mechanism keeps the foot part vertical: a joint at C turns back what β
+                        turns, by an equality constraint.
+    hip-lift            body ─ hip about z ─ coxa ─ lift about x' ─ femur and tibia
+    coxa-femur-tibia    body ─ coxa about z ─ coxa ─ femur about x' ─ femur ─ tibia about x' ─ tibia
+    A right leg is the mirror image: y' points to the right, z and x' axes turn the other way.
 
     arm             each DH row with a joint is a body whose frame stands at a point of the joint's axis and
                     is parallel to the base's while all joints are at 0
@@ -50,10 +53,12 @@ from servogen.twin.mjcf import (
 )
 
 ASSUMED_MASS_KG = 0.64
-"""The mass of a hexapod whose file states none: twelve servos of 17 g, and twice as much for the rest."""
+"""The mass of a hexapod of twelve joints whose file states none: twelve servos of 17 g, and twice as much for
+the rest; in proportion for other numbers of joints.
+"""
 
-ASSUMED_SHARES = {"coxa": 0.03, "thigh": 0.01, "foot": 0.01}
-"""The shares of the total mass in the parts of each leg: the coxa carries the servo of β."""
+ASSUMED_SHARES = {"coxa": 0.03, "thigh": 0.01, "foot": 0.01, "femur": 0.01, "tibia": 0.01}
+"""The shares of the total mass in the parts of each leg: the coxa carries a servo."""
 
 FOOT_RADIUS_M = 0.003
 BODY_HEIGHT_M = 0.03
@@ -77,6 +82,10 @@ LINK_INERTIA_M = 0.01
 """The radius of gyration of a link, whose mass is concentrated at its centre."""
 
 
+Place = tuple[float, float, float]
+Point = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+
 @dataclass(frozen=True, slots=True)
 class Bodies:
     """MJCF text, and the assumptions behind it, one sentence each."""
@@ -89,14 +98,13 @@ class Bodies:
 def _add_hexapod(scene: Scene, robot: Hexapod) -> tuple[list[str], float]:
     """Add the body and its legs; return what was assumed, and the total mass."""
     variation, held_at = scene.variation, scene.held_at
-    leg = Leg.of(robot.leg.length)
     assumptions: list[str] = []
     total = robot.mass
     if total is None:
-        total = ASSUMED_MASS_KG
-        assumptions.append(f"mass of the robot: {total:g} kg (its file states no mass_g)")
+        total = ASSUMED_MASS_KG * len(robot.mounts) * len(robot.leg.joints) / 12
+        assumptions.append(f"mass of the robot: {total:.3g} kg (its file states no mass_g)")
     masses = dict(robot.leg_masses)
-    missing = [part for part in ASSUMED_SHARES if part not in masses]
+    missing = [part for part in robot.leg_kind.parts if part not in masses]
     if missing:
         masses |= {part: ASSUMED_SHARES[part] * total for part in missing}
         shown = ", ".join(f"{part} {1000 * masses[part]:.3g} g" for part in missing)
@@ -108,8 +116,8 @@ def _add_hexapod(scene: Scene, robot: Hexapod) -> tuple[list[str], float]:
             f"the legs of {robot.name} weigh more than its mass_g of {1000 * total:g}",
             hint="leg_mass_g is for each leg, mass_g for the whole robot",
         )
-    centre = _trunk_centre(robot, leg, masses, total, trunk) + np.array([*variation.centre_offset, 0.0])
-    if robot.spring is None:
+    centre = _trunk_centre(robot, masses, total, trunk) + np.array([*variation.centre_offset, 0.0])
+    if robot.spring is None and robot.leg_kind.name == "pantograph":
         assumptions.append("springs E': rigid (the robot's file states no spring_n_m)")
     held = len(robot.mounts) < MIN_LEGS
     body = add(scene.world, "body", name="body", pos=numbers(0.0, 0.0, held_at if held else 0.0))
@@ -142,52 +150,46 @@ def _add_hexapod(scene: Scene, robot: Hexapod) -> tuple[list[str], float]:
     equality, sensors = add(scene.root, "equality"), add(scene.root, "sensor")
     for index, mount in enumerate(robot.mounts):
         factor = variation.foot_friction[index] if variation.foot_friction else 1.0
-        _leg(scene, body, equality, robot, leg, mount, masses, factor * scene.ground.friction)
+        hip = add(
+            body,
+            "body",
+            name=f"{mount.name}_{robot.leg_kind.parts[0]}",
+            pos=numbers(mount.x, mount.y, mount.z),
+            euler=numbers(0.0, 0.0, mount.heading),
+        )
+        if robot.leg_kind.name == "pantograph":
+            foot = _pantograph(scene, hip, equality, robot, mount, masses)
+        else:
+            foot = _serial(scene, hip, robot, mount, masses)
+        _add_foot(foot, mount.name, factor * scene.ground.friction)
         add(sensors, "touch", name=f"{mount.name}_touch", site=f"{mount.name}_foot")
     return assumptions, total
 
 
-def _trunk_centre(
-    robot: Hexapod, leg: Leg, masses: Mapping[str, float], total: float, trunk: float
-) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _trunk_centre(robot: Hexapod, masses: Mapping[str, float], total: float, trunk: float) -> Point:
     """Return where the trunk's centre of mass must be for the whole robot's to be where its file says.
 
-    The legs are straight out and down, α = β = 0.
+    All joints of the legs are at 0.
     """
     moment = np.zeros(3)
-    middles = {
-        "coxa": (leg.ab / 2, 0.0),
-        "thigh": (leg.ab, -leg.bc / 2),
-        "foot": (leg.r, -leg.bc - leg.df / 2),
-    }
-    for mount in robot.mounts:
-        side = -1.0 if mount.mirrored else 1.0
-        for part, (out, height) in middles.items():
-            x, y = -math.sin(mount.heading) * side * out, math.cos(mount.heading) * side * out
-            moment += masses[part] * np.array([mount.x + x, mount.y + y, mount.z + height])
+    for index in range(len(robot.mounts)):
+        corners = robot.corners(index, np.zeros((1, len(robot.leg.joints))))[0]
+        for part, (first, last) in zip(robot.leg_kind.parts, robot.leg_kind.rods, strict=True):
+            moment += masses[part] * (corners[first] + corners[last]) / 2
     return np.asarray((total * np.array(robot.centre_of_mass) - moment) / trunk)
 
 
-def _leg(
+def _pantograph(
     scene: Scene,
-    body: xml.Element,
+    coxa: xml.Element,
     equality: xml.Element,
     robot: Hexapod,
-    leg: Leg,
     mount: Mount,
     masses: Mapping[str, float],
-    friction: float,
-) -> None:
-    side = -1.0 if mount.mirrored else 1.0
-    name = mount.name
+) -> tuple[xml.Element, Place]:
+    """Add the rest of the lab's leg to its coxa; return its foot part, and where its end is on it."""
+    leg, side, name = Leg.of(robot.leg.length), -1.0 if mount.mirrored else 1.0, mount.name
     alpha, beta = (f"{name}_{joint.name}" for joint in robot.leg.joints)
-    coxa = add(
-        body,
-        "body",
-        name=f"{name}_coxa",
-        pos=numbers(mount.x, mount.y, mount.z),
-        euler=numbers(0.0, 0.0, mount.heading),
-    )
     add_joint(scene, coxa, alpha, (0.0, 0.0, side), robot.leg.joints[0].lower, robot.leg.joints[0].upper)
     add_rod(coxa, (0.0, 0.0, 0.0), (0.0, side * leg.ab, 0.0), masses["coxa"])
     thigh = add(coxa, "body", name=f"{name}_thigh", pos=numbers(0.0, side * leg.ab, 0.0))
@@ -206,20 +208,49 @@ def _leg(
             damping=numbers(2 * SPRING_DAMPING * math.sqrt(robot.spring * masses["foot"])),
         )
     add_rod(foot, (0.0, 0.0, 0.0), (0.0, 0.0, -leg.df), masses["foot"])
-    tip = (0.0, 0.0, -leg.df + FOOT_RADIUS_M)
+    add(equality, "joint", joint1=f"{name}_level", joint2=beta, polycoef="0 -1 0 0 0", **STIFF)
+    return foot, (0.0, 0.0, -leg.df)
+
+
+def _serial(
+    scene: Scene, hip: xml.Element, robot: Hexapod, mount: Mount, masses: Mapping[str, float]
+) -> tuple[xml.Element, Place]:
+    """Add the rest of a leg of the field to its coxa; return the part with the foot, and where that is on it.
+
+    Where a joint has the whole rest of the leg, its parts are one body.
+    """
+    side = -1.0 if mount.mirrored else 1.0
+    corners = robot.leg_kind.corners(robot.leg, np.zeros((1, len(robot.leg.joints))))[0] * [1.0, side, 1.0]
+    parts, body, origin = robot.leg_kind.parts, hip, corners[0]
+    axes = [(0.0, 0.0, side), *[(side, 0.0, 0.0)] * (len(robot.leg.joints) - 1)]
+    for number, part in enumerate(parts):
+        if number < len(axes):
+            if number:
+                place = numbers(*(corners[number] - origin))
+                body, origin = add(body, "body", name=f"{mount.name}_{part}", pos=place), corners[number]
+            joint = robot.leg.joints[number]
+            add_joint(scene, body, f"{mount.name}_{joint.name}", axes[number], joint.lower, joint.upper)
+        add_rod(body, corners[number] - origin, corners[number + 1] - origin, masses[part])
+    x, y, z = (corners[-1] - origin).tolist()
+    return body, (x, y, z)
+
+
+def _add_foot(foot: tuple[xml.Element, Place], name: str, friction: float) -> None:
+    """Add the ball at the end of a leg that touches the ground, and its switch."""
+    part, (x, y, z) = foot
+    tip = numbers(x, y, z + FOOT_RADIUS_M)
     add(
-        foot,
+        part,
         "geom",
         name=f"{name}_tip",
         type="sphere",
         size=numbers(FOOT_RADIUS_M),
-        pos=numbers(*tip),
+        pos=tip,
         friction=numbers(friction, 0.0, 0.0),
         mass="0",
         **ROBOT_BITS,
     )
-    add(foot, "site", name=f"{name}_foot", pos=numbers(*tip), size=numbers(2 * FOOT_RADIUS_M))
-    add(equality, "joint", joint1=f"{name}_level", joint2=beta, polycoef="0 -1 0 0 0", **STIFF)
+    add(part, "site", name=f"{name}_foot", pos=tip, size=numbers(2 * FOOT_RADIUS_M))
 
 
 def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:

@@ -48,7 +48,7 @@ def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kin
     assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
 
 
-@pytest.mark.parametrize("kind", ["arm", "leg", "hexapod", "omni", "stream"])
+@pytest.mark.parametrize("kind", ["arm", "leg", "hexapod", "hexapod-hip-lift", "omni", "stream"])
 def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> None:
     assert run("new", "my.toml", "--robot", kind).code == 0
     ran = run("check", "my.toml")
@@ -82,7 +82,7 @@ def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None
             "quadruped",
             "sg90",
             "no job to start from for 'quadruped'",
-            "arm, hexapod, leg, omni, servo, stream",
+            "arm, hexapod, hexapod-hip-lift, leg, omni, servo, stream",
         ),
         (
             "omni",

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.errors import ServogenError
+from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import plan
 
@@ -272,3 +272,20 @@ def test_a_job_without_a_motion_is_refused() -> None:
 def test_a_walk_needs_a_walking_robot() -> None:
     text = SCARA.split("[motion]")[0] + "[walk]\nroute = [{ forward_mm = 4 }]\n"
     assert "a walk needs a walking robot" in error_of(text)
+
+
+def test_eighteen_servos_are_refused_with_what_would_drive_them() -> None:
+    """A hexapod of three joints a leg is planned by `servogen gait`, but no chip has a pin for each servo."""
+    head = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n[robot]\nname = "hexapod-coxa-femur-tibia"\n'
+    pins = [f"RB{bit}" for bit in range(8)] + [f"RA{bit}" for bit in range(4)]
+    servos = "".join(
+        f'[[servo]]\nname = "{leg}-{joint}"\npin = "{pins[(3 * row + column) % 12]}"\nmodel = "sg90"\n'
+        f'joint = "{leg}_{joint}"\n'
+        for row, leg in enumerate(("L1", "L2", "L3", "R1", "R2", "R3"))
+        for column, joint in enumerate(("coxa", "femur", "tibia"))
+    )
+    with pytest.raises(
+        InputError, match="18 servos, but the chip has 13 pins: two chips are needed"
+    ) as caught:
+        loads(head + servos + "[walk]\nroute = [{ forward_mm = 30 }]\n", "big.toml")
+    assert "`servogen gait` plans the whole robot" in (caught.value.hint or "")

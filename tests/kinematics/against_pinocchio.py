@@ -27,7 +27,7 @@ POSES = 5000
 
 
 def model_of(kind: str, lengths: dict[str, float], masses: list[float]) -> tuple[Any, Any, int]:
-    """Return pinocchio's leg: y outwards, the hip about z, all others about x; each link's mass at its end."""
+    """Return pinocchio's leg: y outwards, the hip about z, all others about x; masses at the links' ends."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
     out = np.array([0.0, 1.0, 0.0])

@@ -7,8 +7,8 @@ from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
 from servogen.kinematics.catalogue import robot
 from servogen.kinematics.hexapod import Hexapod
-from servogen.kinematics.leg import Leg
 from servogen.kinematics.inverse.unreachable import Unreachable
+from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import mount_matrix, to_body, to_leg
 from servogen.robot.model import Mount
 

@@ -1,4 +1,4 @@
-"""The legs of the field: against plane geometry written out here, and against pinocchio where it is installed."""
+"""The legs of the field: against plane geometry written out here, and pinocchio where it is installed."""
 
 from __future__ import annotations
 

@@ -110,6 +110,30 @@ def test_the_feet_of_the_hexapod_are_where_its_kinematics_has_them() -> None:
     assert np.array(seen) == pytest.approx(feet(chosen, angles), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    "name", ["hexapod-hip-lift", "hexapod-coxa-femur-tibia", "quadruped-coxa-femur-tibia"]
+)
+def test_the_feet_of_the_legs_of_the_field_are_where_their_kinematics_has_them(name: str) -> None:
+    chosen = robot(name)
+    assert isinstance(chosen, Hexapod)
+    model, data = loaded(bodies(chosen).text)
+    names = [joint.name for joint in chosen.leg.joints]
+    angles = np.random.default_rng(3).uniform(-0.8, 0.8, (len(chosen.mounts), len(names)))
+    for mount, row in zip(chosen.mounts, angles, strict=True):
+        for joint, value in zip(names, row, strict=True):
+            data.joint(f"{mount.name}_{joint}").qpos[0] = value
+    mujoco.mj_kinematics(model, data)
+    for mount, foot in zip(chosen.mounts, feet(chosen, angles), strict=True):
+        site = data.site(f"{mount.name}_foot")
+        # The ball of the foot is above the tip of the tibia, along it.
+        tip = site.xpos + site.xmat.reshape(3, 3) @ [0.0, 0.0, -FOOT_RADIUS_M]
+        assert tip == pytest.approx(foot, abs=1e-9)
+    lying, level = loaded(bodies(chosen).text)
+    mujoco.mj_forward(lying, level)
+    assert level.subtree_com[1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert lying.body_subtreemass[1] == pytest.approx(0.64 * len(chosen.mounts) * len(names) / 12)
+
+
 def test_the_centre_of_mass_is_the_one_of_the_file() -> None:
     chosen = replace(robot("hexapod"), mass=1.2, centre_of_mass=(0.01, -0.02, 0.005))
     model, data = loaded(bodies(chosen).text)
