@@ -176,9 +176,11 @@ def _table(cells: list[list[str]]) -> str:
 
 
 def _joint_symbols(arm: Arm) -> tuple[Any, ...]:
+    """Return the joints' symbols; one that is called like a length is q_ and its name."""
     sympy = _sympy()
 
-    return tuple(sympy.Symbol(joint.name, real=True) for joint in arm.joints)
+    names = (f"q_{joint.name}" if joint.name in arm.length else joint.name for joint in arm.joints)
+    return tuple(sympy.Symbol(name, real=True) for name in names)
 
 
 def _angle(radians: float) -> Any:

@@ -364,8 +364,8 @@ RIGID = "1 closed loop, {constraints} constraints each; rigid, unless some const
 @pytest.mark.parametrize("legs", range(1, 9))
 def test_a_standing_body_loses_a_freedom_with_each_leg(legs: int) -> None:
     """6 - m for m legs of two joints on spherical feet, and all six with a spring in each."""
-    assert mob.standing(legs, springs=False) == 6 - legs
-    assert mob.standing(legs, springs=True) == 6
+    assert mob.standing(legs, 2) == 6 - legs
+    assert mob.standing(legs, 3) == 6
 
 
 @pytest.mark.parametrize(

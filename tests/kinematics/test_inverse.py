@@ -344,6 +344,8 @@ COUNTS = {
     "spherical": (1, 4),
     "spherical-wrist": (8, 4),
     "leg": (1, 2),
+    "hip-lift": (1, 1),
+    "coxa-femur-tibia": (1, 4),
 }
 
 
@@ -357,6 +359,10 @@ def test_the_number_of_solutions_of_each_arm(closed_arm, configurations) -> None
     pose = fk(free, q)
     oriented = solve(free, pose[:, :3, 3], pose[:, :3, :3]).valid.sum(axis=1)
     alone = solve(free, pose[:, :3, 3]).valid.sum(axis=1)
+    if closed_arm.name == "coxa-femur-tibia":
+        # With the hip turned away the foot is two coxas farther off, for some targets too far.
+        assert set(alone.tolist()) == {2, 4}
+        alone = np.array([4])
     assert (set(oriented.tolist()), set(alone.tolist())) == tuple(
         {count} for count in COUNTS[closed_arm.name]
     )

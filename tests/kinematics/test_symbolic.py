@@ -75,8 +75,8 @@ def links(name: str) -> SymbolicKinematics:
 
 def numbers(name: str, q: np.ndarray) -> dict[sympy.Symbol, float]:
     robot = arm(name)
-    values = dict(zip([joint.name for joint in robot.joints], q, strict=True)) | robot.length
-    return {sympy.Symbol(key, real=True): float(value) for key, value in values.items()}
+    lengths = {sympy.Symbol(key, real=True): value for key, value in robot.length.items()}
+    return dict(zip(links(name).joints, map(float, q), strict=True)) | lengths
 
 
 def test_the_numeric_pose_is_the_symbolic_one(any_arm, configurations) -> None:
