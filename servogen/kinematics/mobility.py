@@ -131,7 +131,8 @@ def standing(legs: int, joints: int) -> int:
     joints on the floor.
 
     Each foot has three degrees of freedom: 6 (2 + k m - 1 - (k + 1) m) + (k + 3) m = 6 + (k - 3) m for m
-    legs of k joints. On three legs of two joints the body keeps 3, on legs of three, or of two and a spring, all 6.
+    legs of k joints. On three legs of two joints the body keeps 3; on legs of three, or of two and a
+    spring, all 6.
     """
     return kutzbach(2 + joints * legs, (["turning"] * joints + ["spherical"]) * legs)
 
