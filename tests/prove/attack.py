@@ -6,11 +6,12 @@ One word of a small player job, or of one of the programs in `attack_programs`, 
 byte, the whole word, or a byte of the EEPROM. The simulator runs the mutant as `verify` does, and then under
 random presses of the buttons, noise on the other inputs, random RAM and registers at power-up, each phase of
 TMR0, other times of EEPROM writes and of the watchdog, and, for a proof of any EEPROM, other trims. A mutant
-that only these show to be wrong is given to `servogen prove`; if its run is short, the reference chip must
-show the fault, too. If it prints a counterexample, the command that
+that only these show to be wrong is given to `servogen prove`; the reference chip must show the fault, too,
+unless it comes late. Where gpsim runs the program (`gpsim_runs`), it is counted whether it shows the fault.
+Each program gets the same processor time. If it prints a counterexample, the command that
 it prints is executed, and the edges that `servogen simulate` then writes must be wrong. What is expected
 comes from the checker's own state machine of the buttons, not from the prover's. Exit code 1 if anything is
-proven, or a counterexample does not replay.
+proven, a counterexample does not replay, or a judge sees no fault.
 """
 
 from __future__ import annotations
@@ -24,10 +25,11 @@ import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, zip_longest
 from pathlib import Path
+from shutil import which
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -50,7 +52,8 @@ from servogen.traces import read_edges
 from servogen.units import Clock
 from tests.checker.plans import after, due, start_stop
 from tests.engines.player.player_jobs import built_text, job_text, sweep
-from tests.prove.attack_programs import programs
+from tests.prove.attack_programs import TRIMMED, programs
+from tests.prove.gpsim_runs import GPSIM_CASES, gpsim_levels
 from tests.simulator.reference import Chip
 
 JOBS = {
@@ -60,6 +63,8 @@ JOBS = {
     "start and stop": 'start_pin = "RA4"\nstop_pin = "RB7"\n',
     "no button": "",
 }
+Levelled = list[tuple[int, int]]
+"""(cycle, levels of all pins from then on) at each change."""
 ANY_EEPROM = "any EEPROM"
 FRAMES = 45
 MANY_FRAMES = 300
@@ -91,6 +96,8 @@ class Target:
     """That are run to find a fault."""
     trimmed: tuple[int, ...] = ()
     """The pins of the servos whose trims the EEPROM holds, where any content of it is to be proven."""
+    known: dict[object, Levelled] = field(default_factory=dict)
+    """What is expected, by the levels of the buttons and the trims."""
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -126,7 +133,8 @@ def target(name: str) -> Target:
         image, schedule = programs()[name]
         first = Machine(image, schedule.clock).run_to_edge(PINS.index("RB1"), 1, 50 * schedule.period)
         assert first is not None
-        return replace(_target(name, image, schedule, int(first)), frames=MANY_FRAMES)
+        made = replace(_target(name, image, schedule, int(first)), frames=MANY_FRAMES)
+        return replace(made, trimmed=(PINS.index("RB1"),) if name == TRIMMED else ())
     done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]))
     program = done.programs[0]
     assert program.verdict.start is not None
@@ -168,8 +176,15 @@ def random_environment(case: Target, rng: random.Random) -> Environment:
     return Environment(tuple(levels), tuple(sorted(noise)), seed, rng.randrange(4), times, trims)
 
 
-def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
+def expected(case: Target, around: Environment) -> Levelled:
     """(cycle since the first rise, levels of all pins), as the state machine of the buttons says."""
+    key = around.buttons, around.eeprom
+    if key not in case.known:
+        case.known[key] = _expected(case, around)
+    return case.known[key]
+
+
+def _expected(case: Target, around: Environment) -> Levelled:
     position, found = case.plan.first, []
     for frame in range(case.frames):
         at, out = due(case.plan, position)
@@ -180,7 +195,7 @@ def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     return [(cycle - found[0][0], out) for cycle, out in found]
 
 
-def trimmed(case: Target, edges: list[tuple[int, int]], content: tuple[int, ...]) -> list[tuple[int, int]]:
+def trimmed(case: Target, edges: Levelled, content: tuple[int, ...]) -> Levelled:
     """Return edges whose falls are as much later as the trims say (docs/firmware.md, "Trim")."""
     if not content:
         return edges
@@ -193,7 +208,7 @@ def trimmed(case: Target, edges: list[tuple[int, int]], content: tuple[int, ...]
         for pin in (pin for pin in range(13) if (out ^ levels) >> pin & 1):
             moved.append((cycle if levels >> pin & 1 else cycle + late.get(pin, 0), 1 << pin))
         out = levels
-    found: list[tuple[int, int]] = []
+    found: Levelled = []
     for cycle, changes in sorted(moved):
         out ^= changes
         found = [*found[:-1], (cycle, out)] if found and found[-1][0] == cycle else [*found, (cycle, out)]
@@ -225,7 +240,7 @@ def chip_of(case: Target, image: Image, around: Environment) -> tuple[Image, Clo
     return replace(image, eeprom=image.eeprom | content), case.schedule.clock, options
 
 
-def observed(case: Target, image: Image, around: Environment, frames: int) -> list[tuple[int, int]]:
+def observed(case: Target, image: Image, around: Environment, frames: int) -> Levelled:
     """What the simulator does, in the same form."""
     machine = Machine(*chip_of(case, image, around), Stimuli(sources(case, around)))
     chunk = machine.run(case.first + frames * case.plan.period)
@@ -238,7 +253,7 @@ def observed(case: Target, image: Image, around: Environment, frames: int) -> li
     return [(cycle - found[0][0], out) for cycle, out in found]
 
 
-def levels_of(chunk: EdgeChunk) -> list[tuple[int, int]]:
+def levels_of(chunk: EdgeChunk) -> Levelled:
     """(cycle, levels of all pins from then on), undriven pins being low, at each change."""
     out, found = 0, []
     cycles = chunk.cycle.tolist()
@@ -258,7 +273,7 @@ def is_right(case: Target, image: Image, around: Environment, frames: int | None
     return [edge for edge in observed(case, image, around, frames) if edge[0] < end] == wanted
 
 
-def as_second_chip(case: Target, image: Image, around: Environment) -> list[tuple[int, int]]:
+def as_second_chip(case: Target, image: Image, around: Environment, end: int) -> Levelled:
     """What the reference chip does (`tests.simulator.reference`), which shares no code with the prover."""
     program, clock, options = chip_of(case, image, around)
     start = Machine(program, clock, options).state()
@@ -278,11 +293,9 @@ def as_second_chip(case: Target, image: Image, around: Environment) -> list[tupl
         named[name] for name in ("FSR", "EEDATA", "EEADR", "EECON1")
     )
     chip.latch = [(named["LATA"] | named["LATB"] << 5) >> pin & 1 for pin in range(13)]
-    chip.run(case.first + case.frames * case.plan.period)
+    chip.run(end)
     columns = np.array(chip.edges, dtype=np.int64).reshape(-1, 3).T
-    found = levels_of(edge_chunk(*columns))
-    begun = next((cycle for cycle, out in found if out), 0)
-    return [(cycle - begun, out) for cycle, out in found]
+    return levels_of(edge_chunk(*columns))
 
 
 def rows(packed: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
@@ -290,17 +303,39 @@ def rows(packed: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
     return [(each >> 8, each >> 2 & 0x3F, each & 3) for each in packed.tolist()]
 
 
-def confirmed(case: Target, image: Image, around: Environment) -> bool | None:
-    """Return whether the reference chip is wrong, too; None if that would take long."""
-    if case.first + case.frames * case.plan.period > LONG:
+Judge = Callable[[Target, Image, Environment, int], Levelled]
+
+
+def as_gpsim(case: Target, image: Image, around: Environment, end: int) -> Levelled:
+    """What gpsim does."""
+    program, clock, options = chip_of(case, image, around)
+    start = Machine(program, clock, options).state()
+    changes = [each[:3] for part in Stimuli(sources(case, around)).changes(clock) for each in rows(part[1])]
+    return gpsim_levels(program, start, changes, end)
+
+
+def confirmed(case: Target, image: Image, around: Environment, judge: Judge) -> bool | None:
+    """Return whether a judge sees a fault, too; None if that would take long."""
+    wanted, seen = expected(case, around), observed(case, image, around, case.frames)
+    fault = min(
+        cycle for edge in zip_longest(wanted, seen) if edge[0] != edge[1] for cycle, _ in filter(None, edge)
+    )
+    end = case.first + fault + 2 * case.plan.period
+    if end > LONG:
         return None
-    end = (case.frames - 1) * case.plan.period
-    wanted = [edge for edge in expected(case, around) if edge[0] < end]
-    return [edge for edge in as_second_chip(case, image, around) if edge[0] < end] != wanted
+    found = judge(case, image, around, end)
+    begun = next((cycle for cycle, out in found if out), 0)
+    edges = [(cycle - begun, out) for cycle, out in found]
+    return not begun or [edge for edge in edges if edge[0] <= fault] != [
+        edge for edge in wanted if edge[0] <= fault
+    ]
 
 
 def mutants(case: Target, rng: random.Random) -> Iterator[tuple[str, Image]]:
-    """Endless: one word changed, of every second one a word near an instruction that reads a port."""
+    """Endless, none twice: one word changed, of every second one a word near an instruction that reads a
+    port.
+    """
+    done = set()
     everywhere = list(case.image.program)
     reads = [each for each in everywhere if decode(case.image.program[each]) in READS]
     near = [each for each in everywhere if any(abs(each - read) <= NEAR for read in reads)]
@@ -308,7 +343,8 @@ def mutants(case: Target, rng: random.Random) -> Iterator[tuple[str, Image]]:
     while True:
         if cells and rng.random() < 0.3:
             cell, byte = rng.choice(cells), rng.randrange(256)
-            if byte != case.image.eeprom[cell]:
+            if byte != case.image.eeprom[cell] and (cell, byte) not in done:
+                done.add((cell, byte))
                 changed = replace(case.image, eeprom={**case.image.eeprom, cell: byte})
                 yield f"EEPROM {cell}: {case.image.eeprom[cell]:02X} -> {byte:02X}", changed
             continue
@@ -322,7 +358,8 @@ def mutants(case: Target, rng: random.Random) -> Iterator[tuple[str, Image]]:
             new = word ^ 1 << rng.randrange(14)
         else:
             new = rng.randrange(1 << 14)
-        if decode(new) != row:
+        if decode(new) != row and (address, new) not in done:
+            done.add((address, new))
             what = f"0x{address:03X}: {word:04X} -> {new:04X}"
             yield what, replace(case.image, program={**case.image.program, address: new})
 
@@ -340,34 +377,46 @@ def hidden(case: Target, image: Image, rng: random.Random) -> Environment | None
 
 def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Counter[str], list[str]]:
     """Counts of mutants tried, hidden faults and the prover's answers to them; the wrong answers."""
-    rng = random.Random(seed)
+    rngs = {name: random.Random(f"{seed} {name}") for name in names}
     cases = [target(name) for name in names]
     for case in cases:
-        for around in (as_verified(case), *(random_environment(case, rng) for _ in range(10))):
+        for around in (as_verified(case), *(random_environment(case, rngs[case.name]) for _ in range(10))):
             assert is_right(case, case.image, around), (case.name, around)
-    streams = [mutants(case, rng) for case in cases]
+    streams = {case.name: mutants(case, rngs[case.name]) for case in cases}
+    spent = dict.fromkeys(names, 0.0)
     counts: Counter[str] = Counter()
     wrong: list[str] = []
     while counts["hidden faults"] < count:
-        turn = counts["mutants"] % len(cases)
-        case, (what, image) = cases[turn], next(streams[turn])
+        case = min(cases, key=lambda case: spent[case.name])
+        what, image = next(streams[case.name])
+        began = time.process_time()
         counts["mutants"] += 1
-        around = hidden(case, image, rng)
-        if around is None:
-            continue
-        counts["hidden faults"] += 1
-        agrees = confirmed(case, image, around)
-        counts["shown by the reference chip"] += agrees is True
-        if agrees is False:
-            wrong.append(f"{case.name}, {what}: only the simulator shows a fault")
-        with TemporaryDirectory() as folder:
-            answer = answered(case, image, Path(folder), max_states)
-        counts[answer] += 1
-        counts[f"{case.name}: {answer}"] += 1
-        print(f"{counts['hidden faults']} of {counts['mutants']}: {case.name}, {what}: {answer}", flush=True)
-        if answer not in (REPLAYED, UNDECIDED, UNTRIMMED):
-            wrong.append(f"{case.name}, {what}: {answer}")
+        around = hidden(case, image, rngs[case.name])
+        if around is not None:
+            counts["hidden faults"] += 1
+            blind = judged_by_others(case, image, around, counts)
+            with TemporaryDirectory() as folder:
+                answer = answered(case, image, Path(folder), max_states) + blind
+            counts.update((answer, f"{case.name}: {answer}"))
+            print(
+                f"{counts['hidden faults']} of {counts['mutants']}: {case.name}, {what}: {answer}", flush=True
+            )
+            if answer not in (REPLAYED, UNDECIDED, UNTRIMMED):
+                wrong.append(f"{case.name}, {what}: {answer}")
+        spent[case.name] += time.process_time() - began
     return counts, wrong
+
+
+def judged_by_others(case: Target, image: Image, around: Environment, counts: Counter[str]) -> str:
+    """Count the judges that see a fault; return if the reference chip sees none."""
+    judges = {"the reference chip": as_second_chip}
+    if case.name in GPSIM_CASES and which("gpsim"):
+        judges["gpsim"] = as_gpsim
+    seen = {name: confirmed(case, image, around, judge) for name, judge in judges.items()}
+    counts.update(
+        f"{'' if fault else 'not '}shown by {name}" for name, fault in seen.items() if fault is not None
+    )
+    return "" if seen["the reference chip"] is not False else ", and the reference chip sees no fault"
 
 
 REPLAYED, NOT_REPLAYED, UNDECIDED = "counterexample, replayed", "counterexample, not replayed", "not decided"

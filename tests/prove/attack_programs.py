@@ -7,12 +7,14 @@ changes that.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from tests.prove import test_asynchronous as at_any_time
 from tests.prove.test_prove_inputs import assembled, schedule_of
 
+INT_ON = "        bsf INTCON, INTE\n"
 PULSE = """
         bsf PORTB, 1
 {inside}
@@ -100,6 +102,47 @@ CELLS, SELECTED_CYCLES = dict.fromkeys(range(4), 20), 10 + 3 * 20 - 1
 """Two inputs select which of four bytes of the EEPROM is counted down, in 69 cycles."""
 
 
+TRIMMED = "any EEPROM, one servo"
+DELAY = """
+        btfsc {byte}, 0
+        goto $+1
+        btfsc {byte}, 1
+        goto $+1
+        btfsc {byte}, 1
+        goto $+1
+        rrf {byte}, f
+        rrf {byte}, w
+        andlw 0x3F
+        movwf 0x22
+        incf 0x22, f
+wait{byte} nop
+        decfsz 0x22, f
+        goto wait{byte}
+"""
+"""14 cycles, and as many more as the byte says."""
+WITH_A_TRIM = f"""
+frame   clrf EEADR
+        bsf STATUS, RP0
+        bsf EECON1, RD
+        bcf STATUS, RP0
+        movf EEDATA, w
+        movwf 0x20
+        incf 0x20, w
+        btfsc STATUS, Z
+        clrf 0x20
+        movlw 0x80
+        xorwf 0x20, f
+        comf 0x20, w
+        movwf 0x21
+        bsf PORTB, 1
+{DELAY.format(byte="0x20")}
+        bcf PORTB, 1
+{DELAY.format(byte="0x21")}
+        goto frame
+"""
+"""The pulse is longer by as many cycles as the rest of the frame is shorter; FFh is no trim."""
+
+
 def _asynchronous() -> dict[str, tuple[Image, PulseSchedule]]:
     """Return programs that are interrupted, sleep, or write the EEPROM."""
     window, written_later = at_any_time.WINDOW, at_any_time.written_later
@@ -112,6 +155,11 @@ def _asynchronous() -> dict[str, tuple[Image, PulseSchedule]]:
     found["sleeps"] = at_any_time.assembled(sleeps, watchdog="ON"), at_any_time.once()
     polled = at_any_time.written(at_any_time.POLL, "stop    goto stop\n")
     slow = replace(at_any_time.once(), period=64, clock=at_any_time.SLOW, device="PIC16F84A")
+    woken = at_any_time.SLEEPER.format(after=at_any_time.TOLD + at_any_time.AFTER_INT)
+    found["is woken by INT"] = at_any_time.assembled(INT_ON + woken), at_any_time.once()
+    slowest = replace(at_any_time.once(), clock=at_any_time.SLOWER)
+    found["an EEPROM write interrupts"] = at_any_time.interrupted_by_a_write(), slowest
+    found["sleeps in an EEPROM write"] = at_any_time.sleeping_in_a_write("0x00"), slowest
     found["waits for the EEPROM"] = polled, slow
     found["writes the EEPROM"] = written_later()
     return found
@@ -125,12 +173,14 @@ def _frames(inside: str, cycles: int) -> tuple[Image, int, int]:
     return assembled(text), length + pad, PULSE_CYCLES + cycles
 
 
+@cache
 def programs() -> dict[str, tuple[Image, PulseSchedule]]:
     """Return the programs with their schedules, by name."""
     found = {"polls in an interrupt": (assembled(IN_AN_INTERRUPT, SAVED_ISR), 8192, PULSE_CYCLES + 4)}
     found["TMR0 absolutely"] = _frames(ABSOLUTE, 4)
     found["RB change"] = _frames(CHANGED, 8)
     image, period_, width_ = _frames(SELECTED, SELECTED_CYCLES)
+    found[TRIMMED] = assembled(WITH_A_TRIM), 300, 15 + 128
     found["selects in the EEPROM"] = replace(image, eeprom=CELLS), period_, width_
     pad = "        nop\n" * (2 + 2 + START_CYCLES - 3 - 2)
     text = SELF_RESET.format(pulse=PULSE.format(inside=POLL), rest=REST, pad=pad)

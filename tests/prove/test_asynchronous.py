@@ -163,10 +163,12 @@ def test_a_pulse_after_waking_has_a_counterexample(watchdog: str, wakes: str) ->
     assert shown(image, once(), prove_for_all(image, once()))
 
 
+TOLD = "        btfss STATUS, NOT_TO\n        bsf PORTB, 1\n"
+
+
 def test_only_what_the_watchdog_tells_by_status_is_wrong() -> None:
     """TO is 0 after its waking; an interrupt leaves it 1."""
-    told = "        btfss STATUS, NOT_TO\n        bsf PORTB, 1\n"
-    image = assembled("        bsf INTCON, INTE\n" + SLEEPER.format(after=told + AFTER_INT))
+    image = assembled("        bsf INTCON, INTE\n" + SLEEPER.format(after=TOLD + AFTER_INT))
     accepted(prove_for_all(image, once()), image, once())
     assert image.config is not None
     watched = replace(image, config=image.config | 4)
@@ -264,13 +266,20 @@ def test_what_the_program_has_written_to_the_eeprom_is_not_known() -> None:
 ON_WRITTEN = "        bsf STATUS, RP0\n        bcf EECON1, EEIF\n        bcf STATUS, RP0\n        retfie\n"
 
 
+ON_ITS_END = WRITE.format(meanwhile="        bcf STATUS, RP0\n        movlw 0xC0\n        movwf INTCON\n")
+STOPPED = "stop    goto stop\n"
+
+
+def interrupted_by_a_write() -> Image:
+    """A write after the last pulse, whose end interrupts."""
+    return assembled(PULSE + ON_ITS_END + STOPPED, ON_WRITTEN)
+
+
 def test_the_interrupt_at_the_end_of_a_write_comes_in_any_cycle() -> None:
-    enable = "        bcf STATUS, RP0\n        movlw 0xC0\n        movwf INTCON\n"
-    after = "stop    goto stop\n"
-    image = assembled(WRITE.format(meanwhile=enable) + PULSE + after, ON_WRITTEN)
+    image = assembled(ON_ITS_END + PULSE + STOPPED, ON_WRITTEN)
     schedule = replace(once(), clock=SLOWER)
     assert shown(image, schedule, prove_for_all(image, schedule))
-    late = assembled(PULSE + WRITE.format(meanwhile=enable) + after, ON_WRITTEN)
+    late = interrupted_by_a_write()
     proof = prove_for_all(late, schedule)
     assert proof.proven, proof.reason
     accepted(proof, late, schedule)
@@ -307,9 +316,8 @@ def test_a_write_may_be_over_also_where_an_interrupt_may_come(enable: str) -> No
     assert shown(image, schedule, prove_for_all(image, schedule))
 
 
-@pytest.mark.parametrize("enable", ["0x00", "0x40"])
-def test_sleep_is_a_nop_if_the_write_that_would_end_it_is_over(enable: str) -> None:
-    """The program hangs if PD says that the chip has not slept; without EEIE it always has."""
+def sleeping_in_a_write(enable: str) -> Image:
+    """Hangs if PD says that the chip has not slept."""
     sleeps = f"""
         bcf STATUS, RP0
         movlw {enable}
@@ -321,7 +329,13 @@ def test_sleep_is_a_nop_if_the_write_that_would_end_it_is_over(enable: str) -> N
 hang    goto hang
 """
     stop = "stop    clrwdt\n        goto stop\n"
-    image = assembled(WRITE.format(meanwhile=sleeps) + PULSE + stop, watchdog="ON")
+    return assembled(WRITE.format(meanwhile=sleeps) + PULSE + stop, watchdog="ON")
+
+
+@pytest.mark.parametrize("enable", ["0x00", "0x40"])
+def test_sleep_is_a_nop_if_the_write_that_would_end_it_is_over(enable: str) -> None:
+    """Without EEIE it has always slept."""
+    image = sleeping_in_a_write(enable)
     schedule = replace(once(), clock=SLOWER)
     proof = prove_for_all(image, schedule)
     assert proof.proven == (enable == "0x00"), proof.reason
