@@ -1,6 +1,6 @@
 """The twin's verdict: a program that leads an arm astray must not be "as expected".
 
-    python -m tests.twin.attack --mutants 30 --seed 1
+    python -m tests.twin.astray --mutants 30 --seed 1
 
 One word of the program of jobs/scara-pick.toml is changed. Where the plan rests, the judge compares the
 widths of the mutant's pulses with the program's own, and says by elementary geometry how far the tool is from
