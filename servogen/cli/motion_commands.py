@@ -125,6 +125,12 @@ def gait(
             "--spring-mm", min=0, help="Refuse a walk that deflects a leg's spring by more than this."
         ),
     ] = None,
+    gap_mm: Annotated[
+        float,
+        typer.Option(
+            "--gap-mm", min=0, max=MAX_MM, help="Refuse legs whose middle lines come nearer than this."
+        ),
+    ] = 12.0,
     compensate: Annotated[
         bool,
         typer.Option(
@@ -179,6 +185,7 @@ def gait(
         limits=JointLimits(model.speed or float("inf")),
         spring_m=_metres(spring_mm),
         allow_falling=allow_falling,
+        gap=gap_mm / 1000,
         lost=model.lost_motion(model.calibration) if compensate else 0.0,
     )
     facts, loads = facts_of(walker, planned_walk), loads_of(walker, planned_walk)
@@ -191,10 +198,10 @@ def gait(
             "raise the body, or use legs with a longer foot part",
         )
     _write_walk(walker, rhythm, planned_walk, facts, picture, csv, animate)
-    found = {"full-height": planned_walk.full_height(), "feet-collide": planned_walk.close_feet()}
+    upright = planned_walk.full_height()
     warnings = [
         *check_loads(loads, walker.lifting_joint, model),
-        *(Diagnostic("warning", code, text) for code, text in found.items() if text),
+        *([Diagnostic("warning", "full-height", upright)] if upright else []),
     ]
     if json:
         as_json(walk_to_json(walker, rhythm, planned_walk, facts, loads), warnings)

@@ -169,6 +169,8 @@ class WalkTable(Table):
     stance_width_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     beta_sign: Sign = "positive"
     spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
+    gap_mm: float = Field(default=12.0, ge=0, le=MAX_MM)
+    """The least distance between the centre lines of two legs, or a leg and the body."""
     compensate: bool = True
     """Whether the swings take up the motion that the servos lose when a joint reverses."""
     allow_falling: bool = False

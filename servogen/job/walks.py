@@ -183,6 +183,7 @@ class _Walker:
                 allow_falling=self.table.allow_falling,
                 others=others,
                 lost=self.lost,
+                gap=self.table.gap_mm / 1000,
             )
         except InputError as error:
             raise error.at(self.job.document.place("walk")) from error
@@ -398,10 +399,7 @@ def _overloads(
 
 
 def _walk_warnings(document: Document, planned: Walk) -> Iterator[Diagnostic]:
-    """Yield a warning if the robot stands at the full height of its legs, and if its feet meet."""
-    for code, text, key in (
-        ("full-height", planned.full_height(), "body_height_mm"),
-        ("feet-collide", planned.close_feet(), "route"),
-    ):
-        if text is not None:
-            yield Diagnostic("warning", code, text, document.place("walk", key))
+    """Yield a warning if the robot stands at the full height of its legs."""
+    text = planned.full_height()
+    if text is not None:
+        yield Diagnostic("warning", "full-height", text, document.place("walk", "body_height_mm"))

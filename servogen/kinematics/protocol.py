@@ -142,6 +142,11 @@ class WalkingRobot(Robot, Protocol):
         Raises InputError if they cannot take it.
         """
 
+    def corners(self, leg: int, angles: Floats) -> Floats:
+        """Return the corners (n, corners, 3) of a leg's centre line, from its mount to its foot, in the body
+        frame for joint angles (n, k).
+        """
+
     def torques(self, angles: Floats, forces: Floats) -> Floats:
         """Return the torque (frames, legs) in N·m at each lifting joint.
 

@@ -16,10 +16,8 @@ import numpy as np
 from servogen.kinematics.forward import link_frames
 from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.kinematics.protocol import DrivingRobot, WalkingRobot
-from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
-from servogen.report.tracks import to_place
 from servogen.robot.model import Arm
 
 
@@ -47,11 +45,7 @@ def _rows(arm: Arm, joints: Floats) -> Floats:
 
 def leg_sticks(robot: WalkingRobot, planned: Walk) -> tuple[Floats, ...]:
     """Return the corners (frames, n, 3) of each leg in the body's frame."""
-    return tuple(
-        to_place(mount_matrix(leg.mount), stick(leg.arm, planned.leg_angles[:, index]))
-        for index, leg in enumerate(robot.limbs)
-        if leg.mount is not None
-    )
+    return tuple(robot.corners(index, planned.leg_angles[:, index]) for index in range(len(robot.limbs)))
 
 
 def base_outline(base: DrivingRobot, pose: Floats) -> tuple[Floats, ...]:

@@ -34,7 +34,7 @@ from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
 from servogen.motion.loads import MIN_LEGS
-from servogen.robot.model import Arm, Mount, Robot
+from servogen.robot.model import Arm, Robot
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import (
     CONTACT,
@@ -49,6 +49,7 @@ from servogen.twin.mjcf import (
     add_joint,
     add_rod,
     document,
+    leg_bits,
     numbers,
 )
 
@@ -158,10 +159,10 @@ def _add_hexapod(scene: Scene, robot: Hexapod) -> tuple[list[str], float]:
             euler=numbers(0.0, 0.0, mount.heading),
         )
         if robot.leg_kind.name == "pantograph":
-            foot = _pantograph(scene, hip, equality, robot, mount, masses)
+            foot = _pantograph(scene, hip, equality, robot, index, masses)
         else:
-            foot = _serial(scene, hip, robot, mount, masses)
-        _add_foot(foot, mount.name, factor * scene.ground.friction)
+            foot = _serial(scene, hip, robot, index, masses)
+        _add_foot(foot, mount.name, factor * scene.ground.friction, index)
         add(sensors, "touch", name=f"{mount.name}_touch", site=f"{mount.name}_foot")
     return assumptions, total
 
@@ -184,17 +185,18 @@ def _pantograph(
     coxa: xml.Element,
     equality: xml.Element,
     robot: Hexapod,
-    mount: Mount,
+    index: int,
     masses: Mapping[str, float],
 ) -> tuple[xml.Element, Place]:
     """Add the rest of the lab's leg to its coxa; return its foot part, and where its end is on it."""
-    leg, side, name = Leg.of(robot.leg.length), -1.0 if mount.mirrored else 1.0, mount.name
+    leg, mount, bits = Leg.of(robot.leg.length), robot.mounts[index], leg_bits(index)
+    side, name = -1.0 if mount.mirrored else 1.0, mount.name
     alpha, beta = (f"{name}_{joint.name}" for joint in robot.leg.joints)
     add_joint(scene, coxa, alpha, (0.0, 0.0, side), robot.leg.joints[0].lower, robot.leg.joints[0].upper)
-    add_rod(coxa, (0.0, 0.0, 0.0), (0.0, side * leg.ab, 0.0), masses["coxa"])
+    add_rod(coxa, (0.0, 0.0, 0.0), (0.0, side * leg.ab, 0.0), masses["coxa"], bits)
     thigh = add(coxa, "body", name=f"{name}_thigh", pos=numbers(0.0, side * leg.ab, 0.0))
     add_joint(scene, thigh, beta, (0.0, 1.0, 0.0), robot.leg.joints[1].lower, robot.leg.joints[1].upper)
-    add_rod(thigh, (0.0, 0.0, 0.0), (0.0, 0.0, -leg.bc), masses["thigh"])
+    add_rod(thigh, (0.0, 0.0, 0.0), (0.0, 0.0, -leg.bc), masses["thigh"], bits)
     foot = add(thigh, "body", name=f"{name}_foot", pos=numbers(0.0, side * leg.cd, -leg.bc))
     add(foot, "joint", name=f"{name}_level", type="hinge", axis="0 1 0")
     if robot.spring is not None:
@@ -207,18 +209,19 @@ def _pantograph(
             stiffness=numbers(robot.spring),
             damping=numbers(2 * SPRING_DAMPING * math.sqrt(robot.spring * masses["foot"])),
         )
-    add_rod(foot, (0.0, 0.0, 0.0), (0.0, 0.0, -leg.df), masses["foot"])
+    add_rod(foot, (0.0, 0.0, 0.0), (0.0, 0.0, -leg.df), masses["foot"], bits)
     add(equality, "joint", joint1=f"{name}_level", joint2=beta, polycoef="0 -1 0 0 0", **STIFF)
     return foot, (0.0, 0.0, -leg.df)
 
 
 def _serial(
-    scene: Scene, hip: xml.Element, robot: Hexapod, mount: Mount, masses: Mapping[str, float]
+    scene: Scene, hip: xml.Element, robot: Hexapod, index: int, masses: Mapping[str, float]
 ) -> tuple[xml.Element, Place]:
     """Add the rest of a leg of the field to its coxa; return the part with the foot, and where that is on it.
 
     Where a joint has the whole rest of the leg, its parts are one body.
     """
+    mount = robot.mounts[index]
     side = -1.0 if mount.mirrored else 1.0
     corners = robot.leg_kind.corners(robot.leg, np.zeros((1, len(robot.leg.joints))))[0] * [1.0, side, 1.0]
     parts, body, origin = robot.leg_kind.parts, hip, corners[0]
@@ -230,12 +233,12 @@ def _serial(
                 body, origin = add(body, "body", name=f"{mount.name}_{part}", pos=place), corners[number]
             joint = robot.leg.joints[number]
             add_joint(scene, body, f"{mount.name}_{joint.name}", axes[number], joint.lower, joint.upper)
-        add_rod(body, corners[number] - origin, corners[number + 1] - origin, masses[part])
+        add_rod(body, corners[number] - origin, corners[number + 1] - origin, masses[part], leg_bits(index))
     x, y, z = (corners[-1] - origin).tolist()
     return body, (x, y, z)
 
 
-def _add_foot(foot: tuple[xml.Element, Place], name: str, friction: float) -> None:
+def _add_foot(foot: tuple[xml.Element, Place], name: str, friction: float, index: int) -> None:
     """Add the ball at the end of a leg that touches the ground, and its switch."""
     part, (x, y, z) = foot
     tip = numbers(x, y, z + FOOT_RADIUS_M)
@@ -248,7 +251,7 @@ def _add_foot(foot: tuple[xml.Element, Place], name: str, friction: float) -> No
         pos=tip,
         friction=numbers(friction, 0.0, 0.0),
         mass="0",
-        **ROBOT_BITS,
+        **leg_bits(index, ground=True),
     )
     add(part, "site", name=f"{name}_foot", pos=tip, size=numbers(2 * FOOT_RADIUS_M))
 

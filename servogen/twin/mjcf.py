@@ -6,8 +6,9 @@ In: a `Scene`. Out: elements that are added to it. MuJoCo itself is not needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from xml.etree import ElementTree as xml
 
 from servogen.kinematics.statics import GRAVITY
@@ -19,7 +20,16 @@ STEP_S = 0.001
 LINK_RADIUS_M = 0.006
 
 ROBOT_BITS, GROUND_BITS = {"contype": "1", "conaffinity": "0"}, {"contype": "0", "conaffinity": "1"}
-"""Collision bits: parts of the robot collide with the ground, not with each other."""
+"""Collision bits: parts of the robot collide with the ground; legs with each other, too (`leg_bits`)."""
+
+NO_BITS = {"contype": "0", "conaffinity": "0"}
+
+
+def leg_bits(index: int, *, ground: bool = False) -> dict[str, str]:
+    """Return the collision bits of a leg's parts: they meet those of other legs, and the ground if asked."""
+    own = 4 << index % 28
+    return {"contype": str(own + ground), "conaffinity": str(0x7FFFFFFC & ~own)}
+
 
 CONTACT = {"solref": "0.004 1", "solimp": "0.95 0.99 0.0005"}
 """Contact parameters with which the oracles of docs/twin.md pass at steps of 1 ms (impratio 10)."""
@@ -171,15 +181,20 @@ def add_joint(
         )
 
 
-def add_rod(body: xml.Element, start: Sequence[float], end: Sequence[float], mass: float) -> None:
-    """Add a rod with a mass that touches nothing; a rod of no length is a ball."""
+def add_rod(
+    body: xml.Element,
+    start: Sequence[float],
+    end: Sequence[float],
+    mass: float,
+    bits: Mapping[str, str] = MappingProxyType(NO_BITS),
+) -> None:
+    """Add a rod with a mass that touches what its bits say, by default nothing; a short one is a ball."""
     radius = {"size": numbers(LINK_RADIUS_M), "mass": numbers(mass)}
-    touching = {"contype": "0", "conaffinity": "0"}
     if math.dist(start, end) < 2 * LINK_RADIUS_M:
         middle = [(one + other) / 2 for one, other in zip(start, end, strict=True)]
-        add(body, "geom", type="sphere", pos=numbers(*middle), **radius, **touching)
+        add(body, "geom", type="sphere", pos=numbers(*middle), **radius, **bits)
     else:
-        add(body, "geom", type="capsule", fromto=numbers(*start, *end), **radius, **touching)
+        add(body, "geom", type="capsule", fromto=numbers(*start, *end), **radius, **bits)
 
 
 def add_actuators(scene: Scene) -> None:

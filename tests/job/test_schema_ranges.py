@@ -76,6 +76,7 @@ RANGES: list[tuple[type[Table], str, Ends, Ends]] = [
         for key in ("lift_mm", "body_height_mm", "stance_width_mm")
     ),
     (schema.WalkTable, "spring_mm", FROM_0, up_to(METRES)),
+    (schema.WalkTable, "gap_mm", FROM_0, up_to(METRES)),
     (schema.ProgramTable, "max_commands", (1, 0), NONE),
     (schema.ProgramTable, "max_s", ABOVE_0, up_to(DAYS)),
     (schema.RoutineTable, "direction_deg", down_to(-360.0), up_to(360.0)),
@@ -181,7 +182,7 @@ DEFAULTS: list[tuple[type[Table], Mapping[str, object]]] = [
     (schema.PoseTable, {"path": "joint", "via": False, "hold_s": 0, "pause_s": 0, "release": False}),
     (schema.SegmentTable, {"forward_mm": 0, "left_mm": 0, "turn_deg": 0, "cycles": None}),
     (MountTable, {"z_mm": 0, "heading_deg": 0, "mirrored": False}),
-    (HexapodTable, {"leg": "leg", "centre_of_mass_mm": None, "mass_g": None, "spring_n_m": None}),
+    (HexapodTable, {"leg": None, "centre_of_mass_mm": None, "mass_g": None, "spring_n_m": None}),
     (OmniTable, {"gear": 1, "counts_per_turn": 1, "sensors": 0, "mass_g": None}),
     (arm_file.RowTable, {"ratio": 1, "theta_deg": 0, "d_mm": "0", "a_mm": "0", "alpha_deg": 0}),
     (arm_file.FrameTable, dict.fromkeys(("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"), 0)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import cache
 from pathlib import Path
 
@@ -463,8 +464,8 @@ def test_a_cycle_that_the_gait_lengthens_is_said() -> None:
     assert short == "a cycle takes 48 frames, 0.96 s"
 
 
-def test_feet_that_meet_are_warned_of_with_their_legs_distance_and_frame(tmp_path: Path) -> None:
-    """Seen from above, as by the angles' forward kinematics; a robot with longer sides has no warning."""
+def test_legs_that_meet_are_refused_with_their_names_distance_and_frame(tmp_path: Path) -> None:
+    """The foot parts stand upright: seen from above, legs that meet have feet that are near each other."""
     mounts = ", ".join(
         f'{{ name = "{side}{row}", x_mm = {x}, y_mm = {y}{", mirrored = true" if side == "R" else ""} }}'
         for side, y in (("L", 34.5), ("R", -34.5))
@@ -474,20 +475,14 @@ def test_feet_that_meet_are_warned_of_with_their_legs_distance_and_frame(tmp_pat
     text += "lengths_mm = { ab = 33, bc = 72, cd = 109, df = 94 }\n"
     way = 'gait = "ripple"\ncycle_s = 1.04\nlift_mm = 17\nbody_height_mm = 159.8\nrepeat = false\n'
     way += "route = [{ forward_mm = 96, cycles = 2 }]"
-    found = {}
-    for front in (53.5, 153.5):
-        (tmp_path / "own.toml").write_text(text.replace("FRONT", str(front)))
-        found[front] = walk(way, str(tmp_path / "own.toml"))
-    assert not [each for each in found[153.5].warnings if each.code == "feet-collide"]
-    (warning,) = (each for each in found[53.5].warnings if each.code == "feet-collide")
-    planned = feet(found[53.5])[:, :, :2]
-    near = {
-        (LEGS[a], LEGS[b]): np.linalg.norm(planned[:, a] - planned[:, b], axis=1)
-        for a in range(6)
-        for b in range(a)
-    }
-    least = min(float(away.min()) for away in near.values())
-    assert least < 10
-    assert f"come within {least:.1f} mm of each other in frame " in warning.message
-    frame = int(warning.message.split("frame ")[1].split(":")[0])
-    assert any(away[frame] == pytest.approx(least) for away in near.values())
+    (tmp_path / "own.toml").write_text(text.replace("FRONT", "153.5"))
+    walk(way, str(tmp_path / "own.toml"))
+    (tmp_path / "own.toml").write_text(text.replace("FRONT", "53.5"))
+    with pytest.raises(InputError, match="less than the gap of 12 mm") as caught:
+        walk(way, str(tmp_path / "own.toml"))
+    assert caught.value.diagnostics[0].code == "legs-collide"
+    assert re.search(r"the leg (L1 and the leg L2|L2 and the leg L3) come within \d", str(caught.value))
+    frame = int(str(caught.value).split("frame ")[1].split(",")[0])
+    planned = feet(walk(f"{way}\ngap_mm = 0", str(tmp_path / "own.toml")))[:, :, :2]
+    near = np.linalg.norm(planned[:, :2] - planned[:, 1:3], axis=2)
+    assert near[frame].min() < 12, "the feet are as near as that, seen from above"

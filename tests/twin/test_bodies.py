@@ -219,3 +219,24 @@ def test_a_payload_bends_an_arm_and_too_much_of_it_is_the_first_cause() -> None:
     assert heavy.tool_rest_error > 2 * light.tool_rest_error
     assert light.events == ()
     assert heavy.cause is not None and heavy.cause.kind == EventKind.SATURATED
+
+
+@pytest.mark.parametrize("name", ["hexapod", "hexapod-hip-lift"])
+def test_legs_touch_other_legs_but_neither_themselves_nor_the_body(name: str) -> None:
+    chosen = robot(name)
+    assert isinstance(chosen, Hexapod)
+    model, data = loaded(bodies(chosen).text)
+    turn = chosen.leg.joints[0].name
+
+    def touching() -> set[frozenset[str]]:
+        mujoco.mj_forward(model, data)
+        names = [
+            [model.body(model.geom_bodyid[geom]).name[:2] for geom in each.geom] for each in data.contact
+        ]
+        return {frozenset(pair) for pair in names if "wo" not in pair}
+
+    data.qpos[2] = 1.0  # off the ground
+    assert touching() == set()
+    data.joint(f"L1_{turn}").qpos[0] = 1.2
+    data.joint(f"L2_{turn}").qpos[0] = -1.2
+    assert touching() == {frozenset({"L1", "L2"})}

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
+from servogen.motion.gait.collisions import GAP_M, nearest_collision
 from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
@@ -36,9 +36,6 @@ MIN_SWING = 4
 MAX_GRAIN = 24
 """The largest grain, in frames, for which cycles are lengthened to a multiple of it."""
 
-
-CLOSE_M = 0.01
-"""Feet whose points come nearer than this would touch: rubber feet of small robots are about 10 mm wide."""
 
 MAX_STRETCH = 0.03
 """A cycle that is lengthened by a larger share, to whole frames of its gait, is said."""
@@ -165,26 +162,6 @@ class Walk:
             f"sideways before it is {1000 * FIRST_M:g} mm above the ground; a lower body drags its feet less"
         )
 
-    def close_feet(self) -> str | None:
-        """Return a warning for the two feet that come nearest to each other, if that is too near, else None.
-
-        It is their distance seen from above: the part of a leg that carries a foot stands upright on it, so
-        that a lifted foot passes no other leg. A foot is a point here: what it is made of needs room.
-        """
-        pairs = list(combinations(range(len(self.legs)), 2))
-        if not pairs:
-            return None
-        flat = self.feet[:, :, :2]
-        away = np.stack([np.linalg.norm(flat[:, a] - flat[:, b], axis=1) for a, b in pairs])
-        pair, frame = np.unravel_index(int(np.argmin(away)), away.shape)
-        if away[pair, frame] >= CLOSE_M:
-            return None
-        one, other = (self.legs[leg] for leg in pairs[pair])
-        return (
-            f"the feet {one} and {other} come within {1000 * away[pair, frame]:.1f} mm of each other in "
-            f"frame {frame}: the legs would collide; shorten the stride or the turn"
-        )
-
     def centre_texts(self) -> tuple[tuple[int, str], ...]:
         """Return the number (from 0) of each segment that turns, and its centre of rotation in words."""
         return tuple(
@@ -233,6 +210,7 @@ def walk(
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
     lost: float = 0.0,
+    gap: float = GAP_M,
 ) -> Walk:
     """Return the walk along `segments`, each from standstill to standstill; only the last may be endless.
 
@@ -241,10 +219,11 @@ def walk(
     walk loops over one cycle, others over the whole route. `spring_m` is the maximum correction of a leg's
     spring. `others` are segments of other walks with which the same robot may continue: its stance suits
     these too. `lost` is the angle (radians) that the servos lose when a joint reverses: swings overshoot
-    their footholds so that it is taken up before the feet land.
+    their footholds so that it is taken up before the feet land. `gap` is the least distance (metres) between
+    the centre lines of two legs, or a leg and the body.
 
-    Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
-    is too large and, unless `allow_falling`, for a robot that would fall over.
+    Raises InputError for a posture that the legs cannot take, a step beyond their limits, legs that meet, a
+    correction that is too large and, unless `allow_falling`, for a robot that would fall over.
     """
     if not segments:
         raise InputError("no-pulses", "a walk needs at least one segment")
@@ -326,6 +305,14 @@ def walk(
         needed_frames=needed,
     )
     _refuse(result, spring_m, allow_falling)
+    meeting = nearest_collision(robot, result.leg_angles, gap)
+    if meeting is not None:
+        raise InputError(
+            "legs-collide",
+            f"{meeting.text()}, less than the gap of {1000 * gap:g} mm",
+            hint="shorten the stride or the turn, mount the legs farther apart or let them point apart "
+            "(heading_deg); if yours are thinner, state the gap (gap_mm, --gap-mm)",
+        )
     return result
 
 

@@ -60,6 +60,14 @@ class Dog:
             raise InputError("posture-out-of-reach", f"{self.name} needs a height", hint="body_height_mm = …")
         return DogStance(self, posture.body_height, posture.lift)
 
+    def corners(self, leg: int, angles: Floats) -> Floats:
+        u, t = (self.leg.length[name] for name in "ut")
+        hip, thigh = angles[:, 0], angles[:, 1]
+        out = np.stack([np.cos(hip), np.sin(hip), np.zeros_like(hip)], axis=1)
+        knee = out * (u + t * np.cos(thigh))[:, None] + np.outer(t * np.sin(thigh), [0.0, 0.0, 1.0])
+        foot = to_leg(self.mounts[leg], DogStance(self, 0.0, 0.0).feet(leg, angles))
+        return to_body(self.mounts[leg], np.stack([0 * out, u * out, knee, foot], axis=1))
+
     def torques(self, angles: Floats, forces: Floats) -> Floats:
         return np.abs(forces * (_reach(self.leg, angles) - self.leg.length["u"]))
 
