@@ -1,15 +1,42 @@
-"""Strongly connected components of graphs, and orders of graphs without cycles.
+"""What a graph's nodes lead to: reachable nodes, strongly connected components, orders without cycles.
 
-In: a graph as nodes and their successors. Out: its components that contain a cycle; the nodes below a node,
-each after its successors.
+In: a graph as nodes and their successors. Out: the nodes that can be reached; its components that contain a
+cycle; the nodes below a node, each after its successors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 Node = TypeVar("Node", bound=Hashable)
+
+
+def reached(
+    starts: Iterable[Node],
+    successors: Callable[[Node], Iterable[Node]],
+    is_new: Callable[[Node], bool] | None = None,
+) -> Iterator[Node]:
+    """Yield the nodes that can be reached from `starts`, these included, each once; the latest found first.
+
+    The successors of a node are asked for when the next node is, so whoever has seen enough can stop.
+    `is_new`, asked for each way to a node, decides whether it is followed; without it, nodes that were not
+    met before are.
+    """
+    found: set[Node] = set()
+
+    def is_first(node: Node) -> bool:
+        if node in found:
+            return False
+        found.add(node)
+        return True
+
+    followed = is_new or is_first
+    waiting = [node for node in starts if followed(node)]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        waiting += [after for after in successors(node) if followed(after)]
 
 
 def components(graph: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:

@@ -300,10 +300,10 @@ TABLES_OF_MNEMONICS = {
     "compiler/sema/builtins.py": "the instructions that have a function in C",
     "compiler/sema/checks.py": "the two instructions that clear the watchdog",
     "engines/stream/theorem.py": "the instructions of which the interrupt's body consists",
-    "pic/analysis/state.py": "what instructions make of sets of values",
-    "pic/known_values.py": "what instructions compute: the second implementation beside the simulator's",
+    "pic/analysis/state.py": "the instructions that copy a byte, and those that compare or count",
+    "pic/known_values.py": "the instructions that it does not follow",
+    "pic/semantics.py": "what instructions compute",
     "pic/wcet.py": "the instructions that count loops",
-    "prove/stream/execution.py": "what instructions make of bits that are terms of a solver",
     "simulator/block_cache.py": "the instructions that a wait may contain",
 }
 """Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""

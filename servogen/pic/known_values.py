@@ -1,4 +1,4 @@
-"""Constant propagation: the results of instructions on values of which some are known (DS35007 section 7).
+"""Constant propagation: the results of instructions on values of which some are known.
 
 In: a program word, and the bytes and flags known before it. Out: those known after it. Values are kept by
 place: a RAM address, `FSR`, or one of `W`, `CARRY` and `ZERO`; a missing place is not known.
@@ -6,12 +6,13 @@ place: a RAM address, `FSR`, or one of `W`, `CARRY` and `ZERO`; a missing place 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses
-from servogen.pic.isa import decode
+from servogen.pic.isa import by_mnemonic, decode
+from servogen.pic.semantics import NUMBERS, flags, result, row_of
 
 INDF, PCL, STATUS, FSR = addresses("INDF", "PCL", "STATUS", "FSR")
 W, CARRY, ZERO = -1, -2, -3
@@ -26,11 +27,13 @@ _POINTED = frozenset({CARRY, ZERO, *range(RAM_FIRST, RAM_LAST + 1)})
 NOT_FOLLOWED = ("SLEEP", "OPTION", "TRIS")
 """Instructions that stop the chip, or write a register without its address: `execute` does nothing of it."""
 
+RETURNED = -1
+"""The address after a return to which no call belongs."""
+
 Known = dict[int, int]
 """Known values by place."""
-
-Compute = Callable[[int | None, int | None, int | None, int, int | None], tuple[int | None, int | None]]
-"""The (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not known."""
+Continuation = tuple[int, tuple[int, ...], int, Known]
+"""Where execution continues: address, return addresses, the cycles of the instruction, what is known then."""
 
 
 class Undefined(Exception):
@@ -59,7 +62,6 @@ class DecodedWord:
     sets_zero: bool
     place: int | None
     """The place that f addresses, unless that is INDF."""
-    compute: Compute
 
     @property
     def selects_bank_0(self) -> bool:
@@ -94,74 +96,24 @@ def word_of(number: int) -> DecodedWord:
         sets_carry="C" in row.flags,
         sets_zero="Z" in row.flags,
         place=place_of(decoded.f, {}) if has_f else None,
-        compute=_COMPUTE.get(row.mnemonic, _unknown),
     )
 
 
-def _unknown(
-    w: int | None, f: int | None, k: int | None, b: int, carry: int | None
-) -> tuple[int | None, int | None]:
-    return None, None
-
-
-def _of_byte(operation: Callable[[int, int], int]) -> Compute:
-    """Return how an instruction computes its result from its byte and the number of a bit."""
-    return lambda w, f, k, b, carry: (None if f is None else operation(f, b) & 0xFF, None)
-
-
-def _of_two(operation: Callable[[int, int], tuple[int, int | None]]) -> tuple[Compute, Compute]:
-    """Return how the two forms of an instruction, xxxLW and xxxWF, compute a literal or a byte with W."""
-
-    def literal(
-        w: int | None, f: int | None, k: int | None, b: int, carry: int | None
-    ) -> tuple[int | None, int | None]:
-        if w is None or k is None:
-            return None, None
-        result, out = operation(k, w)
-        return result & 0xFF, out
-
-    return literal, lambda w, f, k, b, carry: literal(w, None, f, b, carry)
-
-
-_OF_TWO: Mapping[str, tuple[Compute, Compute]] = {
-    "ADD": _of_two(lambda value, w: (value + w, int(value + w > 0xFF))),
-    "SUB": _of_two(lambda value, w: (value - w, int(value >= w))),
-    "AND": _of_two(lambda value, w: (value & w, None)),
-    "IOR": _of_two(lambda value, w: (value | w, None)),
-    "XOR": _of_two(lambda value, w: (value ^ w, None)),
-}
-_COMPUTE: Mapping[str, Compute] = {
-    "MOVLW": lambda w, f, k, b, carry: (k, None),
-    "MOVWF": lambda w, f, k, b, carry: (w, None),
-    "CLRF": lambda w, f, k, b, carry: (0, None),
-    "CLRW": lambda w, f, k, b, carry: (0, None),
-    "MOVF": _of_byte(lambda f, b: f),
-    "INCF": _of_byte(lambda f, b: f + 1),
-    "INCFSZ": _of_byte(lambda f, b: f + 1),
-    "DECF": _of_byte(lambda f, b: f - 1),
-    "DECFSZ": _of_byte(lambda f, b: f - 1),
-    "COMF": _of_byte(lambda f, b: ~f),
-    "SWAPF": _of_byte(lambda f, b: f << 4 | f >> 4),
-    "BSF": _of_byte(lambda f, b: f | 1 << b),
-    "BCF": _of_byte(lambda f, b: f & ~(1 << b)),
-    "RLF": lambda w, f, k, b, carry: (
-        (None, None) if f is None else (None if carry is None else (f << 1 | carry) & 0xFF, f >> 7)
-    ),
-    "RRF": lambda w, f, k, b, carry: (
-        (None, None) if f is None else (None if carry is None else f >> 1 | carry << 7, f & 1)
-    ),
-    **{f"{name}LW": literal for name, (literal, _) in _OF_TWO.items()},
-    **{f"{name}WF": byte for name, (_, byte) in _OF_TWO.items()},
-}
-
-
+@lru_cache(maxsize=1 << 16)
 def known_result(
     mnemonic: str, w: int | None, f: int | None, k: int | None, b: int, carry: int | None
 ) -> tuple[int | None, int | None]:
     """Return the (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not
     known.
     """
-    return _COMPUTE.get(mnemonic, _unknown)(w, f, k, b, carry)
+    row = by_mnemonic()[mnemonic]
+    operand = k if "k" in row.operands else f if "f" in row.reads else 0
+    read = w if "W" in row.reads else 0
+    if row_of(mnemonic) is None or operand is None or read is None:
+        return None, None
+    made = result(NUMBERS, mnemonic, operand, read, carry or 0, b)
+    out = flags(NUMBERS, mnemonic, operand, read, made).get("C")
+    return None if "C" in row.reads and carry is None else made, out
 
 
 def place_of(f: int, known: Known) -> int | None:
@@ -185,8 +137,8 @@ def skipped(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
         return None if bit is None else bit == (word.name == "BTFSS")
     place = W if word.writes_w else place_of(word.f, known)
     execute(word, known, changing)
-    result = None if place is None else known.get(place)
-    return None if result is None else result == 0
+    counted = None if place is None else known.get(place)
+    return None if counted is None else counted == 0
 
 
 def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> None:
@@ -199,19 +151,41 @@ def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
         place = place_of(INDF, known)
     value = known.get
     operand = None if place is None else value(place)
-    result, carry = word.compute(value(W), operand, word.k, word.b, value(CARRY))
+    made, carry = known_result(word.name, value(W), operand, word.k, word.b, value(CARRY))
     if word.sets_carry:
         _put(known, CARRY, carry)
     if word.sets_zero:
-        _put(known, ZERO, None if result is None else int(result == 0))
+        _put(known, ZERO, None if made is None else int(made == 0))
     if word.writes_w:
-        _put(known, W, result)
+        _put(known, W, made)
     elif word.writes_f:
         if place is not None:
-            _put(known, place, None if place in changing else result)
+            _put(known, place, None if place in changing else made)
         elif word.f == INDF:
             for other in known.keys() & _POINTED:
                 del known[other]  # it may be any of them
+
+
+def step(address: int, stack: tuple[int, ...], word: DecodedWord, known: Known) -> list[Continuation]:
+    """Execute one instruction; where it is not known whether a skip is taken, return both ways.
+
+    Updates `known`. PCL and the cycles of a write to it are not followed.
+    """
+    if word.flow == "jump":
+        return [(word.k, stack, 2, known)]
+    if word.flow == "call":
+        return [(word.k, (*stack, address + 1), 2, known)]
+    if word.flow == "return":
+        if word.name == "RETLW":
+            known[W] = word.k
+        return [(stack[-1], stack[:-1], 2, known) if stack else (RETURNED, (), 2, known)]
+    if word.flow == "skip":
+        taken = skipped(word, known)
+        if taken is None:
+            return [(address + 1, stack, 1, known), (address + 2, stack, 2, dict(known))]
+        return [(address + 1 + taken, stack, 1 + taken, known)]
+    execute(word, known)
+    return [(address + 1, stack, 1, known)]
 
 
 def _write_status(word: DecodedWord, known: Known) -> None:

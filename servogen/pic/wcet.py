@@ -31,7 +31,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
-from servogen.graph import bottom_up, components
+from servogen.graph import bottom_up, components, reached
 from servogen.pic.device import ERASED_WORD, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, STACK_LEVELS
 from servogen.pic.known_values import (
     CARRY,
@@ -349,39 +349,30 @@ class TimedProgram:
         """Return the addresses that may be executed after any of `starts`, and these; a return leads to every
         call of its function.
         """
-        addresses: set[int] = set()
-        waiting = list(starts)
-        while waiting:
-            address = waiting.pop()
-            if address in addresses or address not in self._words:
-                continue
-            addresses.add(address)
+
+        def successors(address: int) -> Iterable[int]:
             word = self._defined.get(address)
             if word is None:  # it does nothing that a data sheet defines, and goes on
-                waiting.append(_beyond(address, 1))
-                continue
-            waiting += self._followers(address)
-            if word.flow == "call":
-                waiting.append(word.k)
-            elif word.flow == "return" or word.writes_pcl:
-                waiting += self.callers(address)
-        return frozenset(addresses)
+                return (_beyond(address, 1),) if address in self._words else ()
+            returns = self.callers(address) if word.flow == "return" or word.writes_pcl else ()
+            return (*self._followers_and_called(address), *returns)
+
+        return frozenset(self._words.keys() & reached(starts, successors))
 
     def reached(self, start: int) -> frozenset[int]:
         """Return the addresses that a call of `start` may execute, without the RETLWs of tables."""
         if start not in self._reached:
-            addresses: set[int] = set()
-            waiting = [start]
-            while waiting:
-                address = waiting.pop()
-                if address not in addresses and address in self._words:
-                    addresses.add(address)
-                    waiting += [
-                        *self._followers(address),
-                        *([self.word(address).k] if self.word(address).flow == "call" else []),
-                    ]
-            self._reached[start] = frozenset(addresses)
+            self._reached[start] = frozenset(
+                self._words.keys() & reached([start], self._followers_and_called)
+            )
         return self._reached[start]
+
+    def _followers_and_called(self, address: int) -> list[int]:
+        """Return the addresses inside the function where execution may continue, and a function it calls."""
+        if address not in self._words:
+            return []
+        word = self.word(address)
+        return [*self._followers(address), *([word.k] if word.flow == "call" else [])]
 
     def _followers(self, address: int) -> list[int]:
         """Return the addresses inside the function where execution may continue."""
@@ -455,16 +446,9 @@ class TimedProgram:
                 after.setdefault(word.k, []).append(_beyond(address, 1))
         callers: dict[int, dict[int, None]] = {}
         for start, returns in after.items():
-            body: set[int] = set()
-            waiting = [start]
-            while waiting:
-                address = waiting.pop()
-                if address in body or address not in self._words:
-                    continue
-                body.add(address)
+            body = reached([start], lambda at: self._followers(at) if at in self._defined else ())
+            for address in self._words.keys() & body:
                 callers.setdefault(address, {}).update(dict.fromkeys(returns))
-                with suppress(Undefined):
-                    waiting += self._followers(address)
         return {address: tuple(returns) for address, returns in callers.items()}
 
     def check_table(self, address: int) -> None:

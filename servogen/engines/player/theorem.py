@@ -24,11 +24,10 @@ from servogen.pic.known_values import (
     DecodedWord,
     Known,
     W,
-    execute,
     known_result,
-    skipped,
+    step,
+    word_of,
 )
-from servogen.pic.known_values import word_of as decoded
 from servogen.pic.listing import Listing
 from servogen.units import Cycles
 
@@ -159,15 +158,12 @@ class _Kernel:
         }
         address = self._check
         while address != self._poll:
-            word = decoded(self._words[address])
-            following = address + 1
-            if word.flow == "skip":
-                following += self._skips(word, known, address)
-            elif word.has_f and word.f == TMR0:
+            word = word_of(self._words[address])
+            if word.flow == "next" and word.has_f and word.f == TMR0:
                 self._look(word, known, target - ahead + ticks & 0xFF, address)
+                address += 1
             else:
-                self._execute(word, known, address)
-            address = following
+                address, _ = self._execute(word, known, address, "next", "skip")
         return bool(known[overrun] & 1)
 
     def _compare(self, pulses: _Pulses, one: int, other: int) -> None:
@@ -200,14 +196,9 @@ class _Kernel:
             if address == self._done:
                 self._check_end(known, target)
                 return _Pulses(tuple(writes), now - begin)
-            word = decoded(self._words[address])
+            word = word_of(self._words[address])
             following, cycles = address + 1, 1
-            if word.flow == "jump":
-                following, cycles = word.k, 2
-            elif word.flow == "skip":
-                taken = self._skips(word, known, address)
-                following, cycles = (address + 2, 2) if taken else (address + 1, 1)
-            elif word.has_f and word.f == TMR0:
+            if word.flow == "next" and word.has_f and word.f == TMR0:
                 self._look(word, known, (target + (now - begin) // tick) & 0xFF, address)
             elif word.f == INDF and word.writes_f and "f" not in word.reads and known.get(FSR) == PORT:
                 value = 0 if word.name == "CLRF" else known[W]
@@ -217,7 +208,7 @@ class _Kernel:
                 if "Z" in word.flags:
                     known[ZERO] = int(value == 0)
             else:
-                self._execute(word, known, address)
+                following, cycles = self._execute(word, known, address, "next", "skip", "jump")
             address, now = following, now + cycles
         raise KernelChanged("it does not end")
 
@@ -228,25 +219,21 @@ class _Kernel:
         wanted = {self._ram["target"]: target, self._ram["overrun"]: 1}
         known[self._ram["overrun"]] = 1
         for address in range(self._done, self._done + LAST_WORDS):
-            self._execute(decoded(self._words[address]), known, address)
+            self._execute(word_of(self._words[address]), known, address, "next")
         if any(known.get(place) != value for place, value in wanted.items()):
             raise KernelChanged("the end changes what the next slot needs")
 
-    def _skips(self, word: DecodedWord, known: Known, address: int) -> bool:
-        """Return whether a skip is taken. Raises KernelChanged if that is not known."""
-        taken = skipped(word, known)
-        if taken is None:
-            raise KernelChanged(f"0x{address:03X} tests what is not the kernel's")
-        return taken
-
-    def _execute(self, word: DecodedWord, known: Known, address: int) -> None:
-        """Execute an instruction that writes W or RAM, or selects bank 0. Raises KernelChanged for another
-        one.
+    def _execute(self, word: DecodedWord, known: Known, address: int, *flows: str) -> tuple[int, int]:
+        """Execute an instruction of one of these flows that writes W or RAM, or selects bank 0; return where
+        execution continues, and the cycles. Raises KernelChanged for another one, or if a skip is not known.
         """
-        stray = word.flow != "next" or word.name in NOT_FOLLOWED
+        stray = word.flow not in flows or word.name in NOT_FOLLOWED
         if stray or (word.writes_f and word.place is None and not word.selects_bank_0):
             raise KernelChanged(f"{word.name} at 0x{address:03X} is not followed")
-        execute(word, known)
+        following, *other = step(address, (), word, known)
+        if other:
+            raise KernelChanged(f"0x{address:03X} tests what is not the kernel's")
+        return following[0], following[2]
 
     def _look(self, word: DecodedWord, known: Known, timer: int, address: int) -> None:
         """Execute an instruction that reads the timer into W."""

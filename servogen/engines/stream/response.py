@@ -20,20 +20,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
+from servogen.graph import reached
 from servogen.pic.device import INTERRUPT_VECTOR, addresses
 from servogen.pic.isa import encode
 from servogen.pic.known_values import (
     CARRY,
     FSR,
     INDF,
+    RETURNED,
     ZERO,
+    Continuation,
     DecodedWord,
     Known,
     Undefined,
     W,
-    execute,
     known_result,
-    skipped,
+    step,
     word_of,
 )
 from servogen.pic.listing import ListedFunction, Listing
@@ -64,6 +66,8 @@ PORT_NAMES = ("port", "next_port")
 """Its variables with the address of a port, if servos are on both."""
 
 
+_Moment = tuple[int, tuple[int, ...], int]
+"""Address, return addresses, cycle."""
 _State = tuple[int, tuple[int, ...], int, tuple[tuple[int, int], ...]]
 """Address, return addresses, cycle of the round, known values."""
 AHEAD = -10
@@ -295,20 +299,18 @@ class Round:
     def looks(self) -> tuple[int, ...]:
         """Return all durations of a look at the line, whatever the receiver does."""
         if not self._look_cycles:
-            durations: set[int] = set()
-            waiting: list[tuple[int, tuple[int, ...], int]] = [(self.look, (), 0)]
-            seen = set(waiting)
-            while waiting:
-                address, stack, now = waiting.pop()
-                for following, more, cycles, _ in self.steps(
-                    address, stack, now, word_of(self.words[address]), {}
-                ):
-                    if following < 0:
-                        durations.add(now + cycles)
-                    elif (state := (following, more, now + cycles)) not in seen:
-                        seen.add(state)
-                        waiting.append(state)
-            self._look_cycles = tuple(sorted(durations))
+            begin: _Moment = (self.look, (), 0)
+
+            def following(moment: _Moment) -> Iterator[_Moment]:
+                address, stack, now = moment
+                if address != RETURNED:
+                    for target, more, cycles, _ in self.steps(
+                        address, stack, now, word_of(self.words[address]), {}
+                    ):
+                        yield target, more, now + cycles
+
+            found = reached([begin], following)
+            self._look_cycles = tuple(sorted(now for address, _, now in found if address == RETURNED))
         return self._look_cycles
 
     def _latest(self, address: int, now: int, known: Known) -> tuple[tuple[int, int, int], ...] | None:
@@ -354,39 +356,27 @@ class Round:
 
     def steps(
         self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
-    ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
-        """Yield (address, return addresses, cycles, known values) after one instruction; the address is -1
-        after the last return. Updates `known`. Raises LookupError for a use of TMR0 that is not followed.
+    ) -> Iterator[Continuation]:
+        """Yield where execution continues. Updates `known`. Raises LookupError for a use of TMR0 that is not
+        followed.
         """
-        if word.flow == "jump":
-            yield word.k, stack, 2, known
-        elif word.flow == "call" and word.k == self.look:
+        if word.flow == "call" and word.k == self.look:
             for place in (W, CARRY, ZERO, self.ram["t"]):
                 known.pop(place, None)
             for cycles in self.looks():
                 yield address + 1, stack, 2 + cycles, known
-        elif word.flow == "call":
-            yield word.k, (*stack, address + 1), 2, known
-        elif word.flow == "return":
-            yield (stack[-1], stack[:-1], 2, known) if stack else (-1, (), 2, known)
         elif word.has_f and word.f == TMR0:
             yield from self._timer(address, stack, now, word, known)
-        elif word.flow == "skip":
-            taken = skipped(word, known)
-            if taken is not True:
-                yield address + 1, stack, 1, known
-            if taken is not False:
-                yield address + 2, stack, 2, dict(known)
+        elif word.flow == "next" and word.f == INDF and word.writes_f and known.get(FSR) in PORTS:
+            yield address + 1, stack, 1, known
         else:
             if word.name == "BCF" and word.f == INTCON and CLEARED in known:
                 known[CLEARED] = 1
-            if not (word.f == INDF and word.writes_f and known.get(FSR) in PORTS):
-                execute(word, known)
-            yield address + 1, stack, 1, known
+            yield from step(address, stack, word, known)
 
     def _timer(
         self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
-    ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
+    ) -> Iterator[Continuation]:
         """Execute an instruction that reads the timer, or adds a constant to it."""
         if now - known.get(WRITTEN, now - ROUND) <= TMR0_STANDS:
             raise LookupError("TMR0 is read while it does not count")

@@ -10,15 +10,15 @@ to the register whose value at the interrupt it holds, and whether its nibbles a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cache
 
+from servogen.pic import semantics
 from servogen.pic.analysis import values
 from servogen.pic.analysis.values import ANY, BIT, Value
 from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses, masks
-from servogen.pic.isa import by_mnemonic
-from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, DecodedWord, W, known_result
+from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, DecodedWord, W
 
 TMR0, PORTA, PORTB, PCLATH, INTCON = addresses("TMR0", "PORTA", "PORTB", "PCLATH", "INTCON")
 EEDATA, EECON1 = addresses("EEDATA", "EECON1")
@@ -34,15 +34,13 @@ ENABLES = sum(masks("EEIE", "T0IE", "INTE", "RBIE"))
 """The enable bits of the four interrupts in INTCON."""
 _FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
 """The bits of STATUS that are tracked."""
+_PLACE_OF_FLAG = {"C": CARRY, "D": DIGIT, "Z": ZERO}
+"""By the letters of `isa`."""
 _FLAGS = frozenset(_FLAG_PLACES.values())
 PRESERVED = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
 """The registers that an interrupt has to restore."""
 _STATUS_PLACES = (CARRY, DIGIT, ZERO, BANK)
 _FIRST_BIT = 16
-MAX_COMBINATIONS = 1024
-"""The maximum number of operand combinations that are computed one by one; beyond it, the result is
-unknown.
-"""
 _SAVED_STATUS = -100
 """The mark, in `saved`, of a byte that holds STATUS."""
 
@@ -333,7 +331,7 @@ def _read(
 ) -> tuple[Value, list[_Operand], bool]:
     addressed, any_byte = operands(state, word.f)
     reads = "f" in word.reads
-    modifies_bit = word.name in ("BSF", "BCF")
+    modifies_bit = word.changes_bit
     if reads and any_byte:
         effects.any_byte = True
     value: Value | None = None
@@ -343,7 +341,7 @@ def _read(
             if reads and operand.special == TMR0 and not state.has_written(TMR0):
                 effects.unwritten.add(TMR0)
             if reads and operand.special == STATUS and not modifies_bit:
-                numbers = [word.b] if word.name in ("BTFSC", "BTFSS") else [0, 1, 2]
+                numbers = [word.b] if word.tests_bit else [0, 1, 2]
                 flags = {_FLAG_PLACES[number] for number in numbers if number in _FLAG_PLACES}
                 effects.unwritten |= {flag for flag in flags if not state.has_written(flag)}
         elif operand.place is None:
@@ -359,54 +357,24 @@ def _read(
     return value or ANY, addressed, any_byte
 
 
-def computed(word: DecodedWord, w: Value, f: Value, carry: Value) -> tuple[Value, Value | None, Value | None]:
-    """Return the result, the carry and the zero flag; None for a flag that does not change."""
+def computed(word: DecodedWord, w: Value, f: Value, carry: Value) -> tuple[Value, Mapping[Place, Value]]:
+    """Return the result, and the flags that change."""
+    unread = values.constant(0)
+    f = values.constant(word.k) if not word.has_f else f if "f" in word.reads else unread
     return _computed(
         word.name,
-        w if "W" in word.reads else values.constant(0),
-        f if word.has_f and "f" in word.reads else values.constant(0),
-        carry if "C" in word.reads else values.constant(0),
-        word.k,
         word.b,
+        w if "W" in word.reads else unread,
+        f,
+        carry if "C" in word.reads else unread,
     )
 
 
 @cache
-def _computed(
-    name: str, w: Value, f: Value, carry: Value, k: int, b: int
-) -> tuple[Value, Value | None, Value | None]:
-    flags = by_mnemonic()[name].flags
-    if name in ("ANDWF", "ANDLW"):
-        result = values.conjunction(w, f if name == "ANDWF" else values.constant(k))
-        return result, None, values.zero_flag(result)
-    if name in ("IORWF", "IORLW"):
-        result = values.disjunction(w, f if name == "IORWF" else values.constant(k))
-        return result, None, values.zero_flag(result)
-    if name == "BCF":
-        return values.conjunction(f, values.constant(~(1 << b) & 0xFF)), None, None
-    if name == "BSF":
-        return values.disjunction(f, values.constant(1 << b)), None, None
-    if name == "MOVWF":
-        return w, None, None
-    if name == "MOVF":
-        return f, None, values.zero_flag(f)
-    if w.size * f.size * carry.size > MAX_COMBINATIONS:
-        return values.ANY, BIT if "C" in flags else None, BIT if "Z" in flags else None
-    results: set[int] = set()
-    carries: set[int] = set()
-    for w_member in w:
-        for f_member in f:
-            for c_member in carry:
-                number, out = known_result(name, w_member, f_member, k, b, c_member)
-                assert number is not None
-                results.add(number)
-                carries.add(out or 0)
-    result = values.of(results)
-    return (
-        result,
-        values.of(carries) if "C" in flags else None,
-        values.zero_flag(result) if "Z" in flags else None,
-    )
+def _computed(name: str, b: int, w: Value, f: Value, carry: Value) -> tuple[Value, Mapping[Place, Value]]:
+    result = semantics.result(values.SETS, name, f, w, carry, b)
+    changed = semantics.flags(values.SETS, name, f, w, result)
+    return result, {_PLACE_OF_FLAG[letter]: value for letter, value in changed.items()}
 
 
 def _preserving(
@@ -444,20 +412,15 @@ def execute(before: AbstractState, word: DecodedWord, address: int) -> tuple[Abs
             _write_place(state, W, values.constant(word.k), effects, definitely=True)
         return state, effects
     f, addressed, any_byte = _read(before, word, address, effects) if word.has_f else (ANY, [], False)
-    if word.name in ("BTFSC", "BTFSS"):
+    if word.tests_bit:
         return state, effects
     copied = _preserving(before, word, addressed)
     if copied:
         effects.unwritten.clear()  # the interrupt saves or restores a register: that uses nothing of it
-    result, carry, zero = computed(word, before.get(W), f, before.get(CARRY))
-    if carry is not None:
-        state.put(CARRY, carry)
-    if "D" in word.flags:
-        state.put(DIGIT, BIT)
-    if zero is not None:
-        state.put(ZERO, zero)
-    changed = {CARRY for _ in [0] if carry is not None} | {DIGIT for _ in [0] if "D" in word.flags}
-    effects.changed |= changed | ({ZERO} if zero is not None else set())
+    result, changed = computed(word, before.get(W), f, before.get(CARRY))
+    for flag, value in changed.items():
+        state.put(flag, value)
+        effects.changed.add(flag)
     if word.writes_w:
         _write_place(state, W, result, effects, definitely=True)
         if copied:
@@ -592,13 +555,13 @@ def _requests_timer(before: AbstractState, word: DecodedWord) -> bool:
     """Return whether a write of INTCON may set T0IF where it is 0."""
     flags = _special(before, INTCON, 0)
     clear = values.conjunction(flags, values.constant(~T0IF & 0xFF))
-    result, _, _ = computed(word, before.get(W), clear, before.get(CARRY))
+    result, _ = computed(word, before.get(W), clear, before.get(CARRY))
     return bool(result.may_be_1 & T0IF)
 
 
 def _pins_meant(word: DecodedWord, result: Value) -> tuple[int, int]:
     """Return the pins that a write of a port may and must mean: for a whole byte, those that it sets to 1."""
-    if word.name in ("BSF", "BCF"):
+    if word.changes_bit:
         return 1 << word.b, 1 << word.b
     return result.may_be_1, result.may_be_1 & ~result.may_be_0
 
@@ -635,7 +598,7 @@ def _write_status(
 ) -> None:
     """Write STATUS; an instruction that affects a flag writes none of C, DC and Z (DS35007 section 2.3.1)."""
     affects_flags = bool(set(word.flags) & set("CDZ"))
-    for number in [word.b] if word.name in ("BSF", "BCF") else [5] if affects_flags else [0, 1, 2, 5]:
+    for number in [word.b] if word.changes_bit else [5] if affects_flags else [0, 1, 2, 5]:
         place = _FLAG_PLACES.get(number)
         if place is None:
             continue
@@ -652,7 +615,7 @@ def skip_ways(
     state: AbstractState, before: AbstractState, word: DecodedWord, address: int
 ) -> list[tuple[int, AbstractState]]:
     """Return (words to advance by, state) for each outcome of a skip; `before` is the state that it tests."""
-    if word.name in ("BTFSC", "BTFSS"):
+    if word.tests_bit:
         skip_level = int(word.name == "BTFSS")
         addressed, _ = operands(before, word.f)
         ways = []

@@ -10,8 +10,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 
+from servogen.pic.semantics import NUMBERS
+
 MAX_MEMBERS = 64
 """The maximum number of members of a set that is kept exactly."""
+MAX_COMBINATIONS = 1024
+"""The maximum number of operand combinations that are computed one by one; beyond it, the result is
+unknown.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,3 +147,61 @@ def zero_flag(one: Value) -> Value:
     if not has_zero:
         return _CONSTANTS[0]
     return _CONSTANTS[1] if one.constant == 0 else BIT
+
+
+class Sets:
+    """The domain of `pic.semantics` whose bytes and flags are values: every operation on every member."""
+
+    def number(self, value: int) -> Value:
+        return constant(value)
+
+    def add(self, a: Value, b: Value) -> Value:
+        return _of_members(NUMBERS.add, a, b)
+
+    def subtract(self, a: Value, b: Value) -> Value:
+        return _of_members(NUMBERS.subtract, a, b)
+
+    def carry(self, a: Value, b: Value, bits: int) -> Value:
+        # DC is not followed: no path depends on it.
+        return _of_members(lambda x, y: NUMBERS.carry(x, y, 8), a, b, unknown=BIT) if bits == 8 else BIT
+
+    def no_borrow(self, a: Value, b: Value, bits: int) -> Value:
+        return _of_members(lambda x, y: NUMBERS.no_borrow(x, y, 8), a, b, unknown=BIT) if bits == 8 else BIT
+
+    def conjunction(self, a: Value, b: Value) -> Value:
+        return conjunction(a, b)
+
+    def disjunction(self, a: Value, b: Value) -> Value:
+        return disjunction(a, b)
+
+    def difference(self, a: Value, b: Value) -> Value:
+        return _of_members(NUMBERS.difference, a, b)
+
+    def with_bit(self, a: Value, number: int, value: int) -> Value:
+        bit = 1 << number
+        return disjunction(a, constant(bit)) if value else conjunction(a, constant(0xFF & ~bit))
+
+    def bit(self, a: Value, number: int) -> Value:
+        return mapped(a, lambda member: member >> number & 1)
+
+    def rotate_left(self, a: Value, carry: Value) -> Value:
+        return _of_members(NUMBERS.rotate_left, a, carry)
+
+    def rotate_right(self, a: Value, carry: Value) -> Value:
+        return _of_members(NUMBERS.rotate_right, a, carry)
+
+    def swap(self, a: Value) -> Value:
+        return mapped(a, NUMBERS.swap)
+
+    def is_zero(self, a: Value) -> Value:
+        return zero_flag(a)
+
+
+SETS = Sets()
+
+
+def _of_members(operation: Callable[[int, int], int], a: Value, b: Value, unknown: Value = ANY) -> Value:
+    """Return the results of an operation on every pair of members; `unknown` if there are too many."""
+    if a.size * b.size > MAX_COMBINATIONS:
+        return unknown
+    return of(operation(one, other) for one in a for other in b)

@@ -283,6 +283,56 @@ def all_of(truths: Iterable[Truth]) -> Truth:
     return conjunction
 
 
+class Terms:
+    """The domain of `pic.semantics` whose bytes are `Bits` and whose flags are `Truth`."""
+
+    def number(self, value: int) -> Bits:
+        return byte(value)
+
+    def add(self, a: Bits, b: Bits) -> Bits:
+        # Of two unknown bytes the sum and its carry are one term, which the solver has to translate once.
+        return a + b if b.value is not None else (a.wide(9) + b.wide(9))[0:8]
+
+    def subtract(self, a: Bits, b: Bits) -> Bits:
+        return a - b
+
+    def carry(self, a: Bits, b: Bits, bits: int) -> Truth:
+        return (a[0:bits].wide(bits + 1) + b[0:bits].wide(bits + 1)).bit(bits)
+
+    def no_borrow(self, a: Bits, b: Bits, bits: int) -> Truth:
+        return ~a[0:bits].less(b[0:bits])
+
+    def conjunction(self, a: Bits, b: Bits) -> Bits:
+        return a & b
+
+    def disjunction(self, a: Bits, b: Bits) -> Bits:
+        return a | b
+
+    def difference(self, a: Bits, b: Bits) -> Bits:
+        return a ^ b
+
+    def with_bit(self, a: Bits, number: int, value: int) -> Bits:
+        return a.with_bit(number, value)
+
+    def bit(self, a: Bits, number: int) -> Truth:
+        return a.bit(number)
+
+    def rotate_left(self, a: Bits, carry: Truth) -> Bits:
+        return a[0:7].above(as_bit(carry))
+
+    def rotate_right(self, a: Bits, carry: Truth) -> Bits:
+        return as_bit(carry).above(a[1:8])
+
+    def swap(self, a: Bits) -> Bits:
+        return a[0:4].above(a[4:8])
+
+    def is_zero(self, a: Bits) -> Truth:
+        return a.equals(0)
+
+
+TERMS = Terms()
+
+
 class Solver:
     """Answers whether statements can be true together."""
 

@@ -15,7 +15,19 @@ from itertools import count
 from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, addresses, registers
 from servogen.pic.isa import encode
 from servogen.pic.known_values import NOT_FOLLOWED, DecodedWord, Undefined, word_of
-from servogen.prove.stream.bits import TRUE, Bits, Solver, Truth, as_bit, byte, choose, choose_truth, unknown
+from servogen.pic.semantics import flags, result
+from servogen.prove.stream.bits import (
+    TERMS,
+    TRUE,
+    Bits,
+    Solver,
+    Truth,
+    as_bit,
+    byte,
+    choose,
+    choose_truth,
+    unknown,
+)
 from servogen.simulator.layout import ROWS
 
 INDF, TMR0, PCL, STATUS, FSR, PCLATH, INTCON = addresses(
@@ -255,14 +267,10 @@ class Execution:
 
     def status(self, state: SymbolicState) -> Bits:
         """Return the byte STATUS."""
-        low = self._flag(state.digit_carry).above(self._flag(state.carry))
-        low = self._flag(state.zero).above(low)
+        low = as_bit(state.digit_carry).above(as_bit(state.carry))
+        low = as_bit(state.zero).above(low)
         rest = self.byte(state, STATUS)
         return rest[6:8].above(Bits(1, state.bank)).above(rest[3:5]).above(low)
-
-    @staticmethod
-    def _flag(truth: Truth) -> Bits:
-        return choose(truth, Bits(1, 1), Bits(1, 0))
 
     def _write(self, state: SymbolicState, place: int, value: Bits) -> None:
         self.writes.add(place)
@@ -340,7 +348,8 @@ class Execution:
                 yield from self._with_file(one, word, place)
         else:
             after = self._copied(state)
-            self._without_file(after, word)
+            if word.writes_w:  # NOP and CLRWDT do not
+                after.w = self._calculated(after, word, byte(word.k))
             after.pc += 1
             yield after
 
@@ -357,19 +366,6 @@ class Execution:
         w = byte(word.k) if word.name == "RETLW" else state.w
         return replace(state, pc=state.stack[-1], stack=state.stack[:-1], w=w)
 
-    def _without_file(self, state: SymbolicState, word: DecodedWord) -> None:
-        literal = byte(word.k)
-        if word.name in ("NOP", "CLRWDT"):
-            return
-        if word.name == "CLRW":
-            state.w, state.zero = byte(0), TRUE
-        elif word.name == "MOVLW":
-            state.w = literal
-        elif word.name in ("ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW"):
-            state.w = self._of_two(state, word.name[:3], literal, state.w)
-        else:
-            raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
-
     def _with_file(self, state: SymbolicState, word: DecodedWord, place: int) -> Iterator[SymbolicState]:
         if word.tests_bit:
             bit = self._tested(state, word, place)
@@ -384,20 +380,20 @@ class Execution:
             state.pc += 1
             yield state
             return
-        operand = byte(0) if word.name in ("MOVWF", "CLRF") else self._operand(state, word, place)
-        result = self._result(state, word, operand)
+        operand = self._operand(state, word, place) if "f" in word.reads else byte(0)
+        made = self._calculated(state, word, operand)
         if word.writes_w:
-            state.w = result
+            state.w = made
         elif word.writes_f:
             if place == PCL:
-                yield from self._computed(state, result)
+                yield from self._computed(state, made)
                 return
-            self._write(state, place, result)
+            self._write(state, place, made)
         if word.flow != "skip":
             state.pc += 1
             yield state
             return
-        for one, holds in self._ways(state, result.equals(0)):
+        for one, holds in self._ways(state, made.equals(0)):
             one.pc += 1 + holds
             yield one
 
@@ -441,45 +437,11 @@ class Execution:
             one.pc = ((page & 3) << 8) | low
             yield one
 
-    def _result(self, state: SymbolicState, word: DecodedWord, f: Bits) -> Bits:
-        name = word.name
-        if name == "MOVWF":
-            return state.w
-        if name in ("BSF", "BCF"):
-            return f.with_bit(word.b, int(name == "BSF"))
-        if name == "SWAPF":
-            return f[0:4].above(f[4:8])
-        if name in ("RLF", "RRF"):
-            into = self._flag(state.carry)
-            state.carry = f.bit(7 if name == "RLF" else 0)
-            return f[0:7].above(into) if name == "RLF" else into.above(f[1:8])
-        if name in ("INCFSZ", "DECFSZ"):
-            return f + 1 if name == "INCFSZ" else f - 1
-        if name in ("ADDWF", "SUBWF", "ANDWF", "IORWF", "XORWF"):
-            return self._of_two(state, name[:3], f, state.w)
-        results = {
-            "MOVF": lambda: f,
-            "INCF": lambda: f + 1,
-            "DECF": lambda: f - 1,
-            "COMF": lambda: ~f,
-            "CLRF": lambda: byte(0),
-        }
-        if name not in results:
-            raise NotFollowed(f"{name} at 0x{state.pc:03X} is not followed")
-        result = results[name]()
-        state.zero = result.equals(0)
-        return result
-
-    def _of_two(self, state: SymbolicState, name: str, value: Bits, w: Bits) -> Bits:
-        """Return the result of an operation of a byte or literal and W; update the flags."""
-        if name == "ADD":
-            whole = value.wide(9) + w.wide(9)
-            low = value[0:4].wide(5) + w[0:4].wide(5)
-            result, state.carry, state.digit_carry = whole[0:8], whole.bit(8), low.bit(4)
-        elif name == "SUB":
-            result = value - w
-            state.carry, state.digit_carry = ~value.less(w), ~value[0:4].less(w[0:4])
-        else:
-            result = {"AND": value & w, "IOR": value | w, "XOR": value ^ w}[name]
-        state.zero = result.equals(0)
-        return result
+    def _calculated(self, state: SymbolicState, word: DecodedWord, operand: Bits) -> Bits:
+        """Return the result of an instruction for its byte or literal; update the flags."""
+        made = result(TERMS, word.name, operand, state.w, state.carry, word.b)
+        changed = flags(TERMS, word.name, operand, state.w, made)
+        state.carry = changed.get("C", state.carry)
+        state.digit_carry = changed.get("D", state.digit_carry)
+        state.zero = changed.get("Z", state.zero)
+        return made
