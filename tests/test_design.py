@@ -299,11 +299,11 @@ TABLES_OF_MNEMONICS = {
     "compiler/passes/jump_threading.py": "each bit test beside its opposite",
     "compiler/sema/builtins.py": "the instructions that have a function in C",
     "compiler/sema/checks.py": "the two instructions that clear the watchdog",
-    "engines/stream/theorem.py": "the instructions of which the interrupt's body consists",
     "pic/analysis/state.py": "the instructions that copy a byte, and those that compare or count",
     "pic/known_values.py": "the instructions that it does not follow",
     "pic/semantics.py": "what instructions compute",
     "pic/wcet.py": "the instructions that count loops",
+    "prove/stream/interrupt.py": "the instructions of which the interrupt's body consists",
     "simulator/block_cache.py": "the instructions that a wait may contain",
 }
 """Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""

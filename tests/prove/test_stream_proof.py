@@ -15,7 +15,6 @@ import pytest
 
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.response import Response
-from servogen.engines.stream.theorem import InterruptChanged
 from servogen.job import load, plan_job
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
@@ -26,6 +25,7 @@ from servogen.prove.stream.bits import FALSE, TIME_LIMIT_MS, TRUE, Bits, GivenUp
 from servogen.prove.stream.chip import StreamChip
 from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import EEPROM, NotFollowed
+from servogen.prove.stream.interrupt import InterruptChanged
 from servogen.prove.stream.lemmas import Fails, Lemmas, between_steps, bytes_of, receiver_counts
 from servogen.prove.stream.names import Names
 from servogen.prove.stream.proof import (

@@ -17,7 +17,6 @@ from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.response import Response, response
 from servogen.engines.stream.settings import BAUD_ERROR, HOLD, MASKED, UNIT
 from servogen.engines.stream.streaming import Streaming
-from servogen.engines.stream.theorem import Guarantee, InterruptChanged, guarantee
 from servogen.pic.device import CONFIG_WATCHDOG_ON
 from servogen.pic.image import Image
 from servogen.pic.known_values import Undefined
@@ -27,6 +26,7 @@ from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
 from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, Suspect
 from servogen.prove.stream.execution import NotFollowed
+from servogen.prove.stream.interrupt import Guarantee, InterruptChanged, guarantee
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.names import Names
 from servogen.units import Cycles

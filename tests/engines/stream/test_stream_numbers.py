@@ -32,9 +32,9 @@ from servogen.engines.stream.settings import (
     first_units,
 )
 from servogen.engines.stream.streaming import streaming
-from servogen.engines.stream.theorem import Guarantee, _Seen
 from servogen.errors import InputError
 from servogen.job import load, plan_job
+from servogen.prove.stream.interrupt import Guarantee, _Seen
 from servogen.units import Clock, Cycles
 from tests.engines.stream.stream_soak import JOBS
 

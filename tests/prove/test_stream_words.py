@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from servogen.engines.stream import theorem
 from servogen.engines.stream.response import (
     AHEAD,
     CLEARED,
@@ -17,7 +16,11 @@ from servogen.engines.stream.response import (
     _only,
     main_loop,
 )
-from servogen.engines.stream.theorem import (
+from servogen.pic.isa import encode
+from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, W, word_of
+from servogen.pic.listing import ListedFunction, Listing, ListingRow
+from servogen.prove.stream import interrupt as theorem
+from servogen.prove.stream.interrupt import (
     ANY,
     BIT,
     FALL,
@@ -39,9 +42,6 @@ from servogen.engines.stream.theorem import (
     _Look,
     _looks,
 )
-from servogen.pic.isa import encode
-from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, W, word_of
-from servogen.pic.listing import ListedFunction, Listing, ListingRow
 
 TMR0, STATUS, FSR_FILE, PORTA, PORTB, INTCON = 1, 3, 4, 5, 6, 11
 OWN = ("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last")

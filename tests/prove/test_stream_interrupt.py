@@ -11,8 +11,8 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
-from servogen.engines.stream.theorem import InterruptChanged, guarantee
 from servogen.job import load, loads, plan_job
+from servogen.prove.stream.interrupt import InterruptChanged, guarantee
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-eight.toml"))
