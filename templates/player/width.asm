@@ -26,6 +26,20 @@ pl_scaled:
     addwf   _next, F
     btfsc   STATUS, 0
     incf    _key, F
+{% if knees %}
+    movf    _weight, W          ; what the calibration adds, or takes away
+    btfsc   _sign, 0
+    goto    pl_less
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+    goto    pl_bent
+pl_less:
+    subwf   _next, F
+    btfss   STATUS, 0
+    decf    _key, F
+pl_bent:
+{% endif %}
 ; The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
     movf    _channel, W
     movwf   EEADR

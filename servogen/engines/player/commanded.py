@@ -98,7 +98,7 @@ def commanded(
     encoded, chain = encoded_directions(lead_in, directions, read, servos, bindings, soft, max_bytes)
     widths = encoded.widths
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in widths.T]
-    slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
+    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=True)
     rises = [slots.rise(channel) for channel in range(len(servos))]
 
     def runs(first: int, end: int) -> tuple[Run, ...]:

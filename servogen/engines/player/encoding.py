@@ -6,17 +6,21 @@ In: widths in cycles. Out: `WidthScale`, `Rows`, and `Encoded`, the motion as th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
-from servogen.engines.player.arithmetic import Whole, excursion
+from servogen.engines.player.arithmetic import FRACTION, Whole, excursion
+from servogen.engines.player.knees import Knees
 from servogen.engines.player.script import MAX_BYTES, Script, ScriptStep
 from servogen.motion.trajectory import Floats
 
 LAST_STEP = 5
 """The maximum shift: steps of 32 cycles."""
+
+KNEE_DOUBLINGS = 30
+"""Knees take the C at most 120 cycles for each channel, a doubling 4."""
 
 SPARE = 2
 """The steps left free at both ends of a byte's range."""
@@ -24,10 +28,25 @@ SPARE = 2
 
 @dataclass(frozen=True, slots=True)
 class WidthScale:
-    """The scaling of widths to bytes: a base for every channel, and its steps of 2**shift cycles."""
+    """The scaling of widths to bytes: a base for every channel, and its steps of 2**shift cycles; beyond the
+    value `knees` a channel is steeper by `bends` 256ths.
+    """
 
     bases: Whole
     shifts: Whole
+    knees: Whole = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    bends: Whole = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+    @property
+    def bent(self) -> bool:
+        return bool(self.bends.any())
+
+    @property
+    def doublings(self) -> int:
+        """Return how often the C doubles a value, over all channels; knees count as doublings that take as
+        long.
+        """
+        return int(self.shifts.sum()) + (KNEE_DOUBLINGS * len(self.shifts) if self.bent else 0)
 
     def exact(self, widths: Floats) -> Floats:
         """Return the widths in steps from the bases; the last axis is the channels."""
@@ -39,13 +58,21 @@ class WidthScale:
         """
         if value.size and not (value.min() >= 0 and value.max() < 1 << 16):
             raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
-        return np.asarray(self.bases + excursion(value, self.shifts))
+        beyond = np.maximum((value >> FRACTION) - self.knees, 0)
+        added = beyond * np.abs(self.bends) >> FRACTION - self.shifts
+        return np.asarray(self.bases + excursion(value, self.shifts) + np.sign(self.bends) * added)
 
     def moved(self, channels: Sequence[int], cycles: Whole) -> WidthScale:
         """Return the scale with the bases of `channels` moved by whole cycles."""
         bases = self.bases.copy()
         bases[list(channels)] += cycles
-        return WidthScale(bases, self.shifts)
+        return replace(self, bases=bases)
+
+    def with_knees(self, knees: Knees) -> WidthScale:
+        """Return the scale of channels that bend at the steps next to their knees."""
+        steps = (knees.widths - self.bases) / (1 << self.shifts)
+        places = np.clip(np.floor(steps + 0.5), 0, 255).astype(np.int64)
+        return replace(self, knees=np.where(knees.bends, places, 0), bends=knees.bends)
 
 
 def shift_of(pulsed: Floats) -> int:
@@ -130,7 +157,8 @@ class Encoded:
     @property
     def size(self) -> int:
         """Return the size of the tables in bytes."""
-        return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings)
+        bends = 2 * len(self.legs.turns) if self.legs and self.scale.bent else 0
+        return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings) + bends
 
 
 def row_table(rows: Sequence[Sequence[int]], *, limited: bool = True) -> bytes:

@@ -42,11 +42,13 @@ HINT = "fewer parts: let more of the motion repeat"
 """The hint if the chip is too small."""
 
 
-def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing, PulseSchedule]:
+def play(
+    job: EngineJob, more_bytes: int = 0, *, bends: bool = True
+) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
-    Its tables may be larger by `more_bytes` than those that fit flash beside the program. Raises InputError
-    or ResourceError.
+    Its tables may be larger by `more_bytes` than those that fit flash beside the program; without `bends` no
+    calibration has a knee. Raises InputError or ResourceError.
     """
     buttons = job.firmware.buttons
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
@@ -65,6 +67,7 @@ def play(job: EngineJob, more_bytes: int = 0) -> tuple[JointTrajectory, Playing,
         soft=ends,
         max_error_us=job.firmware.max_error_us,
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
+        bends=bends,
     )
     waiting = waited(played.plan.schedule, buttons.waiting)
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
@@ -178,6 +181,15 @@ class PlayerEngine:
             if finer[1].plan.schedule.plan_error_us <= job.firmware.max_error_us:
                 motion, played, whole = finer
         make = cache(lambda dialect: compiled(job, played, dialect))
+        if played.encoded.scale.bent:
+            try:
+                make(job.firmware.dialect)
+            except (
+                ResourceError
+            ):  # no room for the knees: without them the pulses miss by what the caller says
+                motion, straight, whole = play(job, bends=False)
+                make = cache(lambda dialect: compiled(job, straight, dialect))
+                played = straight
         tour = None if played.chain is None else (played.trajectory, whole)
         return EnginePlan(motion, played.plan, make, played.encoded.size, tour)
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
 from servogen.engines.player.encoding import Encoded, Legs, Rows, WidthScale, row_table, scale_of, shift_of
+from servogen.engines.player.knees import SHIFTS, Knees
 from servogen.engines.player.laws import lift_table, spot_table, swing_table
 from servogen.engines.player.script import ScriptStep, StepTiming, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
@@ -94,13 +95,14 @@ def legs_encoded(
     pairs: Sequence[tuple[int, int]],
     near: float,
     *,
+    knees: Knees | None = None,
     limited: bool = True,
 ) -> Encoded | None:
     """Return the walk `rows` (frames, channels) encoded by its events; None if that is impossible.
 
     `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
-    each leg; poses within `near` steps of a row share it. Raises ResourceError if it is `limited` and does
-    not fit the tables.
+    each leg; poses within `near` steps of a row share it; `knees` are those of bent calibrations. Raises
+    ResourceError if it is `limited` and does not fit the tables.
     """
     if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
@@ -110,6 +112,8 @@ def legs_encoded(
         rows[loop_start:] = rows[loop_start - 1]
     if np.isnan(rows).any():
         return None
+    if knees is not None:
+        rows = knees.straightened(rows)
     loop = len(rows) - loop_start
     twice = np.concatenate((rows, rows[loop_start:], rows[loop_start : loop_start + 1]))
     walk = walk_events(twice, soft, pairs, (loop_start, loop_start + loop))
@@ -124,7 +128,9 @@ def legs_encoded(
         return None
     if not begins:
         return None
-    encoded = _encoded(walk, begins[0], begins[0] + 2 * loop, near, limited=limited)
+    encoded = _encoded(walk, begins[0], begins[0] + 2 * loop, near, knees, limited=limited)
+    if knees is not None and int(encoded.scale.shifts.min()) not in SHIFTS:
+        return None
     return replace(encoded, silent=np.arange(len(encoded.frames)) >= encoded.lead) if released else encoded
 
 
@@ -245,7 +251,9 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     return KeyedWalk(scale, [*fixed, *pose_rows.kept], count, steps, events, legs, laws)
 
 
-def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bool) -> Encoded:
+def _encoded(
+    walk: WalkEvents, begin: int, end: int, near: float, knees: Knees | None, *, limited: bool
+) -> Encoded:
     """Return the walk up to the event `end`; its loop begins at the event `begin`."""
     keyed = keyed_walk(walk, end, near)
     first = keyed.events.index(begin) + 1
@@ -260,6 +268,8 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float, *, limited: bo
     # Make the largest distances above and below the plan equal, to within a cycle at each end.
     middle = np.trunc((away.max(axis=0) + away.min(axis=0)) / 2).astype(np.int64)
     scale = keyed.scale.moved(turns, -middle)
+    if knees is not None:
+        scale = scale.with_knees(knees)
     silent = np.zeros(len(frames), dtype=bool)
     return Encoded(
         scale,

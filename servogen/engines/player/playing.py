@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole
 from servogen.engines.player.commands import DirectionPlaces
 from servogen.engines.player.encoding import Encoded
+from servogen.engines.player.knees import Knees, knees_of
 from servogen.engines.player.layout import SlotLayout, Used, layout
 from servogen.engines.player.legs import legs_encoded
 from servogen.engines.player.poses import poses_encoded
@@ -37,9 +39,9 @@ FAR = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
 NEAR = (0.3, 0.5, 0.7, 0.9, 1.1, 1.4, 1.7, 2.2)
 """Steps by which poses may differ from the row that they share, the smallest first."""
 
-DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES = 328, 50, 60
-"""The size of tables, in bytes, that fits beside the program; what buttons, and commands for a walk, subtract
-from it.
+DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES, KNEES_BYTES = 328, 50, 60, 50
+"""The size of tables, in bytes, that fits beside the program; what buttons, commands for a walk, and knees
+of calibrations subtract from it.
 
 Larger motions are encoded more coarsely; whether they fit the chip is known once the program is compiled.
 """
@@ -78,20 +80,41 @@ def playing(
     soft: Sequence[int] = (),
     max_error_us: float = 10.0,
     max_bytes: int = DATA_BYTES,
+    bends: bool = True,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
-    which the caller checks. Raises InputError.
+    which the caller checks. With `bends`, a walk that exceeds it because calibrations are bent is played with
+    their knees. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
     if np.isnan(rows).all():
         raise InputError("no-pulses", "the motion has no pulse")
-    encoded = encoded_motion(
-        rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, max_bytes
-    )
+    pairs = leg_channels(servos, bindings)
+    loop_start = trajectory.loop_start
+    encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes)
+    played = _played(trajectory, servos, frame, rows, encoded)
+    knees = knees_of(servos, [turn for turn, _ in pairs], rows, clock) if bends and encoded.legs else None
+    if knees is None or played.plan.schedule.plan_error_us <= max_error_us:
+        return played
+    try:
+        encoded = encoded_motion(
+            rows, loop_start, soft, pairs, max_error_us, clock, max_bytes - KNEES_BYTES, knees=knees
+        )
+        bent = _played(trajectory, servos, frame, rows, encoded)
+    except InputError:  # no time, or no room, for knees
+        return played
+    return min(played, bent, key=lambda each: each.plan.schedule.plan_error_us)
+
+
+def _played(
+    trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, rows: Floats, encoded: Encoded
+) -> Playing:
+    """Return the trajectory, whose widths are `rows` in cycles, as the chip plays it. Raises InputError."""
+    clock = trajectory.clock
     # A walk's loop begins at an event of its gait, possibly some frames later than the trajectory's.
     loop = len(rows) - trajectory.loop_start
     order = np.arange(len(encoded.frames))
@@ -100,7 +123,7 @@ def playing(
     ideal = rows[order]
     pulsed = encoded.widths[~encoded.silent]
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
-    slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=encoded.legs is not None)
+    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=encoded.legs is not None)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     heard, lead = ~encoded.silent, encoded.lead
     schedule = PulseSchedule(
@@ -146,21 +169,25 @@ def encoded_motion(
     clock: Clock,
     max_bytes: int,
     *,
+    knees: Knees | None = None,
     limited: bool = True,
 ) -> Encoded:
     """Return the first encoding that has at most `max_bytes`, or the smallest one, trying that of a walk by
     its legs first.
 
-    Raises ResourceError if the tables are `limited` and cannot hold it.
+    With the `knees` of bent calibrations only by its legs. Raises ResourceError if the tables are `limited`
+    and cannot hold it.
     """
     limit = max_error_us / float(clock.cycle_us)
     encoders: list[Callable[[float, float], Encoded | None]] = []
     if pairs:
-        encoders.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near, limited=limited))
+        by_legs = partial(legs_encoded, knees=knees, limited=limited)
+        encoders.append(lambda far, near: by_legs(rows, loop_start, soft, pairs, near))
     marks = (*soft, loop_start)
-    encoders.append(
-        lambda far, near: poses_encoded(rows, marks, loop_start, far * limit, near, limited=limited)
-    )
+    if knees is None:
+        encoders.append(
+            lambda far, near: poses_encoded(rows, marks, loop_start, far * limit, near, limited=limited)
+        )
     refused: ResourceError | None = None
     smallest: Encoded | None = None
     for encoder in encoders:
@@ -181,8 +208,7 @@ def encoded_motion(
             break
     if smallest is not None:
         return smallest
-    assert refused is not None
-    raise refused
+    raise refused or ResourceError("does-not-fit", "the motion is no walk whose servos can have knees")
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:

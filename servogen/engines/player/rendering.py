@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
-from servogen.engines.player.arithmetic import ENTRIES
+from servogen.engines.player.arithmetic import ENTRIES, FRACTION
 from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
 from servogen.engines.player.commands import (
     COMMAND_SHIFT,
@@ -191,9 +191,16 @@ def render_player(
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
         width=list(
             assembly(
-                render_template("player/width.asm", doublings=shift, lift_doublings=int(shifts.max()) - shift)
+                render_template(
+                    "player/width.asm",
+                    doublings=shift,
+                    lift_doublings=int(shifts.max()) - shift,
+                    knees=encoded.scale.bent,
+                )
             )
         ),
+        knees=encoded.scale.bent,
+        knee=list(assembly(render_template("player/knee.asm", bits=FRACTION - shift))),
     )
 
 
@@ -252,6 +259,12 @@ def _constants(played: Playing, slots: _Slots) -> _Constants:
     constants.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
     if len({base >> 8 for base in bases}) > 1:
         constants.add("BASE_HIGH", [base >> 8 for base in bases])
+    if encoded.legs is not None and encoded.scale.bent:
+        scale, pairs = encoded.scale, []
+        for turn in encoded.legs.turns:
+            bend = int(scale.bends[turn])
+            pairs += [int(scale.knees[turn]), abs(bend) | (0x80 if bend < 0 else 0)]
+        constants.add("KNEE", pairs, "of each leg's turn, and by how many 256ths it is steeper; bit 7: less")
     constants.add(
         "SLOT_A", [f"0x{slot.a:02X}" for slot in slots.all], "the pins that rise together in a slot"
     )

@@ -129,7 +129,7 @@ def shares(job: EngineJob) -> Shares:
         away = np.abs(encoded.widths - ideal[order]) * float(clock.cycle_us)
         away[encoded.silent] = 0
         _add_errors(ledger, [_part(parts, frame) for frame in order.tolist()], away.max(axis=1))
-    doublings = int(encoded.scale.shifts.sum())
+    doublings = encoded.scale.doublings
     return Shares(tuple(ledger.found.values()), tuple(used), doublings, encoded.legs is not None)
 
 

@@ -761,7 +761,7 @@ def test_a_motion_that_misses_its_limit_is_tried_with_its_script_in_the_eeprom(
         asked.append(more_bytes)
         error = errors[1 if more_bytes else 0]
         plan = SimpleNamespace(schedule=SimpleNamespace(plan_error_us=error))
-        encoded = SimpleNamespace(size=300 + more_bytes)
+        encoded = SimpleNamespace(size=300 + more_bytes, scale=SimpleNamespace(bent=False))
         return "motion", SimpleNamespace(plan=plan, encoded=encoded, chain=None), "whole"
 
     monkeypatch.setattr(engine, "play", play)
