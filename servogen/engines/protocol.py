@@ -32,6 +32,9 @@ class FirmwareChoice(Protocol):
     """The job's choice of its program."""
 
     @property
+    def dialect(self) -> str: ...
+
+    @property
     def soft_start_s(self) -> Fraction: ...
 
     @property
