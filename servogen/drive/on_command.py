@@ -16,11 +16,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from servogen.bench.virtual.chip import HeldButtons, Levels, VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
-from servogen.edges import PINS
+from servogen.edges import PINS, edge_chunk
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import PRESSED_FRAMES
 from servogen.engines.player.commands import CommandButton, CommandLine, DirectionPlaces, uart_byte
@@ -28,6 +30,7 @@ from servogen.engines.player.engine import compiled, play
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST
+from servogen.pulses import PulseReader
 
 POLL_S = 0.01
 """The interval at which commands are polled: less than a frame."""
@@ -93,8 +96,7 @@ class Twin:
         self._period = int(schedule.period)
         self._clock = job.clock
         self._pins = {PINS.index(channel.pin): channel.name for channel in schedule.channels}
-        self._rises: dict[int, int] = {}
-        self._word = 0
+        self._reader = PulseReader()
         self._widths = dict.fromkeys(self._pins.values(), 0.0)
         self._frames = 0
         self._walks = False
@@ -154,13 +156,13 @@ class Twin:
 
     def _heard(self, levels: Levels, now: int) -> None:
         """Measure the pulses in the changes of the pins."""
-        for cycle, word in zip(*(column.tolist() for column in levels), strict=True):
-            changed, self._word = self._word ^ word, word
-            for pin, name in self._pins.items():
-                if changed >> pin & 1 and word >> pin & 1:
-                    self._rises[pin] = cycle
-                elif changed >> pin & 1 and pin in self._rises:
-                    self._widths[name] = float(self._clock.us(cycle - self._rises.pop(pin)))
+        cycle, word = levels
+        pins = np.array(list(self._pins))
+        level = word[:, None] >> pins & 1
+        chunk = edge_chunk(np.repeat(cycle, len(pins)), np.tile(pins, len(cycle)), level.ravel())
+        ended = self._reader(chunk).whole()
+        for pin, width in zip(ended.pin.tolist(), ended.width.tolist(), strict=True):
+            self._widths[self._pins[pin]] = float(self._clock.us(width))
 
 
 def _stimulus_of(job: PlannedJob, chain: DirectionPlaces, period: int) -> LineStimulus | HeldButtons:

@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, EdgeTrace, join
+from servogen.edges import EdgeTrace
 from servogen.grade.lab import TaskPosition
+from servogen.pulses import PulseReader, joined
 from servogen.robot.servo import Servo
 from servogen.units import Clock
 
@@ -108,26 +109,23 @@ class Watched:
 
 def watch(trace: EdgeTrace) -> Watched:
     """Return all pulses of `trace`."""
-    chunks, edges = [], 0
+    reader, ended = PulseReader(), []
+    edges, end = 0, int(trace.end)
     for chunk in trace.driven():
-        chunks.append(chunk)
+        ended.append(reader(chunk))
         edges += len(chunk.cycle)
         if edges > MAX_EDGES:
+            end = int(chunk.cycle[-1])
             break
     too_fast = edges > MAX_EDGES
-    seen = join(chunks)
-    end = int(seen.cycle[-1]) if too_fast else int(trace.end)
-    pins, high_since = {}, {}
+    cut = reader.cut(end)
+    high_since = dict(zip(cut.pin.tolist(), cut.rise.tolist(), strict=True))
+    seen, pins = joined([*ended, cut]).whole(), {}
     for pin in np.unique(seen.pin).tolist():
-        own = seen.pin == pin
-        rise = seen.cycle[own & (seen.level == HIGH)]
-        fall = seen.cycle[own & (seen.level != HIGH)]
-        if len(fall) and trace.clock.us(int(fall[0] - rise[0])) <= GLITCH_US:
-            rise, fall = rise[1:], fall[1:]
-        if len(fall) < len(rise):
-            high_since[pin] = int(rise[-1])
-        if len(fall):
-            pins[pin] = PinPulses(rise[: len(fall)], fall)
+        own = seen.of(pin)
+        glitch = int(trace.clock.us(int(own.width[0])) <= GLITCH_US)
+        if len(own.rise) > glitch:
+            pins[pin] = PinPulses(own.rise[glitch:], own.fall[glitch:])
     return Watched(clock=trace.clock, end=end, pins=pins, high_since=high_since, too_fast=too_fast)
 
 

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeTrace, join
+from servogen.edges import PINS, EdgeTrace
 from servogen.errors import InputError
 from servogen.pulse import PulseSchedule
+from servogen.pulses import pulses
 from servogen.report.drawing import PALETTE
 from servogen.report.pictures import check_suffix, new_figure, save
 
@@ -106,8 +107,8 @@ def pulse_figure(trace: EdgeTrace, span: int, title: str, schedule: PulseSchedul
 def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[PlottedPulses]:
     """Return the pulses of each channel of a schedule, or without one of each pin with a whole pulse."""
     us = float(trace.clock.cycle_us)
-    edges = join(trace.driven())
-    zero = int(edges.cycle[edges.level == HIGH].min(initial=edges.cycle[-1])) if len(edges.cycle) else 0
+    seen = pulses(trace)
+    zero = int(seen.rise.min(initial=trace.end))
     named = (
         {pin: pin for pin in PINS}
         if schedule is None
@@ -115,15 +116,12 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
     )
     observed: list[PlottedPulses] = []
     for pin, name in named.items():
-        mine = edges.pin == PINS.index(pin)
-        cycle, level = edges.cycle[mine], edges.level[mine]
-        rise = cycle[level == HIGH]
-        fall = cycle[(level != HIGH) & (cycle > rise[0])] if len(rise) else rise
-        whole = min(int(np.searchsorted(rise, zero + span)), len(fall))
-        if schedule is None and not whole:
+        mine = seen.of(PINS.index(pin)).whole()
+        mine = mine.take(mine.rise < zero + span)
+        if schedule is None and not len(mine.rise):
             continue
         label = pin if name == pin else f"{name} ({pin})"
-        times, widths = (rise[:whole] - zero) * us, (fall[:whole] - rise[:whole]) * us
+        times, widths = (np.asarray(cycles * us, np.float64) for cycles in (mine.rise - zero, mine.width))
         observed.append(PlottedPulses(label, PALETTE[len(observed) % len(PALETTE)], times, widths))
     return observed
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeTrace, join
+from servogen.edges import PINS, EdgeTrace
 from servogen.job import PlannedJob
 from servogen.pulse import PulseSchedule, Run
+from servogen.pulses import pulses
 from servogen.report.drawing import PALETTE, pulses_path, px
 from servogen.verify import CaptureVerdict
 
@@ -94,25 +95,25 @@ def planned(schedule: PulseSchedule) -> tuple[Signal, ...]:
 def simulated(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[Signal, ...]:
     """Return a program's pulses, with its first edge at the time of the schedule's first."""
     us, zero = float(schedule.clock.cycle_us), first_edge(schedule)
-    pulses = _pulses(trace, schedule)
-    first = min((float(rise[0]) for rise, _ in pulses if len(rise)), default=0.0)
+    trains = _pulses(trace, schedule)
+    first = min((float(rise[0]) for rise, _ in trains if len(rise)), default=0.0)
     span = shown_us(schedule)
     return tuple(
         _signal(channel.name, channel.pin, "simulated", number, (rise - first + zero) * us, width * us, span)
-        for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, pulses, strict=True))
+        for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, trains, strict=True))
     )
 
 
 def captured(schedule: PulseSchedule, trace: EdgeTrace, verdict: CaptureVerdict) -> tuple[Signal, ...]:
     """Return captured pulses in the chip's time, at their place in the schedule if that is known."""
     chip = float(trace.clock.cycle_us) * (1 + (verdict.ppm or 0.0) / 1e6)
-    pulses = [(rise * chip, width * chip) for rise, width in _pulses(trace, schedule)]
-    shift = _shift(schedule, pulses, verdict.first_frame)
+    trains = [(rise * chip, width * chip) for rise, width in _pulses(trace, schedule)]
+    shift = _shift(schedule, trains, verdict.first_frame)
     frame_us = float(schedule.clock.us(schedule.period))
     loop, lead_in = schedule.loop_frames * frame_us, schedule.lead_in_frames * frame_us
-    first = min((float(rise[0]) for rise, _ in pulses if len(rise)), default=0.0)
+    first = min((float(rise[0]) for rise, _ in trains if len(rise)), default=0.0)
     rows = []
-    for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, pulses, strict=True)):
+    for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, trains, strict=True)):
         once = rise < first + loop - frame_us / 2  # what comes around again lies on what is there already
         time, width = rise[once] + shift, width[once]
         time = np.where(time < lead_in, time, lead_in + (time - lead_in) % loop)
@@ -157,19 +158,9 @@ def _endless(schedule: PulseSchedule) -> Iterator[Run]:
 
 def _pulses(trace: EdgeTrace, schedule: PulseSchedule) -> list[tuple[Floats, Floats]]:
     """Return (rises, widths) of each channel's whole pulses, in the trace's cycles."""
-    edges = join(trace.driven())
-    pulses = []
-    for channel in schedule.channels:
-        own = edges.pin == PINS.index(channel.pin)
-        cycle, level = edges.cycle[own], edges.level[own]
-        # What is high at time 0 was so before: an analyser did not see it rise.
-        rise, fall = cycle[(level == HIGH) & (cycle > 0)], cycle[level != HIGH]
-        if len(fall) and len(rise) and fall[0] < rise[0]:
-            fall = fall[1:]
-        whole = min(len(rise), len(fall))
-        rise, fall = rise[:whole].astype(np.float64), fall[:whole].astype(np.float64)
-        pulses.append((rise, fall - rise))
-    return pulses
+    seen = pulses(trace).whole()
+    channels = [seen.of(PINS.index(channel.pin)) for channel in schedule.channels]
+    return [(own.rise.astype(np.float64), own.width.astype(np.float64)) for own in channels]
 
 
 def _signal(

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from servogen.edges import HIGH, EdgeChunk
+from servogen.edges import EdgeChunk
 from servogen.errors import InputError
+from servogen.pulses import PulseReader
 from servogen.units import Clock, Cycles
 
 
@@ -59,16 +60,11 @@ class ServoLoad:
         per_cycle = self.speed * float(clock.cycle_us) * 1e-6
         angle = commanded = self.start
         since = 0
-        rise: int | None = None
-        for chunk in chunks:
-            mine = chunk.pin == pin
-            for cycle, level in zip(chunk.cycle[mine].tolist(), chunk.level[mine].tolist(), strict=True):
-                if level == HIGH:
-                    rise = cycle if rise is None else rise
-                elif rise is not None:
-                    reach = (cycle - since) * per_cycle
-                    angle += max(-reach, min(reach, commanded - angle))
-                    width = cycle - rise
-                    commanded = float(np.interp(float(clock.us(width)), self.widths_us, self.angles))
-                    since, rise = cycle, None
-                    yield ServoPosition(Cycles(cycle), Cycles(width), commanded, angle)
+        for ended in map(PulseReader(), chunks):
+            mine = ended.of(pin).whole()
+            for fall, width in zip(mine.fall.tolist(), mine.width.tolist(), strict=True):
+                reach = (fall - since) * per_cycle
+                angle += max(-reach, min(reach, commanded - angle))
+                commanded = float(np.interp(float(clock.us(width)), self.widths_us, self.angles))
+                since = fall
+                yield ServoPosition(Cycles(fall), Cycles(width), commanded, angle)

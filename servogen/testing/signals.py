@@ -15,9 +15,11 @@ from itertools import islice, pairwise, takewhile
 from operator import ge
 
 import numpy as np
+import numpy.typing as npt
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, join
 from servogen.errors import InputError, did_you_mean
+from servogen.pulses import Pulses, pulses
 from servogen.simulator.sources import whole
 from servogen.units import Clock
 
@@ -114,28 +116,38 @@ class Signals(ABC):
         return [whole(time / self.chip_clock().cycle_us) for time in times]
 
     def _edges(self, pin: str, level: int, since_us: float) -> list[Moment]:
-        return [moment for line in self._lines(pin, since_us) for moment, now in line[1:] if now == level]
+        found = []
+        for trace, seen in self._pulses(pin):
+            cycles = seen.rise[seen.rise > 0] if level == HIGH else seen.fall[seen.fall < trace.end]
+            found += _since(since_us, trace, cycles)
+        return found
 
     def _widths(self, pin: str, level: int, since_us: float) -> list[Moment]:
-        return [
-            end - begin
-            for line in self._lines(pin, since_us)
-            for (begin, now), (end, _) in pairwise(line[1:])
-            if now == level
-        ]
+        """Return the lengths of the pulses, or of the gaps between them, that were seen whole."""
+        found = []
+        for trace, seen in self._pulses(pin):
+            whole = seen.whole()
+            begins, ends = (whole.rise, whole.fall) if level == HIGH else (seen.fall[:-1], seen.rise[1:])
+            late = np.array([_us(trace, begin) >= since_us for begin in begins.tolist()], dtype=bool)
+            found += [_us(trace, width) for width in (ends - begins)[late].tolist()]
+        return found
 
     def _periods(self, pin: str, since_us: float) -> list[Moment]:
         return [
             later - earlier
-            for line in self._lines(pin, since_us)
-            for earlier, later in pairwise(moment for moment, level in line[1:] if level == HIGH)
+            for trace, seen in self._pulses(pin)
+            for earlier, later in pairwise(_since(since_us, trace, seen.rise[seen.rise > 0]))
         ]
 
-    def _lines(self, pin: str, since_us: float) -> Iterator[list[Level]]:
-        """Yield for each piece the level at the beginning, then each change."""
-        index, since = self.seen_pin(pin), Fraction(since_us)
+    def _pulses(self, pin: str) -> Iterator[tuple[EdgeTrace, Pulses]]:
+        """Yield each piece with the pulses of a pin in it."""
+        index = self.seen_pin(pin)
         for trace in self.pieces():
-            yield _levels(trace, index, undriven=LOW, since=since)
+            yield trace, pulses(trace).of(index)
+
+
+def _since(since_us: float, trace: EdgeTrace, cycles: npt.NDArray[np.int64]) -> list[Moment]:
+    return [moment for cycle in cycles.tolist() if (moment := _us(trace, cycle)) >= since_us]
 
 
 def _us(trace: EdgeTrace, cycle: int) -> Moment:

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk
 from servogen.errors import InputError
 from servogen.job import PlannedJob
+from servogen.pulses import PulseReader
 from servogen.report.film import FilmPart
 from servogen.twin.bodies import FOOT_RADIUS_M
 from servogen.twin.pictures import lines_through
@@ -49,7 +50,7 @@ class _Kept:
     """A snapshot of the world, of the wires, and the pulses that take effect in its step."""
 
     world: WorldSnapshot
-    wires: tuple[int | None, ...]
+    wires: PulseReader
     waiting: tuple[ReceivedPulse, ...]
 
 

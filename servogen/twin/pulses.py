@@ -8,11 +8,12 @@ falling edge.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
 from fractions import Fraction
 from typing import NamedTuple
 
-from servogen.edges import HIGH, PINS, EdgeChunk
+from servogen.edges import PINS, EdgeChunk
+from servogen.pulses import PulseReader
 from servogen.units import Clock
 
 
@@ -24,17 +25,12 @@ class ReceivedPulse(NamedTuple):
     width_us: float
 
 
-@dataclass(slots=True)
-class _Wire:
-    servo: int
-    rise: int | None = None
-
-
 class PulseReceiver:
     """The pins of the servos, listening."""
 
     def __init__(self, pins: Sequence[str], clock: Clock, step_s: Fraction) -> None:
-        self._wires = {PINS.index(pin): _Wire(servo) for servo, pin in enumerate(pins)}
+        self._servos = {PINS.index(pin): servo for servo, pin in enumerate(pins)}
+        self._reader = PulseReader()
         self._cycles_per_step = clock.cycles_per_second * step_s
         self._us = float(1_000_000 / Fraction(clock.cycles_per_second))
 
@@ -46,28 +42,22 @@ class PulseReceiver:
         """Return the last step that begins at or before a cycle."""
         return cycle * self._cycles_per_step.denominator // self._cycles_per_step.numerator
 
-    def snapshot(self) -> tuple[int | None, ...]:
-        """Return since when each wire is high."""
-        return tuple(wire.rise for wire in self._wires.values())
+    def snapshot(self) -> PulseReader:
+        """Return which wires are high, and since when."""
+        return copy(self._reader)
 
-    def restore(self, snapshot: tuple[int | None, ...]) -> None:
+    def restore(self, snapshot: PulseReader) -> None:
         """Let each wire be high since when it was at a snapshot of this receiver."""
-        for wire, rise in zip(self._wires.values(), snapshot, strict=True):
-            wire.rise = rise
+        self._reader = copy(snapshot)
 
     def pulses(self, chunk: EdgeChunk) -> list[ReceivedPulse]:
         """Return the pulses that end in a chunk of edges, in order."""
-        pulses = []
         per = self._cycles_per_step
-        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
-            wire = self._wires.get(pin)
-            if wire is None:
-                continue
-            if level == HIGH:
-                if wire.rise is None:
-                    wire.rise = cycle
-            elif wire.rise is not None:
-                step = -(-cycle * per.denominator // per.numerator)
-                pulses.append(ReceivedPulse(step, wire.servo, (cycle - wire.rise) * self._us))
-                wire.rise = None
-        return pulses
+        ended = self._reader(chunk).whole()
+        return [
+            ReceivedPulse(-(-fall * per.denominator // per.numerator), self._servos[pin], width * self._us)
+            for pin, fall, width in zip(
+                *(row.tolist() for row in (ended.pin, ended.fall, ended.width)), strict=True
+            )
+            if pin in self._servos
+        ]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, Expected, ExpectedChannel
 from servogen.units import Cycles
-from servogen.verify.pulses import Pulses, overlap, pair, pulses_of, together, without_glitches
+from servogen.verify.pulses import FramedPulses, framed_pulses, overlap, pair, together, without_glitches
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, StrayPin, Worst
 from servogen.verify.windows import Edges, Ints
@@ -146,8 +146,8 @@ def _channel(stretch: TraceStretch, channel: ExpectedChannel, period: int, glitc
     seen, pin = stretch.seen, channel.pin
     opened = int(seen.last_rise[pin]) if seen.level[pin] else None
     frame = int(seen.last_frame[pin])
-    wanted = pulses_of(stretch.scheduled, pin, stretch.end, opened, frame)
-    got = pulses_of(stretch.observed, pin, stretch.end, opened, frame)
+    wanted = framed_pulses(stretch.scheduled, pin, stretch.end, opened, frame)
+    got = framed_pulses(stretch.observed, pin, stretch.end, opened, frame)
     before = int(seen.rises[pin]) - (opened is not None)
     whole, glitches = without_glitches(got, wanted, glitch)
     rows, partners = pair(wanted.rise, whole.rise, period // 2)
@@ -167,7 +167,7 @@ def _channel(stretch: TraceStretch, channel: ExpectedChannel, period: int, glitc
 
 
 def _worst_period(
-    stretch: TraceStretch, ours: Pulses, theirs: Pulses, rows: Ints, pin: int, known: bool
+    stretch: TraceStretch, ours: FramedPulses, theirs: FramedPulses, rows: Ints, pin: int, known: bool
 ) -> Worst:
     """Return the worst error from rise to next rise; the pulse before the stretch, if `known`, is as
     scheduled.
@@ -183,7 +183,7 @@ def _worst_period(
     return _worst(stretch, error, frame[1:][follows], their_rise[1:][follows])
 
 
-def _worst_edge(stretch: TraceStretch, ours: Pulses, theirs: Pulses) -> Worst:
+def _worst_edge(stretch: TraceStretch, ours: FramedPulses, theirs: FramedPulses) -> Worst:
     error = np.concatenate((theirs.rise - ours.rise, theirs.fall - ours.fall))
     return _worst(
         stretch, error, np.concatenate((ours.frame, ours.frame)), np.concatenate((theirs.rise, theirs.fall))

@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeTrace
+from servogen.edges import PINS, EdgeChunk, EdgeTrace
+from servogen.pulses import BEFORE_ALL, PulseReader
 from servogen.units import Clock, Cycles, counted
 from servogen.verify.pulses import OverlapCount
 from servogen.verify.verdict import Overlap
@@ -256,6 +257,7 @@ class TrainBuilder:
 
     def __init__(self, pin: int) -> None:
         self._pin = pin
+        self._reader = PulseReader(BEFORE_ALL)
         self._rise: Ints = np.zeros(0, dtype=np.int64)
         self._width: Ints = np.zeros(0, dtype=np.int64)
         self._parts: list[tuple[Ints, Ints, Ints, Ints]] = []
@@ -266,15 +268,14 @@ class TrainBuilder:
         known.
         """
         own = edges.take(edges.pin == self._pin)
-        rising = own.level == HIGH
-        # The pulses that earlier windows left open, then those of this one: the n-th fall ends the n-th rise.
-        rise = np.concatenate((self._rise, own.cycle[rising]))
-        fall = own.cycle[~rising]
-        waiting = len(self._width)
-        width = np.concatenate((self._width, fall - rise[waiting : waiting + len(fall)]))
+        ended = self._reader(EdgeChunk(own.cycle, own.pin, own.level))
+        self._rise = np.concatenate((self._rise, ended.rise))
+        self._width = np.concatenate((self._width, ended.width))
+        still_open = self._reader.high_since(self._pin)
+        rise = self._rise if still_open is None else np.append(self._rise, still_open)
         known = max(0, len(rise) - 1)
-        self._append(rise[:known], width[:known], np.diff(rise))
-        self._rise, self._width = rise[known:], width[known:]
+        self._append(rise[:known], self._width[:known], np.diff(rise))
+        self._rise, self._width = self._rise[known:], self._width[known:]
 
     def _append(self, rise: Ints, width: Ints, period: Ints) -> None:
         if not len(rise):
@@ -289,7 +290,7 @@ class TrainBuilder:
         """Return what was counted; the last pulse has the period `LAST`."""
         if len(self._width):
             self._append(self._rise, self._width, np.full(1, LAST, dtype=np.int64))
-        still_open = int(self._rise[0]) if len(self._rise) > len(self._width) else None
+        still_open = self._reader.high_since(self._pin)
         if not self._parts:
             nothing = np.zeros(0, dtype=np.int64)
             return Train(first=nothing, count=nothing, width=nothing, period=nothing, open_rise=still_open)

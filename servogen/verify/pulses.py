@@ -1,4 +1,5 @@
-"""Extracts pulses from edges, pairs observed with scheduled pulses, and finds pulses that overlap.
+"""Pulses with the frames that they belong to: pairs observed with scheduled ones, and finds pulses that
+overlap.
 
      rise      fall            rise      fall
       ┌─────────┐               ┌─────────┐
@@ -13,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS
+from servogen.edges import HIGH, PINS, EdgeChunk, edge_chunk
+from servogen.pulses import BEFORE_ALL, PulseReader, Pulses, joined
 from servogen.units import Cycles
 from servogen.verify.verdict import Overlap
 from servogen.verify.windows import Edges, Ints
@@ -21,7 +23,7 @@ from servogen.verify.windows import Edges, Ints
 Rows = npt.NDArray[np.intp]
 
 
-class Pulses(NamedTuple):
+class FramedPulses(NamedTuple):
     """Pulses of one pin in order, int64. A pulse that the end of the stretch cuts off falls there."""
 
     rise: Ints
@@ -33,8 +35,8 @@ class Pulses(NamedTuple):
         """Return the widths in cycles."""
         return self.fall - self.rise
 
-    def take(self, rows: npt.NDArray[np.bool_] | Rows) -> Pulses:
-        return Pulses(self.rise[rows], self.fall[rows], self.frame[rows])
+    def take(self, rows: npt.NDArray[np.bool_] | Rows) -> FramedPulses:
+        return FramedPulses(self.rise[rows], self.fall[rows], self.frame[rows])
 
 
 class CutPulses(NamedTuple):
@@ -53,29 +55,32 @@ class CutPulses(NamedTuple):
         return self.high and self.first_fall is None
 
 
-def cut_pulses(rise: Ints, fall: Ints, high: bool) -> CutPulses:
-    """Return the edges of cut pulses among all edges of a pin; `high` is the pin's level at the beginning."""
-    first_fall = int(fall[0]) if high and len(fall) else None
-    unfinished = len(rise) > 0 and len(rise) > len(fall) - high
-    return CutPulses(high, first_fall, int(rise[-1]) if unfinished else None)
+def cut_pulses(seen: Pulses, end: int) -> CutPulses:
+    """Return the edges of the cut pulses of one pin in a capture from time 0 to `end`."""
+    cut = seen.take(~seen.complete)
+    high = bool(len(cut.rise)) and int(cut.rise[0]) <= 0
+    first_fall = int(cut.fall[0]) if high and int(cut.fall[0]) < end else None
+    unfinished = bool(len(cut.rise)) and int(cut.rise[-1]) > 0
+    return CutPulses(high, first_fall, int(cut.rise[-1]) if unfinished else None)
 
 
-def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1) -> Pulses:
+def framed_pulses(
+    edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1
+) -> FramedPulses:
     """Return the pulses of `pin` in `edges`, up to time `end`; `open_rise` is the rise of one that began
     before.
     """
     own = edges.take(edges.pin == pin)
-    rising = own.level == HIGH
-    rise, fall, frame = own.cycle[rising], own.cycle[~rising], own.frame[rising]
+    frame = own.frame[own.level == HIGH]
+    reader = PulseReader(BEFORE_ALL)
     if open_rise is not None:
-        rise = np.concatenate(([open_rise], rise))
+        reader(edge_chunk([open_rise], [pin], [HIGH]))
         frame = np.concatenate(([open_frame], frame))
-    if len(fall) < len(rise):
-        fall = np.concatenate((fall, [end]))
-    return Pulses(rise, fall, frame)
+    found = joined([reader(EdgeChunk(own.cycle, own.pin, own.level)), reader.cut(end)])
+    return FramedPulses(found.rise, found.fall, frame)
 
 
-def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pulses, int]:
+def without_glitches(seen: FramedPulses, scheduled: FramedPulses, shortest: int) -> tuple[FramedPulses, int]:
     """Return `seen` without pulses and gaps of fewer than `shortest` cycles, and the number of these.
 
     If the schedule itself has pulses or gaps that short, they are not glitches.
@@ -87,7 +92,7 @@ def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pu
         first = np.concatenate(([True], long))
         last = np.concatenate((long, [True]))
         count += int(np.count_nonzero(~long))
-        seen = Pulses(seen.rise[first], seen.fall[last], seen.frame[first])
+        seen = FramedPulses(seen.rise[first], seen.fall[last], seen.frame[first])
     if scheduled.width.min(initial=shortest) >= shortest:
         long = seen.width >= shortest
         count += int(np.count_nonzero(~long))

@@ -35,6 +35,7 @@ from servogen.errors import InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
 from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Run
+from servogen.pulses import PulseReader
 from servogen.report.robot_model import robot_model, schedule_model
 from servogen.simulator import LevelChange, Serial
 from servogen.simulator.layout import MCLR_PIN
@@ -609,18 +610,17 @@ class LatestPulses:
         self.levels = [UNDRIVEN] * len(PINS)
         self.held = [0] * len(PINS)
         """The width of the latest pulse of each pin, however old; 0 if none is known."""
-        self._rise: list[int | None] = [None] * len(PINS)
         self._fall = [0] * len(PINS)
+        self._reader = PulseReader()
 
     def add(self, chunk: EdgeChunk) -> None:
         """Take further edges into account."""
-        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
-            rise = self._rise[pin]
-            if level == HIGH:
-                self._rise[pin] = cycle
-            elif rise is not None:
-                self.held[pin], self._fall[pin], self._rise[pin] = cycle - rise, cycle, None
+        for pin, level in zip(chunk.pin.tolist(), chunk.level.tolist(), strict=True):
             self.levels[pin] = level
+        ended = self._reader(chunk).whole()
+        columns = (ended.pin, ended.fall, ended.width)
+        for pin, fall, width in zip(*(column.tolist() for column in columns), strict=True):
+            self.held[pin], self._fall[pin] = width, fall
 
     def widths(self, now: int, silence: int) -> list[int]:
         """Return the width of the latest pulse of each pin; 0 where the latest is older than `silence`."""

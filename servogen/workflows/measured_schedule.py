@@ -11,15 +11,16 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
-from servogen.edges import HIGH, PINS, EdgeTrace
+from servogen.edges import PINS, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.motion.trajectory import MAX_FRAMES
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
+from servogen.pulses import pulses as read_pulses
 from servogen.units import Cycles
 
 UNKNOWN_SERVO = "unknown"
 Frame = tuple[Pulse | None, ...]
-Pulses = Mapping[int, Sequence[tuple[int, int]]]
+Trains = Mapping[int, Sequence[tuple[int, int]]]
 """By pin: (rise, width), in order."""
 
 
@@ -30,7 +31,7 @@ def measured_schedule(
 
     Raises InputError if the pulses do not lie in frames of one length, or do not repeat.
     """
-    pulses = _pulses(observed)
+    pulses = _trains(observed)
     if not pulses:
         raise InputError("no-schedule", "no pin has a pulse", Location(file))
     begin = min(train[0][0] for train in pulses.values())
@@ -64,21 +65,16 @@ def measured_schedule(
     )
 
 
-def _pulses(observed: EdgeTrace) -> Pulses:
-    """Return the whole pulses of each pin that has one; an undriven pin is low."""
-    pulses: dict[int, list[tuple[int, int]]] = {}
-    rises: dict[int, int] = {}
-    for chunk in observed.chunks:
-        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
-            if level == HIGH:
-                rises.setdefault(pin, cycle)
-            elif pin in rises:
-                rise = rises.pop(pin)
-                pulses.setdefault(pin, []).append((rise, cycle - rise))
-    return pulses
+def _trains(observed: EdgeTrace) -> Trains:
+    """Return the complete pulses of each pin that has one."""
+    trains: dict[int, list[tuple[int, int]]] = {}
+    pin, rise, width, _ = read_pulses(observed).whole()
+    for number, *pulse in zip(pin.tolist(), rise.tolist(), width.tolist(), strict=True):
+        trains.setdefault(number, []).append((pulse[0], pulse[1]))
+    return trains
 
 
-def _period(pulses: Pulses, begin: int, file: str) -> int:
+def _period(pulses: Trains, begin: int, file: str) -> int:
     """Return the length of the frames: the shortest time between two rises of the pin that rises first."""
     pin, train = next((pin, train) for pin, train in sorted(pulses.items()) if train[0][0] == begin)
     if len(train) < 2:

@@ -17,7 +17,7 @@ S3001 = ServoLoad((1000.0, 2000.0), (0.0, math.pi), speed=1.8)
 
 
 def pulses(widths: list[int], period: int = 20_000) -> list[object]:
-    rows = [(n * period + edge, RB0, level) for n, w in enumerate(widths) for edge, level in ((0, 1), (w, 0))]
+    rows = [(n * period + at, RB0, level) for n, w in enumerate(widths, 1) for at, level in ((0, 1), (w, 0))]
     return [edge_chunk(*zip(*rows, strict=True))]
 
 

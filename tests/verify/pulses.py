@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from servogen.edges import HIGH, LOW
-from servogen.verify.pulses import Pulses
+from servogen.verify.pulses import FramedPulses
 
 PinPulse = tuple[int, int, int]
 """Rise, width and pin."""
@@ -22,7 +22,7 @@ def edges_of(pulses: Iterable[PinPulse]) -> list[Edge]:
     return sorted(edges)
 
 
-def pulses(*bounds: tuple[int, int]) -> Pulses:
+def pulses(*bounds: tuple[int, int]) -> FramedPulses:
     """Return pulses from their (rise, fall)."""
     rise, fall = (np.array([each[side] for each in bounds], dtype=np.int64) for side in (0, 1))
-    return Pulses(rise, fall, np.arange(len(bounds), dtype=np.int64))
+    return FramedPulses(rise, fall, np.arange(len(bounds), dtype=np.int64))

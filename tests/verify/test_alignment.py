@@ -79,7 +79,7 @@ def slow_cost(given: PairedSignals, anchor: int, slope: float, phase: float, loo
 
 
 def drawn(random: Random, count: int, steps: float) -> Bounds:
-    """Pulses in about every frame, some of them late, wide or missing, in steps per cycle."""
+    """FramedPulses in about every frame, some of them late, wide or missing, in steps per cycle."""
     found = []
     for frame in range(count):
         rise = 1000 * frame + random.choice((0, 0, 2, 40, 249, 250, 251, 400))

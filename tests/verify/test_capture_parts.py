@@ -14,7 +14,7 @@ from servogen.verify.capture.alignment import FittedLine, PairedSignals, align
 from servogen.verify.capture.check import merged, split
 from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Mismatch, Spread, Tolerances
 from servogen.verify.coverage import Coverage
-from servogen.verify.pulses import CutPulses, Pulses
+from servogen.verify.pulses import CutPulses, FramedPulses
 from servogen.verify.verdict import StrayPin
 
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
@@ -140,9 +140,9 @@ def test_the_verdict_on_all_pieces_has_their_sums_and_the_first_mismatch_in_the_
     assert merged([verdict(line=line)] * 2, [0.0, 9.0]).line is None
 
 
-def pulses(*bounds: tuple[float, float]) -> Pulses:
+def pulses(*bounds: tuple[float, float]) -> FramedPulses:
     rise, fall = (np.array([round(each[side]) for each in bounds], dtype=np.int64) for side in (0, 1))
-    return Pulses(rise, fall, np.arange(len(bounds), dtype=np.int64))
+    return FramedPulses(rise, fall, np.arange(len(bounds), dtype=np.int64))
 
 
 SCHEDULED = [(20_000 * frame, 20_000 * frame + 1000 + 10 * (frame * frame % 41)) for frame in range(40)]

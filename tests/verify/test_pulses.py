@@ -12,18 +12,19 @@ from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, edge_chunk
 from servogen.errors import InputError
+from servogen.pulses import pulses as read_pulses
 from servogen.units import Clock, Cycles
 from servogen.verify.compare import verify
 from servogen.verify.coverage import compared_frames, coverage
 from servogen.verify.diagnose import PinHistory
 from servogen.verify.pulses import (
+    FramedPulses,
     OverlapCount,
-    Pulses,
     cut_pulses,
+    framed_pulses,
     nearest,
     overlap,
     pair,
-    pulses_of,
     together,
     without_glitches,
 )
@@ -42,7 +43,7 @@ def edges(rows: list[Row], frames: list[int] | None = None) -> Edges:
     return Edges(*columns, np.array(frames or [-1] * len(rows), dtype=np.int64))
 
 
-def bounds(given: Pulses) -> list[tuple[int, int]]:
+def bounds(given: FramedPulses) -> list[tuple[int, int]]:
     return list(zip(given.rise.tolist(), given.fall.tolist(), strict=True))
 
 
@@ -102,13 +103,13 @@ def test_a_glitch_is_shorter_than_the_limit_and_than_all_that_is_scheduled(
 
 def test_pulses_begin_before_a_stretch_and_end_with_it() -> None:
     stretch = edges([(3, 5, LOW), (5, 6, HIGH), (9, 5, HIGH), (12, 5, LOW), (15, 5, HIGH)], [7, 7, 8, 8, 9])
-    found = pulses_of(stretch, 5, 18, open_rise=1, open_frame=6)
+    found = framed_pulses(stretch, 5, 18, open_rise=1, open_frame=6)
     assert bounds(found) == [(1, 3), (9, 12), (15, 18)]
     assert found.frame.tolist() == [6, 8, 9]
     assert found.width.tolist() == [2, 3, 3]
-    assert bounds(pulses_of(stretch, 6, 18)) == [(5, 18)]
-    assert bounds(pulses_of(stretch, 7, 18)) == []
-    begun = pulses_of(stretch, 7, 18, open_rise=2)
+    assert bounds(framed_pulses(stretch, 6, 18)) == [(5, 18)]
+    assert bounds(framed_pulses(stretch, 7, 18)) == []
+    begun = framed_pulses(stretch, 7, 18, open_rise=2)
     assert (bounds(begun), begun.frame.tolist()) == ([(2, 18)], [-1])
 
 
@@ -128,7 +129,11 @@ def test_pulses_begin_before_a_stretch_and_end_with_it() -> None:
 def test_the_pulses_that_the_ends_of_a_capture_cut(
     rise: list[int], fall: list[int], high: bool, cut: tuple[bool, int | None, int | None]
 ) -> None:
-    assert tuple(cut_pulses(np.array(rise, dtype=np.int64), np.array(fall, dtype=np.int64), high)) == cut
+    rows = [(0, 5, HIGH)] if high else []
+    rows += sorted([(cycle, 5, HIGH) for cycle in rise] + [(cycle, 5, LOW) for cycle in fall])
+    columns = zip(*rows, strict=True) if rows else ((), (), ())
+    seen = EdgeTrace(MHZ4, (edge_chunk(*columns),), Cycles(20))
+    assert tuple(cut_pulses(read_pulses(seen), 20)) == cut
 
 
 USED = (0, 5, 12)

@@ -94,7 +94,7 @@ def test_the_latest_pulse_has_its_width_until_it_is_two_frames_old() -> None:
 
 def test_pulses_are_followed_edge_by_edge() -> None:
     pulses = LatestPulses()
-    pulses.add(chunk([(5, RB0, 0), (10, RB0, 1), (12, RB0, 1), (30, RB0, 0), (31, RB0, 2), (40, RB1, 1)]))
+    pulses.add(chunk([(5, RB0, 0), (12, RB0, 1), (13, RB0, 1), (30, RB0, 0), (31, RB0, 2), (40, RB1, 1)]))
     assert (pulses.held[RB0], pulses.levels[RB0], pulses.levels[RB1]) == (18, UNDRIVEN, 1)
     pulses.add(chunk([(50, RB1, 2)]))
     assert pulses.held[RB1] == 10

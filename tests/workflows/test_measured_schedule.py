@@ -151,9 +151,9 @@ def test_more_frames_than_a_schedule_has_are_refused(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("pulses", "message"),
     [
-        ([(5, 0, 10), (5, 100, 10), (5, 200, 10), (5, 301, 10)], "RB0 rises 101 cycles after cycle 200"),
-        ([(5, 0, 10), (5, 100, 10), (5, 200, 10), (6, 30, 80)], "RB1 has a pulse at cycle 30"),
-        ([(5, 0, 10), (6, 20, 3), (6, 30, 3), (5, 100, 10), (5, 200, 10)], "RB1 has a pulse at cycle 30"),
+        ([(5, 0, 10), (5, 100, 10), (5, 200, 10), (5, 301, 10)], "RB0 rises 101 cycles after cycle 1200"),
+        ([(5, 0, 10), (5, 100, 10), (5, 200, 10), (6, 30, 80)], "RB1 has a pulse at cycle 1030"),
+        ([(5, 0, 10), (6, 20, 3), (6, 30, 3), (5, 100, 10), (5, 200, 10)], "RB1 has a pulse at cycle 1030"),
         ([(5, 100 * n, 10 + n) for n in range(5)], "nothing repeats in 5 frames"),
         ([(5, 0, 10)], "one pulse only"),
     ],
@@ -162,7 +162,8 @@ def test_what_has_no_schedule_is_refused_with_the_reason(
     pulses: list[tuple[int, int, int]], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        measured_schedule(edges(*pulses, end=pulses[-1][1] + 100), "edges", {})
+        later = [(pin, 1000 + rise, width) for pin, rise, width in pulses]
+        measured_schedule(edges(*later, end=later[-1][1] + 100), "edges", {})
 
 
 def test_a_lab_program_whose_frames_differ_has_no_schedule() -> None:

@@ -23,14 +23,14 @@ from math import ceil, floor
 import numpy as np
 import numpy.typing as npt
 
-from servogen.verify.pulses import CutPulses, Pulses, nearest, pair
+from servogen.verify.pulses import CutPulses, FramedPulses, nearest, pair
 from servogen.verify.windows import Edges, Ints
 
 Floats = npt.NDArray[np.float64]
 
 
 def end_errors(
-    cut: CutPulses, wanted: Pulses, begin: Floats, slope: float, length: int
+    cut: CutPulses, wanted: FramedPulses, begin: Floats, slope: float, length: int
 ) -> tuple[Floats, Floats]:
     """Return the errors at the beginning and at the end, in cycles, for each time at which it may `begin`.
 
@@ -52,7 +52,7 @@ def _away(edges: Ints, time: Floats) -> Floats:
     return np.abs(edges[nearest(time, edges)] - time) if len(edges) else np.full(len(time), np.inf)
 
 
-def _outside(wanted: Pulses, time: Floats, high: bool) -> Floats:
+def _outside(wanted: FramedPulses, time: Floats, high: bool) -> Floats:
     """Return how far each time is from one at which the pin is scheduled to be `high`, or to be low."""
     row = np.searchsorted(wanted.rise, time, side="right")
     fall = np.concatenate(([-np.inf], wanted.fall))[row]
@@ -109,8 +109,8 @@ class PairedSignals:
     sample.
     """
 
-    captured: tuple[Pulses, ...]
-    scheduled: tuple[Pulses, ...]
+    captured: tuple[FramedPulses, ...]
+    scheduled: tuple[FramedPulses, ...]
     nominal: float
     quantum: float
     period: int

@@ -25,8 +25,9 @@ from math import sqrt
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
+from servogen.edges import PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
 from servogen.errors import Diagnostic, InputError
+from servogen.pulses import Pulses, pulses
 from servogen.units import Cycles
 from servogen.verify.capture.alignment import FittedLine, PairedSignals, align, whole_frames
 from servogen.verify.capture.judge import Judged, TimeScale, judge
@@ -42,12 +43,11 @@ from servogen.verify.capture.verdict import (
 from servogen.verify.compare import whole_motion
 from servogen.verify.coverage import coverage, joined
 from servogen.verify.pulses import (
-    CutPulses,
+    FramedPulses,
     Levels,
-    Pulses,
     cut_pulses,
+    framed_pulses,
     overlap,
-    pulses_of,
     together,
     without_glitches,
 )
@@ -169,15 +169,18 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     # A capture may begin anywhere in the lead-in and two loops, and is followed for its whole length from
     # there.
     scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
+    found = pulses(captured)
     ours, theirs, cut, glitches = [], [], [], []
     for channel in expected.channels:
-        wanted = pulses_of(scheduled, channel.pin, candidates + reach)
-        in_steps = Pulses(_rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame)
-        seen, ends = _pulses(changes, channel.pin, bool(level[channel.pin]))
-        seen, number = without_glitches(seen, in_steps, int(allowed.glitch_us / step_us))
+        wanted = framed_pulses(scheduled, channel.pin, candidates + reach)
+        in_steps = FramedPulses(
+            _rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame
+        )
+        mine = found.of(channel.pin)
+        seen, number = without_glitches(_whole(mine), in_steps, int(allowed.glitch_us / step_us))
         ours.append(wanted)
         theirs.append(seen)
-        cut.append(ends)
+        cut.append(cut_pulses(mine, end))
         glitches.append(number)
     signals = PairedSignals(
         captured=tuple(theirs),
@@ -220,14 +223,10 @@ def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
     return level, driven.take(slice(first, None)), connected
 
 
-def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
-    """Return the complete pulses of `pin` in the capture, and those that its ends cut."""
-    own = changes.take(changes.pin == pin)
-    rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
-    cut = cut_pulses(rise, fall, high)
-    # The first fall ends a pulse that began before the capture.
-    fall = fall[1:] if high else fall
-    return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64)), cut
+def _whole(seen: Pulses) -> FramedPulses:
+    """Return the complete pulses, whose frames are not known yet."""
+    whole = seen.whole()
+    return FramedPulses(whole.rise, whole.fall, np.full(len(whole.rise), -1, dtype=np.int64))
 
 
 def _facts(setup: _Setup, line: FittedLine | None, judged: Mapping[int, Judged]) -> CaptureVerdict:

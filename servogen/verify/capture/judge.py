@@ -15,7 +15,7 @@ from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.errors import Diagnostic
 from servogen.verify.capture.alignment import FittedLine, Floats, PairedSignals, end_errors, partners
 from servogen.verify.capture.verdict import CapturedChannel, Mismatch, Spread, Tolerances
-from servogen.verify.pulses import Pulses
+from servogen.verify.pulses import FramedPulses
 from servogen.verify.verdict import frame_words
 from servogen.verify.windows import Ints
 
@@ -117,7 +117,9 @@ def judge(
     )
 
 
-def _due(wanted: Pulses, scale: TimeScale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _due(
+    wanted: FramedPulses, scale: TimeScale, edges: _Errors
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which scheduled pulses lie completely in the capture, at least two samples from its ends.
 
     If edges come too late or too early, the margin grows by that amount: a pulse there is wrong, not missing.
@@ -133,7 +135,7 @@ def _us(steps: Ints, scale: TimeScale) -> Floats:
     return steps / scale.line.b * scale.cycle_us
 
 
-def _widths(ours: Pulses, theirs: Pulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
+def _widths(ours: FramedPulses, theirs: FramedPulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
     wanted = ours.width.astype(np.float64) * scale.cycle_us
     error = _us(theirs.width, scale) - wanted
     return _Errors(
@@ -147,7 +149,7 @@ def _widths(ours: Pulses, theirs: Pulses, scale: TimeScale, allowed: Tolerances)
 
 
 def _periods(
-    ours: Pulses, theirs: Pulses, rows: Ints, others: Ints, scale: TimeScale, allowed: Tolerances
+    ours: FramedPulses, theirs: FramedPulses, rows: Ints, others: Ints, scale: TimeScale, allowed: Tolerances
 ) -> _Errors:
     follows = (np.diff(rows) == 1) & (np.diff(others) == 1)
     wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
@@ -163,7 +165,7 @@ def _periods(
     )
 
 
-def _edges(ours: Pulses, theirs: Pulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
+def _edges(ours: FramedPulses, theirs: FramedPulses, scale: TimeScale, allowed: Tolerances) -> _Errors:
     wanted = np.concatenate((ours.rise, ours.fall)).astype(np.float64)
     time = np.concatenate((theirs.rise, theirs.fall))
     error = (scale.line.cycles(time) - wanted) * scale.cycle_us
@@ -196,7 +198,7 @@ def _wrong(
 
 
 def _missing(
-    pulses: Pulses, channel: ExpectedChannel, scale: TimeScale, expected: Expected
+    pulses: FramedPulses, channel: ExpectedChannel, scale: TimeScale, expected: Expected
 ) -> Iterator[Mismatch]:
     if len(pulses.rise):
         time = float(scale.line.steps(pulses.rise[:1])[0])
@@ -205,7 +207,7 @@ def _missing(
         )
 
 
-def _extra(pulses: Pulses, channel: ExpectedChannel, scale: TimeScale) -> Iterator[Mismatch]:
+def _extra(pulses: FramedPulses, channel: ExpectedChannel, scale: TimeScale) -> Iterator[Mismatch]:
     if len(pulses.rise):
         width = float(_us(pulses.width[:1], scale)[0])
         time = float(pulses.rise[0]) * scale.step_us
