@@ -28,7 +28,10 @@ help:
 	@echo "make flash     build JOB=lab8-exercise, compare its edges and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
 	@echo "make clean     remove what was made"
 
-$(READY): pyproject.toml $(CONSTRAINTS)
+# What changes the parts in C compiles them again.
+IN_C := $(wildcard servogen/*/*.[ch] servogen/*/*/*.[ch]) servogen/native.py servogen/simulator/layout.py
+
+$(READY): pyproject.toml hatch_build.py $(CONSTRAINTS) $(IN_C)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "servogen needs Python 3.11 or newer: make PYTHON=python3.11 ..."; exit 3; }
 	$(PYTHON) -m venv $(VENV)

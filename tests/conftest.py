@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from servogen.compiler.options import VERIFY_IR
-from servogen.simulator.aot_cache import loop
+from servogen.simulator.core import CORE
 
 os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
 
@@ -33,8 +33,6 @@ def _the_cache_is_of_this_session(tmp_path_factory: pytest.TempPathFactory) -> I
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _the_simulator_is_compiled() -> None:
-    """After a change of its sources the first command would say on standard error that it compiles it."""
-    loop(observed=False, tracked=False)
-    loop(observed=True, tracked=False)
-    loop(observed=False, tracked=True)
+def _the_parts_in_c_are_compiled() -> None:
+    """After a change of their sources every command would ask for a new installation."""
+    CORE.refresh()

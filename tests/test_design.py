@@ -248,7 +248,6 @@ LATE_IMPORTS = {
     "programs.py": "start-up time: the compiler, the assembler and schedules are for different files",
     "report/film.py": "matplotlib is an optional extra",
     "report/pictures.py": "matplotlib is an optional extra",
-    "simulator/aot_cache.py": "start-up time: numba takes seconds, and only an empty cache needs it",
     "testing/plugin.py": "start-up time: pytest loads the plugin for every project",
     "toml/locations.py": "start-up time: only a file with an error needs the parser that knows lines",
     "twin/world.py": "MuJoCo is an optional extra",
@@ -304,7 +303,7 @@ TABLES_OF_MNEMONICS = {
     "pic/semantics.py": "what instructions compute",
     "pic/wcet.py": "the instructions that count loops",
     "prove/stream/interrupt.py": "the instructions of which the interrupt's body consists",
-    "simulator/block_cache.py": "the instructions that a wait may contain",
+    "simulator/regions.py": "the instructions that a wait may contain",
 }
 """Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""
 

@@ -58,13 +58,6 @@ GRACE_S = 20.0
 """How long a process may go on after its last test should have ended."""
 
 MEMORY = 8 << 30
-PREPARED = "servogen/simulator/aot_cache.py"
-PREPARE = """
-from servogen.simulator.aot_cache import loop
-for observed, tracked in ((False, False), (True, False), (False, True)):
-    loop(observed=observed, tracked=tracked)
-"""
-PREPARE_S = 600
 RECORD_S = 4 * 3600
 RECORDED_TOGETHER = 8
 """How many test files are recorded at once: what is recorded is kept even if the rest is interrupted."""
@@ -76,9 +69,6 @@ OF_THE_TREE = (PACKAGE, "tests", "tools")
 NOT_RUN = 99
 NO_TESTS = 5
 """What pytest ends with if no test is left: a mutant may take away the cases that a test finds."""
-
-COMPILED = ("simulator", "pic")
-"""The packages from which the simulator's loops are compiled."""
 
 TESTED_IN = {
     "simulator": ("simulator/", "pic/"),
@@ -542,17 +532,6 @@ class Workshop:
             ignore=lambda folder, names: left_out(folder, names) if Path(folder) == self.root else set(),
             symlinks=True,
         )
-        self._prepare()
-        # A mutant of the simulator replaces the compiled loops beside its sources; these stay.
-        kept = self.copy / ".cache" / PACKAGE
-        kept.mkdir(parents=True, mode=0o700, exist_ok=True)
-        for each in (self.copy / PACKAGE).rglob("__pycache__/*.o"):
-            shutil.copy(each, kept)
-
-    def _prepare(self) -> None:
-        """Compile the simulator's loops, if there are any, so that no test spends its time on that."""
-        if (self.copy / PREPARED).is_file():
-            self._start([sys.executable, "-c", PREPARE], {}, PREPARE_S)
 
     def record(self, files: Sequence[str]) -> None:
         """Run test files and keep which line each test executes.
@@ -596,8 +575,6 @@ class Workshop:
                     break
                 chosen.append(test)
         with made(self.copy, mutant):
-            if mutant.package in COMPILED:
-                self._prepare()
             ran = self.run(chosen, "-x")
         return Fate(mutant, ran.failed[0] if ran.failed else "", ran.passed, len(reaching))
 

@@ -9,7 +9,6 @@ Output to a closed standard error is dropped, and does not change the exit code.
 from __future__ import annotations
 
 import io
-import logging
 import os
 import re
 import sys
@@ -185,7 +184,6 @@ def main() -> None:
     stream = sys.stdout
     output = _Output(stream, stdout_closed)
     sys.stdout, sys.stderr = output, _Messages(sys.stderr)
-    _show_log()
     code = _run()
     if sys.stdout is not output:  # what typer does, with exit code 1, where any pipe is broken
         code = NOBODY_READS
@@ -223,31 +221,6 @@ def _open_closed_streams() -> bool:
                 os.close(null)
             setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
     return was_closed
-
-
-class _LogHandler(logging.Handler):
-    """Shows each message once, however many variants of the simulator's loop are compiled for a command."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.shown: set[str] = set()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        text = record.getMessage()
-        if text not in self.shown:
-            self.shown.add(text)
-            _say(text)
-
-
-_LOG_HANDLER = _LogHandler()
-
-
-def _show_log() -> None:
-    """Show what the packages log: work that takes seconds and that the user did not ask for."""
-    _LOG_HANDLER.shown.clear()
-    log = logging.getLogger("servogen")
-    log.addHandler(_LOG_HANDLER)
-    log.setLevel(logging.INFO)
 
 
 def _run() -> int:

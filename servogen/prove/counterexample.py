@@ -20,9 +20,8 @@ from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specificati
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.abstract import TIME_FIELDS, UNCERTAIN, AssumedBits
-from servogen.simulator.layout import INTF, RBIF
+from servogen.simulator.layout import FETCH, INTF, RBIF
 from servogen.simulator.options import START_VALUES
-from servogen.simulator.resets import FETCH
 from servogen.simulator.sources import Reset, SignalSource
 
 LONGEST_SLEEP = WATCHDOG_US[1] * 128

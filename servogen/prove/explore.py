@@ -18,8 +18,7 @@ from servogen.prove.nodes import Decision, Node
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.simulator.abstract import FIELD, AssumedBits, ChipState, Reason, Use
-from servogen.simulator.interrupts import EEIE
-from servogen.simulator.layout import NEVER, T0IF, USE_INTERRUPT
+from servogen.simulator.layout import EEIE, NEVER, T0IF, USE_INTERRUPT
 
 _SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]
 

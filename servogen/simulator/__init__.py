@@ -1,6 +1,6 @@
 """A cycle-accurate PIC16F84 and PIC16F84A: `Image` (and stimulus) in, `EdgeTrace` and `MachineState` out.
 
-The names are loaded on first use, because the instruction loop needs numba, which is slow to import.
+The names are loaded on first use, because the machine needs NumPy, which takes a tenth of a second to import.
 """
 
 from __future__ import annotations

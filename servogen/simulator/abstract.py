@@ -22,16 +22,12 @@ from servogen.edges import HIGH, PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator import unknown
-from servogen.simulator.aot_cache import loop
-from servogen.simulator.block_cache import fast_code, marked_code
-from servogen.simulator.interrupts import EEIE
-from servogen.simulator.layout import PS, PSA, RB4_TO_7
+from servogen.simulator.core import loop
+from servogen.simulator.layout import EEIE, PD, PS, PSA, RA4, RB0, RB4_TO_7, TO
 from servogen.simulator.options import SimulatorOptions
-from servogen.simulator.program import Code, program_code
+from servogen.simulator.regions import Code, fast_code, marked_code, program_code
 from servogen.simulator.reset_state import POSTSCALER, START, power_up
 from servogen.simulator.slots import Future
-from servogen.simulator.unknown import PD, TO
 from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
 from servogen.units import Clock
 
@@ -82,7 +78,6 @@ _RELATIVE, _NOT_BEFORE_NOW, _WATCHDOG = (
     for future in (Future.MOMENT, Future.UNTIL, Future.SINCE)
 )
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
-RA4, RB0 = 1 << 4, 1 << 5
 _WATCHDOG_NEVER = 1 << 39
 WRITTEN = 0x08
 """The bit of an interrupt in doubt that is for the end of an EEPROM write."""
@@ -275,7 +270,7 @@ class AbstractChip:
         on = self.power_on()
         s = self._s
         s[:] = self._template
-        s[at.STATUS_UNKNOWN] |= unknown.TO | unknown.PD  # after another reset than power-on they differ
+        s[at.STATUS_UNKNOWN] |= TO | PD  # after another reset than power-on they differ
         cells = self._canonical()
         ram = (
             known if place not in written else general

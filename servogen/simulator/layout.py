@@ -1,12 +1,13 @@
 """The layout of the machine's complete state in one vector of integers.
 
-The compiled instruction loop works on one int64 vector, which a snapshot copies. Slots 0 to 127 are the file
-registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only the RAM is used;
-the special function registers have slots of their own, because few of them are plain bytes. Ports are 13 bits
-wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
+The instruction loop, which is in C (`core/`), works on one int64 vector, which a snapshot copies. Slots 0 to
+127 are the file registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only
+the RAM is used; the special function registers have slots of their own, because few of them are plain bytes.
+Ports are 13 bits wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
 
 `ROWS` has one row per register, count and time in the vector. Power-up, start values, the fingerprint, the
-prover's states and certificates and the texts of warnings are derived from it.
+prover's states and certificates and the texts of warnings are derived from it; so are, by `core/__init__.py`,
+the struct and the constants of the C: each number in capitals here has the same name there.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ UNKNOWN_SHIFT = 9
 
 RAM_SLOTS = 128
 
-PORT_B, RB4_TO_7 = 0xFF << 5, 0xF0 << 5
+RA4, RB0, RB4_TO_7, PORT_B = 1 << 4, 1 << 5, 0xF0 << 5, 0xFF << 5
 C_DC_Z = sum(masks("C", "DC", "Z"))
 T0CS, T0SE, PSA = masks("T0CS", "T0SE", "PSA")
 PS = sum(masks("PS2", "PS1", "PS0"))
-GIE, T0IE, T0IF, INTF, RBIF = masks("GIE", "T0IE", "T0IF", "INTF", "RBIF")
-(WRERR,) = masks("WRERR")
+GIE, EEIE, T0IE, T0IF, INTF, RBIF = masks("GIE", "EEIE", "T0IE", "T0IF", "INTF", "RBIF")
+EEIF, WRERR, WR = masks("EEIF", "WRERR", "WR")
+TO, PD = masks("TO", "PD")
 
-_table = SlotTable(RAM_SLOTS)
+_table = SlotTable()
+_table.block("FILE", RAM_SLOTS)
 
 # The processor. Start values are drawn in the order of the rows (`--start-seed`).
 CYCLE = _table.add("CYCLE")
@@ -170,10 +173,10 @@ EEADR_ADDRESS, PCLATH_ADDRESS, INTCON_ADDRESS, OPTION_ADDRESS, EECON1_ADDRESS, E
     registers()[name].address for name in ("EEADR", "PCLATH", "INTCON", "OPTION_REG", "EECON1", "EECON2")
 )
 
-STACK = _table.block(STACK_LEVELS)
-VISIT = _table.block(0)
+STACK = _table.block("STACK", STACK_LEVELS)
+VISIT = _table.length
 """The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
-EEPROM = _table.block(EEPROM_BYTES)
+EEPROM = _table.block("EEPROM", EEPROM_BYTES)
 """The cells, and above bit 7 what is unknown of each, which only the prover makes so."""
 WARNING_SLOTS, WARNING_FIELDS = 96, 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
@@ -181,14 +184,18 @@ of the instruction."""
 HARMLESS_WARNINGS, WORD_WARNINGS = 24, 40
 """The warnings up to which one of an erased word or of EEADR, or one of an undefined word, is recorded: the
 other warnings have 52 subjects, and each of these has to find room."""
-WARNINGS = _table.block(WARNING_FIELDS * WARNING_SLOTS)
-READ_UNWRITTEN = _table.block(RAM_SLOTS)
+WARNINGS = _table.block("WARNINGS", WARNING_FIELDS * WARNING_SLOTS)
+READ_UNWRITTEN = _table.block("READ_UNWRITTEN", RAM_SLOTS)
 """By address: whether the RAM byte was read before it was ever written."""
-DRIVEN_FROM = _table.block(2 * 13)
+DRIVEN_FROM = _table.block("DRIVEN_FROM", 2 * 13)
 """By pin, two slots: the cycle from which it has been driven with an unknown latch (DRIVEN_UNKNOWN), and the
 address of the instruction."""
-SLOTS = _table.block(0)
+SLOTS = _table.length
+FIELDS = _table.fields()
+"""The name and the number of slots of each field, in their order: the struct of the C."""
 
+FETCH = 1
+"""Cycles from the end of a reset to the instruction at 0000h: its fetch."""
 GLITCH = 10
 """The maximum cycles for which a pin may be driven at an unknown level before it is written low: no servo
 responds to such a short pulse."""

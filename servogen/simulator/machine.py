@@ -20,11 +20,10 @@ from servogen.errors import Diagnostic, InputError
 from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.aot_cache import Loop, loop
-from servogen.simulator.block_cache import fast_code, marked_code
+from servogen.simulator.core import Loop, loop
 from servogen.simulator.fingerprint import fingerprint, unknown_bits
 from servogen.simulator.options import SimulatorOptions
-from servogen.simulator.program import Code, program_code
+from servogen.simulator.regions import Code, fast_code, marked_code, program_code
 from servogen.simulator.reset_state import power_up
 from servogen.simulator.sources import LevelChange
 from servogen.simulator.state import MachineState, read_unwritten, state_of

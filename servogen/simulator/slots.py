@@ -96,17 +96,28 @@ def _lowest(bits: int) -> int:
 class SlotTable:
     """Numbers slots one after the other and keeps their rows."""
 
-    def __init__(self, first: int) -> None:
-        self._next = first
+    def __init__(self) -> None:
+        self._next = 0
         self._rows: list[SlotFacts] = []
+        self._fields: list[tuple[str, int]] = []
 
     def rows(self) -> tuple[SlotFacts, ...]:
         """Return the rows so far."""
         return tuple(self._rows)
 
-    def block(self, length: int) -> int:
+    def fields(self) -> tuple[tuple[str, int], ...]:
+        """Return the name and the number of slots of each field of the state so far, in their order."""
+        return tuple(self._fields)
+
+    @property
+    def length(self) -> int:
+        """Return the number of slots so far."""
+        return self._next
+
+    def block(self, name: str, length: int) -> int:
         """Return the first of `length` slots without a row."""
         first, self._next = self._next, self._next + length
+        self._fields.append((name, length))
         return first
 
     def add(
@@ -122,7 +133,7 @@ class SlotTable:
         other_chips: bool = False,
     ) -> int:
         """Add a slot whose bits are always known; return its number."""
-        number = self.block(1)
+        number = self.block(name, 1)
         self._rows.append(
             SlotFacts(
                 name=name,
@@ -153,7 +164,8 @@ class SlotTable:
         source: str = "",
     ) -> tuple[int, int]:
         """Add a slot whose bits may be unknown; return its number and that of the slot for these bits."""
-        number = self.block(2)
+        number = self.block(name, 1)
+        self.block(f"{name}_UNKNOWN", 1)
         self._rows.append(
             SlotFacts(
                 name=name,

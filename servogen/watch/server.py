@@ -29,7 +29,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from servogen.errors import ServogenError
-from servogen.simulator import aot_cache
 from servogen.template_files import template_folder
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
@@ -128,7 +127,7 @@ class Room:
             loop.call_soon_threadsafe(self._say, {"is": "status", "text": text})
 
         try:
-            subject = await asyncio.to_thread(_loaded, self._load, progress)
+            subject = await asyncio.to_thread(self._load, progress)
         except ServogenError as error:
             self._say({"is": "status", "failed": True, "text": str(error)})
             return
@@ -349,19 +348,6 @@ class WatchServer:
             return False
         min(left, key=lambda room: room.used).stop()
         return True
-
-
-def _loaded(load: Load, progress: Callable[[str], None]) -> Subject:
-    """Return the subject, with the simulator ready to run and to list what it has executed.
-
-    Where it was not yet compiled for this processor, that would stop every window without a word.
-    """
-    subject = load(progress)
-    if subject.image is not None:
-        progress("starting the simulator; the first time on a processor it is compiled, which takes a while")
-        for observed in (False, True):
-            aot_cache.loop(observed=observed, tracked=False)
-    return subject
 
 
 def _guarded(session: WatchSession, work: Callable[[WatchSession], Iterator[Message]]) -> Iterator[Message]:

@@ -345,7 +345,6 @@ def _in_forks(
     submissions: Sequence[Submission], task: GradingTask, at_once: int
 ) -> Iterator[tuple[int, Graded]]:
     """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
-    _load_simulator()
     compiled: dict[int, Compiled] = {}
     works = [partial(_compile, task.read, submission) for submission in submissions]
     for index, result in run_each(works, task.compiling, at_once):
@@ -393,11 +392,6 @@ def _failed(submission: Submission, lab: Lab, activity: str, error: Exception) -
     shown = str(error) if isinstance(error, ServogenError) else f"{type(error).__name__}: {error}"
     text = message(shown)
     return Graded(submission, refused(lab.name, f"servogen failed on it: {text}"), text)
-
-
-def _load_simulator() -> None:
-    """Load the compiled simulator before forking: a child may neither take the time nor write the file."""
-    import_module("servogen.simulator.aot_cache").loop(tracked=True)
 
 
 # In a fresh process: for workers of a cluster, which have threads and must not fork, and for systems

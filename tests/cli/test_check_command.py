@@ -1,14 +1,11 @@
 """`check` is read by people: ramps are one row, warnings come last with their number."""
 
 import json
-import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from servogen.errors import ServogenError
 
 Run = Callable[..., Any]
 
@@ -103,23 +100,6 @@ def test_warnings_come_last_with_their_number(
 
 def test_a_job_without_warnings_says_no_number(run: Run) -> None:
     assert run("check", Path(__file__).parents[2] / "jobs" / "lab8-exercise.toml").err == ""
-
-
-def test_work_that_nobody_asked_for_is_said_on_standard_error(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever a package logs, as the simulator does for each variant of its loop: the same text once."""
-
-    def load(path: Path) -> None:
-        for _ in range(3):
-            logging.getLogger("servogen.simulator.aot_cache").info("compiling, ten seconds")
-        raise ServogenError("no-more", "and no more")
-
-    monkeypatch.setattr("servogen.job.load", load)
-    assert run("check", "job.toml").err == (
-        "servogen: compiling, ten seconds\nservogen: error: and no more [no-more]\n"
-    )
-    assert run("check", "job.toml").err.count("ten seconds") == 1  # also when it runs again
 
 
 @pytest.mark.parametrize("command", ["compile", "simulate"])

@@ -47,10 +47,9 @@ from servogen.simulator.abstract import (
     RunOutcome,
     Use,
 )
-from servogen.simulator.aot_cache import loop
-from servogen.simulator.eeprom import WR
-from servogen.simulator.interrupts import EEIE, EEIF
-from servogen.simulator.program import program_code
+from servogen.simulator.core import loop
+from servogen.simulator.layout import EEIE, EEIF, WR
+from servogen.simulator.regions import program_code
 from servogen.simulator.reset_state import power_up
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import tame_image

@@ -17,7 +17,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, Opcode, by_mnemonic, decode, encode
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.simulator import layout as at
-from servogen.simulator.program import D_BIT, FILE_OPS, OPS, pack
+from servogen.simulator.words import D_BIT, FILE_OPS, OPS, pack
 from tests.simulator.helpers import CLOCK
 
 ROWS = (*INSTRUCTIONS, *LEGACY)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from servogen.simulator.block_cache import fast_code, is_wait
-from servogen.simulator.program import LOOP, OP_MASK, program_code
+from servogen.simulator.regions import fast_code, is_wait, program_code
+from servogen.simulator.words import LOOP, OP_MASK
 from tests.simulator.helpers import image
 
 

@@ -9,8 +9,8 @@ from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.pic.isa import decode, encode
 from servogen.simulator import Machine, SimulatorOptions
-from servogen.simulator.block_cache import LONGEST_WAIT, fast_code, is_wait, marked_code
-from servogen.simulator.program import BREAK, ERASED, EXIT, LOOP, SPIN, UNDEFINED, UNTIL, pack, program_code
+from servogen.simulator.regions import LONGEST_WAIT, fast_code, is_wait, marked_code, program_code
+from servogen.simulator.words import BREAK, ERASED, EXIT, LOOP, SPIN, UNDEFINED, UNTIL, pack
 from tests.simulator.helpers import CLOCK, image
 
 WORDS = 1024

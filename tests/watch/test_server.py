@@ -19,7 +19,6 @@ from websockets.sync.client import ClientConnection
 
 from servogen.errors import InputError
 from servogen.pic.image import Image
-from servogen.simulator import aot_cache
 from servogen.units import Clock
 from servogen.watch import server as module
 from servogen.watch.server import FILES, MAX_REQUEST_BYTES, Room, WatchServer, Window
@@ -28,7 +27,6 @@ from servogen.watch.subject import Setting, Subject, load_subject
 from tests.watch.serving import Running
 
 ROOT = Path(__file__).parent.parent.parent
-STARTING = "starting the simulator; the first time on a processor it is compiled, which takes a while"
 HEX = ROOT / "firmware" / "lab8-exercise" / "main.hex"
 
 
@@ -241,35 +239,6 @@ def test_a_program_that_crashes_does_not_end_the_server() -> None:
             opened(socket)
             chip = asked(socket, do="seek", cycle=100_000)["chip"]
             assert chip["warnings"] and chip["deepest"] == 8
-    finally:
-        served.stop()
-
-
-def test_the_simulator_is_compiled_before_the_first_picture_and_the_page_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Afterwards nothing that a window asks for waits for it: neither a run nor the executed instructions."""
-    used: list[dict[str, bool]] = []
-
-    def slow(**kind: bool) -> Callable[..., int]:
-        used.append(kind)
-        return compiled(**kind)
-
-    def load(progress: Callable[[str], None]) -> Subject:
-        assert opened.wait(60)
-        return hex_subject(progress)
-
-    compiled, opened = aot_cache.loop, threading.Event()
-    monkeypatch.setattr(aot_cache, "loop", slow)
-    served = Running(load)
-    try:
-        with served.socket() as socket:
-            socket.send(json.dumps({"window": ""}))
-            messages(socket, "status")
-            opened.set()
-            status = [message["text"] for message in messages(socket, "model") if message["is"] == "status"]
-            assert status[-2:] == [STARTING, ""]
-            assert used == [{"observed": False, "tracked": False}, {"observed": True, "tracked": False}]
     finally:
         served.stop()
 

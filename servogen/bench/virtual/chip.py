@@ -21,7 +21,6 @@ from servogen.bench.virtual.connections import ShortCircuit, Wiring
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, join
 from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Machine, SimulatorOptions, Stimulus
-from servogen.simulator.aot_cache import loop
 from servogen.units import Clock
 
 Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
@@ -78,7 +77,6 @@ class VirtualChip:
     _seen: list[Levels] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        loop(observed=False, tracked=False)  # compiled now, not while a client waits
         self.load(self.image)
 
     def load(self, image: Image) -> None:

@@ -1,10 +1,11 @@
 """Finds what the instruction loop can execute in one step: regions that only count, and waits that only poll.
 
-In: decoded program. Out: code with these places marked. A region is a strongly connected set of instructions
-that access only W, STATUS's flags and a few bytes of RAM. Its effect and its duration depend on these alone,
-so the loop memoizes it (`memo.py`). A region nested in another one, without the outer one's heads, is a
-region of its own. A wait is a GOTO back over NOPs, CLRWDTs and at most one bit test: it reads the same until
-an event happens, as does one for TMR0 to equal a byte, of which the end is known beforehand.
+In: an image. Out: its words decoded (`words.py`), and code with these places marked. A region is a strongly
+connected set of instructions that access only W, STATUS's flags and a few bytes of RAM. Its effect and its
+duration depend on these alone, so the loop memoizes it (`core/memo.h`). A region nested in another one,
+without the outer one's heads, is a region of its own. A wait is a GOTO back over NOPs, CLRWDTs and at most
+one bit test: it reads the same until an event happens, as does one for TMR0 to equal a byte, of which the
+end is known beforehand.
 
     outer  MOVLW 200        head of region 0: outer .. GOTO outer
            MOVWF a
@@ -26,7 +27,8 @@ import numpy.typing as npt
 from servogen.errors import InputError
 from servogen.graph import components
 from servogen.pic.device import PROGRAM_WORDS, masks
-from servogen.pic.isa import INSTRUCTIONS, Opcode
+from servogen.pic.image import Image
+from servogen.pic.isa import INSTRUCTIONS, Opcode, decode
 from servogen.simulator.layout import (
     DEEPEST_RECORDING,
     EEDATA_ADDRESS,
@@ -38,10 +40,11 @@ from servogen.simulator.layout import (
     STATUS_ADDRESS,
     TMR0_ADDRESS,
 )
-from servogen.simulator.program import (
+from servogen.simulator.words import (
     BREAK,
     D_BIT,
     DIRECT_BIT,
+    ERASED,
     EXIT,
     F_SHIFT,
     K_SHIFT,
@@ -50,9 +53,10 @@ from servogen.simulator.program import (
     OP_MASK,
     OPS,
     SPIN,
+    UNDEFINED,
     UNTIL,
     WAITS_BIT,
-    Code,
+    pack,
 )
 
 LONGEST_WAIT = 64
@@ -78,6 +82,7 @@ _ON_W_ALONE = frozenset(
 )
 """Instructions that access no register and not the watchdog."""
 
+Code = npt.NDArray[np.int64]
 Graph = Mapping[int, tuple[int, ...]]
 
 
@@ -98,6 +103,18 @@ class _Region:
     members: frozenset[int]
     heads: frozenset[int]
     ram: tuple[int, ...]
+
+
+def program_code(image: Image) -> Code:
+    """Return the image's program, decoded: 1024 words."""
+    return np.array([_place(image, address) for address in range(_N)], dtype=np.int64)
+
+
+def _place(image: Image, address: int) -> int:
+    if address not in image.program:
+        return ERASED
+    decoded = decode(image.program[address])
+    return UNDEFINED if decoded is None else pack(decoded)
 
 
 def fast_code(plain: Code) -> FastCode:

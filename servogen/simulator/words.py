@@ -1,24 +1,19 @@
-"""The program memory in the form of the instruction loop: each word decoded once into the fields of an
-integer.
+"""A word of the program memory in the form of the instruction loop: the fields of an integer.
 
-In: an `Image`. Out: an int64 array of 1024, numbered from the table of `pic.isa`.
+In: a decoded instruction. Out: an integer, numbered from the table of `pic.isa`.
 
     bit   0-5  6  7      8-14  15      16-23      24     25-32   33-
           op   d  flags  f     direct  mask of b  waits  period  clears
 
 A literal k is in bits 8 to 18 instead of f and the rest. So are, from bit 8 on, a region's number, a wait's
-period and clears, or the address of the byte with which TMR0 is compared, in the words that `block_cache.py`
+period and clears, or the address of the byte with which TMR0 is compared, in the words that `regions.py`
 substitutes for instructions.
 """
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
-from servogen.pic.image import Image
-from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, decode
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded
 
 _ON_FILES = [row.mnemonic for row in INSTRUCTIONS if "f" in row.operands]
 _OTHERS = [row.mnemonic for row in (*INSTRUCTIONS, *LEGACY) if row.mnemonic not in _ON_FILES]
@@ -28,26 +23,13 @@ OPS = {mnemonic: number for number, mnemonic in enumerate((*_ON_FILES, *_OTHERS)
 FILE_OPS = len(_ON_FILES)
 """The numbers below are those of instructions on file registers."""
 
-UNDEFINED, ERASED, EXIT, LOOP, SPIN, UNTIL, BREAK = range(len(OPS), len(OPS) + 7)
+MARKS = ("UNDEFINED", "ERASED", "EXIT", "LOOP", "SPIN", "UNTIL", "BREAK")
+UNDEFINED, ERASED, EXIT, LOOP, SPIN, UNTIL, BREAK = range(len(OPS), len(OPS) + len(MARKS))
 """What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007
-section 2.1); and what `block_cache.py` and breakpoints put in an instruction's stead."""
+section 2.1); and what `regions.py` and breakpoints put in an instruction's stead."""
 
 OP_MASK = 0x3F
 D_BIT, FLAGS_BIT, F_SHIFT, DIRECT_BIT, MASK_SHIFT, WAITS_BIT, K_SHIFT = 6, 7, 8, 15, 16, 24, 8
-
-Code = npt.NDArray[np.int64]
-
-
-def program_code(image: Image) -> Code:
-    """Return the image's program, decoded."""
-    return np.array([_place(image, address) for address in range(PROGRAM_WORDS)], dtype=np.int64)
-
-
-def _place(image: Image, address: int) -> int:
-    if address not in image.program:
-        return ERASED
-    decoded = decode(image.program[address])
-    return UNDEFINED if decoded is None else pack(decoded)
 
 
 def pack(decoded: Decoded) -> int:
