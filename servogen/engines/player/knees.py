@@ -25,8 +25,8 @@ from servogen.units import Clock
 
 MAX_BEND = 31
 """The greatest bend, in 256ths: five bits."""
-SHIFTS = (1, 2, 3)
-"""The steps, as powers of two, for which the chip knows knees."""
+STEPS = (2, 4, 8)
+"""The cycles of a byte's step for which the chip knows knees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +44,8 @@ class Knees:
         return np.asarray(rows - beyond + beyond / (1 + self.bends / 256))
 
 
-def knees_of(servos: Sequence[Servo], turns: Sequence[int], rows: Floats, clock: Clock) -> Knees | None:
-    """Return the knees of the channels `turns` whose widths are `rows`; None if all of them are straight."""
+def knees_of(servos: Sequence[Servo], turns: Sequence[int], rows: Floats, clock: Clock) -> Knees:
+    """Return the knees of the channels `turns` whose widths are `rows`, in cycles."""
     widths, bends = np.zeros(rows.shape[1]), np.zeros(rows.shape[1], dtype=np.int64)
     cycle_us = float(clock.cycle_us)
     for channel in turns:
@@ -53,7 +53,7 @@ def knees_of(servos: Sequence[Servo], turns: Sequence[int], rows: Floats, clock:
         width_us, bend = _knee(servos[channel], float(np.nanmin(used)), float(np.nanmax(used)))
         widths[channel] = width_us / cycle_us
         bends[channel] = min(max(round(256 * bend), -MAX_BEND), MAX_BEND)
-    return Knees(widths, bends) if bends.any() else None
+    return Knees(widths, bends)
 
 
 def _knee(servo: Servo, low: float, high: float) -> tuple[float, float]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
 from servogen.engines.player.encoding import Encoded, Legs, Rows, WidthScale, row_table, scale_of, shift_of
-from servogen.engines.player.knees import SHIFTS, Knees
+from servogen.engines.player.knees import STEPS, Knees
 from servogen.engines.player.laws import lift_table, spot_table, swing_table
 from servogen.engines.player.script import ScriptStep, StepTiming, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
@@ -101,8 +101,8 @@ def legs_encoded(
     """Return the walk `rows` (frames, channels) encoded by its events; None if that is impossible.
 
     `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
-    each leg; poses within `near` steps of a row share it; `knees` are those of bent calibrations. Raises
-    ResourceError if it is `limited` and does not fit the tables.
+    each leg; poses within `near` steps of a row share it. With `knees`, those of bent calibrations, it is as
+    close as it can be. Raises ResourceError if it is `limited` and does not fit the tables.
     """
     if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
@@ -128,9 +128,13 @@ def legs_encoded(
         return None
     if not begins:
         return None
-    encoded = _encoded(walk, begins[0], begins[0] + 2 * loop, near, knees, limited=limited)
-    if knees is not None and int(encoded.scale.shifts.min()) not in SHIFTS:
-        return None
+    ends = begins[0], begins[0] + 2 * loop
+    encoded = _encoded(walk, *ends, near, limited=limited)
+    if knees is not None:
+        step = 1 << int(encoded.scale.shifts.min())
+        if knees.bends.any() and step not in STEPS:
+            return None
+        encoded = _encoded(walk, *ends, near, knees, _phases(walk, ends, near, step), limited=limited)
     return replace(encoded, silent=np.arange(len(encoded.frames)) >= encoded.lead) if released else encoded
 
 
@@ -220,14 +224,17 @@ class KeyedWalk:
     laws: bytes
 
 
-def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
+def keyed_walk(walk: WalkEvents, end: int, near: float, phases: Whole | None = None) -> KeyedWalk:
     """Return the walk up to the event `end`; poses within `near` steps of a row share it.
 
-    Steps on the spot have the row in which all of them end.
+    Steps on the spot have the row in which all of them end. The bases of the turns are lower by the cycles
+    `phases`, on which it depends how their bytes are rounded.
     """
     turns, lifts = list(walk.turns), list(walk.lifts)
     tops = _tops(walk)
     scale = _scale(walk, tops)
+    if phases is not None:
+        scale = scale.moved(turns, -phases)
     pose_rows = Rows(near)
     events = [event for event in walk.events if event <= end]
     stand = scale.exact(walk.rows[walk.soft])[lifts]
@@ -252,10 +259,17 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
 
 
 def _encoded(
-    walk: WalkEvents, begin: int, end: int, near: float, knees: Knees | None, *, limited: bool
+    walk: WalkEvents,
+    begin: int,
+    end: int,
+    near: float,
+    knees: Knees | None = None,
+    phases: Whole | None = None,
+    *,
+    limited: bool,
 ) -> Encoded:
     """Return the walk up to the event `end`; its loop begins at the event `begin`."""
-    keyed = keyed_walk(walk, end, near)
+    keyed = keyed_walk(walk, end, near, phases)
     first = keyed.events.index(begin) + 1
     steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
@@ -283,6 +297,15 @@ def _encoded(
         begin // 2,
         (*lead, *loop),
     )
+
+
+def _phases(walk: WalkEvents, ends: tuple[int, int], near: float, step: int) -> Whole:
+    """Return by how many cycles the base of each turn is best lowered, for its bytes to be rounded best."""
+    spreads = []
+    for phase in range(step):
+        made = _encoded(walk, *ends, near, phases=np.full(len(walk.turns), phase), limited=False)
+        spreads.append(np.ptp((made.widths - walk.rows[made.frames])[:, list(walk.turns)], axis=0))
+    return np.argmin(spreads, axis=0)
 
 
 def _scale(walk: WalkEvents, tops: Floats) -> WidthScale:

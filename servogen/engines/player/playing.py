@@ -86,8 +86,8 @@ def playing(
 
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
-    which the caller checks. With `bends`, a walk that exceeds it because calibrations are bent is played with
-    their knees. Raises InputError.
+    which the caller checks. A walk that exceeds it is encoded more closely, if `bends` allows it with the
+    knees of bent calibrations. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -97,17 +97,18 @@ def playing(
     loop_start = trajectory.loop_start
     encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes)
     played = _played(trajectory, servos, frame, rows, encoded)
-    knees = knees_of(servos, [turn for turn, _ in pairs], rows, clock) if bends and encoded.legs else None
-    if knees is None or played.plan.schedule.plan_error_us <= max_error_us:
-        return played
-    try:
-        encoded = encoded_motion(
-            rows, loop_start, soft, pairs, max_error_us, clock, max_bytes - KNEES_BYTES, knees=knees
-        )
-        bent = _played(trajectory, servos, frame, rows, encoded)
-    except InputError:  # no time, or no room, for knees
-        return played
-    return min(played, bent, key=lambda each: each.plan.schedule.plan_error_us)
+    for turns in ((), [turn for turn, _ in pairs] if bends else ()):
+        if not encoded.legs or played.plan.schedule.plan_error_us <= max_error_us:
+            break
+        knees = knees_of(servos, turns, rows, clock)
+        room = max_bytes - (KNEES_BYTES if knees.bends.any() else 0)
+        try:
+            closer = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, room, knees=knees)
+            other = _played(trajectory, servos, frame, rows, closer)
+        except InputError:  # no time, or no room, for knees
+            break
+        played = min(played, other, key=lambda each: each.plan.schedule.plan_error_us)
+    return played
 
 
 def _played(

@@ -34,7 +34,8 @@ def robot(draw: random.Random) -> tuple[str, float]:
         y, mirrored = (aside, "") if leg[0] == "L" else (-aside, ", mirrored = true")
         rows.append(f'  {{ name = "{leg}", x_mm = {x}, y_mm = {y}{mirrored} }},\n')
     lengths = f"{{ ab = {ab}, bc = {bc}, cd = {cd}, df = {df} }}"
-    text = f'name = "r"\nkind = "hexapod"\nlengths_mm = {lengths}\nmount = [\n{"".join(rows)}]\n'
+    head = 'name = "r"\nkind = "hexapod"\nleg = "pantograph"\n'
+    text = f"{head}lengths_mm = {lengths}\nmount = [\n{''.join(rows)}]\n"
     return text, round(0.887 * (bc + df), 1)
 
 

@@ -54,7 +54,6 @@ def test_straightened_widths_are_as_straight_as_the_angles(reverse: bool, fallin
     angles = np.radians(np.linspace(20, 160, 141))
     rows = np.array([[arm.width_us(angle)] for angle in angles])
     knees = knees_of([arm], [0], rows, CLOCK)
-    assert knees is not None
 
     def off_a_line(widths: np.ndarray) -> float:
         return float(np.abs(widths - np.polyval(np.polyfit(angles, widths, 1), angles)).max())
@@ -67,16 +66,15 @@ def test_of_many_points_the_knee_is_the_one_that_leaves_least() -> None:
     """Points on two lines, 5 and 5.5 µs per degree, that meet at 100°; one of the others is 1 µs off."""
     arm = own((0, 1000), (40, 1201), (70, 1350), (100, 1500), (140, 1720), (180, 1940))
     knees = knees_of([arm], [0], np.array([[1010.0], [1930.0]]), CLOCK)
-    assert knees is not None
     assert (knees.widths.tolist(), knees.bends.tolist()) == ([1500.0], [round(256 * 0.1)])
 
 
 def test_straight_calibrations_and_knees_that_the_motion_does_not_reach_are_none() -> None:
     straight = own((0, 1000), (90, 1500), (180, 2000))
     bent = own((0, 1000), (90, 1450), (180, 2000))
-    assert knees_of([straight], [0], np.array([[1100.0], [1900.0]]), CLOCK) is None
-    assert knees_of([bent], [0], np.array([[1500.0], [1900.0]]), CLOCK) is None
-    assert knees_of([bent], [], np.array([[1100.0], [1900.0]]), CLOCK) is None
+    for arm, turns, low in ((straight, [0], 1100.0), (bent, [0], 1500.0), (bent, [], 1100.0)):
+        assert not knees_of([arm], turns, np.array([[low], [1900.0]]), CLOCK).bends.any()
+    assert knees_of([bent], [0], np.array([[1100.0], [1900.0]]), CLOCK).bends.any()
 
 
 @pytest.fixture(scope="module")
