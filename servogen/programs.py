@@ -60,6 +60,8 @@ class Program:
     clock: Clock | None = None
     remarks: tuple[Diagnostic, ...] = ()
     """Warnings about a HEX file that can be read nevertheless."""
+    warnings: tuple[Diagnostic, ...] = ()
+    """The warnings of the compiler or the assembler."""
     device: str | None = None
     """The chip that it was built for, where a job or the schedule of a build says it, or where its C (by a
     header or its clock) or its assembly (`list p=16f84a`) asks for another one than the default.
@@ -160,9 +162,8 @@ def within_limits(
 def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
     """Return the program in a HEX, C or assembly file.
 
-    `included` finds the include files of a student, who is told the compiler's warnings. The device defaults
-    to the one that the source names, else to the PIC16F84. Time and memory are not limited here: see
-    `read_program`. Raises InputError.
+    `included` finds the include files of a student. The device defaults to the one that the source names,
+    else to the PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
     """
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
@@ -177,7 +178,7 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
             compilation.image,
             compilation.listing,
             compilation.clock,
-            remarks=compilation.diagnostics if included else (),
+            warnings=compilation.diagnostics,
             device=_unusual(compilation.device),
         )
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
@@ -186,8 +187,8 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
         files = beside(path.parent) if included is None else _assembly_includes(included, path)
         named = device(device_name) if device_name else None
         assembly = assemble(read_assembly(path), str(path), named, files)
-        remarks = assembly.warnings if included else ()
-        return Program(assembly.image, assembly.listing, remarks=remarks, device=_unusual(assembly.device))
+        built_for = _unusual(assembly.device)
+        return Program(assembly.image, assembly.listing, warnings=assembly.warnings, device=built_for)
     from servogen.pic.image import read_hex
 
     file = read_hex(read_source(path), str(path))

@@ -22,8 +22,8 @@ from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.cli.show import warn
 from servogen.errors import Diagnostic, InputError, Location
 
-MAX_BEGIN = 3600 * 5_000_000
-"""The maximum of --at-cycle: an hour, the longest time of a lab, at 20 MHz."""
+MAX_BEGIN = 48 * 3600 * 5_000_000
+"""The maximum of --at-cycle: two days at 20 MHz."""
 
 
 def register(app: typer.Typer) -> None:

@@ -9,6 +9,9 @@ at the moment that was asked for.
 Running again from a snapshot repeats what happened, because every change from outside is either part of the
 stimulus or in the list of inputs, each of which is applied again in the cycle in which it was first applied.
 An input at a moment in the past makes another future: what was known of the old one is dropped.
+
+A program that does the same again and again is not run for hours: once its state has come back, the way to a
+far moment goes over whole repetitions at once.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +50,14 @@ BACK_SNAPSHOTS = 3000
 NEAR = 3
 """The cycles per instruction by which a step back first goes back."""
 NO_LINE = -1
+STRIDE_S = 1
+"""The simulated time of a step on the way to a far moment."""
+FAR = 3
+"""The number of loops from which on a way is far."""
+LOOPS = 1024
+"""The maximum number of loops after which a program's state comes back: TMR0 has 256 phases."""
+SPARSE = 5000
+"""The number of snapshots of a long way."""
 
 Rows = npt.NDArray[np.int64]
 
@@ -69,6 +81,16 @@ class _Kept:
 
 
 @dataclass(frozen=True, slots=True)
+class Repetition:
+    """What a program does again and again after a number of inputs: from a state until it has come back."""
+
+    begin: int
+    length: int
+    moments: tuple[tuple[int, Snapshot], ...]
+    inputs: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Stop:
     """What ended a run early: an edge (pin, level), or, without one, an address."""
 
@@ -85,7 +107,9 @@ class TimeMachine:
         options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
         stimulus: Stimulus | None = None,
         listing: Listing | None = None,
+        loop: int | None = None,
     ) -> None:
+        """Power up the chip; `loop` is the number of cycles after which its program may do the same again."""
         self.clock = clock
         self.listing = listing
         self.machine = Machine(image, clock, options, stimulus)
@@ -94,6 +118,10 @@ class TimeMachine:
         self._spacing = clock.round_seconds(SPACING_S)
         self._coarse = int(self._spacing)
         self._recent = clock.round_seconds(RECENT_S)
+        self._stride = clock.round_seconds(STRIDE_S)
+        self._loop = loop
+        self.repetition: Repetition | None = None
+        """The repetition that was found last, or one that another machine found without inputs."""
         self._inputs: list[_Input] = []
         self._applied = 0
         self._kept: dict[int, _Kept] = {}
@@ -132,12 +160,19 @@ class TimeMachine:
         for cycle in self._at[bisect_right(self._at, now) :]:
             del self._kept[cycle]
         del self._at[bisect_right(self._at, now) :]
+        if self.repetition is not None and self.repetition.begin + self.repetition.length > now:
+            self.repetition = None
         self.reach = now
 
     def seek(self, cycle: int) -> None:
         """Go to the first moment that is not before `cycle`."""
-        self._restore_before(max(0, cycle))
-        self.run(max(0, cycle))
+        for _ in self.going(cycle):
+            pass
+
+    def going(self, cycle: int) -> Iterator[None]:
+        """Go to the first moment that is not before `cycle`, in steps; the way may be left after each."""
+        yield from self._nearing(max(0, cycle))
+        yield from self._on(max(0, cycle))
 
     def run(
         self,
@@ -146,22 +181,25 @@ class TimeMachine:
         stops: Set[int] = frozenset(),
         wanted: Callable[[EdgeChunk], npt.NDArray[np.bool_]] | None = None,
         edges: list[EdgeChunk] | None = None,
+        toward: int | None = None,
     ) -> Stop | None:
         """Run to the first moment that is not before `end`; return what stopped it earlier, if anything did.
 
         It stops before an instruction at an address in `stops` (except at the first one), and after an edge
-        that `wanted` marks. The edges made are appended to `edges`.
+        that `wanted` marks. The edges made are appended to `edges`. Of a way that goes on `toward` a later
+        moment fewer snapshots are kept.
         """
         machine, first = self.machine, self.now
+        toward = end if toward is None else toward
         machine.breakpoints = set(stops)
         try:
             while True:
-                self._arrive(end)
+                self._arrive(toward)
                 if self.now != first and machine.pc in stops and not machine.asleep:
                     return Stop()
                 if self.now >= end:
                     return None
-                goal = min(end, self._next_due(end))
+                goal = min(end, self._next_due(toward))
                 # The core stops at addresses, not at edges: after an edge that is wanted, the stretch is run
                 # again up to it.
                 begin = machine.snapshot() if wanted is not None else None
@@ -175,7 +213,7 @@ class TimeMachine:
                 if edges is not None:
                     edges.append(chunk)
                 if self.now < goal:
-                    self._arrive(end)
+                    self._arrive(toward)
                     return Stop()
         finally:
             machine.breakpoints = set()
@@ -183,7 +221,8 @@ class TimeMachine:
     def edges(self, begin: int, end: int) -> EdgeChunk:
         """Return the edges of the cycles from `begin` to `end`, and come back to the current moment."""
         here = self.machine.snapshot(), self._applied
-        self._restore_before(max(0, begin))
+        for _ in self._nearing(max(0, begin)):
+            pass
         seen: list[EdgeChunk] = []
         self.run(end, edges=seen)
         self.machine.restore(here[0])
@@ -258,8 +297,13 @@ class TimeMachine:
             due = min(due, self._inputs[self._applied].cycle)
         return due
 
+    def _distance(self, end: int) -> int:
+        """Return the cycles from one snapshot to the next on the way to `end`."""
+        left = end - self.now
+        return int(self._spacing if left <= self._recent else max(self._coarse, left // SPARSE))
+
     def _next_snapshot(self, end: int) -> int:
-        spacing = self._spacing if self.now >= end - self._recent else self._coarse
+        spacing = self._distance(end)
         place = bisect_right(self._at, self.now)
         due = self._at[place - 1] + spacing
         while place < len(self._at) and self._at[place] < due + spacing // 2:
@@ -274,12 +318,13 @@ class TimeMachine:
             self._applied += 1
         self.reach = max(self.reach, self.now)
         place = bisect_right(self._at, self.now)
-        spacing = self._spacing if self.now >= end - self._recent else self._coarse
-        if self.now - self._at[place - 1] >= spacing:
+        if self.now - self._at[place - 1] >= self._distance(end):
             self._keep()
 
     def _keep(self) -> None:
         now = int(self.now)
+        if now in self._kept:
+            return
         self._kept[now] = _Kept(self.machine.snapshot(), self._applied, self.machine.edges_made)
         insort(self._at, now)
         if len(self._at) > MAX_SNAPSHOTS:
@@ -312,8 +357,68 @@ class TimeMachine:
         place = bisect_right(self._at, cycle) - 1
         if self.now > cycle or self._at[place] > self.now:
             self._restore(place)
-        if cycle - self.now > 2 * self._spacing:  # a thinned past: be near the next time
-            self.run(cycle - self._spacing)
+
+    def _nearing(self, cycle: int) -> Iterator[None]:
+        """Go to a moment that is not after `cycle`, and near it, in steps."""
+        self._restore_before(cycle)
+        if cycle - self.now > 2 * self._spacing:  # a thinned past, or one that was not run
+            yield from self._on(cycle - self._spacing)
+
+    def _on(self, cycle: int) -> Iterator[None]:
+        """Run to the first moment that is not before `cycle` in steps, over whole repetitions at once."""
+        yield from self._repeated(cycle)
+        while self.now < cycle:
+            self.run(min(cycle, self.now + self._stride), toward=cycle)
+            yield
+
+    def _repeated(self, cycle: int) -> Iterator[None]:
+        """Go on towards a far `cycle`, from loop to loop, until the state has come back; then over whole
+        repetitions.
+        """
+        if self._leap(cycle) or not self._loop:
+            return
+        length = self._loop * max(1, self._stride // self._loop)
+        seen: dict[bytes, int] = {}
+        moments: list[tuple[int, Snapshot]] = []
+        while self._undisturbed(cycle) - self.now > FAR * length and len(moments) < LOOPS:
+            here = int(self.now), self.machine.snapshot()
+            moments.append(here)
+            first = seen.setdefault(self.machine.fingerprint(), len(moments) - 1)
+            begin, before = moments[first]
+            if first < len(moments) - 1 and self.machine.repeats(before, here[1]):
+                self.repetition = Repetition(begin, here[0] - begin, tuple(moments[first:]), self._applied)
+                break
+            end = self.now + length
+            while self.now < end:
+                self.run(min(end, self.now + self._stride), toward=cycle)
+                yield
+            if self.now > end:  # not where a loop begins: what was seen is at other places of it
+                seen, moments = {}, []
+        self._leap(cycle)
+
+    def _leap(self, cycle: int) -> bool:
+        """Go over whole repetitions to the nearest known moment that is not after `cycle`, or the next input;
+        return whether they are known, and that is nearer than here.
+        """
+        known = self.repetition
+        if known is None or known.inputs > len(self._inputs) or cycle < known.begin + known.length:
+            return False
+        due = self._inputs[known.inputs].cycle if known.inputs < len(self._inputs) else cycle
+        times, phase = divmod(min(cycle, due) - known.begin, known.length)
+        at, moment = max(
+            (each for each in known.moments[:-1] if each[0] <= known.begin + phase), key=itemgetter(0)
+        )
+        if not self.now < at + times * known.length <= cycle:
+            return False
+        self.machine.restore(moment)
+        self._applied = known.inputs
+        self.machine.repeat(known.moments[0][1], known.moments[-1][1], times)
+        self._keep()
+        return True
+
+    def _undisturbed(self, cycle: int) -> int:
+        """Return `cycle`, or the next input if that comes first."""
+        return min([cycle, *(each.cycle for each in self._inputs[self._applied : self._applied + 1])])
 
     def _observed(self, end: int, limit: int) -> Rows:
         """Run to `end`, or until `limit` instructions are executed, and return their rows."""
@@ -393,6 +498,8 @@ class TimeMachine:
         here, end = int(self.now), int(self.now)
         before = self.machine.edges_made
         while end > 0:
+            if end - self._at[bisect_left(self._at, end) - 1] > FAR * self._coarse:
+                self.seek(end - self._stride)  # a past that was not run
             place = bisect_left(self._at, end) - 1
             while place > 0 and self._kept[self._at[place]].edges >= before:
                 place -= 1  # nothing changed since

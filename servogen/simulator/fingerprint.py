@@ -39,6 +39,13 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
     return b"".join(part.astype(np.int64).tobytes() for part in parts)
 
 
+def shift(s: npt.NDArray[np.int64], cycles: int) -> None:
+    """Have all that happened and all that is to come be `cycles` later; no fingerprint shows that."""
+    for slot in _MOMENTS:
+        if s[slot] != at.NEVER:
+            s[slot] += cycles
+
+
 def unknown_bits(s: npt.NDArray[np.int64]) -> bytes:
     """Return which bits are unknown, and the state of the shortest watchdog: later uses of unknown values
     depend on these.
@@ -59,6 +66,13 @@ def _slots(other_chips: bool) -> tuple[list[int], tuple[SlotFacts, ...]]:
 
 _VALUES, _OWN_TIMES = _slots(other_chips=False)
 _OTHER_VALUES, _OTHER_TIMES = _slots(other_chips=True)
+_MOMENTS = [
+    at.CYCLE,
+    at.HORIZON,
+    at.T0_FLAGGED,
+    at.EE_STEP_AT,
+    *(row.number for row in (*_OWN_TIMES, *_OTHER_TIMES)),
+]
 
 
 def _times(s: npt.NDArray[np.int64], rows: tuple[SlotFacts, ...]) -> list[int]:

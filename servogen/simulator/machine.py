@@ -21,7 +21,7 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator.core import Loop, loop
-from servogen.simulator.fingerprint import fingerprint, unknown_bits
+from servogen.simulator.fingerprint import fingerprint, shift, unknown_bits
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.regions import Code, fast_code, marked_code, program_code
 from servogen.simulator.reset_state import power_up
@@ -47,6 +47,8 @@ Packed = npt.NDArray[np.int64]
 RBPU = 0x80
 """The bit of OPTION_REG that switches the pull-ups off: DS35007 section 2.3.2."""
 
+_COUNTERS = slice(at.OVERFLOWS, at.EDGES_TOTAL + 1)
+"""What is counted for reports only."""
 _RESTING = (at.AT_END, at.AT_BREAKPOINT)
 """The reasons of the loop's final return."""
 
@@ -299,6 +301,22 @@ class Machine:
         self._stim = snapshot.stimulus
         self._changes = copy(snapshot.changes)
         self._edges[: len(snapshot.edges)] = snapshot.edges
+
+    def repeat(self, first: Snapshot, second: Snapshot, times: int) -> None:
+        """Let the time from `first` to `second` pass `times` more; no edge is returned.
+
+        For a machine that does without end what it did from `first` to `second` (`repeats`), at any moment.
+        """
+        passed = times * int(second.state[at.CYCLE] - first.state[at.CYCLE])
+        self._s[_COUNTERS] += times * (second.state[_COUNTERS] - first.state[_COUNTERS])
+        shift(self._s, passed)
+
+    @staticmethod
+    def repeats(first: Snapshot, second: Snapshot) -> bool:
+        """Return whether only time tells two moments apart (`recurrence`), and no stimulus is to come."""
+        last, known = second.state, second.state[at.STIM_KNOWN]
+        done = known == at.NEVER and last[at.STIM_NEXT] >= last[at.STIM_COUNT]
+        return bool(done) and fingerprint(first.state) == fingerprint(last)
 
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.

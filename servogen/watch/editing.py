@@ -20,6 +20,7 @@ from servogen.outputs import write_text
 from servogen.pic.image import to_hex
 from servogen.plan_error import plan_text
 from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
+from servogen.watch.motion import motion_of, pose_lines
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 from servogen.workflows.job_build import Build, build
@@ -59,23 +60,24 @@ class Editor:
                 return self._record(text, [float(angle) for angle in request["angles"]]), None
             if request.get("do") == "pose":
                 return self._change(text, request), None
+            job = plan_job(loads(text, str(self._path)))
             if request.get("do") == "check":
-                return _found(plan_job(loads(text, str(self._path)))), None
-            try:
-                job = plan_job(loads(text, str(self._path)))
-                changed = self._changed(text, request)
-                if changed is not None:
-                    return changed, None
-                write_text(self._path, text)
-            except ServogenError as error:
-                return {**_checked(error.diagnostics), "failed": True}, None
+                return _found(job), None
+            changed = self._changed(text, request)
+            if changed is not None:
+                return changed, None
+            write_text(self._path, text)
             if request.get("do") == "save":
                 return {**_found(job), "saved": True}, None
             return self._build(job, progress)
         except ServogenError as error:
-            return _checked(error.diagnostics), None
+            return {**_checked(error.diagnostics), "failed": request.get("do") in ("save", "build")}, None
         except (ValueError, TypeError, KeyError, IndexError) as error:
-            return {"is": "problem", "text": f"the request is wrong: {error}"}, None
+            return {
+                "is": "problem",
+                "text": f"the request is wrong: {error}",
+                "about": request.get("do"),
+            }, None
 
     def _changed(self, text: str, request: Mapping[str, Any]) -> Message | None:
         """Return the file's text if it is neither what the window may overwrite nor what it would write."""
@@ -178,11 +180,13 @@ def _found(job: PlannedJob) -> Message:
         {
             "name": table.name,
             "angles": pose.angles,
+            "line": line,
+            "lines": lines,
             **{key: None if (value := getattr(table, key)) is None else float(value) for key in TIMES},
         }
-        for table, pose in zip(tables, job.poses, strict=True)
+        for table, pose, (line, lines) in zip(tables, job.poses, pose_lines(job), strict=True)
     ]
-    return {**_checked((*job.warnings, *job.notes)), "poses": poses}
+    return {**_checked((*job.warnings, *job.notes)), "poses": poses, "motion": motion_of(job)}
 
 
 def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:

@@ -80,6 +80,7 @@ def _subject(task: GradingTask, result: Graded, progress: Callable[[str], None])
         BOARD,
         program.image,
         program.listing,
+        remarks=program.warnings,
         begin=Cycles(0 if film is None else round(film.moment_us / float(lab.clock.cycle_us))),
         title=shown_name(submission.name),
         robot={"servos": servos, "ends": [], "body": [], "base": None},

@@ -28,12 +28,13 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from servogen.debug.time_machine import Repetition
 from servogen.errors import ServogenError
 from servogen.template_files import template_folder
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import Message, WatchSession
-from servogen.watch.subject import Subject
+from servogen.watch.session import Message, WatchSession, repetition_of
+from servogen.watch.subject import Subject, theorem_of
 
 LOOPBACK = "127.0.0.1"
 PICTURES_PER_S = 30
@@ -52,7 +53,10 @@ FILES: Mapping[str, str] = MappingProxyType(
         "style.css": "style.css",
         **{
             f"{name}.js": f"{name}.js"
-            for name in ("app", "chip", "editor", "hands", "robot", "timeline", "twin", "waves")
+            for name in (
+                *("app", "chip", "console", "dom", "editor", "hands", "links", "moment", "plan", "robot"),
+                *("source", "timeline", "twin", "waves"),
+            )
         },
     }
 )
@@ -89,6 +93,8 @@ class Room:
         self._live = live
         self._subject: Subject | None = None
         self._status: Message = {"is": "status", "text": "starting"}
+        self._theorem: Message = {"is": "theorem", "text": ""}
+        self._repetition: Repetition | None = None
         self._windows: dict[str, Window] = {}
         self._sending: set[asyncio.Future[None]] = set()
         self._loading: asyncio.Task[None] | None = None
@@ -135,10 +141,26 @@ class Room:
             self._say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
             return
         self._show(subject)
+        await self._learn(subject)
+
+    async def _learn(self, subject: Subject) -> None:
+        """Find out, while the subject is shown, what is proven of it, and what it does again and again."""
+        text = await asyncio.to_thread(theorem_of, subject)
+        if subject is self._subject:
+            self._theorem = {"is": "theorem", "text": text}
+            for window in self._windows.values():
+                self._send(window, self._theorem)
+        repetition = await asyncio.to_thread(repetition_of, subject)
+        if subject is self._subject:
+            self._repetition = repetition
+            for window in self._windows.values():
+                if window.session is not None:
+                    window.session.knows(repetition)
 
     def _show(self, subject: Subject) -> None:
         """Show another subject in every window, at the moment where each is."""
-        self._subject = subject
+        self._subject, self._repetition = subject, None
+        self._theorem = {"is": "theorem", "text": ""}
         self._say({"is": "status", "text": ""})
         for window in self._windows.values():
             window.session = self._continued(window, subject)
@@ -146,7 +168,10 @@ class Room:
             self._send(window, window.session.shown())
 
     def _continued(self, window: Window, subject: Subject) -> WatchSession:
-        return window.session.continued(subject) if window.session else WatchSession(subject, self._live)
+        return window.session.continued(subject) if window.session else self._fresh(subject)
+
+    def _fresh(self, subject: Subject) -> WatchSession:
+        return WatchSession(subject, self._live, self._repetition)
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -194,9 +219,9 @@ class Room:
         """Return the window of that name as it was; a new one where none is, or where it is open already."""
         window = self._windows.get(name)
         if window is None or window.socket is not None:
-            session = WatchSession(self._subject, self._live) if self._subject else None
-            if window is not None and window.session is not None and session is not None:
-                session = window.session.continued(window.session.subject)
+            session = self._fresh(self._subject) if self._subject else None
+            if window is not None and window.session is not None and self._subject is not None:
+                session = window.session.continued(self._subject, self._repetition)
             window = Window(session)
             name = secrets.token_urlsafe(12)
             self._windows[name] = window
@@ -209,6 +234,7 @@ class Room:
         if window.session is not None:
             self._send(window, window.session.model())
             self._send(window, window.session.shown())
+            self._send(window, self._theorem)
         return window
 
     def _forget(self) -> None:
@@ -237,6 +263,7 @@ class Room:
                     self._send(other, self._editor.opened())
         if subject is not None:
             self._show(subject)
+            await self._learn(subject)
 
 
 class WatchServer:

@@ -25,13 +25,13 @@ import numpy as np
 from servogen.debug.breakpoints import AtEdge, Breakpoint, first_stop, parse_breakpoint, run_to
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import current_line, line_at
-from servogen.debug.time_machine import TimeMachine
+from servogen.debug.time_machine import Repetition, TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
 from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
-from servogen.errors import InputError, ServogenError
+from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
 from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Run
@@ -44,15 +44,26 @@ from servogen.simulator.sources import pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
+from servogen.watch.motion import motion_of, parts_of
 from servogen.watch.recording import LatestEdges, Recording
+from servogen.watch.serial_listener import SerialListener
 from servogen.watch.subject import Subject
+from servogen.workflows.verification import chip_warnings
 
 Message = dict[str, Any]
 
 MAX_WINDOW_S = 4
 """The maximum time range of the waves."""
-MAX_AHEAD_S = 60
-"""The maximum jump beyond the latest moment reached: the server answers no other request meanwhile."""
+MAX_CYCLE_S = 48 * 3600
+"""The latest moment that can be gone to."""
+ANSWER_S = 0.25
+"""The time in which a moment is gone to before it is said how far the way there is done."""
+WAY_S = 0.1
+"""The time for which the server goes on towards a far moment between two looks at other requests."""
+MAX_REPETITION_S = 3600
+"""The simulated time in which a program's state has to come back."""
+EDGE_S = 10
+"""The simulated time in which the next edge is searched."""
 MAX_EDGES = 20_000
 """The maximum number of edges in one answer; a range with more is cut."""
 SCOPE_SPEED = 0.1
@@ -87,15 +98,23 @@ LAST = 8
 class WatchSession:
     """A window's own machine: its moment, speed and breakpoints."""
 
-    def __init__(self, subject: Subject, live: LiveLine | None = None) -> None:
+    def __init__(
+        self, subject: Subject, live: LiveLine | None = None, repetition: Repetition | None = None
+    ) -> None:
         """Begin at the subject's first moment; `live` is the line of a real robot."""
         self.subject = subject
         self.live = live
         self.chip: TimeMachine | None = None
         if subject.image is not None:
             self.chip = TimeMachine(
-                subject.image, subject.clock, subject.options, subject.stimuli, subject.listing
+                subject.image,
+                subject.clock,
+                subject.options,
+                subject.stimuli,
+                subject.listing,
+                _loop(subject),
             )
+            self.chip.repetition = repetition
         self.recording = Recording(subject.trace) if subject.trace is not None else None
         self.running = False
         self.speed: float | None = 1.0
@@ -115,8 +134,12 @@ class WatchSession:
         """The window of time that the waves show."""
         self._pulses = LatestPulses()
         self._servo_pins = _servo_pins(subject)
-        self._place.seek(subject.begin)
-        self._look_back()
+        self._way: Iterator[None] | None = None
+        """The way to a moment that was asked for, while it is being gone."""
+        self._goal = 0
+        self.listener: SerialListener | None = None
+        """What decodes the bytes on a pin of the chip, while the window listens to one."""
+        self._go(subject.begin)
 
     @property
     def now(self) -> int:
@@ -162,6 +185,10 @@ class WatchSession:
             "inputs": _inputs(subject),
             "serial": _serial(subject),
             "walk": _walk(subject),
+            "marks": [_mark(remark) for remark in subject.remarks if remark.location],
+            "motion": motion_of(subject.job) if subject.job else None,
+            "parts": parts_of(subject.job) if subject.job else [],
+            "listening": self.listener.model if self.listener else None,
             "has_bodies": subject.job is not None and subject.job.robot is not None,
             "bodies": self.bodies.model() if self.bodies else None,
             "sources": [{"name": name, "text": text} for name, text in (listing.sources if listing else ())],
@@ -180,6 +207,8 @@ class WatchSession:
             yield _problem(f"unknown request {str(message.get('do'))[:40]!r}")
             return
         try:
+            if self._way is not None and message.get("do") not in UNDISTURBING:
+                self._arrive()  # where it is now: what is asked for begins there
             yield from action(self, message)
         except ServogenError as error:
             sentences = " ".join(diagnostic.sentence for diagnostic in error.diagnostics)
@@ -192,7 +221,9 @@ class WatchSession:
 
         The bodies follow, also after a jump or a run that was too fast for them.
         """
-        if self.running:
+        if self._way is not None:
+            yield self._proceed(WAY_S)
+        elif self.running:
             self._run_on(min(elapsed_s, LONGEST_TICK_S))
             self._since_full += elapsed_s
             whole = self._since_full >= FULL_S or not self.running
@@ -251,9 +282,36 @@ class WatchSession:
         self._stopped = why
         self._due = 0.0
 
+    def _go(self, cycle: int) -> None:
+        """Go to a moment: at once if it is near, and otherwise in the following ticks."""
+        self._due = 0.0
+        self._goal = max(0, min(cycle, int(self.subject.clock.round_seconds(MAX_CYCLE_S))))
+        if self.chip is None:
+            self._place.seek(self._goal)
+            self._look_back()
+        else:
+            self._way = self.chip.going(self._goal)
+            self._proceed(ANSWER_S)
+
+    def _proceed(self, seconds: float) -> Message:
+        """Go on to the moment that was asked for; return it, or how much of the way is done."""
+        end = time.monotonic() + seconds
+        assert self._way is not None
+        for _ in self._way:
+            if time.monotonic() >= end:
+                return {"is": "going", "share": self.now / max(1, self._goal), "cycle": self._goal}
+        self._arrive()
+        return self.shown()
+
+    def _arrive(self) -> None:
+        self._way = None
+        self._look_back()
+
     def _take(self, edges: EdgeChunk) -> None:
         """Take the edges that were made up to now."""
         self._pulses.add(edges)
+        if self.listener is not None:
+            self.listener.add(edges, self.now)
         begin, end = self._sight
         self._latest.add(edges, self.now, end - begin + 2 * self._period)
 
@@ -276,6 +334,8 @@ class WatchSession:
     def _look_back(self) -> None:
         """Determine the pulses after a jump: those just before, or the latest before a silence."""
         self._latest = LatestEdges(self.now, self._place.levels_before(self.now))
+        if self.listener is not None:
+            self.listener.restart(self.now, self._latest.levels_before(self.now))
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
@@ -299,6 +359,8 @@ class WatchSession:
             message["intervened"] = self._intervened_at()
         if not self.running:
             message["held"] = self._pulses.held
+        if self.listener is not None and (received := self.listener.taken()):
+            message["received"] = received
         if whole:
             self._since_full = 0.0
             message |= {
@@ -344,7 +406,9 @@ class WatchSession:
             "executed": [
                 {"cycle": cycle, "w": w, **self._instruction(chip, address)} for cycle, address, w, _ in rows
             ],
-            "warnings": [warning.sentence for warning in state.warnings],
+            "warnings": [
+                _mark(warning) for warning in chip_warnings(chip.machine, listing=self.subject.listing)
+            ],
             "outside": list(self.outside),
         }
 
@@ -382,8 +446,8 @@ class WatchSession:
         elif what == "edge":
             pin = message.get("pin")
             pins = frozenset() if pin is None else frozenset((int(pin),))
-            if not self._place.step_edge(forwards, pins):
-                self._stopped = "there are no more edges"
+            if not self._step_edge(forwards, pins):
+                self._stopped = f"no edge within {EDGE_S} s" if forwards else "no edge before this one"
         elif self.chip is None:
             raise InputError("not-allowed", "a recording has edges and frames, but no instructions")
         elif what == "line":
@@ -393,6 +457,11 @@ class WatchSession:
             self.chip.step(count)
         self._look_back()
         yield self.shown()
+
+    def _step_edge(self, forwards: bool, pins: frozenset[int]) -> bool:
+        if self.chip is None:
+            return self._place.step_edge(forwards, pins)
+        return self.chip.step_edge(forwards, pins, int(self.subject.clock.round_seconds(EDGE_S)))
 
     def _frame_begin(self, count: int) -> int:
         """Return where the frame `count` frames from here begins; backwards, first the one that it is in."""
@@ -407,12 +476,8 @@ class WatchSession:
         return round(origin + (number + count) * period)
 
     def _do_seek(self, message: Mapping[str, Any]) -> Iterator[Message]:
-        cycle = int(message["cycle"])
-        farthest = int(self._place.reach + self.subject.clock.round_seconds(MAX_AHEAD_S))
-        self._due = 0.0
-        self._place.seek(max(0, min(cycle, farthest)))
-        self._look_back()
-        yield self.shown()
+        self._go(int(message["cycle"]))
+        yield self.shown() if self._way is None else self._proceed(0)
 
     def _do_breakpoint(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Add or remove one breakpoint: a window that sent them all could undo what it has not yet seen."""
@@ -519,10 +584,19 @@ class WatchSession:
         """Send bytes to the chip, after those that are still on the line."""
         data = bytes(int(byte) for byte in message["bytes"])[:MAX_SERIAL_BYTES]
         baud = Fraction(int(message["baud"]))
-        if not 50 <= baud <= 115_200:
-            raise InputError("not-allowed", f"{baud} baud: allowed are 50 to 115200")
+        _check_baud(baud)
         self._send(data, str(message["pin"]), baud)
         yield self.shown(whole=False)
+
+    def _do_listen(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Decode the bytes that the chip sends on a pin from now on; "": on none."""
+        name, baud = str(message.get("pin", "")), Fraction(int(message.get("baud", 0)))
+        self.listener = None
+        if name:
+            _check_baud(baud)
+            self.listener = SerialListener(pin_number(name), baud, self.subject.clock)
+            self.listener.restart(self.now, self._place.levels_before(self.now))
+        yield from ()
 
     def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Send the code of a way, or the one to stop, to the line of a robot that walks on command."""
@@ -558,11 +632,21 @@ class WatchSession:
         begin = (
             max(self.now + 1, self._line_free) if self._line_free - self.now < 10_000_000 else self.now + 1
         )
-        source = Serial(pin_number(pin), data, baud, start=begin)
-        changes = [change for change in source.changes(self.subject.clock) if change.cycle > self.now]
-        bits = 10 * len(data) * self.subject.clock.cycles_per_second / baud
+        number, bit = pin_number(pin), self.subject.clock.cycles_per_second / baud
+        changes: list[LevelChange] = []
+        if self._is_open(number):  # a line idles high; the first start bit comes a byte later
+            changes, self.outside[number] = [LevelChange(self.now + 1, number, HIGH)], HIGH
+            begin = max(begin, self.now + 1 + int(10 * bit))
+        source = Serial(number, data, baud, start=begin)
+        changes += [change for change in source.changes(self.subject.clock) if change.cycle > begin - 1]
+        bits = 10 * len(data) * bit
         self._line_free = begin + int(bits) + 1
         self._apply(changes)
+
+    def _is_open(self, pin: int) -> bool:
+        """Return whether nothing holds a pin from outside, neither the window nor the stimulus."""
+        driven = {edge[1] for edge in self._outside(0, self.now + 1) if edge[2] != UNDRIVEN}
+        return self.outside[pin] == UNDRIVEN and pin not in driven
 
     def _apply(self, changes: Sequence[LevelChange]) -> None:
         """Do something to the pins from now on: the future that was known is another one."""
@@ -591,12 +675,16 @@ class WatchSession:
         pin = pin_number(str(message["pin"]))
         yield {"is": "explanation", "pin": pin, "lines": explain_pin(self._program(), pin)}
 
-    def continued(self, subject: Subject) -> WatchSession:
+    def knows(self, repetition: Repetition | None) -> None:
+        """Take what the program does again and again, unless something has been done to its pins."""
+        if self.chip is not None and not self.chip.inputs:
+            self.chip.repetition = repetition
+
+    def continued(self, subject: Subject, repetition: Repetition | None = None) -> WatchSession:
         """Return a session of another version of the subject at the same moment."""
-        fresh = WatchSession(subject, self.live)
-        fresh.speed, fresh.running = self.speed, self.running
-        fresh._place.seek(self.now)
-        fresh._look_back()
+        fresh = WatchSession(subject, self.live, repetition)
+        fresh.speed, fresh.running, fresh.listener = self.speed, self.running, self.listener
+        fresh._go(self._goal if self._way is not None else self.now)
         if self.bodies is not None:
             with suppress(ServogenError):  # a version without a robot has none
                 fresh.bodies = LiveBodies(subject, fresh._place)
@@ -641,6 +729,7 @@ ACTIONS: Mapping[str, Callable[[WatchSession, Mapping[str, Any]], Iterator[Messa
         "waves": WatchSession._do_waves,
         "pin": WatchSession._do_pin,
         "serial": WatchSession._do_serial,
+        "listen": WatchSession._do_listen,
         "servo": WatchSession._do_servo,
         "walk": WatchSession._do_walk,
         "bodies": WatchSession._do_bodies,
@@ -649,12 +738,53 @@ ACTIONS: Mapping[str, Callable[[WatchSession, Mapping[str, Any]], Iterator[Messa
 )
 """The requests of a window, by name."""
 
+UNDISTURBING = ("waves", "bodies", "listen", "explain")
+"""The requests that do not end the way to a moment."""
+
 
 def _period(subject: Subject) -> int:
     """Return a frame in the subject's own steps: 20 ms where no schedule says how long it is."""
     if subject.schedule is None:
         return int(subject.clock.round_seconds(FRAME_S))
     return int(subject.clock.round_seconds(subject.schedule.clock.seconds(subject.schedule.period)))
+
+
+def _loop(subject: Subject) -> int | None:
+    """Return the cycles of the schedule's loop, after which its program does the same again."""
+    schedule = subject.schedule
+    if schedule is None or schedule.clock != subject.clock:
+        return None
+    return int(schedule.loop_frames * schedule.period)
+
+
+def repetition_of(subject: Subject) -> Repetition | None:
+    """Return what the subject's program does again and again from power-up on; None: that is not known.
+
+    Without it the first way to a far moment takes a few seconds.
+    """
+    loop = _loop(subject)
+    if subject.image is None or loop is None:
+        return None
+    chip = TimeMachine(subject.image, subject.clock, subject.options, subject.stimuli, loop=loop)
+    for _ in chip.going(int(subject.clock.round_seconds(MAX_CYCLE_S))):
+        if chip.repetition is not None or chip.now > subject.clock.round_seconds(MAX_REPETITION_S):
+            break
+    return chip.repetition
+
+
+def _mark(warning: Diagnostic) -> Message:
+    """Return a warning, and the line of the source at which it stands."""
+    place = warning.location
+    return {
+        "text": warning.sentence,
+        "file": place.file if place else None,
+        "line": place.line if place else None,
+    }
+
+
+def _check_baud(baud: Fraction) -> None:
+    if not 50 <= baud <= 115_200:
+        raise InputError("not-allowed", f"{baud} baud: allowed are 50 to 115200")
 
 
 def _problem(text: str) -> Message:

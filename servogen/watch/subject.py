@@ -13,7 +13,7 @@ from pathlib import Path
 
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import board_of, inputs_of, machine_of
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.inputs import open_input
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
@@ -37,6 +37,7 @@ from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
+from servogen.workflows.certificates import beside, kept
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import judge_capture
 
@@ -92,6 +93,8 @@ class Subject:
     """The name that is shown instead of the file's."""
     robot: Mapping[str, object] | None = None
     """What the pulses move; None: what the job or the schedule states."""
+    remarks: tuple[Diagnostic, ...] = ()
+    """The compiler's warnings."""
 
     @property
     def name(self) -> str:
@@ -137,7 +140,15 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
             options, clock = board_of(schedule, options), schedule.clock
             stimuli = stimuli or inputs_of(schedule)
         subject = Subject(
-            path, clock, options, program.image, program.listing, stimuli, schedule=schedule, job=job
+            path,
+            clock,
+            options,
+            program.image,
+            program.listing,
+            stimuli,
+            schedule=schedule,
+            job=job,
+            remarks=program.warnings,
         )
         return _compared(subject, progress)
     progress("reading")
@@ -172,8 +183,18 @@ def job_subject(
         stimuli,
         schedule=schedule,
         job=engine_plan.job,
+        remarks=firmware.warnings,
     )
     return _compared(subject, progress)
+
+
+def theorem_of(subject: Subject) -> str:
+    """Return what is proven of a program that is compared with its schedule, as `servogen build` says it."""
+    if subject.image is None or subject.schedule is None or subject.first_difference is not None:
+        return ""
+    text = subject.schedule.json_text().encode()
+    verdict = kept([beside(subject.path)], subject.image, text)
+    return f"all runs: {verdict.text}" + (": servogen build --prove" if verdict.missing else "")
 
 
 def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:

@@ -368,9 +368,10 @@ def _in_forks(
 def _compile(read: Read, submission: Submission) -> Compiled:
     submission.require_readable()
     program = read(submission)
-    remarks = tuple(map(_for_students, program.remarks[:MOST_REMARKS]))
-    if len(program.remarks) > MOST_REMARKS:
-        more = f"and {len(program.remarks) - MOST_REMARKS} more warnings"
+    said = (*program.remarks, *program.warnings)
+    remarks = tuple(map(_for_students, said[:MOST_REMARKS]))
+    if len(said) > MOST_REMARKS:
+        more = f"and {len(said) - MOST_REMARKS} more warnings"
         remarks += (Diagnostic("note", "more-warnings", more),)
     return Compiled(program.image, program.clock, remarks, program.listing)
 

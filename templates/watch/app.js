@@ -1,251 +1,466 @@
 // The page: one socket to the server, what it says to the views, what the hands do to it.
 
-import { ChipView, element } from "./chip.js";
+import { ChipView } from "./chip.js";
+import { Console } from "./console.js";
+import { byId, element, places, Tabs, write } from "./dom.js";
 import { Editor } from "./editor.js";
 import { Hands } from "./hands.js";
+import { Links } from "./links.js";
+import { Moment } from "./moment.js";
+import { Plan } from "./plan.js";
 import { angleOf, RobotView, Servos } from "./robot.js";
+import { SourceView } from "./source.js";
 import { Twin } from "./twin.js";
 import { Timeline } from "./timeline.js";
 import { timeText, Waves } from "./waves.js";
 
-const $ = id => document.getElementById(id);
 const PLACE = `window of ${location.pathname}`;   // where a tab keeps which window of the server's it is
+const DOCK = "servogen dock";
 const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
-const AROUND_US = 2000;   // of a difference, shown on both sides
-const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
-
-let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
-let twin = null, followed = 0, asked = 0, waiting = false, handPose = null;
-window.watched = { pictures: 0, latest: null };   // for whoever measures
-
-const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
-const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), conflict: $("job-conflict"), progress: $("build-progress"), download: $("download") }, send, poses => timeline.show(poses));
-const timeline = new Timeline(
-  { area: $("timeline-area"), list: $("timeline"), move_s: $("pose-move"), hold_s: $("pose-hold"), pause_s: $("pose-pause"), earlier: $("pose-earlier"), later: $("pose-later"), set: $("pose-set"), remove: $("pose-remove") },
-  change => send({ do: "pose", text: $("job-text").value, ...change, ...(change.kind === "angles" ? { angles: hands?.angles } : {}) }),
-  pose => hands?.pose(pose.angles),
-);
-
-function connect() {
-  socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*$/, "")}socket`);
-  socket.addEventListener("open", () => { $("link").textContent = ""; send({ window: sessionStorage.getItem(PLACE) || "" }); });
-  socket.addEventListener("message", event => receive(JSON.parse(event.data)));
-  socket.addEventListener("close", () => { $("link").textContent = "The server has ended: start servogen watch again."; setTimeout(connect, 2000); });
-}
-
-const RECEIVE = {
-  window: message => sessionStorage.setItem(PLACE, message.name),
-  status: message => { $("status").textContent = message.text; $("status").classList.toggle("bad", !!message.failed); },
-  model: start,
-  now: show,
-  waves: message => { waiting = false; waves.take(message); },
-  problem: message => (message.about === "breakpoint" ? breakpointSaid : say)(message.text, "bad"),
-  explanation: message => { $("explanation").replaceChildren(...message.lines.map(text => element("p", {}, text))); $("explanation").hidden = false; },
-  bodies: message => { twin.take(message); picture(); },
-  "bodies-model": message => { twin.model(message.model, message.text); picture(); },
-  editor: message => editor.open(message),
-  differs: message => editor.differs(message.text),
-  checked: message => editor.checked(message),
-  building: message => editor.say(message.text),
-  built: message => editor.built(message),
+const AGAIN_MS = 1000;   // between two tries to reach a server that has gone
+const KEYS = {
+  " ": "run", n: "next-instruction", N: "back-instruction", l: "next-line", L: "back-line", e: "next-edge",
+  E: "back-edge", f: "next-frame", F: "back-frame", d: "difference",
 };
 
-function receive(message) { RECEIVE[message.is]?.(message); }
-
-function say(text, kind = "") {
-  $("said").textContent = text;
-  $("said").className = kind;
-}
-
-function start(message) {
-  model = message;
-  document.title = `${model.name} · servogen`;
-  $("name").textContent = model.name;
-  $("views").hidden = false;
-  $("difference").disabled = model.first_difference === null;
-  handPose = null;
-  compared();
-  servos = model.robot ? new Servos(model.robot) : null;
-  $("robot-area").hidden = !model.robot;
-  if (model.robot) {
-    if (robot) robot.use(model.robot);
-    else robot = new RobotView($("robot"), model.robot);
-    window.watched.robot = robot;
-    twin ||= new Twin({ area: $("twin"), show: $("twin-show"), text: $("twin-text") }, on => { send({ do: "bodies", on }); picture(); });
-    twin.start(model, robot);
+class Page {
+  constructor() {
+    this.model = this.latest = this.hands = this.chip = this.source = this.waves = this.servos = null;
+    this.followed = this.asked = this.painted = 0;
+    this.handPose = null;
+    this.seen = window.watched = { pictures: 0, latest: null };   // for whoever measures
+    this.send = message => {
+      if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+    };
+    this.links = new Links();
+    this.plan = new Plan();
+    this.moment = new Moment(this.send, (text, kind) => this.say(text, kind));
+    this.editor = new Editor(places({
+      text: "job-text", lines: "job-lines", bands: "job-bands", state: "job-state", preview: "preview",
+      problems: "job-problems", save: "save", build: "build", conflict: "job-conflict",
+      progress: "build-progress", download: "download",
+    }), this.send, {
+      posed: answer => this.posed(answer),
+      pointed: (line, clicked) =>
+        this.pointed(line === null ? null : this.links.atLine(line), clicked ? "text" : ""),
+    });
+    this.timeline = new Timeline(places({
+      area: "timeline-area", list: "timeline", move_s: "pose-move", hold_s: "pose-hold",
+      pause_s: "pose-pause", earlier: "pose-earlier", later: "pose-later", set: "pose-set",
+      remove: "pose-remove",
+    }), {
+      change: change => this.change(change),
+      chosen: (pose, index) => this.chosen(pose, index),
+      pointed: index => this.pointed(index, ""),
+    });
+    this.links.shown = () => this.linked();
+    this.twin = new Twin(places({ area: "twin", show: "twin-show", text: "twin-text" }), on => {
+      this.send({ do: "bodies", on });
+      this.picture();
+    });
+    this.textTabs = new Tabs(byId("text-tabs"));
+    this.toolTabs = new Tabs(byId("tool-tabs"));
+    this.listen();
+    this.connect();
   }
-  const rows = model.channels.map(channel => {
-    const servo = model.robot?.servos.find(each => each.pin === channel.pin);
-    return { name: channel.name, pin: channel.pin, colour: servo?.colour, servo };
-  });
-  if (model.serial) {
-    const bit = model.cycles_per_second / model.serial.baud;
-    rows.push({ name: "serial in", pin: model.pins.indexOf(model.serial.pin), serial: bit });
-    if (model.serial.answers) rows.push({ name: "serial out", pin: model.pins.indexOf(model.serial.answers), serial: bit });
+  listen() {
+    const click = (id, action) => byId(id).addEventListener("click", action);
+    click("zoom-in", () => this.waves.zoom(0.5, this.latest.cycle));
+    click("zoom-out", () => this.waves.zoom(2, this.latest.cycle));
+    click("which", () => {
+      this.waves.which = 1 - this.waves.which;
+      write(byId("which"), this.waves.which ? "cursor B" : "cursor A");
+      byId("which").setAttribute("aria-pressed", !!this.waves.which);
+    });
+    click("explained", () => { byId("explanation").hidden = true; this.relay(); });
+    click("dock", () => this.dock(!byId("views").classList.contains("beside"), true));
+    this.dock((localStorage.getItem(DOCK) ?? (window.innerWidth >= 1700 ? "beside" : "")) === "beside");
+    byId("lane").addEventListener("change", () => {
+      this.waves.choose(byId("lane").value === "" ? null : +byId("lane").value);
+    });
+    byId("breakpoint-form").addEventListener("submit", event => {
+      event.preventDefault();
+      this.send({ do: "breakpoint", text: byId("breakpoint").value, on: true });
+    });
+    // Escape is the emergency stop wherever the focus is; a button is held down as long as the key.
+    const stop = (event, down) => {
+      if (event.key === "Escape" && this.hands?.emergency(down)) event.preventDefault();
+    };
+    document.addEventListener("keydown", event => { if (!event.repeat) stop(event, true); });
+    document.addEventListener("keyup", event => stop(event, false));
+    document.addEventListener("keydown", event => this.press(event));
+    window.addEventListener("resize", () => { this.relay(); this.robot?.paint(); });
+    setInterval(() => { if (this.pending) this.ask(); }, 60);
   }
-  for (const each of model.inputs) rows.push({ name: each.name, pin: model.pins.indexOf(each.pin) });
-  const options = {
-    rows,
-    changed: () => ask(),
-    seek: cycle => send({ do: "seek", cycle }),
-    readout: text => { if ($("readout").textContent !== text) $("readout").textContent = text; },
-    describe: (row, width) => {
-      const us = width * model.cycle_us, servo = row.servo;
-      return servo ? `${+us.toFixed(2)} µs ${(angleOf(servo, us) * 180 / Math.PI).toFixed(1)}${servo.continuous ? " °/s" : "°"}` : timeText(us);
-    },
-  };
-  if (waves) waves.use(model, options);
-  else waves = window.watched.waves = new Waves($("waves"), model, options);
-  $("chip-area").hidden = !model.runs;
-  for (const id of ["back-instruction", "next-instruction", "back-line", "next-line"]) $(id).disabled = !model.runs;
-  if (model.runs) chip = new ChipView(model, { package: $("package"), registers: $("registers"), peripherals: $("peripherals"), variables: $("variables"), ram: $("ram"), stack: $("stack"), eeprom: $("eeprom"), instructions: $("instructions"), source: $("source"), warnings: $("warnings") }, pin => send({ do: "explain", pin }));
-  hands?.end();
-  hands = new Hands(model, { area: $("hands"), pose: $("pose"), sliders: $("sliders"), record: $("record"), follow: $("follow"), buttons: $("buttons"), walk: $("walk"), pin: $("pin"), high: $("pin-high"), low: $("pin-low"), free: $("pin-free"), serial: $("serial"), serialForm: $("serial-form"), serialPin: $("serial-pin"), baud: $("baud"), bytes: $("bytes"), sent: $("sent") }, send, {
-    record: angles => send({ do: "record", text: $("job-text").value, angles }),
-    walk: way => { send({ do: "walk", way }); if (!latest.running) run(true); },
-    shown: angles => { handPose = angles; picture(); },
-  });
-  ask(true);
-}
-
-// What the comparison with the schedule says: of the run as it is now, or why it says nothing.
-function compared() {
-  const difference = model.first_difference, since = latest?.intervened ?? null;
-  const untouched = since === null || (difference !== null && difference < since);
-  const first = () => `first difference at ${timeText(difference * model.cycle_us, 100)}`;
-  $("difference").disabled = difference === null || !untouched;
-  const said = !untouched ? `you intervened at ${timeText(since * model.cycle_us, 1e5)}: not compared from there`
-    : model.verdict || (!model.compared ? "" : difference === null ? "every edge as scheduled" : first());
-  if ($("difference-text").textContent !== said) $("difference-text").textContent = said;
-}
-
-// The widths in µs of the servos' pulses, or of what the schedule asks for at the moment.
-const widthsOf = message => model.robot.servos.map(servo => message.widths[servo.pin] * model.cycle_us);
-
-function ghost(cycle) {
-  if (handPose && !model.serial) return handPose;
-  if (!model.robot || model.origin === null || latest.planned === false) return null;
-  let frame = Math.floor((cycle - model.origin) / model.period);
-  const { lead_in, loop } = model.schedule, count = runs => runs.reduce((sum, [frames]) => sum + frames, 0);
-  let runs = lead_in;
-  if (frame >= count(lead_in)) { frame = (frame - count(lead_in)) % count(loop); runs = loop; }
-  for (const [frames, pulses] of runs) {
-    if (frame < frames) return model.robot.servos.map((servo, index) => pulses[index] ? angleOf(servo, pulses[index][1] * model.schedule_cycle_us) : servos.angles[index]);
-    frame -= frames;
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.matches("input, textarea, select, button, a, summary")) return;
+    if (event.target === document.body && this.hands?.steer(event)) return;
+    const control = byId(KEYS[event.key] || "");
+    if (!control) return;
+    event.preventDefault();
+    if (!control.disabled) control.click();
   }
-  return null;
-}
-
-function show({ waves: seen, ...message }) {
-  latest = window.watched.latest = { ...latest, ...message };
-  if (seen) waves.take(seen, true);
-  compared();
-  if (servos) {
-    const widths = widthsOf(message);
-    if (!message.running) servos.jump(model.robot.servos.map((servo, index) => widths[index] || (servo.continuous ? 0 : message.held[servo.pin] * model.cycle_us)));
-    hands.follow(widths);
+  // Have chip and hands beside the robot, or below the text.
+  dock(beside, kept = false) {
+    byId("views").classList.toggle("beside", beside);
+    byId("dock").setAttribute("aria-pressed", beside);
+    if (kept) localStorage.setItem(DOCK, beside ? "beside" : "below");
+    this.relay();
+    this.robot?.paint();
   }
-  const time = performance.now();
-  if (!message.running || time - followed > FOLLOW_MS) {   // drawing the waves is what costs most
-    followed = time;
-    if (message.running) waves.mark(message.cycle);   // what is in sight then is the server's choice
-    else waves.follow(message.cycle, false);
+  relay() {
+    if (!this.waves?.data) return;
+    this.waves.lay();
+    this.waves.paint();
   }
-  chip?.showLevels(message.levels);
-  if (message.chip) chip?.show(message.chip, message.cycle);
-  if ("stopped" in message) {
-    $("run").textContent = message.running ? "pause" : "run";
-    $("run").setAttribute("aria-pressed", message.running);
-    if (document.activeElement !== $("speed")) $("speed").value = SPEEDS.findIndex(([speed]) => speed === message.speed);
-    if (message.stopped) say(`stopped at ${message.stopped}`);
-    else if (message.running) say("");
-    breakpoints(message.breakpoints);
+  connect() {
+    this.socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*$/, "")}socket`);
+    this.socket.addEventListener("open", () => {
+      this.lost(false);
+      this.send({ window: sessionStorage.getItem(PLACE) || "", cycle: this.latest?.cycle ?? 0 });
+    });
+    this.socket.addEventListener("message", event => this.receive(JSON.parse(event.data)));
+    this.socket.addEventListener("close", () => {
+      this.lost(true);
+      setTimeout(() => this.connect(), AGAIN_MS);
+    });
   }
-  const us = message.cycle * model.cycle_us, frame = model.origin === null ? "" : `, frame ${Math.floor((message.cycle - model.origin) / model.period)}`;
-  $("now").textContent = `${(us / 1e6).toFixed(6)} s, cycle ${message.cycle}${frame}`;
-  const slider = $("moment");
-  slider.max = Math.max(model.end ?? message.reach, 1);
-  if (document.activeElement !== slider || message.running) slider.value = message.cycle;
-  picture();
-  ask(!message.running);
-}
-
-// Paint at the display's rate: between two messages the servos go on as fast as they can, at the chosen speed.
-let painting = false, painted = 0;
-function picture() {
-  if (painting) return;
-  painting = true;
-  requestAnimationFrame(time => {
-    painting = false;
-    window.watched.pictures++;
-    const passed = Math.min(0.1, (time - painted) / 1000);
-    painted = time;
-    if (robot && servos && latest) {
-      if (latest.running) servos.follow(widthsOf(latest), passed * (latest.speed ?? 10));
-      robot.show(servos.angles, ghost(latest.cycle), servos.pose);
+  // Say that the server has gone: nothing on the page would do anything.
+  lost(gone) {
+    document.body.classList.toggle("gone", gone);
+    byId("views").inert = byId("time").inert = gone;
+    byId("link").hidden = !gone;
+    const said = "The server has ended. Start servogen watch again; this page goes on where it was as soon as"
+      + " the server answers. Text that is not saved stays here.";
+    write(byId("link"), gone ? said : "");
+    if (!gone) return;
+    this.editor.lost();
+    this.waiting = false;
+    document.title = `ended · ${this.model?.name ?? "servogen"}`;
+  }
+  receive(message) {
+    const take = {
+      window: () => sessionStorage.setItem(PLACE, message.name),
+      status: () => this.status(message),
+      model: () => this.start(message),
+      theorem: () => write(byId("theorem"), message.text),
+      now: () => this.show(message),
+      going: () => this.moment.going(message.share),
+      waves: () => { this.waiting = false; this.waves.take(message); },
+      problem: () => this.problem(message),
+      explanation: () => this.explained(message.lines),
+      bodies: () => { this.twin.take(message); this.picture(); },
+      "bodies-model": () => { this.twin.model(message.model, message.text); this.picture(); },
+      editor: () => this.editor.open(message),
+      differs: () => this.editor.differs(message.text),
+      checked: () => this.editor.checked(message),
+      building: () => this.editor.say(message.text),
+      built: () => this.editor.built(message),
+    }[message.is];
+    take?.();
+  }
+  status(message) {
+    write(byId("status"), message.text);
+    byId("status").classList.toggle("bad", !!message.failed);
+  }
+  problem(message) {
+    if (message.about === "check") this.editor.planned();
+    if (message.about === "breakpoint") this.breakpointSaid(message.text);
+    else this.say(message.text, "bad");
+  }
+  say(text, kind = "") {
+    write(byId("said"), text);
+    byId("said").className = kind;
+  }
+  explained(lines) {
+    byId("explanation").lastElementChild.replaceChildren(...lines.map(text => element("p", {}, text)));
+    byId("explanation").hidden = false;
+    this.relay();
+  }
+  start(model) {
+    this.model = model;
+    document.title = `${model.name} · servogen`;
+    write(byId("name"), model.name);
+    byId("time").hidden = byId("views").hidden = false;
+    this.handPose = null;
+    this.plan.clear();
+    this.links.use(model);
+    this.servos = model.robot ? new Servos(model.robot) : null;
+    byId("robot-area").hidden = !model.robot;
+    if (model.robot) {
+      if (this.robot) this.robot.use(model.robot);
+      else this.robot = this.seen.robot = new RobotView(byId("robot"), model.robot);
+      this.twin.start(model, this.robot);
     }
-    if (latest?.running) picture();
-  });
+    const options = this.options(model);
+    if (this.waves) this.waves.use(model, options);
+    else this.waves = this.seen.waves = new Waves(byId("waves"), model, options);
+    this.moment.use(model, this.waves);
+    this.compared();
+    this.tools(model);
+    this.ask();
+  }
+  // The chip, its source, the hands: of this model alone.
+  tools(model) {
+    const job = this.editor.opened;
+    this.source?.end();
+    this.hands?.end();
+    this.serial?.end();
+    this.chip = this.source = null;
+    byId("views").classList.toggle("plain", !job && !model.runs);
+    const texts = [...(job ? ["tab-job"] : []), ...(model.runs ? ["tab-source"] : [])];
+    if (texts.length) this.textTabs.offer(texts);
+    if (model.runs) this.toolTabs.offer(["tab-hands", "tab-chip", "tab-memory", "tab-serial"]);
+    else byId("tools").hidden = true;
+    if (model.runs) {
+      if (!job && !this.chosenTool) this.toolTabs.choose("tab-chip");
+      this.chosenTool = true;
+      this.chip = new ChipView(model, places({
+        package: "package", registers: "registers", peripherals: "peripherals", variables: "variables",
+        ram: "ram", stack: "stack", eeprom: "eeprom", warnings: "warnings",
+      }), pin => this.send({ do: "explain", pin }));
+      this.source = new SourceView(model, places({ source: "source", instructions: "instructions" }),
+        (text, on) => this.send({ do: "breakpoint", text, on }));
+      write(byId("tab-source"), model.marks.length ? `source (${model.marks.length} warned)` : "source");
+    }
+    this.hands = new Hands(model, places({
+      pose: "pose", sliders: "sliders", record: "record", follow: "follow", buttons: "buttons",
+      emergency: "emergency", walk: "walk", pin: "pin", high: "pin-high", low: "pin-low", free: "pin-free",
+    }), this.send, {
+      record: angles => this.send({ do: "record", text: this.editor.text, angles }),
+      walk: way => { this.send({ do: "walk", way }); if (!this.latest.running) this.moment.run(true); },
+      shown: angles => { this.handPose = angles; this.picture(); },
+    });
+    this.serial = new Console(model, places({
+      form: "serial-form", pin: "serial-pin", baud: "baud", kind: "serial-kind", bytes: "bytes",
+      read: "serial-read", idle: "serial-idle", listen: "listen-pin", listenBaud: "listen-baud",
+      transcript: "transcript",
+    }), this.send, (pin, bit) => this.decode(pin, bit));
+  }
+  options(model) {
+    const rows = model.channels.map(channel => {
+      const servo = model.robot?.servos.find(each => each.pin === channel.pin);
+      return { name: channel.name, pin: channel.pin, colour: servo?.colour, servo };
+    });
+    if (model.serial) {
+      const serial = model.cycles_per_second / model.serial.baud, pin = name => model.pins.indexOf(name);
+      rows.push({ name: "serial in", pin: pin(model.serial.pin), serial });
+      if (model.serial.answers) rows.push({ name: "serial out", pin: pin(model.serial.answers), serial });
+    }
+    for (const each of model.inputs) rows.push({ name: each.name, pin: model.pins.indexOf(each.pin) });
+    return {
+      rows,
+      room: () => (window.innerWidth > 900 ? byId("waves").parentElement.clientHeight : 0),
+      laid: waves => this.labels(waves),
+      changed: () => this.ask(),
+      seek: cycle => this.send({ do: "seek", cycle }),
+      cursors: () => this.moment.marks(+byId("moment").max, this.latest?.intervened ?? null),
+      readout: text => write(byId("readout"), text),
+      bands: (begin, end) => this.links.spans(this.links.linked, begin, end),
+      hovered: (place, clicked) =>
+        this.pointed(place && this.links.atCycle(place.cycle), clicked ? "waves" : ""),
+      preview: (row, cycle) => this.plan.width(row.servo, this.links.frame(cycle), model),
+      describe: (row, width) => {
+        const us = width * model.cycle_us, { servo } = row;
+        if (!servo) return timeText(us);
+        const unit = servo.continuous ? " °/s" : "°";
+        return `${+us.toFixed(2)} µs ${(angleOf(servo, us) * 180 / Math.PI).toFixed(1)}${unit}`;
+      },
+    };
+  }
+  // The names beside the waves are buttons: why is the pin as it is?
+  labels(waves) {
+    const said = JSON.stringify([waves.rows.map(row => [row.pin, row.name]), waves.row, waves.label]);
+    if (said === this.labelled) return;
+    this.labelled = said;
+    const button = (row, index) => {
+      const pin = this.model.pins[row.pin] || "MCLR", why = `? why is ${pin} as it is`;
+      const title = `${row.name}: why is ${pin} as it is?`, click = () => this.send({ do: "explain", pin });
+      const made = element("button", { type: "button", "aria-label": why, title, click }, "?");
+      made.style.top = `${waves.top(index)}px`;
+      made.style.width = `${waves.label}px`;
+      made.style.height = `${waves.row}px`;
+      return made;
+    };
+    byId("labels").replaceChildren(...(this.model.runs ? waves.rows.map(button) : []));
+    const option = row => element("option", { value: row.pin }, row.name);
+    byId("lane").replaceChildren(element("option", { value: "" }, "all pins"), ...waves.all.map(option));
+    byId("lane").value = waves.only ?? "";
+  }
+  // Decode a line of the chip in the waves.
+  decode(pin, bit) {
+    const { rows } = this.waves.options;
+    for (const row of [...rows, ...this.waves.all]) if (row.heard) row.serial = row.heard = 0;
+    if (pin === null) return;
+    let row = rows.find(each => each.pin === pin);
+    if (!row) rows.push(row = { name: this.model.pins[pin], pin });
+    if (!row.serial) Object.assign(row, { serial: bit, heard: bit });
+    if (this.waves.data) this.waves.set(this.waves.data);
+  }
+  // A pose that the pointer is on, in the text, on the timeline or in the waves; a click goes to it.
+  pointed(index, from) {
+    this.links.hover(index);
+    if (!from || index === null) return;
+    this.timeline.selected = index;
+    this.timeline.mark();
+    if (from === "waves" && this.links.line(index)) this.editor.reveal(this.links.line(index));
+  }
+  chosen(pose, index) {
+    this.hands?.pose(pose.angles);
+    if (this.links.line(index)) this.editor.reveal(this.links.line(index));
+    const begin = this.links.next(index, this.waves?.begin ?? 0);
+    if (begin !== null && begin <= this.latest.reach && !this.latest.running) {
+      const span = this.waves.end - this.waves.begin;
+      this.waves.show(begin - span / 8, begin + span * 7 / 8);
+    }
+  }
+  linked() {
+    const { linked } = this.links, now = this.latest ? this.links.atCycle(this.latest.cycle) : null;
+    const bands = {};
+    for (const [kind, index] of [["now", now], ["linked", linked]]) {
+      const line = index === null ? null : this.links.line(index);
+      if (line) bands[kind] = [line, this.links.poses[index].lines];
+    }
+    this.editor.band(this.plan.known ? bands : {});
+    this.timeline.point(now, linked);
+    this.waves?.paint();
+  }
+  // The job of the text was planned, or (null) is being changed.
+  posed(answer) {
+    this.timeline.show(answer?.poses ?? null);
+    if (!answer) { this.plan.known = false; return; }
+    this.links.read(answer.poses);
+    this.plan.take(answer, this.model, this.editor);
+    this.linked();
+    this.picture();
+  }
+  change(change) {
+    const angles = change.kind === "angles" ? { angles: this.hands?.angles } : {};
+    this.send({ do: "pose", text: this.editor.text, ...change, ...angles });
+  }
+  // What the comparison with the schedule says: of the run as it is now, or why it says nothing.
+  compared() {
+    const { model } = this, difference = model.first_difference, since = this.latest?.intervened ?? null;
+    const untouched = since === null || (difference !== null && difference < since);
+    const at = (cycle, step) => timeText(cycle * model.cycle_us, step);
+    byId("difference").disabled = difference === null || !untouched;
+    const right = difference === null, found = () => `first difference at ${at(difference, 100)}`;
+    const own = () => `you intervened at ${at(since, 1e5)}: not compared from there`;
+    const verdicts = [
+      [!untouched, "open", "not compared", own],
+      [model.verdict && right, "good", "agrees", () => model.verdict],
+      [model.verdict, "bad", "does NOT agree", () => model.verdict],
+      [!model.compared, "", "", () => ""],
+      [right, "good", "exact", () => "one run: exact, every edge as scheduled"],
+      [true, "bad", "NOT exact", found],
+    ];
+    const [, kind, word, text] = verdicts.find(([holds]) => holds), said = text();
+    write(byId("difference-text"), said);
+    write(byId("verdict"), word);
+    byId("verdict").className = `badge ${kind}`;
+    byId("verdict").hidden = !word;
+    byId("theorem").hidden = !untouched;
+  }
+  // The widths in µs of the servos' pulses, or of what the schedule asks for at the moment.
+  widthsOf(message) {
+    return this.model.robot.servos.map(servo => message.widths[servo.pin] * this.model.cycle_us);
+  }
+  // What the ghost shows: the hand's pose, the plan of the text if it is another one, or what is scheduled.
+  ghost(cycle) {
+    const { model, servos } = this;
+    if (this.handPose && !model.serial) return this.handPose;
+    if (!model.robot || model.origin === null || this.latest.planned === false) return null;
+    const frame = this.links.frame(cycle), other = frame === null ? null : this.plan.angles(frame, model);
+    if (other) return other.map((angle, index) => angle ?? servos.angles[index]);
+    if (frame === null) return null;
+    let left = frame;
+    for (const [frames, pulses] of [...model.schedule.lead_in, ...model.schedule.loop]) {
+      const asked = index => pulses[index][1] * model.schedule_cycle_us;
+      const angle = (servo, index) => (pulses[index] ? angleOf(servo, asked(index)) : servos.angles[index]);
+      if (left < frames) return model.robot.servos.map(angle);
+      left -= frames;
+    }
+    return null;
+  }
+  show({ waves: seen, received, ...message }) {
+    const { model, servos } = this;
+    this.latest = this.seen.latest = { ...this.latest, ...message };
+    this.moment.going(null);
+    if (received) this.serial.received(received);
+    if (seen) this.waves.take(seen, true);
+    this.compared();
+    if (servos) {
+      const widths = this.widthsOf(message);
+      const held = servo => (servo.continuous ? 0 : message.held[servo.pin] * model.cycle_us);
+      const last = () => model.robot.servos.map((servo, index) => widths[index] || held(servo));
+      if (!message.running) servos.jump(last());
+      this.hands.follow(widths);
+    }
+    const time = performance.now();
+    if (!message.running || time - this.followed > FOLLOW_MS) {   // drawing the waves is what costs most
+      this.followed = time;
+      this.linked();
+      if (message.running) this.waves.mark(message.cycle);   // what is in sight then is the server's choice
+      else this.waves.follow(message.cycle, false);
+    }
+    this.chip?.showLevels(message.levels);
+    if (message.chip) {
+      this.chip?.show(message.chip, message.cycle);
+      this.source?.show(message.chip);
+    }
+    if ("stopped" in message) this.breakpoints(message.breakpoints);
+    this.moment.show(this.latest);
+    this.picture();
+    if (!message.running) this.ask();
+  }
+  // Paint at the display's rate: between two messages the servos go on as fast as they can.
+  picture() {
+    if (this.painting) return;
+    this.painting = true;
+    requestAnimationFrame(time => {
+      this.painting = false;
+      this.seen.pictures++;
+      const passed = Math.min(0.1, (time - this.painted) / 1000), { latest, servos } = this;
+      this.painted = time;
+      if (this.robot && servos && latest) {
+        if (latest.running) servos.follow(this.widthsOf(latest), passed * (latest.speed ?? 10));
+        this.robot.show(servos.angles, this.ghost(latest.cycle), servos.pose);
+      }
+      if (latest?.running) this.picture();
+    });
+  }
+  // Ask for the edges that are in sight, not more often than they can be looked at; while it runs they come.
+  ask() {
+    if (!this.waves || !this.latest) return;
+    const time = performance.now();
+    this.pending = this.waiting && time - this.asked < 2000;
+    if (this.pending) return;
+    this.asked = time;
+    this.waiting = true;
+    this.send({ do: "waves", begin: Math.floor(this.waves.begin), end: Math.ceil(this.waves.end) });
+  }
+  // Beside the field: what is wrong with it, which stays there to be mended.
+  breakpointSaid(text) {
+    write(byId("breakpoint-said"), text);
+    byId("breakpoint").setAttribute("aria-invalid", !!text);
+  }
+  breakpoints(texts) {
+    if (texts.includes(byId("breakpoint").value.trim())) {
+      byId("breakpoint").value = "";
+      this.breakpointSaid("");
+    }
+    if (texts.join("\n") === this.stops) return;
+    this.stops = texts.join("\n");
+    this.source?.breakpoints(texts);
+    const remove = text => {
+      const click = () => this.send({ do: "breakpoint", text, on: false });
+      const attributes = { type: "button", class: "plain", "aria-label": `remove ${text}`, click };
+      return element("button", attributes, "remove");
+    };
+    const row = text => element("li", {}, element("code", {}, text), " ", remove(text));
+    byId("breakpoints").replaceChildren(...texts.map(row));
+  }
 }
 
-// Ask for the edges that are in sight, not more often than they can be looked at.
-function ask(soon = false) {
-  if (!waves || !latest) return;
-  const time = performance.now();
-  if (waiting && time - asked < 2000) { pending = true; return; }
-  if (!soon && latest.running) return;   // they come by themselves
-  asked = time;
-  waiting = true;
-  pending = false;
-  send({ do: "waves", begin: Math.floor(waves.begin), end: Math.ceil(waves.end) });
-}
-let pending = false;
-setInterval(() => { if (pending) ask(true); }, 60);
-
-// Beside the field: what is wrong with it, which stays there to be mended.
-function breakpointSaid(text) {
-  $("breakpoint-said").textContent = text;
-  $("breakpoint").setAttribute("aria-invalid", !!text);
-}
-
-function breakpoints(texts) {
-  if (texts.includes($("breakpoint").value.trim())) { $("breakpoint").value = ""; breakpointSaid(""); }
-  $("breakpoints").replaceChildren(...texts.map(text => element("li", {}, element("code", {}, text), " ", element("button", { type: "button", class: "plain", "aria-label": `remove ${text}`, click: () => send({ do: "breakpoint", text, on: false }) }, "remove"))));
-}
-
-const step = (what, count, pin) => send({ do: "step", what, count, ...(pin === undefined ? {} : { pin }) });
-const run = running => send({ do: "run", running, speed: SPEEDS[$("speed").value][0] });
-const CONTROLS = {
-  run: () => run(!latest?.running),
-  "back-frame": () => step("frame", -1), "next-frame": () => step("frame", 1),
-  "back-edge": () => step("edge", -1), "next-edge": () => step("edge", 1),
-  "back-line": () => step("line", -1), "next-line": () => step("line", 1),
-  "back-instruction": () => step("instruction", -1), "next-instruction": () => step("instruction", 1),
-  difference: () => { send({ do: "seek", cycle: model.first_difference + 1 }); const around = AROUND_US / model.cycle_us; waves.show(model.first_difference - around, model.first_difference + around); },
-  begin: () => send({ do: "seek", cycle: 0 }),
-  "zoom-in": () => waves.zoom(0.5, latest.cycle), "zoom-out": () => waves.zoom(2, latest.cycle),
-};
-for (const [id, action] of Object.entries(CONTROLS)) $(id).addEventListener("click", action);
-SPEEDS.forEach(([, text], index) => $("speed").append(element("option", { value: index }, text)));
-$("speed").value = 5;
-$("speed").addEventListener("change", () => run(!!latest?.running));
-$("moment").addEventListener("input", () => send({ do: "seek", cycle: +$("moment").value }));
-$("breakpoint-form").addEventListener("submit", event => {
-  event.preventDefault();
-  send({ do: "breakpoint", text: $("breakpoint").value, on: true });
-});
-
-const KEYS = { " ": "run", n: "next-instruction", N: "back-instruction", l: "next-line", L: "back-line", e: "next-edge", E: "back-edge", f: "next-frame", F: "back-frame", d: "difference" };
-// Escape is the emergency stop wherever the focus is; a button is held down as long as the key.
-document.addEventListener("keydown", event => { if (event.key === "Escape" && !event.repeat && hands?.emergency(true)) event.preventDefault(); });
-document.addEventListener("keyup", event => { if (event.key === "Escape") hands?.emergency(false); });
-document.addEventListener("keydown", event => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, textarea, select, button, a, summary")) return;
-  if (event.target === document.body && hands?.steer(event)) return;
-  const control = KEYS[event.key];
-  if (!control) return;
-  event.preventDefault();
-  if (!$(control).disabled) CONTROLS[control]();
-});
-window.addEventListener("resize", () => { waves?.paint(); robot?.paint(); });
-connect();
+new Page();

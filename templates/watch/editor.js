@@ -1,18 +1,19 @@
-// The job file: checked while it is typed, saved, built; errors stand at their lines.
+// The job file: planned while it is typed, saved, built; errors stand at their lines.
 // Its text is one of three: on the disk (`saved`), built last (`made`), or only here; the page says which.
 
-import { element } from "./chip.js";
+import { element, write } from "./dom.js";
 
-const PAUSE_MS = 300;   // after the last key, before it is checked
+const PAUSE_MS = 100;   // after the last key, before it is planned
+const LATE_MS = 1000;   // after which the page says that it is still being planned
 
 export class Editor {
-  // posed(poses) is told the poses of the job whenever it is found to be right, null while it is not known to be.
-  constructor(places, send, posed) {
-    this.posed = posed;
-    this.places = places;
-    this.send = send;
+  // posed(answer) is told of the job whenever it is found to be right, null while it is not known to be;
+  // pointed(line, clicked) the line that the pointer is on.
+  constructor(places, send, { posed, pointed }) {
+    Object.assign(this, { posed, pointed, places, send });
     this.saved = "";
-    this.sent = null;   // the text that is being saved or built: it, not what was typed since, is on the disk then
+    this.sent = null;   // what is being saved or built: it, not what was typed since, gets to the disk
+    this.bands = {};
     let timer = null;
     places.text.addEventListener("input", () => {
       clearTimeout(timer);
@@ -21,14 +22,24 @@ export class Editor {
       this.number();
       this.mark();
     });
-    places.text.addEventListener("scroll", () => { places.lines.scrollTop = places.text.scrollTop; });
+    places.text.addEventListener("scroll", () => this.scroll());
+    places.text.addEventListener("pointermove", event => this.pointed(this.lineAt(event), false));
+    places.text.addEventListener("pointerleave", () => this.pointed(null, false));
+    places.text.addEventListener("click", event => this.pointed(this.lineAt(event), true));
     places.save.addEventListener("click", () => this.store("save"));
     places.build.addEventListener("click", () => this.store("build"));
     window.addEventListener("beforeunload", event => { if (this.changed) event.preventDefault(); });
   }
   get text() { return this.places.text.value; }
   get changed() { return !!this.opened && this.text !== this.saved; }
-  check() { this.send({ do: "check", text: this.text }); }
+  // Ask for the plan of the text as it is now; one is asked for at a time.
+  check() {
+    if (this.checking) { this.again = true; return; }
+    this.checking = this.text;
+    this.late = setTimeout(() => this.plan("planning: this takes longer than a second"), LATE_MS);
+    this.send({ do: "check", text: this.text });
+  }
+  plan(text) { write(this.places.preview, text); }
   // Write the file, unless somebody else has since it was read; `over` is the text that may be overwritten.
   store(what, over = this.saved) {
     if (this.sent !== null) return;
@@ -39,20 +50,18 @@ export class Editor {
   }
   open(message) {
     const kept = this.changed;
-    if (message.saved && kept && message.text !== this.saved) {   // what was typed here stays, the other text is on the disk
+    if (message.saved && kept && message.text !== this.saved) {   // what was typed here stays
       if (message.text !== this.text) this.differs(message.text);
       else this.stored(message.text);
       return;
     }
     if (message.saved && kept) return;
     this.opened = true;
-    this.places.area.hidden = false;
-    this.places.name.textContent = message.name;
     if (message.saved) this.saved = message.text;
     this.put(message.text);
-    if (!message.saved || /^\s*\[motion\]/m.test(message.text)) this.check();
+    this.check();
   }
-  // Put a text in the place of the one here, as if it were typed over what differs: the browser's undo takes it back.
+  // Put a text in the place of the one here, as if it were typed over what differs: undo takes it back.
   put(text) {
     const area = this.places.text, old = area.value, limit = Math.min(old.length, text.length);
     let begin = 0, end = 0;
@@ -74,7 +83,8 @@ export class Editor {
   differs(text) {
     this.sent = null;
     this.buttons();
-    const button = (label, click) => element("button", { type: "button", click: () => { click(); this.places.conflict.hidden = true; } }, label);
+    const done = click => () => { click(); this.places.conflict.hidden = true; };
+    const button = (label, click) => element("button", { type: "button", click: done(click) }, label);
     this.places.conflict.replaceChildren("The file was changed outside of this window. ",
       button("take the file's text", () => { this.saved = text; this.put(text); this.check(); }), " ",
       button("keep this text and overwrite the file", () => this.store("save", text)));
@@ -82,12 +92,34 @@ export class Editor {
     this.say("");
   }
   number(bad = new Map()) {
+    const line = number => element("span", bad.has(number) ? { class: bad.get(number) } : {}, `${number}\n`);
     const count = this.text.split("\n").length;
-    this.places.lines.replaceChildren(...Array.from({ length: count }, (_, index) => element("span", bad.has(index + 1) ? { class: bad.get(index + 1) } : {}, `${index + 1}\n`)));
+    this.places.lines.replaceChildren(...Array.from({ length: count }, (_, index) => line(index + 1)));
+    this.scroll();
+  }
+  scroll() {
     this.places.lines.scrollTop = this.places.text.scrollTop;
+    this.paintBands();
+  }
+  get lineHeight() { return parseFloat(getComputedStyle(this.places.text).lineHeight); }
+  lineAt(event) { return Math.floor((event.offsetY + this.places.text.scrollTop - 8) / this.lineHeight) + 1; }
+  // Mark lines: {kind: [first line, how many]}.
+  band(bands) {
+    if (JSON.stringify(bands) === JSON.stringify(this.bands)) return;
+    this.bands = bands;
+    this.paintBands();
+  }
+  paintBands() {
+    this.places.bands.replaceChildren(...Object.entries(this.bands).map(([kind, [line, count]]) => {
+      const made = element("i", { class: kind });
+      made.style.top = `${8 + (line - 1) * this.lineHeight - this.places.text.scrollTop}px`;
+      made.style.height = `${count * this.lineHeight}px`;
+      return made;
+    }));
   }
   mark() {
-    this.places.state.textContent = this.changed ? "changed" : "saved";
+    write(this.places.state, this.changed ? "changed" : "saved");
+    this.places.state.classList.toggle("changed", this.changed);
     this.places.download.hidden = this.text !== this.made;   // a HEX file of another text is not this one's
   }
   buttons() { this.places.build.disabled = this.places.save.disabled = !this.good || this.sent !== null; }
@@ -97,20 +129,44 @@ export class Editor {
   }
   checked(message) {
     if (message.saved) { this.stored(this.sent); this.sent = null; this.say(""); }
-    if (message.failed) { this.sent = null; this.say(""); }
-    const bad = new Map(message.diagnostics.filter(each => each.line).map(each => [each.line, each.severity]));
+    else if (message.failed) { this.sent = null; this.say(""); }
+    else if (!this.planned()) return;
+    const placed = message.diagnostics.filter(each => each.line);
+    const bad = new Map(placed.map(each => [each.line, each.severity]));
     this.number(bad);
     this.mark();
-    this.places.problems.replaceChildren(...message.diagnostics.map(each => element("li", { class: each.severity },
-      element("button", { type: "button", class: "plain", click: () => this.go(each) }, `${each.line ? `line ${each.line}: ` : ""}${each.key ? `${each.key}: ` : ""}${each.message}${each.hint ? ` (${each.hint})` : ""}`))));
+    this.places.problems.replaceChildren(...message.diagnostics.map(each => this.problem(each)));
     this.good = message.good;
     this.buttons();
-    if (message.good && message.poses) this.posed(message.poses);
+    if (message.good) this.posed(message);
+    else this.plan("");
   }
-  go(diagnostic) {
-    const lines = this.text.split("\n"), start = lines.slice(0, (diagnostic.line || 1) - 1).reduce((sum, line) => sum + line.length + 1, 0) + (diagnostic.column || 1) - 1;
-    this.places.text.focus();
-    this.places.text.setSelectionRange(start, start);
+  // The answer to the last question has come; return whether it is about the text as it is now.
+  planned() {
+    const asked = this.checking, again = this.again;
+    clearTimeout(this.late);
+    this.checking = this.again = null;
+    if (again) this.check();
+    return asked === this.text || !again;
+  }
+  problem(each) {
+    const place = `${each.line ? `line ${each.line}: ` : ""}${each.key ? `${each.key}: ` : ""}`;
+    const said = `${place}${each.message}${each.hint ? ` (${each.hint})` : ""}`;
+    const button = element("button", { type: "button", class: "plain", click: () => this.go(each) }, said);
+    return element("li", { class: each.severity }, button);
+  }
+  go({ line = 1, column = 1 }) {
+    const lines = this.text.split("\n").slice(0, (line || 1) - 1), area = this.places.text;
+    const start = lines.reduce((sum, each) => sum + each.length + 1, 0) + (column || 1) - 1;
+    area.focus();
+    area.setSelectionRange(start, start);
+    this.reveal(line);
+  }
+  // Have a line in sight.
+  reveal(line) {
+    const area = this.places.text, top = (line - 1) * this.lineHeight;
+    const there = top >= area.scrollTop && top < area.scrollTop + area.clientHeight - 2 * this.lineHeight;
+    if (!there) area.scrollTop = top - area.clientHeight / 2;
   }
   say(text) { this.places.progress.textContent = text; }
   built(message) {
@@ -118,10 +174,19 @@ export class Editor {
     this.stored(this.sent);
     this.sent = null;
     this.buttons();
-    this.say(message.exact ? `built: exact over ${message.frames} frames, ${message.words} words; ${message.distance}` : `built, but NOT exact: ${message.reasons.join("; ")}`);
-    this.places.progress.dataset.exact = message.exact;
-    const link = element("a", { href: URL.createObjectURL(new Blob([message.hex], { type: "text/plain" })), download: message.hex_name }, `download ${message.hex_name}`);
-    this.places.download.replaceChildren(link);
+    const { exact, frames, words, distance, reasons, hex_name: name } = message;
+    this.say(exact ? `built: exact over ${frames} frames, ${words} words; ${distance}`
+      : `built, but NOT exact: ${reasons.join("; ")}`);
+    this.places.progress.dataset.exact = exact;
+    const href = URL.createObjectURL(new Blob([message.hex], { type: "text/plain" }));
+    this.places.download.replaceChildren(element("a", { href, download: name }, `download ${name}`));
     this.mark();
+    this.plan("");
+  }
+  // The server has gone: what was asked of it is not answered.
+  lost() {
+    clearTimeout(this.late);
+    this.checking = this.again = this.sent = null;
+    this.buttons();
   }
 }

@@ -1,5 +1,5 @@
-// A film: pulses that were planned, simulated or captured, played on the robot and shown as waves, without a server.
-// In: rows of pulses in µs. A row of the kind "planned" is what the others are held against.
+// A film: pulses that were planned, simulated or captured, played on the robot and shown as waves, without a
+// server. In: rows of pulses in µs. A row of the kind "planned" is what the others are held against.
 
 import { angleOf, RobotView, Servos } from "./robot.js";
 import { timeText, Waves } from "./waves.js";
@@ -10,7 +10,11 @@ const OWN_ROW = 64;         // the number of the first row that is not a pin's o
 // How many of the rising values are less than a time.
 function before(values, time) {
   let low = 0, high = values.length;
-  while (low < high) { const middle = (low + high) >> 1; if (values[middle] < time) low = middle + 1; else high = middle; }
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] < time) low = middle + 1;
+    else high = middle;
+  }
   return low;
 }
 
@@ -37,18 +41,29 @@ export class Film {
     this.go(this.time);
   }
   buildWaves() {
-    const { data } = this, lanes = this.seen.length ? this.seen.map(row => [row, row.lane]) : this.planned.map(row => [row, row.pin]);
-    const rows = lanes.map(([row, lane]) => ({ name: row.kind === "captured" ? "captured" : row.channel, pin: lane, colour: row.colour, servo: data.robot?.servos.find(servo => servo.pin === row.pin) }));
-    const model = { cycle_us: data.cycle_us, cycles_per_second: 1e6 / data.cycle_us, period: data.period / data.cycle_us, origin: this.planned.length ? 0 : null, pins: data.pins };
+    const { data } = this, shown = this.seen.length ? this.seen : this.planned;
+    const rows = shown.map(row => ({
+      name: row.kind === "captured" ? "captured" : row.channel, pin: row.lane ?? row.pin, colour: row.colour,
+      servo: data.robot?.servos.find(servo => servo.pin === row.pin),
+    }));
+    const model = {
+      cycle_us: data.cycle_us, cycles_per_second: 1e6 / data.cycle_us, period: data.period / data.cycle_us,
+      origin: this.planned.length ? 0 : null, pins: data.pins,
+    };
     this.waves = new Waves(this.places.waves, model, {
       rows,
       maxSeconds: data.end / 1e6,
       changed: () => this.cut(),
       seek: cycle => this.go(cycle * data.cycle_us),
-      readout: text => { if (this.places.readout && this.places.readout.textContent !== text) this.places.readout.textContent = text; },
+      readout: text => {
+        const { readout } = this.places;
+        if (readout && readout.textContent !== text) readout.textContent = text;
+      },
       describe: (row, width) => {
-        const us = width * data.cycle_us;
-        return row.servo ? `${+us.toFixed(2)} µs ${(angleOf(row.servo, us) * 180 / Math.PI).toFixed(1)}${row.servo.continuous ? " °/s" : "°"}` : timeText(us);
+        const us = width * data.cycle_us, { servo } = row;
+        if (!servo) return timeText(us);
+        const unit = servo.continuous ? " °/s" : "°";
+        return `${+us.toFixed(2)} µs ${(angleOf(servo, us) * 180 / Math.PI).toFixed(1)}${unit}`;
       },
     });
     this.wrong = this.played === this.planned ? [] : this.differences();
@@ -59,10 +74,13 @@ export class Film {
     for (const row of this.played) {
       const plan = this.planned.find(each => each.pin === row.pin);
       if (!plan) continue;
-      const edges = each => each.rise.flatMap((rise, index) => [`${rise.toFixed(1)} 1`, `${(rise + each.width[index]).toFixed(1)} 0`]);
-      const [asked, made] = [new Set(edges(plan)), new Set(edges(row))];
-      for (const edge of [...asked].filter(each => !made.has(each)).concat([...made].filter(each => !asked.has(each)))) {
-        const [us, level] = edge.split(" ").map(Number);
+      const edge = (us, level) => `${us.toFixed(1)} ${level}`;
+      const pulse = (each, rise, index) => [edge(rise, 1), edge(rise + each.width[index], 0)];
+      const edges = each => new Set(each.rise.flatMap((rise, index) => pulse(each, rise, index)));
+      const [asked, made] = [edges(plan), edges(row)];
+      const only = (one, other) => [...one].filter(each => !other.has(each));
+      for (const alone of [...only(asked, made), ...only(made, asked)]) {
+        const [us, level] = alone.split(" ").map(Number);
         found.push({ cycle: us / this.data.cycle_us, pin: row.pin, level });
       }
     }
@@ -70,7 +88,8 @@ export class Film {
   }
   // Give the waves what is in sight.
   cut() {
-    const scale = this.data.cycle_us, begin = this.waves.begin * scale, end = this.waves.end * scale, levels = [];
+    const scale = this.data.cycle_us, levels = [];
+    const begin = this.waves.begin * scale, end = this.waves.end * scale;
     const edges = (rows, lane) => rows.flatMap(row => {
       const first = Math.max(0, before(row.rise, begin) - 1), last = before(row.rise, end), made = [];
       for (let index = first; index < last; index++) {
@@ -81,8 +100,9 @@ export class Film {
       }
       return made;
     });
-    const before0 = edges(this.seen, row => row.lane);
-    this.waves.set({ begin: this.waves.begin, end: this.waves.end, seen: this.waves.end, before: levels, edges: before0, wanted: edges(this.planned, row => row.pin), differing: this.wrong, inputs: [] });
+    const made = edges(this.seen, row => row.lane), wanted = edges(this.planned, row => row.pin);
+    const shown = { begin: this.waves.begin, end: this.waves.end, seen: this.waves.end, before: levels };
+    this.waves.set({ ...shown, edges: made, wanted, differing: this.wrong, inputs: [] });
   }
   buildControls() {
     const { play, moment, servos } = this.places;
@@ -95,7 +115,10 @@ export class Film {
       const label = document.createElement("label"), box = document.createElement("input");
       box.type = "checkbox";
       box.checked = true;
-      box.addEventListener("change", () => { this.servos.off[box.checked ? "delete" : "add"](index); this.go(this.time); });
+      box.addEventListener("change", () => {
+        this.servos.off[box.checked ? "delete" : "add"](index);
+        this.go(this.time);
+      });
       label.append(box, ` ${servo.name}`);
       servos.append(label);
     });
@@ -103,7 +126,8 @@ export class Film {
   // The widths of the pulses that are over; where the last one was long ago, 0, unless it is asked for.
   widths(rows, old = false) {
     return this.data.robot.servos.map(servo => {
-      const row = rows.find(each => each.pin === servo.pin), index = row ? before(row.rise, this.time) - 1 : -1;
+      const row = rows.find(each => each.pin === servo.pin);
+      const index = row ? before(row.rise, this.time) - 1 : -1;
       for (let at = index; at >= Math.max(0, index - 1); at--) {
         const fall = row.rise[at] + row.width[at];
         const heard = this.time - fall < SILENT_PERIODS * this.data.period || (old && !servo.continuous);
@@ -114,7 +138,7 @@ export class Film {
   }
   go(time) {
     this.time = Math.max(0, Math.min(this.data.end, time));
-    if (this.servos) this.servos.jump(this.widths(this.played, true));   // a servo stays where its last pulse put it
+    this.servos?.jump(this.widths(this.played, true));   // a servo stays where its last pulse put it
     this.show();
   }
   play(playing) {
@@ -140,7 +164,8 @@ export class Film {
     if (now) now.textContent = `${(this.time / 1e6).toFixed(3)} s`;
     this.waves.follow(this.time / this.data.cycle_us, this.playing);
     if (!this.robot) return;
-    const plan = this.played === this.planned || !this.planned.length ? null : this.servos.commanded(this.widths(this.planned));
+    const compared = this.played !== this.planned && this.planned.length > 0;
+    const plan = compared ? this.servos.commanded(this.widths(this.planned)) : null;
     this.robot.show(this.servos.angles, plan, this.servos.pose);
   }
 }

@@ -1,6 +1,6 @@
-// What a person does to the robot: sliders for the servos, buttons on pins, bytes on the serial line.
+// What a person does to the robot: sliders for the servos, buttons on pins, ways of a walk.
 
-import { element } from "./chip.js";
+import { element, write } from "./dom.js";
 import { angleOf, widthOf } from "./robot.js";
 
 const POSITIONS = 254;
@@ -15,15 +15,15 @@ export class Hands {
     this.places = places;
     this.send = send;
     this.posed = posed;
-    this.angles = model.robot ? model.robot.servos.map(servo => servo.neutral) : [];
+    this.servos = model.robot ? model.robot.servos : [];
+    this.angles = this.servos.map(servo => servo.neutral);
     this.touched = false;
     this.ended = new AbortController();   // takes its listeners off the parts of the page that stay
     this.pressed = new Map();   // the buttons that are held down: what lets each go
-    for (const place of [places.sliders, places.buttons, places.walk, places.pin, places.serialPin]) place.replaceChildren();
+    for (const name of ["sliders", "buttons", "emergency", "walk", "pin"]) places[name].replaceChildren();
     this.sliders();
     this.buttons();
     this.walk();
-    this.console();
     const release = () => { for (const up of [...this.pressed.values()]) up(); };
     this.on(window, "blur", release);
     this.on(document, "visibilitychange", () => { if (document.hidden) release(); });
@@ -35,22 +35,30 @@ export class Hands {
     this.ended.abort();
   }
   sliders() {
-    const servos = this.model.robot ? this.model.robot.servos : [];
-    this.places.pose.hidden = !servos.length || !(this.model.poses || this.model.serial);
+    this.places.pose.hidden = !this.servos.length || !(this.model.poses || this.model.serial);
     this.places.record.hidden = !this.model.poses;
-    this.inputs = servos.map((servo, index) => {
-      const ends = servo.limits.map(degrees), id = `servo-${index}`;
-      const input = element("input", { type: "range", id, min: ends[0].toFixed(1), max: ends[1].toFixed(1), step: "0.1" });
-      input.value = degrees(this.angles[index]);
+    this.inputs = this.servos.map((servo, index) => {
+      const [least, most] = servo.limits.map(degrees).map(end => end.toFixed(1)), id = `servo-${index}`;
+      const input = element("input", { type: "range", id, min: least, max: most, step: "0.1" });
       const said = element("output", { for: id });
-      input.addEventListener("input", () => this.move(index, input.value * Math.PI / 180, said));
-      this.places.sliders.append(element("div", { class: "slider" }, element("label", { for: id }, servo.name), input, said));
-      said.textContent = `${(+input.value).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+      const unit = servo.continuous ? " °/s" : "°", ends = `${+least} to ${+most}${unit}`;
+      input.addEventListener("input", () => this.move(index, input.value * Math.PI / 180));
+      const label = element("label", { for: id, title: ends }, servo.name, " ", element("small", {}, ends));
+      this.places.sliders.append(element("div", { class: "slider" }, label, input, said));
       return [input, said];
     });
+    this.servos.forEach((_, index) => this.put(index, this.angles[index]));
     this.on(this.places.record, "click", () => this.posed.record(this.angles));
     this.on(this.places.follow, "click", () => this.touch(false));
     this.places.follow.hidden = true;
+  }
+  // Show a servo at an angle: in degrees, and the pulse that commands it.
+  put(index, angle, moves = true) {
+    const servo = this.servos[index], [input, said] = this.inputs[index];
+    this.angles[index] = angle;
+    if (moves) input.value = degrees(angle);
+    const unit = servo.continuous ? " °/s" : "°";
+    write(said, `${degrees(angle).toFixed(1)}${unit}, ${+widthOf(servo, angle).toFixed(1)} µs`);
   }
   // From now on the sliders are where the hand puts them; `follow` gives them back to the chip.
   touch(touched = true) {
@@ -61,21 +69,16 @@ export class Hands {
   // Put the sliders where a pose has the servos.
   pose(angles) {
     this.touch();
-    this.inputs.forEach(([input, said], index) => {
-      this.angles[index] = angles[index];
-      input.value = degrees(angles[index]);
-      said.textContent = `${degrees(angles[index]).toFixed(1)}${this.model.robot.servos[index].continuous ? " °/s" : "°"}`;
-    });
+    angles.forEach((angle, index) => this.inputs[index] && this.put(index, angle));
     this.posed.shown(this.angles);
   }
-  move(index, angle, said) {
-    const servo = this.model.robot.servos[index];
-    this.angles[index] = angle;
+  move(index, angle) {
+    const servo = this.servos[index];
     this.touch();
-    said.textContent = `${degrees(angle).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+    this.put(index, angle, false);
     if (this.model.serial) {
-      const width = widthOf(servo, angle), ends = servo.limits.map(limit => widthOf(servo, limit)).sort((a, b) => a - b);
-      const position = Math.round((width - ends[0]) / (ends[1] - ends[0]) * POSITIONS);
+      const ends = servo.limits.map(limit => widthOf(servo, limit)).sort((a, b) => a - b);
+      const position = Math.round((widthOf(servo, angle) - ends[0]) / (ends[1] - ends[0]) * POSITIONS);
       this.command(index, Math.max(0, Math.min(POSITIONS, position)));
     }
     this.posed.shown(this.angles);
@@ -97,17 +100,13 @@ export class Hands {
   // Put the sliders where the pulses are, until a hand has moved one.
   follow(widths) {
     if (this.touched) return;
-    this.inputs.forEach(([input, said], index) => {
-      const servo = this.model.robot.servos[index], width = widths[index];
-      if (!width) return;
-      this.angles[index] = angleOf(servo, width);
-      input.value = degrees(this.angles[index]);
-      said.textContent = `${degrees(this.angles[index]).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
-    });
+    widths.forEach((width, index) => { if (width) this.put(index, angleOf(this.servos[index], width)); });
   }
+  // Each button is held down as long as the pointer or the key; the emergency stop is always in sight.
   buttons() {
     for (const each of this.model.inputs) {
-      const made = element("button", { type: "button", class: each.name === "stop" ? "stop" : "" }, each.name === "stop" ? "emergency stop" : each.name);
+      const stop = each.name === "stop", text = stop ? "emergency stop" : each.name;
+      const made = element("button", { type: "button", class: stop ? "stop" : "" }, text);
       const set = down => {
         if (down === this.pressed.has(made)) return;
         if (down) this.pressed.set(made, () => set(false));
@@ -121,26 +120,38 @@ export class Hands {
         set(true);
         if (event.pointerId) made.setPointerCapture(event.pointerId);   // 0: no pointer, but a script
       });
-      for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) made.addEventListener(end, () => set(false));
+      for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
+        made.addEventListener(end, () => set(false));
+      }
       made.addEventListener("keydown", ofKey(true));
       made.addEventListener("keyup", ofKey(false));
-      if (each.name === "stop") this.stop = set;
-      this.places.buttons.append(made);
+      if (stop) this.stop = set;
+      if (stop) made.title = "held down as long as the mouse, or Escape";
+      this.places[stop ? "emergency" : "buttons"].append(made);
     }
-    this.places.area.hidden = !this.model.runs;
     if (!this.model.runs) return;
-    for (const name of [...this.model.pins, "MCLR"]) this.places.pin.append(element("option", { value: name }, name));
-    for (const [place, level] of [[this.places.high, 1], [this.places.low, 0], [this.places.free, 2]])
-      this.on(place, "click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
+    const names = [...this.model.pins, "MCLR"];
+    this.places.pin.append(...names.map(name => element("option", { value: name }, name)));
+    for (const [place, level] of [["high", 1], ["low", 0], ["free", 2]]) {
+      this.on(this.places[place], "click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
+    }
   }
   // The ways of a robot that walks on command: buttons, and arrow keys while nothing else takes them.
   walk() {
     const { walk } = this.model;
     this.places.walk.hidden = !walk;
     if (!walk) return;
-    this.ways = new Map([...walk.ways, walk.stop].map(way => [way, element("button", { type: "button", class: way === walk.stop ? "stop" : "", "aria-pressed": way === walk.stop, click: () => this.go(way) }, way)]));
-    this.places.walk.append(...this.ways.values(), element("span", { class: "soft" }, `arrow keys walk, Escape stops: codes on ${walk.pin}`));
-    this.on(this.places.walk, "keydown", event => { if (this.steer(event)) event.stopPropagation(); });
+    const made = way => {
+      const pressed = way === walk.stop, click = () => this.go(way);
+      return element("button", { type: "button", "aria-pressed": pressed, click }, way);
+    };
+    this.ways = new Map([...walk.ways, walk.stop].map(way => [way, made(way)]));
+    this.ways.get(walk.stop).classList.add("stop");
+    const said = element("span", { class: "soft" }, `arrow keys walk, Escape stops: codes on ${walk.pin}`);
+    this.places.walk.append(...[...this.ways.values()].slice(0, -1), said);
+    this.places.emergency.append(this.ways.get(walk.stop));
+    const steers = event => { if (this.steer(event)) event.stopPropagation(); };
+    for (const place of ["walk", "emergency"]) this.on(this.places[place], "keydown", steers);
   }
   go(way) {
     for (const [name, made] of this.ways) made.setAttribute("aria-pressed", name === way);
@@ -159,20 +170,5 @@ export class Hands {
     event.preventDefault();
     if (!event.repeat) this.go(way);
     return true;
-  }
-  console() {
-    const { serial } = this.model;
-    this.places.serial.hidden = !this.model.runs;
-    if (!this.model.runs) return;
-    for (const name of this.model.pins) this.places.serialPin.append(element("option", { value: name }, name));
-    if (serial) { this.places.serialPin.value = serial.pin; this.places.baud.value = serial.baud; }
-    this.on(this.places.serialForm, "submit", event => {
-      event.preventDefault();
-      const text = this.places.bytes.value.trim();
-      const plain = /^([0-9a-f]{1,2}\s+)*[0-9a-f]{1,2}$/i.test(text);
-      const bytes = plain ? text.split(/\s+/).map(byte => parseInt(byte, 16)) : [...new TextEncoder().encode(text)];
-      this.send({ do: "serial", pin: this.places.serialPin.value, baud: +this.places.baud.value, bytes });
-      this.places.sent.prepend(element("li", {}, bytes.map(byte => byte.toString(16).toUpperCase().padStart(2, "0")).join(" ")));
-    });
   }
 }

@@ -15,14 +15,15 @@ export function angleOf(servo, width) {
 
 // The pulse width in µs that commands an angle.
 export function widthOf(servo, angle) {
-  const order = servo.angles.map((value, index) => [value, servo.widths_us[index]]).sort((a, b) => a[0] - b[0]);
+  const points = servo.angles.map((value, index) => [value, servo.widths_us[index]]);
+  const order = points.sort((a, b) => a[0] - b[0]);
   let index = 1;
   while (index < order.length - 1 && angle > order[index][0]) index++;
   const [before, after] = [order[index - 1], order[index]];
   return before[1] + (angle - before[0]) / (after[0] - before[0]) * (after[1] - before[1]);
 }
 
-// Fits a canvas to its place on the page and clears it: its size in CSS pixels, a brush, the colours of its style.
+// Fits a canvas to its place on the page and clears it: its size in CSS pixels, a brush, its style's colours.
 export function cleared(canvas) {
   const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
   if (width && (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio))) {
@@ -37,7 +38,8 @@ export function cleared(canvas) {
 
 // A colour of the palette, lighter on a dark page.
 export function legible(colour) {
-  if (!/^#[0-9a-f]{6}$/.test(colour) || !window.matchMedia("(prefers-color-scheme: dark)").matches) return colour;
+  const dark = window.matchMedia("(prefers-color-scheme: dark)").matches;
+  if (!dark || !/^#[0-9a-f]{6}$/.test(colour)) return colour;
   const parts = [1, 3, 5].map(at => parseInt(colour.slice(at, at + 2), 16));
   return `rgb(${parts.map(part => Math.round(part + (255 - part) * 0.35)).join(" ")})`;
 }
@@ -62,7 +64,8 @@ const origin = frame => [frame[3], frame[7], frame[11]];
 function legCorners(leg, [alpha, beta]) {
   const outward = [-Math.sin(alpha), Math.cos(alpha), 0], forward = [Math.cos(alpha), Math.sin(alpha), 0];
   const b = outward.map(value => leg.ab * value);
-  const c = b.map((value, axis) => value - leg.bc * Math.sin(beta) * forward[axis] - (axis === 2 ? leg.bc * Math.cos(beta) : 0));
+  const down = [0, 0, leg.bc * Math.cos(beta)];
+  const c = b.map((value, axis) => value - leg.bc * Math.sin(beta) * forward[axis] - down[axis]);
   const d = c.map((value, axis) => value + leg.cd * outward[axis]);
   return [[0, 0, 0], b, c, d, [d[0], d[1], d[2] - leg.df]];
 }
@@ -78,7 +81,8 @@ function armCorners(end, joints) {
     const from = origin(frame), to = origin(after), way = to.map((value, axis) => value - from[axis]);
     const z = end.modified ? [after[2], after[6], after[10]] : [frame[2], frame[6], frame[10]];
     const along = way.reduce((sum, value, axis) => sum + value * z[axis], 0);
-    points.push(end.modified ? to.map((value, axis) => value - along * z[axis]) : from.map((value, axis) => value + along * z[axis]), to);
+    const shifted = (point, length) => point.map((value, axis) => value + length * z[axis]);
+    points.push(end.modified ? shifted(to, -along) : shifted(from, along), to);
     frame = after;
   }
   points.push(origin(product(frame, end.tool)));
@@ -90,14 +94,18 @@ export function cornersOf(end, angles) {
   const joints = end.joints.map(joint => (angles[joint.servo] - joint.zero) / joint.ratio);
   const points = end.leg ? legCorners(end.leg, joints) : armCorners(end, joints);
   const m = end.place;
-  return points.map(([x, y, z]) => [0, 4, 8].map(row => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3]));
+  const placed = (row, [x, y, z]) => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3];
+  return points.map(point => [0, 4, 8].map(row => placed(row, point)));
 }
 
 // Where a base on wheels is after its wheels turned at these speeds for some seconds: an arc of a circle.
 export function driven(base, [x, y, heading], speeds, seconds) {
-  const [vx, vy, spin] = base.speeds.map(row => row.reduce((sum, value, wheel) => sum + value * speeds[base.wheels[wheel]], 0) * seconds);
+  const turned = base.wheels.map(wheel => speeds[wheel] * seconds);
+  const along = row => row.reduce((sum, value, wheel) => sum + value * turned[wheel], 0);
+  const [vx, vy, spin] = base.speeds.map(along);
   const chord = Math.abs(spin) < 1e-12 ? 1 : Math.sin(spin / 2) / (spin / 2), middle = heading + spin / 2;
-  return [x + chord * (vx * Math.cos(middle) - vy * Math.sin(middle)), y + chord * (vx * Math.sin(middle) + vy * Math.cos(middle)), heading + spin];
+  const c = chord * Math.cos(middle), s = chord * Math.sin(middle);
+  return [x + vx * c - vy * s, y + vx * s + vy * c, heading + spin];
 }
 
 // The corners of the convex hull of points, seen from above.
@@ -125,14 +133,16 @@ export class Servos {
     this.off = new Set();
   }
   commanded(widths) {   // µs of each servo; 0: no pulse, so that it stays where it is
+    const still = (servo, index) => (servo.continuous ? 0 : this.angles[index]);
     return this.servos.map((servo, index) =>
-      !widths[index] || this.off.has(index) ? (servo.continuous ? 0 : this.angles[index]) : angleOf(servo, widths[index]));
+      (!widths[index] || this.off.has(index) ? still(servo, index) : angleOf(servo, widths[index])));
   }
   follow(widths, seconds) {
     const goal = this.commanded(widths);
     this.angles = goal.map((angle, index) => {
       const reach = this.servos[index].speed * seconds, way = angle - this.angles[index];
-      return this.servos[index].continuous ? angle : this.angles[index] + Math.max(-reach, Math.min(reach, way));
+      const moved = this.angles[index] + Math.max(-reach, Math.min(reach, way));
+      return this.servos[index].continuous ? angle : moved;
     });
     if (this.base) this.pose = driven(this.base, this.pose, this.angles, seconds);
   }
@@ -154,28 +164,38 @@ export class RobotView {
     this.angles = this.ghost = null;
     this.trails = model.ends.map(() => []);
     this.paths = [];
-    const bound = new Set([...model.ends.flatMap(end => end.joints.map(joint => joint.servo)), ...(model.base ? model.base.wheels : [])]);
+    const joints = model.ends.flatMap(end => end.joints.map(joint => joint.servo));
+    const bound = new Set([...joints, ...(model.base ? model.base.wheels : [])]);
     this.loose = model.servos.map((_, index) => index).filter(index => !bound.has(index));
     this.box = this.extent(model.servos.map(servo => servo.neutral));
   }
   extent(angles) {
-    const points = [...this.model.body, ...this.model.ends.flatMap(end => cornersOf(end, angles)), ...(this.model.base ? this.model.base.outline.flat().map(([x, y]) => [x, y, 0]) : [])];
+    const { body, ends, base } = this.model;
+    const outline = base ? base.outline.flat().map(([x, y]) => [x, y, 0]) : [];
+    const points = [...body, ...ends.flatMap(end => cornersOf(end, angles)), ...outline];
     if (!points.length) return null;
     const low = [0, 1, 2].map(axis => Math.min(...points.map(point => point[axis])));
     const high = [0, 1, 2].map(axis => Math.max(...points.map(point => point[axis])));
-    return { middle: low.map((value, axis) => (value + high[axis]) / 2), size: Math.max(0.02, Math.hypot(...low.map((value, axis) => high[axis] - value))) };
+    const size = Math.max(0.02, Math.hypot(...low.map((value, axis) => high[axis] - value)));
+    return { middle: low.map((value, axis) => (value + high[axis]) / 2), size };
   }
   steer() {
     const canvas = this.canvas;
     let held = null;
-    canvas.addEventListener("pointerdown", event => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
-    canvas.addEventListener("pointerup", () => { held = null; });
+    canvas.addEventListener("pointerdown", event => {
+      held = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
     canvas.addEventListener("pointermove", event => {
       if (!held) return;
       this.turn((held[0] - event.clientX) * 0.01, (event.clientY - held[1]) * 0.01);
       held = [event.clientX, event.clientY];
     });
-    canvas.addEventListener("wheel", event => { event.preventDefault(); this.scale(event.deltaY < 0 ? 1.1 : 1 / 1.1); }, { passive: false });
+    canvas.addEventListener("wheel", event => {
+      event.preventDefault();
+      this.scale(event.deltaY < 0 ? 1.1 : 1 / 1.1);
+    }, { passive: false });
     canvas.addEventListener("keydown", event => {
       const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
       if (turns[event.key]) this.turn(...turns[event.key]);
@@ -208,12 +228,14 @@ export class RobotView {
     const { width, height, brush, ink } = cleared(this.canvas);
     if (!width) return;
     brush.lineJoin = brush.lineCap = "round";
+    this.text = +ink("--canvas-px") || 12;
     if (this.box) this.paintRobot(brush, width, this.loose.length ? height * 0.62 : height, ink);
     if (this.loose.length) this.paintDials(brush, width, height, this.box ? height * 0.62 : 0, ink);
   }
   paintRobot(brush, width, height, ink) {
     const { middle, size } = this.box, scale = 0.82 * Math.min(width, height) / size * this.zoom;
-    const [ca, sa, ce, se] = [Math.cos(this.azimuth), Math.sin(this.azimuth), Math.cos(this.elevation), Math.sin(this.elevation)];
+    const [ca, sa] = [Math.cos(this.azimuth), Math.sin(this.azimuth)];
+    const [ce, se] = [Math.cos(this.elevation), Math.sin(this.elevation)];
     const seen = point => {
       const [x, y, z] = point.map((value, axis) => value - middle[axis]);
       const across = x * -sa + y * ca, away = x * ca + y * sa;
@@ -231,35 +253,69 @@ export class RobotView {
       brush.fillStyle = colour;
       for (const [x, y] of at) { brush.beginPath(); brush.arc(x, y, thick * 0.85, 0, 7); brush.fill(); }
     };
-    if (this.bodies) { this.paintBodies(brush, seen, line, scale, ink); return; }
+    const name = (text, at, colour) => {
+      const [x, y] = seen(at);
+      brush.font = `600 ${this.text}px system-ui, sans-serif`;
+      brush.textAlign = "center";
+      brush.fillStyle = colour;
+      brush.fillText(text, x, y + 1.2 * this.text);
+    };
+    // An arrow on the ground plane of `from`, where the robot's front is.
+    const front = (from, heading, length) => {
+      const turned = (along, aside) => [
+        from[0] + along * Math.cos(heading) - aside * Math.sin(heading),
+        from[1] + along * Math.sin(heading) + aside * Math.cos(heading), from[2],
+      ];
+      const wing = aside => turned(0.75 * length, aside * length);
+      const head = [wing(0.1), turned(length, 0), wing(-0.1)];
+      line([turned(0, 0), turned(length, 0)], ink("--soft"), 2);
+      line(head, ink("--soft"), 2);
+      name("front", turned(1.1 * length, 0), ink("--soft"));
+    };
+    const draw = { seen, line, name, front };
+    if (this.bodies) { this.paintBodies(brush, draw, ink); return; }
     const legs = this.model.ends.map(end => cornersOf(end, this.angles));
-    const feet = this.model.ends.map((end, index) => end.kind === "foot" ? legs[index][legs[index].length - 1] : null).filter(Boolean);
+    const walks = (_, index) => this.model.ends[index].kind === "foot";
+    const feet = legs.filter(walks).map(points => points.at(-1));
     if (feet.length > 2) {
       const ground = Math.min(...feet.map(foot => foot[2]));
       const standing = feet.filter(foot => foot[2] < ground + 0.004).map(([x, y]) => [x, y, ground]);
       const polygon = hull(standing);
-      if (polygon.length > 2) line([...polygon, polygon[0]], ink("--stance"), 1.2, false, ink("--stance-fill"));
+      const closed = [...polygon, polygon[0]];
+      if (polygon.length > 2) line(closed, ink("--stance"), 1.2, false, ink("--stance-fill"));
     }
     if (this.model.base) {
       const [x, y, heading] = this.pose, c = Math.cos(heading), s = Math.sin(heading);
-      for (const shape of this.model.base.outline) line(shape.map(([u, v]) => [x + u * c - v * s, y + u * s + v * c, 0]), ink("--robot"), 2);
+      const moved = ([u, v]) => [x + u * c - v * s, y + u * s + v * c, 0];
+      for (const shape of this.model.base.outline) line(shape.map(moved), ink("--robot"), 2);
+      front([x, y, 0], heading, 0.35 * size);
       return;
     }
     for (const path of this.paths) line(path, ink("--soft"), 1);
     for (const trail of this.trails) if (trail.length > 1) line(trail, ink("--soft"), 1);
     if (this.ghost) for (const end of this.model.ends) line(cornersOf(end, this.ghost), ink("--ghost"), 6);
-    if (this.model.body.length) line([...this.model.body, this.model.body[0]], ink("--robot"), 3, false, ink("--body-fill"));
+    const { body } = this.model;
+    if (body.length) {
+      line([...body, body[0]], ink("--robot"), 3, false, ink("--body-fill"));
+      const high = Math.max(...body.map(([x]) => x));
+      const mean = axis => body.reduce((sum, at) => sum + at[axis], 0) / body.length;
+      front([high, mean(1), mean(2)], 0, 0.16 * size);
+    }
     const far = legs.map(points => Math.max(...points.map(point => seen(point)[2])));
     const [low, high] = [Math.min(...far), Math.max(...far)];
     legs.map((points, index) => index).sort((a, b) => far[b] - far[a]).forEach(index => {
       brush.globalAlpha = 1 - DEPTH_CUE * (far[index] - low) / Math.max(1e-9, high - low);
-      line(legs[index], legible(this.model.servos[this.model.ends[index].joints[0].servo].colour), 4, true);
+      const end = this.model.ends[index];
+      line(legs[index], this.colourOf(end), 4, true);
       brush.globalAlpha = 1;
+      if (legs.length > 1) name(end.name, legs[index].at(-1), this.colourOf(end));
     });
   }
+  // A leg or an arm has the colour of its first servo, in every view.
+  colourOf(end) { return legible(this.model.servos[end.joints[0].servo].colour); }
   // The bodies of a recorded run, the ground below them, and how hard each foot presses on it.
-  paintBodies(brush, seen, line, scale, ink) {
-    const { lines, feet, touch, origin, ground } = this.bodies;
+  paintBodies(brush, { seen, line, name, front }, ink) {
+    const { lines, feet, touch, origin, ground, heading } = this.bodies;
     const first = origin.map(value => -(value - GRID_M * Math.round(value / GRID_M)));
     for (let number = -GRID_LINES; number <= GRID_LINES; number++) {
       const [x, y] = first.map(value => value + number * GRID_M), end = GRID_LINES * GRID_M;
@@ -269,12 +325,21 @@ export class RobotView {
     for (const foot of feet) if (foot.force > touch) {
       const [x, y] = seen(foot.at);
       brush.fillStyle = ink("--stance");
-      brush.beginPath(); brush.ellipse(x, y, 4 + 3 * Math.sqrt(foot.force), 2 + 1.5 * Math.sqrt(foot.force), 0, 0, 7); brush.fill();
+      const size = Math.sqrt(foot.force);
+      brush.beginPath(); brush.ellipse(x, y, 4 + 3 * size, 2 + 1.5 * size, 0, 0, 7); brush.fill();
     }
-    for (const each of lines) line(each.points, legible(each.colour), 1.6 * each.width, true);
+    const colour = each => {
+      const end = this.model.ends.find(one => one.name === each.leg);
+      return end ? this.colourOf(end) : each.leg ? legible(each.colour) : ink("--robot");
+    };
+    for (const each of lines) line(each.points, colour(each), 1.6 * each.width, true);
+    for (const each of lines) if (each.leg) name(each.leg, each.points.at(-1), colour(each));
+    if (heading !== null) front([0, 0, 0], heading, 0.16 * this.box.size);
   }
   paintDials(brush, width, height, top, ink) {
-    const count = this.loose.length, across = Math.min(count, Math.max(1, Math.floor(width / 110))), down = Math.ceil(count / across);
+    const count = this.loose.length;
+    const across = Math.min(count, Math.max(1, Math.floor(width / (9 * this.text))));
+    const down = Math.ceil(count / across);
     const cell = [width / across, (height - top) / down], radius = 0.3 * Math.min(cell[0], cell[1]);
     this.loose.forEach((index, place) => {
       const servo = this.model.servos[index];
@@ -284,17 +349,35 @@ export class RobotView {
       brush.lineWidth = 2;
       brush.beginPath(); brush.arc(x, y, radius, 0, 7); brush.fill(); brush.stroke();
       const horn = (angle, colour, thick) => {
-        const turn = servo.continuous ? angle : angle - Math.PI;   // 0° to the left, 90° up, 180° to the right
+        const turn = servo.continuous ? angle : angle - Math.PI;   // 0° to the left, 90° up
         brush.strokeStyle = colour;
         brush.lineWidth = thick;
-        brush.beginPath(); brush.moveTo(x, y); brush.lineTo(x + 1.25 * radius * Math.cos(turn), y + 1.25 * radius * Math.sin(turn)); brush.stroke();
+        const end = [x + 1.25 * radius * Math.cos(turn), y + 1.25 * radius * Math.sin(turn)];
+        brush.beginPath(); brush.moveTo(x, y); brush.lineTo(...end); brush.stroke();
       };
+      if (!servo.continuous) this.paintScale(brush, x, y, radius, ink);
       if (this.ghost) horn(this.ghost[index], ink("--ghost"), 12);
       horn(this.angles[index], legible(servo.colour), 6);
       brush.fillStyle = ink("--ink");
-      brush.font = "13px system-ui, sans-serif";
+      brush.font = `600 ${1.1 * this.text}px system-ui, sans-serif`;
       brush.textAlign = "center";
-      brush.fillText(`${servo.name} ${(this.angles[index] * 180 / Math.PI).toFixed(1)}${servo.continuous ? " °/s" : "°"}`, x, y + 1.25 * radius + 18);
+      const angle = `${(this.angles[index] * 180 / Math.PI).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+      brush.fillText(`${servo.name} ${angle}`, x, y + radius + 1.6 * this.text);
     });
+  }
+  // The scale of a dial: 0°, 90° and 180°.
+  paintScale(brush, x, y, radius, ink) {
+    brush.strokeStyle = brush.fillStyle = ink("--soft");
+    brush.lineWidth = 1.5;
+    brush.font = `${this.text}px system-ui, sans-serif`;
+    for (let degrees = 0; degrees <= 180; degrees += 30) {
+      const turn = degrees * Math.PI / 180 - Math.PI, [c, s] = [Math.cos(turn), Math.sin(turn)];
+      brush.beginPath(); brush.moveTo(x + 0.9 * radius * c, y + 0.9 * radius * s);
+      brush.lineTo(x + radius * c, y + radius * s); brush.stroke();
+      if (degrees % 90) continue;
+      brush.textAlign = degrees === 0 ? "right" : degrees === 180 ? "left" : "center";
+      const down = degrees === 90 ? 0 : 0.35 * this.text;
+      brush.fillText(`${degrees}°`, x + 1.32 * radius * c, y + 1.3 * radius * s + down);
+    }
   }
 }

@@ -1,7 +1,7 @@
-// The poses of a job in a row, as wide as they last: chosen, moved, removed, held longer or shorter, by mouse and keys.
-// In: the poses of the checked job. Out: requests to change its text; the text comes back, and with it the poses.
+// The poses of a job in a row, as wide as they last: chosen, moved, removed, held longer or shorter, by mouse
+// and keys. In: the poses of the planned job. Out: requests to change its text, which comes back with them.
 
-import { element } from "./chip.js";
+import { element } from "./dom.js";
 
 const BLOCK = 44, LEAST = 4;   // pixels: of a pose that takes no time, and of a second at least
 const STEP_S = 0.1;
@@ -11,14 +11,16 @@ const rounded = value => Math.round(Math.max(0, value) / STEP_S) * STEP_S;
 const text = value => `${+value.toFixed(3)} s`;
 
 export class Timeline {
-  // change(what) asks for a change of the text, chosen(pose) shows one.
-  constructor(places, change, chosen) {
-    Object.assign(this, { places, change, chosen });
+  // change(what) asks for a change of the text, chosen(pose, index) shows one, pointed(index) is told the one
+  // that the pointer is on.
+  constructor(places, { change, chosen, pointed }) {
+    Object.assign(this, { places, change, chosen, pointed });
     this.poses = [];
     this.selected = 0;
     places.list.addEventListener("keydown", event => { if (this.press(event)) event.preventDefault(); });
     for (const key of ["move_s", "hold_s", "pause_s"]) {
-      places[key].addEventListener("change", () => this.time(key, places[key].value === "" ? null : Math.max(0, +places[key].value)));
+      const seconds = () => (places[key].value === "" ? null : Math.max(0, +places[key].value));
+      places[key].addEventListener("change", () => this.time(key, seconds()));
     }
     places.earlier.addEventListener("click", () => this.move(this.selected - 1));
     places.later.addEventListener("click", () => this.move(this.selected + 1));
@@ -34,23 +36,39 @@ export class Timeline {
     this.places.area.hidden = !poses.length;
     let begin = 0;
     this.blocks = poses.map((pose, index) => {
-      const name = pose.name || `${index + 1}`, handle = element("span", { class: "handle", "aria-hidden": "true" });
-      const block = element("div", { role: "option", id: `pose-${index}`, class: "pose", title: `${name}, from ${text(begin)}` }, element("b", {}, name), " ", element("span", {}, text(pose.hold_s)), handle);
+      const name = pose.name || `${index + 1}`;
+      const handle = element("span", { class: "handle", "aria-hidden": "true" });
+      const title = `${name}, from ${text(begin)}; drag it to another place, its end to another time`;
+      const said = [element("b", {}, name), " ", element("span", {}, text(pose.hold_s)), handle];
+      const block = element("div", { role: "option", id: `pose-${index}`, class: "pose", title }, ...said);
       begin += seconds(pose);
       block.addEventListener("pointerdown", event => this.drag(event, index, event.target === handle));
+      block.addEventListener("pointerenter", () => this.pointed(index));
+      block.addEventListener("pointerleave", () => this.pointed(null));
       return block;
     });
     this.places.list.replaceChildren(...this.blocks);
-    this.scale = Math.max(LEAST, (this.places.list.clientWidth - (BLOCK + 2) * poses.length - 8) / Math.max(0.1, begin));
-    poses.forEach((pose, index) => { this.blocks[index].style.width = `${BLOCK + seconds(pose) * this.scale}px`; });
+    const free = this.places.list.clientWidth - (BLOCK + 2) * poses.length - 8;
+    this.scale = Math.max(LEAST, free / Math.max(0.1, begin));
+    const width = pose => `${BLOCK + seconds(pose) * this.scale}px`;
+    poses.forEach((pose, index) => { this.blocks[index].style.width = width(pose); });
     this.mark();
+  }
+  // Mark the pose that the chip is in, and the one that the pointer is on somewhere.
+  point(now, linked) {
+    this.blocks?.forEach((block, index) => {
+      block.classList.toggle("now", index === now);
+      block.classList.toggle("linked", index === linked);
+    });
   }
   mark() {
     const pose = this.poses[this.selected];
     this.blocks.forEach((block, index) => block.setAttribute("aria-selected", index === this.selected));
     if (!pose) return;
     this.places.list.setAttribute("aria-activedescendant", `pose-${this.selected}`);
-    for (const key of ["move_s", "hold_s", "pause_s"]) if (document.activeElement !== this.places[key]) this.places[key].value = pose[key] ?? "";
+    for (const key of ["move_s", "hold_s", "pause_s"]) {
+      if (document.activeElement !== this.places[key]) this.places[key].value = pose[key] ?? "";
+    }
     this.places.earlier.disabled = this.selected === 0;
     this.places.later.disabled = this.selected === this.poses.length - 1;
     this.places.remove.disabled = this.poses.length === 1;
@@ -59,15 +77,17 @@ export class Timeline {
     this.selected = Math.max(0, Math.min(this.poses.length - 1, index));
     this.mark();
     this.blocks[this.selected].scrollIntoView({ block: "nearest", inline: "nearest" });
-    this.chosen(this.poses[this.selected]);
+    this.chosen(this.poses[this.selected], this.selected);
   }
   press(event) {
     const pose = this.poses[this.selected], way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (way && event.shiftKey) this.move(this.selected + way);
     else if (way) this.choose(this.selected + way);
-    else if (event.key === "Home" || event.key === "End") this.choose(event.key === "Home" ? 0 : this.poses.length - 1);
+    else if (event.key === "Home") this.choose(0);
+    else if (event.key === "End") this.choose(this.poses.length - 1);
     else if (event.key === "Enter") this.choose(this.selected);
-    else if (event.key === "+" || event.key === "-") this.time("hold_s", rounded(pose.hold_s + (event.key === "+" ? STEP_S : -STEP_S)));
+    else if (event.key === "+") this.time("hold_s", rounded(pose.hold_s + STEP_S));
+    else if (event.key === "-") this.time("hold_s", rounded(pose.hold_s - STEP_S));
     else if (event.key === "Delete") this.remove();
     else return false;
     return true;
@@ -80,7 +100,8 @@ export class Timeline {
   remove() { if (this.poses.length > 1) this.change({ kind: "remove", index: this.selected }); }
   time(key, value) {
     this.change({ kind: "time", index: this.selected, key, seconds: value });
-    if (value !== null) this.poses[this.selected] = { ...this.poses[this.selected], [key]: value };   // what the next key goes on from
+    const pose = this.poses[this.selected];   // what the next key goes on from
+    if (value !== null) this.poses[this.selected] = { ...pose, [key]: value };
   }
   // A pose is dragged to another place, or its right end to another time.
   drag(event, index, end) {
@@ -96,13 +117,16 @@ export class Timeline {
       block.children[1].textContent = text(held(moved));
     };
     const onUp = moved => {
-      for (const [name, listener] of [["pointermove", onMove], ["pointerup", onUp], ["pointercancel", onUp]]) block.removeEventListener(name, listener);
+      for (const [name, listener] of listeners) block.removeEventListener(name, listener);
       block.style.translate = "";
-      if (moved.type === "pointercancel" || Math.abs(moved.clientX - from) < 4) { this.show(this.poses); return; }
+      const stayed = moved.type === "pointercancel" || Math.abs(moved.clientX - from) < 4;
+      if (stayed) { this.show(this.poses); return; }
       if (end) { this.time("hold_s", held(moved)); return; }
       const others = this.blocks.filter(each => each !== block);
-      this.move(others.filter(each => { const box = each.getBoundingClientRect(); return box.x + box.width / 2 < moved.clientX; }).length);
+      const middle = ({ x, width }) => x + width / 2;
+      this.move(others.filter(each => middle(each.getBoundingClientRect()) < moved.clientX).length);
     };
-    for (const [name, listener] of [["pointermove", onMove], ["pointerup", onUp], ["pointercancel", onUp]]) block.addEventListener(name, listener);
+    const listeners = [["pointermove", onMove], ["pointerup", onUp], ["pointercancel", onUp]];
+    for (const [name, listener] of listeners) block.addEventListener(name, listener);
   }
 }

@@ -1,58 +1,70 @@
 // Bodies and contacts: the physics on the server, which follows the chip's pulses in its own time.
 // In: the messages of servogen/watch/live_bodies.py, lengths in tenths of a millimetre.
 
-const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf"];
-const NAMED = { "tab:blue": "#1f77b4", "0.35": "#595959" };
+import { write } from "./dom.js";
+
 const mm = value => `${+(value / 10).toFixed(1)} mm`;
 
 export class Twin {
   constructor(places, turned) {
     this.places = places;
-    places.show.addEventListener("change", () => { this.now = null; this.say(places.show.checked ? "starting the physics" : ""); this.give(); turned(places.show.checked); });
+    places.show.addEventListener("change", () => {
+      this.now = null;
+      this.say(places.show.checked ? "starting the physics" : "");
+      this.give();
+      turned(places.show.checked);
+    });
   }
   start(model, robot) {
     this.robot = robot;
     this.places.area.hidden = !model.has_bodies;
     this.model(model.bodies);
   }
-  // Begin with what stays the same while the bodies move; null: there is no physics, for the reason in `text`.
+  // Begin with what stays the same while the bodies move; null: there is no physics, `text` says why.
   model(parts, text = "") {
     this.parts = parts;
     this.now = null;
     this.places.show.checked = !!parts;
-    if (parts) for (const line of parts.lines) line.paint = NAMED[line.colour] || COLOURS[+line.colour.slice(1)];
     this.say(text);
     this.give();
   }
-  say(text) { if (this.places.text.textContent !== text) this.places.text.textContent = text; }
+  say(text) { write(this.places.text, text); }
   take(moment) {
     if (!this.parts || !this.places.show.checked) return;
     this.now = moment;
     this.give();
     this.describe();
   }
-  // Give the robot's view the bodies of the latest moment.
+  // Give the robot's view the bodies of the latest moment. The last lines are the legs, in their order.
   give() {
     const { parts, now, robot } = this;
     if (!parts || !now) { robot.bodies = null; return; }
     const middle = [now.pose[0] / 1e4, now.pose[1] / 1e4, parts.height];   // what the view turns about
-    const points = (flat, begin, count) => Array.from({ length: count }, (_, index) => middle.map((value, axis) => flat[3 * (begin + index) + axis] / 1e4 - value));
+    const point = (flat, index) => middle.map((value, axis) => flat[3 * index + axis] / 1e4 - value);
+    const first = parts.lines.length - parts.legs.length;
     let begin = 0;
-    const lines = parts.lines.map(line => {
-      const at = points(now.points, begin, line.count);
+    const lines = parts.lines.map((line, index) => {
+      const points = Array.from({ length: line.count }, (_, place) => point(now.points, begin + place));
       begin += line.count;
-      return { colour: line.paint, width: line.width, points: at };
+      return { leg: parts.legs[index - first], width: line.width, points };
     });
     robot.bodies = {
       lines,
-      feet: parts.legs.map((_, leg) => ({ at: points(now.points, parts.feet[leg], 1)[0], force: now.force[leg] })),
+      feet: parts.legs.map((_, leg) => ({ at: point(now.points, parts.feet[leg]), force: now.force[leg] })),
       touch: parts.touch, origin: middle.slice(0, 2), ground: -middle[2],
+      heading: parts.floating ? now.pose[3] : null,
     };
   }
   describe() {
-    const { parts, now } = this, said = [`bodies at ${now.seconds.toFixed(3)} s`];
-    if (now.behind) said[0] += `, ${now.behind.toFixed(2)} s behind the pulses: the physics is slower than this speed, and catches up`;
-    if (parts.floating) said.push(`body at ${mm(now.pose[0])}, ${mm(now.pose[1])}, ${mm(now.pose[2])} high, turned by ${(now.pose[3] * 180 / Math.PI).toFixed(1)}°`);
+    const { parts, now } = this, said = [`bodies at ${now.seconds.toFixed(3)} s`], { pose } = now;
+    if (now.behind) {
+      said[0] += `, ${now.behind.toFixed(2)} s behind the pulses:`
+        + " the physics is slower than this speed, and catches up";
+    }
+    if (parts.floating) {
+      const turned = `turned by ${(pose[3] * 180 / Math.PI).toFixed(1)}°`;
+      said.push(`body at ${mm(pose[0])}, ${mm(pose[1])}, ${mm(pose[2])} high, ${turned}`);
+    }
     const down = parts.legs.filter((_, leg) => now.force[leg] > parts.touch);
     if (parts.legs.length) said.push(`on the ground: ${down.join(" ") || "no foot"}`);
     if (parts.sensors) said.push("the job's sensors are not connected to this chip");

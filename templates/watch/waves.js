@@ -3,8 +3,8 @@
 
 import { cleared, legible } from "./robot.js";
 
-const LABEL = 92, ROW = 30, HEAD = 24, MIN_SPAN = 8;
-const DASH = 3, SHORTEST_TEXT = 24;   // pixels
+const HEAD = 24, ROW = 30, ROWS = [22, 320];   // pixels: the least and the greatest height of a row that fits
+const DASH = 3, SHORTEST_TEXT = 24, MIN_SPAN = 8, LABEL = 7.7;   // the label: so many times the text's size
 
 export function unpack(packed, begin) {
   const edges = [];
@@ -35,8 +35,11 @@ export function decodeSerial(edges, bit, begin, before, end) {
     if (edge.level !== 0 || edge.cycle < free) continue;
     if (edge.cycle + 9.5 * bit > end) break;
     let value = 0;
-    for (let index = 0; index < 8; index++) if (levelAt(edge.cycle + (index + 1.5) * bit) === 1) value |= 1 << index;
-    if (levelAt(edge.cycle + 9.5 * bit) === 1) bytes.push({ cycle: edge.cycle, end: edge.cycle + 10 * bit, value });
+    for (let index = 0; index < 8; index++) {
+      if (levelAt(edge.cycle + (index + 1.5) * bit) === 1) value |= 1 << index;
+    }
+    const stopped = levelAt(edge.cycle + 9.5 * bit) === 1;
+    if (stopped) bytes.push({ cycle: edge.cycle, end: edge.cycle + 10 * bit, value });
     free = edge.cycle + 9.5 * bit;
   }
   return bytes;
@@ -44,20 +47,28 @@ export function decodeSerial(edges, bit, begin, before, end) {
 
 function byPin(edges) {
   const lanes = new Map();
-  for (const edge of edges) lanes.has(edge.pin) ? lanes.get(edge.pin).push(edge) : lanes.set(edge.pin, [edge]);
+  for (const edge of edges) {
+    if (!lanes.has(edge.pin)) lanes.set(edge.pin, []);
+    lanes.get(edge.pin).push(edge);
+  }
   return lanes;
 }
 
 export class Waves {
-  // rows: [{name, pin, colour, servo, serial}]; describe(row, width in cycles) is what a pulse means.
+  // options: rows [{name, pin, colour, servo, serial}]; describe(row, width in cycles) is what a pulse means;
+  // room() is the height that the rows share, if they do; bands(begin, end) are spans of time to be marked;
+  // preview(row, cycle) is the width in cycles that another plan asks for; hovered(place, clicked).
   constructor(canvas, model, options) {
     this.canvas = canvas;
     this.begin = 0;
     this.end = Math.round(model.period * 4);
     this.now = 0;
     this.cursors = [null, null];
+    this.which = 0;   // the cursor that a click places
     this.hover = null;
+    this.only = null;   // the pin that alone is shown
     this.width = canvas.clientWidth;
+    this.text = 12;
     this.use(model, options);
     this.listen();
   }
@@ -66,9 +77,12 @@ export class Waves {
     this.model = model;
     this.options = options;
     this.data = null;
-    this.rows = [];
+    this.all = [];
+    this.only = null;
     this.maxSpan = Math.round(model.cycles_per_second * (options.maxSeconds || 4));
   }
+  get rows() { return this.all.filter(row => this.only === null || row.pin === this.only); }
+  get label() { return Math.round(LABEL * this.text); }
   us(cycles) { return cycles * this.model.cycle_us; }
   show(begin, end) {
     const span = Math.max(MIN_SPAN, Math.min(this.maxSpan, end - begin));
@@ -83,64 +97,127 @@ export class Waves {
   // Keep the moment in sight: while running it stays near the right end.
   follow(now, running) {
     this.now = now;
-    const span = this.end - this.begin;
-    if (now < this.begin || now > this.end || (running && now > this.begin + 0.9 * span)) this.show(now - 0.75 * span, now + 0.25 * span);
+    const span = this.end - this.begin, late = running && now > this.begin + 0.9 * span;
+    if (now < this.begin || now > this.end || late) this.show(now - 0.75 * span, now + 0.25 * span);
     else this.paint();
   }
   mark(now) { this.now = now; this.paint(); }
+  // Show one pin alone, as high as there is room; null: all of them.
+  choose(pin) {
+    this.only = pin;
+    this.lay();
+    this.paint();
+  }
   // Take the edges of a window of time; `followed`: while it runs, the window is the server's.
   take(packed, followed = false) {
     const edges = name => unpack(packed[name], packed.begin);
     if (followed) [this.begin, this.end] = [packed.begin, packed.end];
-    this.set({ ...packed, edges: edges("edges"), wanted: edges("wanted"), differing: edges("differing"), inputs: edges("inputs") });
+    const lists = ["edges", "wanted", "differing", "inputs"].map(name => [name, edges(name)]);
+    this.set({ ...packed, ...Object.fromEntries(lists) });
     if (!followed) this.paint();   // what follows is painted with the moment
   }
   set(data) {
     this.data = data;
-    this.lanes = Object.fromEntries(["edges", "wanted", "differing", "inputs"].map(name => [name, byPin(data[name])]));
+    const names = ["edges", "wanted", "differing", "inputs"];
+    this.lanes = Object.fromEntries(names.map(name => [name, byPin(data[name])]));
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
-    for (const edge of [...this.data.edges, ...this.data.inputs]) if (!named.has(edge.pin)) named.set(edge.pin, { name: this.model.pins[edge.pin] || "MCLR", pin: edge.pin });
-    for (const row of this.rows) if (!named.has(row.pin)) named.set(row.pin, row);
-    this.rows = [...named.values()];
-    const height = `${HEAD + ROW * Math.max(1, this.rows.length) + 6}px`;
-    if (this.canvas.style.height !== height) this.canvas.style.height = height;
+    const name = pin => ({ name: this.model.pins[pin] || "MCLR", pin });
+    for (const { pin } of [...data.edges, ...data.inputs]) if (!named.has(pin)) named.set(pin, name(pin));
+    for (const row of this.all) if (!named.has(row.pin)) named.set(row.pin, row);
+    this.all = [...named.values()];
+    this.lay();
   }
-  x(cycle) { return LABEL + (cycle - this.begin) / (this.end - this.begin) * (this.width - LABEL); }
-  cycleAt(x) { return Math.round(this.begin + (x - LABEL) / Math.max(1, this.canvas.clientWidth - LABEL) * (this.end - this.begin)); }
+  // Give the canvas the height of its rows.
+  lay() {
+    const count = Math.max(1, this.rows.length), room = this.options.room?.();
+    const [least, most] = ROWS.map(height => height * this.text / 12);
+    this.row = room ? Math.floor(Math.max(least, Math.min(most, (room - HEAD - 6) / count))) : ROW;
+    const height = `${HEAD + this.row * count + 6}px`;
+    if (this.canvas.style.height !== height) this.canvas.style.height = height;
+    this.options.laid?.(this);
+  }
+  top(index) { return HEAD + this.row * index; }
+  x(cycle) { return this.label + (cycle - this.begin) / (this.end - this.begin) * (this.width - this.label); }
+  cycleAt(x) {
+    const share = (x - this.label) / Math.max(1, this.canvas.clientWidth - this.label);
+    return Math.round(this.begin + share * (this.end - this.begin));
+  }
+  // The row at a place of the canvas, and the level there from `begin` to `end`, null where not seen.
+  at(x, y) {
+    const row = this.rows[Math.floor((y - HEAD) / this.row)];
+    if (!row || !this.data || x < this.label) return null;
+    const cycle = this.cycleAt(x), edges = this.lanes.edges.get(row.pin) || [];
+    const next = edges.findIndex(edge => edge.cycle > cycle), index = next < 0 ? edges.length : next;
+    const level = index ? edges[index - 1].level : this.data.before[row.pin];
+    return { row, cycle, level, begin: edges[index - 1]?.cycle ?? null, end: edges[index]?.cycle ?? null };
+  }
   listen() {
-    const canvas = this.canvas;
+    const canvas = this.canvas, fingers = new Map();
     let held = null;
+    const apart = () => {
+      const [one, other] = [...fingers.values()];
+      return { span: Math.max(8, Math.abs(one - other)), middle: this.cycleAt((one + other) / 2) };
+    };
+    const hold = event => {
+      held = { x: event.offsetX, begin: this.begin, end: this.end, moved: fingers.size > 1 };
+      if (fingers.size === 2) held.pinched = apart().span;
+    };
     canvas.addEventListener("wheel", event => {
       event.preventDefault();
       this.zoom(event.deltaY < 0 ? 0.7 : 1 / 0.7, this.cycleAt(event.offsetX));
     }, { passive: false });
     canvas.addEventListener("pointerdown", event => {
-      held = { x: event.offsetX, begin: this.begin, end: this.end, moved: false };
+      fingers.set(event.pointerId, event.offsetX);
       canvas.setPointerCapture(event.pointerId);
+      hold(event);
     });
     canvas.addEventListener("pointermove", event => {
       this.hover = [event.offsetX, event.offsetY];
-      if (held && Math.abs(event.offsetX - held.x) > 3) {
+      if (fingers.has(event.pointerId)) fingers.set(event.pointerId, event.offsetX);
+      if (fingers.size === 2) {
+        const { span, middle } = apart();
+        this.zoom(held.pinched / span, middle);
+        held.pinched = span;
+      } else if (held && (held.moved || Math.abs(event.offsetX - held.x) > 3)) {
         held.moved = true;
-        const way = (event.offsetX - held.x) / Math.max(1, canvas.clientWidth - LABEL) * (held.end - held.begin);
+        const across = Math.max(1, canvas.clientWidth - this.label);
+        const way = (event.offsetX - held.x) / across * (held.end - held.begin);
         this.show(held.begin - way, held.end - way);
-      } else this.paint();
+      } else {
+        this.options.hovered?.(this.at(...this.hover), false);
+        this.paint();
+      }
     });
     canvas.addEventListener("pointerup", event => {
-      if (held && !held.moved && event.offsetX > LABEL) this.place(event.shiftKey ? 1 : 0, this.cycleAt(event.offsetX));
-      held = null;
+      if (held && !held.moved && event.offsetX > this.label) {
+        this.place(event.shiftKey ? 1 : this.which, this.cycleAt(event.offsetX));
+        this.options.hovered?.(this.at(event.offsetX, event.offsetY), true);
+      }
     });
-    canvas.addEventListener("pointerleave", () => { this.hover = null; this.paint(); });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, event => {
+      fingers.delete(event.pointerId);
+      held = null;
+      for (const [, x] of fingers) hold({ offsetX: x });
+    });
+    canvas.addEventListener("pointerleave", () => {
+      this.hover = null;
+      this.options.hovered?.(null, false);
+      this.paint();
+    });
     canvas.addEventListener("dblclick", event => this.options.seek?.(this.cycleAt(event.offsetX)));
     canvas.addEventListener("keydown", event => {
-      const span = this.end - this.begin, step = event.shiftKey ? 1 : 0;
-      if (event.key === "+" || event.key === "=") this.zoom(0.5, this.cursors[0] ?? this.now);
-      else if (event.key === "-") this.zoom(2, this.cursors[0] ?? this.now);
-      else if (event.key === "ArrowLeft") this.show(this.begin - span / 4, this.end - span / 4);
-      else if (event.key === "ArrowRight") this.show(this.begin + span / 4, this.end + span / 4);
-      else if (event.key === "a" || event.key === "b") this.place(event.key === "a" ? 0 : 1, this.now);
-      else if (event.key === "[" || event.key === "]") this.place(step, (this.cursors[step] ?? this.now) + (event.key === "[" ? -1 : 1));
-      else return;
+      const span = this.end - this.begin, cursor = event.shiftKey ? 1 : 0;
+      const around = this.cursors[0] ?? this.now;
+      const moves = {
+        "+": () => this.zoom(0.5, around), "=": () => this.zoom(0.5, around), "-": () => this.zoom(2, around),
+        ArrowLeft: () => this.show(this.begin - span / 4, this.end - span / 4),
+        ArrowRight: () => this.show(this.begin + span / 4, this.end + span / 4),
+        a: () => this.place(0, this.now), b: () => this.place(1, this.now),
+        "[": () => this.place(cursor, (this.cursors[cursor] ?? this.now) - 1),
+        "]": () => this.place(cursor, (this.cursors[cursor] ?? this.now) + 1),
+      };
+      if (!moves[event.key]) return;
+      moves[event.key]();
       event.preventDefault();
       event.stopPropagation();
     });
@@ -153,62 +230,79 @@ export class Waves {
   paint() {
     const { width, height, brush, ink } = cleared(this.canvas);
     if (!width) return;
+    const text = +ink("--canvas-px") || 12;
+    if (text !== this.text) { this.text = text; this.lay(); }
     this.width = width;   // asking the page for it at each edge costs more than the edge
-    brush.font = "12px system-ui, sans-serif";
+    brush.font = `${this.text}px system-ui, sans-serif`;
     brush.save();
     brush.beginPath();
-    brush.rect(LABEL, 0, width - LABEL, height);
+    brush.rect(this.label, 0, width - this.label, height);
     brush.clip();
+    for (const [begin, end] of this.options.bands?.(this.begin, this.end) || []) {
+      brush.fillStyle = ink("--band");
+      brush.fillRect(this.x(begin), HEAD - 6, this.x(end) - this.x(begin), height);
+    }
     this.paintTime(brush, width, height, ink);
-    if (this.data) this.rows.forEach((row, index) => this.paintRow(brush, row, HEAD + ROW * index, ink));
-    const mark = (cycle, colour, text) => {
-      if (cycle === null || cycle < this.begin || cycle > this.end) return;
-      const x = this.x(cycle);
-      brush.strokeStyle = brush.fillStyle = colour;
-      brush.lineWidth = 1.5;
-      brush.beginPath(); brush.moveTo(x, 0); brush.lineTo(x, height); brush.stroke();
-      brush.textAlign = "left";
-      brush.fillText(text, x + 3, 10);
-    };
-    mark(this.now, ink("--now"), "");
-    mark(this.cursors[0], ink("--cursor"), "A");
-    mark(this.cursors[1], ink("--cursor"), "B");
+    if (this.data) this.rows.forEach((row, index) => this.paintRow(brush, row, this.top(index), ink));
+    this.paintMarks(brush, height, ink);
     brush.restore();
     brush.textAlign = "left";
     brush.fillStyle = ink("--soft");
-    if (!this.rows.length) brush.fillText("no pin is driven here", LABEL + 8, HEAD + 16);
+    if (!this.rows.length) brush.fillText("no pin is driven here", this.label + 8, HEAD + 16);
     this.rows.forEach((row, index) => {
+      const top = this.top(index) + (this.row >= 2.2 * this.text ? 1.1 : 1.4) * this.text;
       brush.fillStyle = legible(row.colour || ink("--ink"));
-      brush.fillText(row.name, 4, HEAD + ROW * index + 13, LABEL - 8);
+      brush.fillText(row.name, 4, top, this.label - 22);
+      if (this.row < 2.2 * this.text) return;
       brush.fillStyle = ink("--soft");
-      brush.fillText(this.model.pins[row.pin] === row.name ? "" : this.model.pins[row.pin] || "", 4, HEAD + ROW * index + 26, LABEL - 8);
+      const pin = this.model.pins[row.pin];
+      if (pin && pin !== row.name) brush.fillText(pin, 4, top + 1.08 * this.text, this.label - 22);
     });
     this.options.readout?.(this.words());
   }
+  paintMarks(brush, height, ink) {
+    const mark = (cycle, colour, text, thick = 1.5) => {
+      if (cycle === null || cycle < this.begin || cycle > this.end) return;
+      const x = this.x(cycle);
+      brush.strokeStyle = brush.fillStyle = colour;
+      brush.lineWidth = thick;
+      brush.beginPath(); brush.moveTo(x, 0); brush.lineTo(x, height); brush.stroke();
+      brush.textAlign = "left";
+      brush.fillText(text, x + 3, this.text - 2);
+    };
+    const hovered = this.hover && this.hover[0] > this.label ? this.cycleAt(this.hover[0]) : null;
+    mark(hovered, ink("--ghost-line"), "", 1);
+    mark(this.now, ink("--now"), "");
+    mark(this.cursors[0], ink("--cursor"), "A");
+    mark(this.cursors[1], ink("--cursor"), "B");
+  }
   paintTime(brush, width, height, ink) {
-    const span = this.us(this.end - this.begin), rough = span / Math.max(2, (width - LABEL) / 110);
-    const power = 10 ** Math.floor(Math.log10(rough)), step = [1, 2, 5, 10].map(factor => factor * power).find(value => value >= rough);
+    const span = this.us(this.end - this.begin);
+    const rough = span / Math.max(2, (width - this.label) / (9 * this.text));
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].map(factor => factor * power).find(value => value >= rough);
+    const upright = x => { brush.beginPath(); brush.moveTo(x, 16); brush.lineTo(x, height); brush.stroke(); };
     brush.fillStyle = ink("--soft");
     brush.strokeStyle = ink("--rule");
     brush.lineWidth = 1;
     brush.textAlign = "center";
     for (let number = Math.ceil(this.us(this.begin) / step); number * step <= this.us(this.end); number++) {
-      const x = this.x(number * step / this.model.cycle_us);
-      brush.beginPath(); brush.moveTo(x, 16); brush.lineTo(x, height); brush.stroke();
-      brush.fillText(timeText(number * step, step), x, 12);
+      const x = this.x(number * step / this.model.cycle_us), text = timeText(number * step, step);
+      const half = brush.measureText(text).width / 2;
+      upright(x);
+      brush.fillText(text, Math.max(this.label + half, Math.min(width - half - 2, x)), this.text);
     }
     const { period, origin } = this.model;
     if (origin === null || (this.end - this.begin) / period > 100) return;
     brush.strokeStyle = ink("--frame");
     brush.setLineDash([4, 4]);
-    for (let frame = Math.max(0, Math.ceil((this.begin - origin) / period)); origin + frame * period <= this.end; frame++) {
-      const x = this.x(origin + frame * period);
-      brush.beginPath(); brush.moveTo(x, 16); brush.lineTo(x, height); brush.stroke();
-    }
+    let frame = Math.max(0, Math.ceil((this.begin - origin) / period));
+    for (; origin + frame * period <= this.end; frame++) upright(this.x(origin + frame * period));
     brush.setLineDash([]);
   }
   paintRow(brush, row, top, ink) {
-    const { data } = this, low = top + ROW - 6, high = top + 5, colour = legible(row.colour || ink("--ink"));
+    const { data } = this, low = top + this.row - 6, high = top + 5;
+    const colour = legible(row.colour || ink("--ink"));
     const line = (edges, start, from, to, dash, thick, stroke) => {
       brush.strokeStyle = stroke;
       brush.lineWidth = thick;
@@ -218,9 +312,10 @@ export class Waves {
       brush.moveTo(this.x(from), y);
       brush.fillStyle = stroke;
       for (let index = 0; index < edges.length; index++) {
-        const x = this.x(edges[index].cycle), next = edges[index].level === 1 ? high : low, after = edges[index + 1];
-        if (after && next !== y && after.level !== edges[index].level && this.x(after.cycle) - x < thick / 2) {
-          brush.fillRect(x - thick / 2, high, thick, low - high);   // there and back: a bar costs less than two corners
+        const x = this.x(edges[index].cycle), next = edges[index].level === 1 ? high : low;
+        const after = edges[index + 1], back = after && after.level !== edges[index].level;
+        if (back && next !== y && this.x(after.cycle) - x < thick / 2) {
+          brush.fillRect(x - thick / 2, high, thick, low - high);   // a bar costs less than two corners
           index++;
           continue;
         }
@@ -234,45 +329,80 @@ export class Waves {
     };
     const lane = name => (this.lanes[name].get(row.pin) || []).filter(edge => edge.cycle <= this.end);
     const wanted = lane("wanted"), driven = lane("edges"), given = lane("inputs");
-    const dense = wanted.length * DASH > this.width - LABEL;   // no dash fits between two edges
-    if (wanted.length) line(wanted, wanted[0].level === 1 ? 0 : 1, data.begin, data.end, dense ? [] : [DASH, DASH], 1, ink("--ghost-line"));
-    if (driven.length || data.before[row.pin] < 2 || !given.length) line(driven, data.before[row.pin], data.begin, data.seen, [], 1.6, colour);
-    if (given.length) line(given, data.inputs_before?.[row.pin] ?? 1, data.begin, data.seen, [], 1.6, ink("--input"));
+    const dense = wanted.length * DASH > this.width - this.label;   // no dash fits between two edges
+    const first = wanted[0]?.level === 1 ? 0 : 1, outside = data.inputs_before?.[row.pin] ?? 1;
+    const dash = dense ? [] : [DASH, DASH];
+    if (wanted.length) line(wanted, first, data.begin, data.end, dash, 1, ink("--ghost-line"));
+    const drives = driven.length || data.before[row.pin] < 2 || !given.length;
+    if (drives) line(driven, data.before[row.pin], data.begin, data.seen, [], 1.6, colour);
+    if (given.length) line(given, outside, data.begin, data.seen, [], 1.6, ink("--input"));
     brush.strokeStyle = ink("--bad");
     brush.lineWidth = 3;
     for (const edge of lane("differing")) {
       const x = this.x(edge.cycle);
       brush.beginPath(); brush.moveTo(x, high - 3); brush.lineTo(x, low + 3); brush.stroke();
     }
-    if (row.serial) this.paintBytes(brush, row, given.length ? given : driven, given.length ? data.inputs_before?.[row.pin] ?? 1 : data.before[row.pin], low, ink);
-    else this.paintWidths(brush, row, driven, low, ink);
+    const input = given.length > 0 && !driven.length;
+    const before = input ? outside : data.before[row.pin];
+    if (row.serial) this.paintBytes(brush, row, input ? given : driven, before, low, ink);
+    else this.paintWidths(brush, row, driven, high, low, ink);
   }
   paintBytes(brush, row, edges, before, low, ink) {
     brush.fillStyle = ink("--ink");
     brush.textAlign = "left";
     for (const byte of decodeSerial(edges, row.serial, this.data.begin, before, this.data.seen)) {
       const text = byte.value.toString(16).toUpperCase().padStart(2, "0"), x = this.x(byte.cycle);
-      if (this.x(byte.end) - x > 14) brush.fillText(text, x + 2, low - 3);
+      if (this.x(byte.end) - x > 1.2 * this.text) brush.fillText(text, x + 2, low - 3);
     }
   }
-  paintWidths(brush, row, edges, low, ink) {
-    brush.fillStyle = ink("--soft");
+  // The width of each pulse, beside it and between the two lines; and where another plan would end it.
+  paintWidths(brush, row, edges, high, low, ink) {
+    const font = brush.font, middle = (high + low) / 2;
+    const large = [1.5, 1.25, 1].map(size => Math.round(size * this.text));
+    const sizes = large.filter(size => 2 * size < low - high);
     brush.textAlign = "left";
     for (let index = 0; index + 1 < edges.length; index++) {
-      const [rise, fall] = [edges[index], edges[index + 1]];
-      if (rise.level !== 1 || this.x(fall.cycle) > this.width) continue;
+      const [rise, fall] = [edges[index], edges[index + 1]], end = this.x(fall.cycle);
+      if (rise.level !== 1 || end > this.width) continue;
       const next = edges[index + 2] ? this.x(edges[index + 2].cycle) : this.width;
-      if (next - this.x(fall.cycle) < SHORTEST_TEXT) continue;
-      const text = this.options.describe ? this.options.describe(row, fall.cycle - rise.cycle) : timeText(this.us(fall.cycle - rise.cycle));
-      if (next - this.x(fall.cycle) > brush.measureText(text).width + 6) brush.fillText(text, this.x(fall.cycle) + 4, low - 2);
+      if (next - end < SHORTEST_TEXT) continue;
+      const other = this.options.preview?.(row, rise.cycle) ?? null;
+      if (other !== null) {
+        brush.fillStyle = ink("--band");
+        const x = this.x(rise.cycle + other);
+        brush.fillRect(Math.min(x, end), high, Math.abs(x - end), low - high);
+        brush.fillStyle = ink("--open") || ink("--ink");
+        brush.fillRect(x - 1, high, 2, low - high);
+      }
+      const say = width => this.options.describe?.(row, width) ?? timeText(this.us(width));
+      const own = say(fall.cycle - rise.cycle), us = timeText(this.us(fall.cycle - rise.cycle));
+      const from = Math.max(end, other === null ? 0 : this.x(rise.cycle + other));
+      const long = other === null ? own : `${own} → ${say(other)}`;
+      const tries = [...sizes.map(size => [size, long]), [this.text, long], [this.text, us]];
+      const fits = tries.find(([size, text]) => {
+        brush.font = `600 ${size}px system-ui, sans-serif`;
+        return next - from > brush.measureText(text).width + 9;
+      });
+      if (!fits) continue;
+      brush.fillStyle = ink("--ink");
+      brush.fillText(fits[1], from + 5, middle + fits[0] / 3);
     }
+    brush.font = font;
   }
-  // What the cursors and the pointer say.
+  // What the pointer and the cursors say.
   words() {
-    const parts = [], [a, b] = this.cursors;
+    const parts = [], [a, b] = this.cursors, place = this.hover && this.at(...this.hover);
+    const cycles = value => `${value} ${Math.abs(value) === 1 ? "cycle" : "cycles"}`;
+    if (place) {
+      const { row, level, begin, end } = place, known = begin !== null && end !== null;
+      const width = known ? end - begin : 0;
+      const meaning = level === 1 && row.servo ? this.options.describe(row, width) : timeText(this.us(width));
+      const way = level === 1 ? "high" : level === 0 ? "low" : "not driven";
+      parts.push(`${row.name} ${way}${known ? ` for ${meaning}, ${cycles(width)}` : ""}`);
+    }
     if (a !== null) parts.push(`A ${timeText(this.us(a))}, cycle ${a}`);
     if (b !== null) parts.push(`B ${timeText(this.us(b))}, cycle ${b}`);
-    if (a !== null && b !== null) parts.push(`B − A ${timeText(this.us(b - a))}, ${b - a} cycles`);
+    if (a !== null && b !== null) parts.push(`B − A ${timeText(this.us(b - a))}, ${cycles(b - a)}`);
     return parts.join("   ");
   }
 }

@@ -43,7 +43,7 @@ def test_no_help_has_the_quotes_of_its_source() -> None:
 
 OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--arrive-s": (1.0, 0, 4),
-    "--at-cycle": (0, 0, 18_000_000_000),  # an hour at 20 MHz
+    "--at-cycle": (0, 0, 864_000_000_000),  # two days at 20 MHz
     "--baud": (None, 50, None),
     "--beta-sign": (1, None, None),
     "--clearance-mm": (None, 0, 100_000),

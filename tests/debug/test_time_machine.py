@@ -428,3 +428,64 @@ def test_the_beginning_of_a_long_line_is_not_looked_for_in_every_snapshot(
     assert short.step_line(forwards=False)
     assert (short.now == begun) == found
     assert found or short.now >= begun + 100 - 5 * 7
+
+
+REPEATING = """
+    bsf STATUS, RP0
+    clrf TRISB
+    bcf STATUS, RP0
+again movlw 0x01
+    xorwf PORTB, f
+    movlw 198
+    movwf 0x20
+wait decfsz 0x20, f
+    goto wait
+    nop
+    goto again
+"""
+"""RB0 changes every 600 cycles; the state comes back after 1200."""
+COUNTING = REPEATING.replace("    nop\n", "    incf 0x21, f\n")
+"""It also counts to 256: the state comes back after 256 * 600 cycles."""
+
+
+@pytest.mark.parametrize(("source", "loop"), [(REPEATING, 1200), (COUNTING, 1200), (COUNTING, 153_600)])
+def test_a_way_over_whole_repetitions_leads_to_the_same_state(source: str, loop: int) -> None:
+    """A program that does not come back after the loop that was said is run, cycle by cycle."""
+    fast, slow = TimeMachine(image(source), CLOCK, loop=loop), TimeMachine(image(source), CLOCK)
+    for cycle in (3_000_123, 2_000_456, 3_000_789):
+        fast.seek(cycle)
+        slow.seek(cycle)
+        assert (fast.now, fast.machine.state()) == (slow.now, slow.machine.state())
+        assert fast.machine.edges_made == slow.machine.edges_made
+        assert (
+            fast.edges(cycle - 9000, cycle).cycle.tolist() == slow.edges(cycle - 9000, cycle).cycle.tolist()
+        )
+    assert fast.step_edge(False) and slow.step_edge(False)
+    assert fast.now == slow.now
+    assert fast.step(-50) == slow.step(-50) == 50
+    assert fast.now == slow.now
+
+
+def test_a_program_is_run_until_its_state_has_come_back() -> None:
+    """Ten minutes in steps of a second: of a program that counts to 256 more are needed."""
+    steps = {}
+    for source in (REPEATING, COUNTING):
+        chip = TimeMachine(image(source), CLOCK, loop=1200)
+        steps[source] = sum(1 for _ in chip.going(600 * 10**6))
+        assert chip.now - 600 * 10**6 in range(3)
+    assert steps[REPEATING] < 30 < 100 < steps[COUNTING]
+
+
+def test_no_way_goes_over_an_input() -> None:
+    """RA0 high sets RB1 in the loop; the change lies in the middle of a long way that is gone again."""
+    source = REPEATING.replace("    nop\n", "    btfsc PORTA, 0\n    bsf PORTB, 1\n")
+    chips = [TimeMachine(image(source), CLOCK, loop=loop) for loop in (1202, None)]
+    for chip in chips:
+        chip.seek(5_000_000)
+        chip.apply([LevelChange(int(chip.now) + 7, PINS.index("RA0"), 1)])
+        chip.seek(9_000_000)
+        assert chip.machine.levels[PINS.index("RB1")] == 1
+        chip.seek(4_999_999)
+        assert chip.machine.levels[PINS.index("RB1")] == 0
+        chip.seek(8_765_432)
+    assert chips[0].machine.state() == chips[1].machine.state()

@@ -42,8 +42,8 @@ ROOT = Path(__file__).parent.parent.parent
         ),
         (["firmware/lab8-exercise/main.hex", "--port", "99999"], "65535"),
         (
-            ["firmware/lab8-exercise/main.hex", "--at-cycle", "18000000001"],
-            "less than or equal to 18000000000",
+            ["firmware/lab8-exercise/main.hex", "--at-cycle", "864000000001"],
+            "less than or equal to 864000000000",
         ),
     ],
 )

@@ -151,7 +151,7 @@ def test_one_click_says_why_rb0_is_low_in_a_program_that_forgot_tris(watch: Open
     page = watch(program)
     go(page, 5000)
     page.click("[title^='RB0']")
-    said = page.until("document.getElementById('explanation').textContent")
+    said = page.until("document.querySelector('#explanation div').textContent")
     assert "RB0 is an input" in said and "has written 1 to RB0" in said and "never writes TRISB" in said
 
 
@@ -182,8 +182,8 @@ def test_the_first_difference_of_a_capture_is_shown_in_red(watch: Open, tmp_path
     page.until("watched.waves.data.differing.length === 2")
     columns = page.run("watched.waves.data.differing.map(e => Math.round(watched.waves.x(e.cycle)))")
     row = page.run(
-        "(canvas => [...canvas.getContext('2d').getImageData(0, 36, canvas.width, 1).data])"
-        "(document.getElementById('waves'))"
+        "(canvas => [...canvas.getContext('2d').getImageData(0, watched.waves.top(0) + 12, canvas.width, 1)"
+        ".data])(document.getElementById('waves'))"
     )
     for column in columns:
         red, green, blue, _ = row[4 * column : 4 * column + 4]
@@ -197,7 +197,7 @@ def stance_pixels(page: Page) -> int:
             "(canvas => { const brush = canvas.getContext('2d');"
             " const at = brush.getImageData(0, 0, canvas.width, canvas.height).data;"
             " let count = 0; for (let n = 0; n < at.length; n += 4) count += at[n + 3] > 10 &&"
-            " Math.abs(at[n] - 44) < 12 && Math.abs(at[n + 1] - 138) < 12 && Math.abs(at[n + 2] - 75) < 12;"
+            " Math.abs(at[n] - 91) < 12 && Math.abs(at[n + 1] - 112) < 12 && Math.abs(at[n + 2] - 131) < 12;"
             " return count; })(document.getElementById('robot'))"
         )
     )
@@ -218,7 +218,7 @@ def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_captur
     assert not page.run("document.getElementById('robot-area').hidden")
     assert page.run("watched.robot.trails.filter(trail => trail.length > 1).length") == 6
     assert stance_pixels(page) > 100, "the support polygon"
-    assert page.run("document.getElementById('hands').hidden")
+    assert page.run("document.getElementById('hands').offsetParent === null")
 
 
 def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open, tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open,
     page = watch(job)
     go(page, 3_000_000)
     assert page.run("watched.latest.widths.filter(w => w).length") == 12
-    page.run("document.querySelector('#buttons .stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    page.run("document.querySelector('#emergency .stop').dispatchEvent(new PointerEvent('pointerdown'))")
     page.until("watched.latest.chip.outside[4] === 0")
     for _ in range(8):
         before = page.run("watched.latest.cycle")
@@ -330,14 +330,16 @@ def test_arrow_keys_walk_a_robot_on_command_and_escape_stops_it(watch: Open) -> 
     stance = page.run("watched.latest.widths")
     page.press("ArrowLeft")
     page.until("watched.latest.running && !watched.latest.planned")
-    pressed = "document.querySelector('#walk [aria-pressed=true]').textContent"
+    pressed = (
+        "document.querySelector('#walk [aria-pressed=true], #emergency [aria-pressed=true]').textContent"
+    )
     assert page.run(pressed) == "left"
     page.press(" ")
     page.until("!watched.latest.running")
     begin = page.run("watched.latest.cycle")
     go(page, begin + 1_500_000)
     assert page.run("watched.latest.widths") != stance
-    page.click("#walk .stop")
+    page.click("#emergency .stop")
     assert page.run(pressed) == "stop"
     page.until("watched.latest.running")
     page.press("ArrowUp")  # the button has the focus: the group takes its keys
@@ -386,7 +388,7 @@ def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
     assert "on the ground: L2 R1 R3; ground: friction 0.8" in said, "one of the two tripods"
     go(page, 2_000_000)
     assert bodies(page) == begin
-    page.run("document.querySelector('#buttons .stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    page.run("document.querySelector('#emergency .stop').dispatchEvent(new PointerEvent('pointerdown'))")
     page.until("watched.latest.chip.outside[4] === 0")
     go(page, 4_000_000)
     stopped = bodies(page)
@@ -502,7 +504,7 @@ def test_bytes_are_typed_on_the_serial_console(watch: Open) -> None:
     go(page, 500_000)
     page.run("document.getElementById('bytes').value = 'FF 00 FE'")
     page.run("document.getElementById('serial-form').requestSubmit()")
-    page.until("document.getElementById('sent').textContent === 'FF 00 FE'")
+    page.until("document.getElementById('transcript').textContent.startsWith('to the chip: FF 00 FE')")
     go(page, 800_000)
     assert page.run("watched.latest.widths[watched.waves.options.rows[0].pin]") == pytest.approx(2000, abs=8)
     page.run("document.getElementById('bytes').value = 'FF 00 FE'")
@@ -562,10 +564,13 @@ def test_the_keyboard_alone_suffices(watch: Open) -> None:
         )
     controls = page.run(
         "[...document.querySelectorAll('button, select, input, textarea, canvas')]"
-        ".filter(e => e.offsetParent && !e.disabled)"
+        ".filter(e => e.offsetParent && !e.disabled && e.tabIndex >= 0)"
         ".map(e => e.id || e.getAttribute('aria-label')).filter(Boolean)"
     )
     assert set(controls) <= set(reached)
+    page.run("document.getElementById('tab-hands').focus()")
+    page.press("ArrowRight")  # of a list of tabs the arrow keys choose one
+    assert page.run("[document.activeElement.id, document.getElementById('hands').hidden]") == ["tab-chip", True]
 
 
 @pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-tripod"])

@@ -13,7 +13,7 @@ from tests.watch.browser import Page
 from tests.watch.test_page import LAB8, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
 
 TRIPOD = ROOT / "jobs" / "hexapod-tripod.toml"
-STOP = "#buttons .stop"
+STOP = "#emergency .stop"
 
 
 def held(page: Page, selector: str) -> tuple[float, float]:
@@ -102,6 +102,7 @@ def test_after_an_intervention_nothing_is_said_of_the_edges_that_follow(watch: O
         "(t => t.includes('intervened') && t)(document.getElementById('difference-text').textContent)"
     )
     assert said == "you intervened at 4 s: not compared from there"
+    assert text(page, "#verdict") == "not compared"
     go(page, 6_000_000)
     page.until("watched.waves.data.begin > 4_000_000 && watched.waves.data.edges.length > 10")
     assert page.run("watched.waves.data.differing.length") == 0
@@ -138,7 +139,7 @@ COVERED = """
 def test_the_visible_past_is_covered_while_it_runs(watch: Open, tmp_path: Path, job: Path) -> None:  # noqa: F811
     page = watch(copy(job, tmp_path))
     go(page, 1_000_000)
-    for speed in ("1/1000", "1/10", "real time", "10 ×", "as fast as it goes"):
+    for speed in ("1/1000", "1/10", "real time", "10 ×", "full speed"):
         page.run(
             f"(e => {{ e.value = [...e.options].find(o => o.textContent === '{speed}').value;"
             " e.dispatchEvent(new Event('change')); })(document.getElementById('speed'))"
@@ -210,6 +211,7 @@ def test_leaving_the_page_with_unsaved_text_is_asked(watch: Open, tmp_path: Path
 
 def test_a_wrong_breakpoint_stays_to_be_mended_beside_its_reason(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
+    page.click("#tab-source")
     page.run("document.getElementById('breakpoint').focus()")
     page.call("Input.insertText", text="main.c:99999")
     page.press("Enter")

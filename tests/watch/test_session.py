@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import count
 from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
@@ -202,10 +205,48 @@ def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
     assert found["cycle"] == lab8.wanted[0].origin + 1168
 
 
-def test_a_jump_is_bounded(lab8: Subject) -> None:
+def arrived(session: WatchSession) -> int:
+    """The number of answers on the way to the moment that was asked for, and 1 for the moment itself."""
+    for number in count(1):
+        (message,) = session.tick(0.033)
+        if message["is"] == "now":
+            return number
+    raise AssertionError
+
+
+def test_the_way_to_a_far_moment_is_gone_in_steps_and_ends_at_two_days(lab8: Subject) -> None:
     session = WatchSession(lab8)
-    assert answer(session, do="seek", cycle=10**15)["cycle"] <= 60_000_001
+    begin = time.process_time()
+    there = answer(session, do="seek", cycle=10**15)
+    assert time.process_time() - begin < 0.5
+    if there["is"] == "going":
+        assert there["cycle"] == 48 * 3600 * 10**6 and 0 <= there["share"] < 1
+        arrived(session)
+    assert session.now - 48 * 3600 * 10**6 in range(3)
     assert answer(session, do="seek", cycle=-5)["cycle"] == 0
+
+
+def test_hour_20_of_a_day_is_exact(lab8: Subject) -> None:
+    """The schedule is what the plan says, at any time: a loop of 10 s, the first pulse after reset known."""
+    session = WatchSession(lab8)
+    answer(session, do="seek", cycle=20 * 3600 * 10**6)
+    if session.now < 20 * 3600 * 10**6:
+        arrived(session)
+    begin = session.now - 70_000
+    answer(session, do="step", what="edge", count=-1)
+    assert begin < session.now
+    waves = answer(session, do="waves", begin=begin, end=begin + 60_000)
+    assert len(waves["edges"]) == len(waves["wanted"]) > 4 and waves["differing"] == []
+
+
+def test_what_is_asked_on_the_way_begins_where_it_is(lab8: Subject) -> None:
+    session = WatchSession(replace(lab8, schedule=None, wanted=()))  # nothing says that it repeats itself
+    there = answer(session, do="seek", cycle=10**15)
+    assert there["is"] == "going"
+    answer(session, do="run", running=True)
+    here = session.now
+    (shown, *_) = session.tick(0.01)
+    assert shown["cycle"] - here == pytest.approx(10_000, abs=3)
 
 
 def test_slow_speeds_add_up(lab8: Subject) -> None:
