@@ -570,7 +570,10 @@ def test_the_keyboard_alone_suffices(watch: Open) -> None:
     assert set(controls) <= set(reached)
     page.run("document.getElementById('tab-hands').focus()")
     page.press("ArrowRight")  # of a list of tabs the arrow keys choose one
-    assert page.run("[document.activeElement.id, document.getElementById('hands').hidden]") == ["tab-chip", True]
+    assert page.run("[document.activeElement.id, document.getElementById('hands').hidden]") == [
+        "tab-chip",
+        True,
+    ]
 
 
 @pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-tripod"])
