@@ -31,10 +31,11 @@ from servogen.programs import beside_c, dialect_of, included_names, read_source
 from servogen.units import counted
 
 if TYPE_CHECKING:
-    from servogen.job import PlannedJob
+    from servogen.job import Job, PlannedJob
     from servogen.pulse import Quantised
     from servogen.report.plan_facts import PlanFacts, ServoFacts
     from servogen.workflows.certificates import CertificateVerdict
+    from servogen.workflows.horns import Horn
     from servogen.workflows.job_build import Build
 
 
@@ -414,17 +415,22 @@ def plan(
     picture: Plot = None,
     csv: Csv = None,
     animate: Animate = None,
+    fit: Annotated[
+        bool,
+        typer.Option("--fit", help="Write into the job where its horns centre the motion; comments stay."),
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Show a job's motion without building it: frames, servos, paths, pulse errors."""
-    from servogen.job import load, plan_job
+    """Show a job's motion without building it: frames, servos, horns, paths, pulse errors."""
+    from servogen.job import load
     from servogen.outputs import atomic_write
     from servogen.report.motion_table import frame_lines
     from servogen.report.plan_facts import plan_facts
     from servogen.workflows import nearest_pulses
+    from servogen.workflows.horns import horns_of
 
     with status("planning"):
-        asked = plan_job(load(job))
+        asked = _planned_with_horns(load(job), job, fit)
         played, made = nearest_pulses(asked)
         facts = plan_facts(played, made, engine=played is not asked)
     loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
@@ -441,14 +447,64 @@ def plan(
         with status(f"filming {animate}"):
             film(job_scene(loaded), animate)
     if json:
-        as_json(facts.to_json(), (*loaded.warnings, *pulses.warnings, *loaded.notes))
+        horns = [horn.to_json() for horn in horns_of(asked)]
+        as_json({**facts.to_json(), "horns": horns}, (*loaded.warnings, *pulses.warnings, *loaded.notes))
     else:
-        _show_plan(facts)
+        _show_plan(facts, horns_of(asked))
 
 
-def _show_plan(facts: PlanFacts) -> None:
+def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
+    """Return a job's plan; with `fit` that with centred horns, which is written into its file.
+
+    Raises InputError, with the horns that would help where they are all that is in the way.
+    """
+    from servogen.errors import ServogenError
+    from servogen.job import plan_job
+    from servogen.outputs import write_text
+    from servogen.workflows.horns import advised, centred, edits, rewritten
+
+    try:
+        planned = plan_job(loaded)
+    except ServogenError as error:
+        horns, made = centred(loaded)
+        if not fit:
+            raise advised(error, horns) from error
+    else:
+        if not fit:
+            return planned
+        horns, made = centred(loaded)
+    values = edits(loaded, horns)
+    if not values:
+        print(f"{file}: every horn is where it centres the motion")
+        return made
+    write_text(file, rewritten(file.read_text(encoding="utf-8"), values))
+    print(f"{file}: {counted(sum(bool(horn.turn) for horn in horns), 'horn')} turned")
+    return made
+
+
+def _show_horns(horns: tuple[Horn, ...]) -> None:
+    """Print which part of its travel each servo's motion uses, and the zero that centres it."""
+    rows = []
+    for horn in horns:
+        low, high = (degrees(end) for end in horn.used)
+        whole = degrees(horn.whole[1] - horn.whole[0])
+        rows.append(
+            (
+                horn.servo,
+                f"{degrees(horn.whole[0]):z.4g} to {degrees(horn.whole[1]):z.4g}°",
+                f"{low:z.1f} to {high:z.1f}°, {100 * (high - low) / whole:.0f} %",
+                f"{degrees(horn.zero):z.4g}",
+                "as it is" if not horn.turn else f"{degrees(horn.zero + horn.turn):z.4g}",
+            )
+        )
+    if rows:
+        table("Horns", ("servo", "travel", "used", "zero_deg", "centred"), rows)
+
+
+def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
     job, schedule = facts.job, facts.plan.schedule
     _show_servos(job, facts.servos)
+    _show_horns(horns)
     if facts.ends:
         _show_ends(facts)
     for note in job.notes:

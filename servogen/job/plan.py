@@ -52,11 +52,44 @@ def plan_job(
         **{**values, "section": section},
         trajectory=planned.trajectory,
         poses=poses,
-        warnings=(*planned.warnings, *_overloads(job, planned)),
+        warnings=(*planned.warnings, *_overloads(job, planned), *_unlike_their_side(job)),
         notes=planned.notes,
         directions=directions,
         parts=planned.parts,
     )
+
+
+SIDE = 3
+"""The fewest servos of a side of which one may differ from the others."""
+
+
+def _unlike_their_side(job: Job) -> Iterator[Diagnostic]:
+    """Yield a warning for a leg's servo that turns its joint the other way than all others of its side do."""
+    servos = {servo.name: servo for servo in job.servos}
+    by_joint = {binding.joint: binding for binding in job.bindings}
+    sides: dict[tuple[bool, str], list[tuple[Servo, bool]]] = {}
+    for limb in job.limbs:
+        mount = limb.mount
+        if mount is None or not mount.y:
+            continue
+        for name in limb.joints:
+            if name in by_joint:
+                servo, ratio = servos[by_joint[name].servo], by_joint[name].ratio
+                side = mount.y < 0, name.removeprefix(f"{mount.name}_")
+                sides.setdefault(side, []).append((servo, servo.reverse != (ratio < 0)))
+    for (right, joint), members in sides.items():
+        for servo, way in members:
+            others = [other for other, its in members if its != way]
+            if len(members) >= SIDE and len(others) == len(members) - 1:
+                named = " and ".join(other.name for other in others)
+                yield Diagnostic(
+                    "warning",
+                    "reverse-differs",
+                    f"{servo.name} has {'no ' if others[0].reverse else ''}reverse, unlike {named}, "
+                    f"which turn {joint} on the {'right' if right else 'left'} side too",
+                    servo.place,
+                    "a servo that is mounted like the others of its side has the same reverse",
+                )
 
 
 def _walking(job: Job, segment: Mapping[str, float]) -> WalkTable:

@@ -221,6 +221,11 @@ class Servo:
         middle = 0.0 if self.model.continuous else sum(self.model.travel) / 2
         return min(max(middle, low), high)
 
+    @property
+    def whole(self) -> tuple[float, float]:
+        """Return the angles that travel and calibration allow, whatever the limits."""
+        return _widest(self.model, self.calibration, self.reverse)
+
     def allows(self, angle: float) -> bool:
         """Return whether an angle (radians) is within the limits."""
         low, high = self.limits
@@ -258,6 +263,15 @@ class Servo:
         return self.calibration.width_us(self.mounted(angle)) + self.trim_us
 
 
+def _widest(model: ServoModel, curve: Calibration, reverse: bool) -> tuple[float, float]:
+    """Return the range of the mounted servo's angles that both the travel and the calibration cover."""
+    low, high = model.travel
+    first, last = curve.angles
+    # Mirroring exchanges the ends.
+    ends = (model.mirrored(last), model.mirrored(first)) if reverse else (first, last)
+    return max(low, ends[0]), min(high, ends[1])
+
+
 def servo(
     name: str,
     pin: str,
@@ -276,11 +290,7 @@ def servo(
     Raises InputError for limits outside that range, because the calibration is not extrapolated.
     """
     curve = points or model.calibration
-    low, high = model.travel
-    first, last = curve.angles
-    # Limits are angles of the mounted servo, and mirroring exchanges the ends.
-    ends = (model.mirrored(last), model.mirrored(first)) if reverse else (first, last)
-    widest = (max(low, ends[0]), min(high, ends[1]))
+    widest = _widest(model, curve, reverse)
     chosen = (
         widest[0] if limits[0] is None else limits[0],
         widest[1] if limits[1] is None else limits[1],

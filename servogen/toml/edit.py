@@ -101,6 +101,28 @@ def set_in_element(text: str, key: Key, index: int, name: str, value: str | None
     return (raw[:begin] + raw[end:]).decode()
 
 
+def set_in_table(text: str, key: Key, name: str, value: str) -> str:
+    """Return the document with `name = value` in the table at `key`: a table, an element of an array of
+    tables, or an inline table; in place of its value, or behind the last pair of its own.
+
+    Raises KeyError where there is no table at `key`.
+    """
+    raw, places = text.encode(), places_of(text)
+    if (*key, name) in places:
+        old = _at(raw, places[(*key, name)], ("pair",)).named_children[1]  # a comment may follow
+        return (raw[: old.start_byte] + value.encode() + raw[old.end_byte :]).decode()
+    table = _at(raw, places[key], ("inline_table", "table", "table_array_element"))
+    pairs = [child for child in table.named_children if child.type == "pair"]
+    new = f"{name} = {value}".encode()
+    if table.type == "inline_table":
+        end, separator = (pairs[-1].end_byte, b", ") if pairs else (table.start_byte + 1, b" ")
+        return (raw[:end] + separator + new + raw[end:]).decode()
+    last = pairs[-1] if pairs else table.named_children[0]
+    end = raw.find(b"\n", last.end_byte)
+    end = len(raw) if end < 0 else end  # behind a comment on the line
+    return (raw[:end] + b"\n" + new + raw[end:]).decode()
+
+
 def _name_of(pair: Node) -> str:
     """Return the key of a pair that is one name; a dotted key as it is written."""
     name = pair.named_children[0]
@@ -177,13 +199,20 @@ def _elements(text: str, key: Key) -> _Elements:
 
 def _array(raw: bytes, place: tuple[int, int]) -> Node:
     """Return the array that is the value of the pair at a place (line, column). Raises KeyError."""
+    for child in _at(raw, place, ("pair",)).named_children:
+        if child.type == "array":
+            return child
+    raise KeyError(place)
+
+
+def _at(raw: bytes, place: tuple[int, int], types: tuple[str, ...]) -> Node:
+    """Return the innermost node of these types around a place (line, column). Raises KeyError."""
     line, column = place
     before = raw.split(b"\n")[line - 1].decode()[: column - 1]
     point = line - 1, len(before.encode())
     node = syntax_tree(raw).descendant_for_point_range(point, point)
-    while node is not None and node.type != "pair":
+    while node is not None and node.type not in types:
         node = node.parent
-    for child in node.named_children if node is not None else ():
-        if child.type == "array":
-            return child
-    raise KeyError(place)
+    if node is None:
+        raise KeyError(place)
+    return node

@@ -7,7 +7,7 @@ import tomllib
 
 import pytest
 
-from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
+from servogen.toml.edit import append_element, move_element, remove_element, set_in_element, set_in_table
 
 CASES = {
     "lines with comments": (
@@ -136,3 +136,38 @@ def test_what_is_not_there_is_not_changed() -> None:
     for edit in (lambda: move_element("x = 1\n", KEY, 0, 0), lambda: remove_element("x = 1\n", KEY, 0)):
         with pytest.raises(KeyError):
             edit()
+
+
+A, B = '[[servo]]\nname = "a"\n', '[[servo]]\nname = "b"'
+TABLES = {
+    "the value of a key, before a comment": (
+        f"{A}zero = 90 # guess\n",
+        ("servo", 0),
+        f"{A}zero = 12.5 # guess\n",
+    ),
+    "a new key behind the last one and its comment": (
+        '[[servo]] # one\nname = "a" # left\n# next\n\n' + B,
+        ("servo", 0),
+        '[[servo]] # one\nname = "a" # left\nzero = 12.5\n# next\n\n' + B,
+    ),
+    "the second of an array of tables": (A + B, ("servo", 1), f"{A}{B}\nzero = 12.5"),
+    "an inline table": (
+        "servo = [{ a = 1 }, { a = 2 }] # x\n",
+        ("servo", 1),
+        "servo = [{ a = 1 }, { a = 2, zero = 12.5 }] # x\n",
+    ),
+    "a table without keys": ("[leg] # empty\n[x]\n", ("leg",), "[leg] # empty\nzero = 12.5\n[x]\n"),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_key_of_a_table_is_set_and_nothing_else_changes(name: str) -> None:
+    before, key, after = TABLES[name]
+    made = set_in_table(before, key, "zero", "12.5")
+    assert made == after
+    assert tomllib.loads(made) != tomllib.loads(before)
+
+
+def test_a_table_that_is_not_there_is_refused() -> None:
+    with pytest.raises(KeyError):
+        set_in_table("[leg]\n", ("servo", 0), "zero", "1")

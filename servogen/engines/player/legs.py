@@ -305,7 +305,7 @@ def _phases(walk: WalkEvents, ends: tuple[int, int], near: float, step: int) -> 
     for phase in range(step):
         made = _encoded(walk, *ends, near, phases=np.full(len(walk.turns), phase), limited=False)
         spreads.append(np.ptp((made.widths - walk.rows[made.frames])[:, list(walk.turns)], axis=0))
-    return np.argmin(spreads, axis=0)
+    return np.asarray(np.argmin(spreads, axis=0))
 
 
 def _scale(walk: WalkEvents, tops: Floats) -> WidthScale:

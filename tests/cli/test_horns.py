@@ -1,0 +1,143 @@
+"""Horns: what part of its travel a motion uses, and the zero with which it is in the middle."""
+
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from servogen.errors import ServogenError
+from servogen.job import load, loads, plan_job
+from servogen.job.starter import starter
+from servogen.workflows.horns import centred, edits, horns_of
+from tests.cli.conftest import Run
+
+ARM = """\
+name = "own"
+like = "anthropomorphic"
+
+[[joint]]
+name = "q1"
+lower_deg = -90
+upper_deg = 90
+"""
+JOB = """\
+# my arm
+[chip]
+device = "PIC16F84A"
+clock_hz = 4_000_000
+
+[robot]
+name = "own.toml"
+
+[[servo]]
+name = "base"
+pin = "RB0"
+model = "futaba-s3003"
+joint = "q1" # turns it
+zero_deg = 170 # a guess
+
+[[servo]] # the shoulder
+name = "shoulder"
+pin = "RB1"
+model = "futaba-s3003"
+joint = "q2"
+# not measured
+
+[[servo]]
+name = "elbow"
+pin = "RB2"
+model = "futaba-s3003"
+joint = "q3"
+zero_deg = 170
+
+[motion]
+law = "cubic"
+poses = [{ tip_mm = [0, 150, 100] }, { tip_mm = [100, 120, 40] }, { tip_mm = [-100, 120, 40] }]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    (tmp_path / "own.toml").write_text(ARM, "utf-8")
+    made = tmp_path / "job.toml"
+    made.write_text(JOB, "utf-8")
+    return made
+
+
+def test_a_job_that_its_horns_alone_make_impossible_is_told_how_to_turn_them(run: Run, file: Path) -> None:
+    """The base would have to go to 209.8°; the tips are 39.8° to both sides, so that 90° is its zero."""
+    ran = run("plan", str(file))
+    assert ran.code == 2 and "needs angles outside the servos' travel: base 209.8°" in ran.err
+    assert "put the horns on other teeth: base zero_deg = 90 (now 170)" in ran.err
+    assert file.read_text("utf-8") == JOB
+
+
+def test_fit_writes_the_zeros_and_keeps_all_else(run: Run, file: Path) -> None:
+    assert run("plan", str(file), "--fit").code == 0
+    made = file.read_text("utf-8")
+    servos = tomllib.loads(made)["servo"]
+    assert servos[0]["zero_deg"] == 90
+    kept = re.sub(r"zero_deg = [\d.]+", "zero_deg = …", made).splitlines()
+    asked = re.sub(r"zero_deg = [\d.]+", "zero_deg = …", JOB).splitlines()
+    asked.insert(asked.index("# not measured"), "zero_deg = …")
+    assert kept == asked
+    planned = plan_job(load(file))
+    for horn in horns_of(planned):
+        assert sum(horn.used) == pytest.approx(math.pi, abs=math.radians(0.11))  # in the middle of 0 to 180°
+    before = made
+    ran = run("plan", str(file), "--fit")
+    assert (ran.code, file.read_text("utf-8")) == (0, before)
+    assert "every horn is where it centres the motion" in ran.out
+
+
+def test_the_plan_says_what_is_used_of_each_travel(run: Run, file: Path) -> None:
+    file.write_text(
+        JOB.replace("zero_deg = 170 # a guess", "zero_deg = 100").replace('"q2"', '"q2"\nzero_deg = 50')
+    )
+    ran = run("plan", str(file), "--json")
+    horn = json.loads(ran.out)["horns"][0]
+    assert [round(math.degrees(end), 1) for end in horn["used"]] == [60.2, 139.8]
+    assert [round(math.degrees(horn[key]), 1) for key in ("zero", "centred_zero")] == [100, 90]
+    shown = run("plan", str(file)).out
+    assert re.search(r"base +0 to 180° +60\.2 to 139\.8°, 44 % +100 +90 ", shown)
+
+
+def test_limits_turn_with_the_horn_and_commanded_angles_hold_it(file: Path) -> None:
+    zero = "zero_deg = 110\nmin_deg = 60\nmax_deg = 175"
+    limited = JOB.replace("zero_deg = 170 # a guess", zero).replace('"q2"', '"q2"\nzero_deg = 50')
+    job = loads(limited, str(file))
+    values = edits(job, horns_of(plan_job(job)))
+    assert [values["servo", 0, key] for key in ("zero_deg", "min_deg", "max_deg")] == [90, 40, 155]
+    first = "{ base_deg = 100, shoulder_deg = 90, elbow_deg = 90 }"
+    held = horns_of(plan_job(loads(limited.replace("poses = [", f"poses = [{first}, "), str(file))))[0]
+    assert held.fixed and held.turn == 0
+
+
+def test_what_no_horn_can_mend_keeps_its_error(run: Run, file: Path) -> None:
+    far = JOB.replace("[-100, 120, 40]", "[-500, 120, 40]")
+    with pytest.raises(ServogenError, match="cannot be reached"):
+        centred(loads(far, str(file)))
+    file.write_text(far, "utf-8")
+    ran = run("plan", str(file), "--fit")
+    assert ran.code == 2 and "horns" not in ran.err and file.read_text("utf-8") == far
+
+
+@pytest.mark.parametrize(
+    ("servo", "has", "warned"), [("R2-turn", "reverse = true", "has no reverse"), ("", "", None)]
+)
+def test_a_servo_that_differs_from_its_side_is_warned_of(
+    tmp_path: Path, servo: str, has: str, warned: str | None
+) -> None:
+    text = starter("hexapod", "mpx-tiny-s", tmp_path / "job.toml")
+    if servo:
+        blocks = text.split("[[servo]]")
+        text = "[[servo]]".join(
+            block.replace(has, "") if f'"{servo}"' in block else block for block in blocks
+        )
+    found = plan_job(loads(text, str(tmp_path / "job.toml"))).warnings
+    messages = [each.message for each in found if each.code == "reverse-differs"]
+    assert bool(messages) == bool(warned)
+    assert all(f"{servo} {warned}, unlike R1-turn and R3-turn" in message for message in messages)
