@@ -219,8 +219,8 @@ def _writers(conditions: Sequence[AtCondition], image: Image) -> frozenset[int]:
         for offset in range(condition.variable.size)
     }
     addresses = set()
-    for address, word in image.program.items():
-        decoded = decode(word) if bytes_of else None
+    for address, word in image.program.items() if bytes_of else ():
+        decoded = decode(word)
         writes = decoded is not None and decoded.instruction.writes_file(decoded.d)
         if writes and decoded is not None and decoded.f in {*bytes_of, INDIRECT}:
             addresses.add(address)

@@ -6,9 +6,10 @@ differ. It is for display: the verdict is that of `verify`.
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import accumulate
 from math import ceil
 
 import numpy as np
@@ -38,6 +39,12 @@ class ScheduledEdges:
     tolerance: float = 0
     begin: int = 0
     end: int | None = None
+    _ends: list[int] = field(init=False, repr=False, compare=False)
+    """The frame after each run of the schedule."""
+
+    def __post_init__(self) -> None:
+        runs = (*self.schedule.lead_in, *self.schedule.loop)
+        object.__setattr__(self, "_ends", list(accumulate(run.frames for run in runs)))
 
     @property
     def pins(self) -> npt.NDArray[np.uint8]:
@@ -61,15 +68,12 @@ class ScheduledEdges:
 
     def run_of(self, frame: int) -> Run:
         """Return the pulses of a frame."""
-        schedule = self.schedule
-        runs, place = schedule.lead_in, frame
-        if frame >= schedule.lead_in_frames:
-            runs, place = schedule.loop, (frame - schedule.lead_in_frames) % schedule.loop_frames
-        for run in runs:
-            if place < run.frames:
-                return run
-            place -= run.frames
-        raise AssertionError("the runs have as many frames as the schedule says")
+        lead_in, ends = self.schedule.lead_in, self._ends
+        first = ends[len(lead_in) - 1] if lead_in else 0
+        if frame >= ends[-1]:
+            frame = first + (frame - first) % (ends[-1] - first)
+        number = bisect_right(ends, frame)
+        return lead_in[number] if number < len(lead_in) else self.schedule.loop[number - len(lead_in)]
 
     def edges(self, begin: int, end: int) -> list[Edge]:
         """Return the edges from the moment `begin` up to `end`."""

@@ -15,7 +15,7 @@ import asyncio
 import json
 import secrets
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -37,7 +37,8 @@ from servogen.watch.session import Message, WatchSession, repetition_of
 from servogen.watch.subject import Subject, theorem_of
 
 LOOPBACK = "127.0.0.1"
-PICTURES_PER_S = 30
+PICTURES_PER_S = 20
+"""The number of moments a second that a running window is told; in between the page moves its servos."""
 MAX_SESSIONS = 16
 """The maximum number of sessions of closed windows that are kept in case they are reloaded."""
 MAX_ROOMS = 8
@@ -96,7 +97,8 @@ class Room:
         self._theorem: Message = {"is": "theorem", "text": ""}
         self._repetition: Repetition | None = None
         self._windows: dict[str, Window] = {}
-        self._sending: set[asyncio.Future[None]] = set()
+        self._tasks: set[asyncio.Future[None]] = set()
+        self._editing = asyncio.Lock()
         self._loading: asyncio.Task[None] | None = None
         self.used = 0.0
         """The time at which a window was last opened."""
@@ -146,7 +148,7 @@ class Room:
     async def _learn(self, subject: Subject) -> None:
         """Find out, while the subject is shown, what is proven of it, and what it does again and again."""
         text = await asyncio.to_thread(theorem_of, subject)
-        if subject is self._subject:
+        if text and subject is self._subject:
             self._theorem = {"is": "theorem", "text": text}
             for window in self._windows.values():
                 self._send(window, self._theorem)
@@ -182,9 +184,13 @@ class Room:
         """Send without waiting: a window that does not read its messages misses some."""
         socket = window.socket
         if socket is not None and socket.transport.get_write_buffer_size() < MAX_REQUEST_BYTES:
-            task = asyncio.ensure_future(_sent(socket, json.dumps(message, separators=(",", ":"))))
-            self._sending.add(task)
-            task.add_done_callback(self._sending.discard)
+            self._begin(_sent(socket, json.dumps(message, separators=(",", ":"))))
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have something done while other requests are answered."""
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def tick(self, elapsed: float) -> None:
         """Let the simulated time of every running window pass."""
@@ -203,10 +209,10 @@ class Room:
             async for text in socket:
                 message = _request(text)
                 if window is None:
-                    window = self._opened(str(message.get("window", ""))[:64], socket)
+                    window = self._opened(str(message.get("window", ""))[:64], socket, message.get("cycle"))
                     continue
                 if message.get("do") in ("check", "save", "build", "record", "pose"):
-                    await self._edit(window, message)
+                    self._begin(self._edit(window, message))  # a stop must not wait for a build
                 elif window.session is not None:
                     self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
         except ConnectionClosed:
@@ -215,11 +221,16 @@ class Room:
             if window is not None and window.socket is socket:
                 window.socket = None
 
-    def _opened(self, name: str, socket: ServerConnection) -> Window:
-        """Return the window of that name as it was; a new one where none is, or where it is open already."""
+    def _opened(self, name: str, socket: ServerConnection, cycle: object = None) -> Window:
+        """Return the window of that name as it was; a new one where none is, or where it is open already.
+
+        A window of a server that has ended comes back at its `cycle`.
+        """
         window = self._windows.get(name)
         if window is None or window.socket is not None:
             session = self._fresh(self._subject) if self._subject else None
+            if window is None and session is not None and isinstance(cycle, int) and cycle > 0:
+                list(session.handle({"do": "seek", "cycle": cycle}))
             if window is not None and window.session is not None and self._subject is not None:
                 session = window.session.continued(self._subject, self._repetition)
             window = Window(session)
@@ -252,10 +263,12 @@ class Room:
         def progress(text: str) -> None:
             loop.call_soon_threadsafe(self._send, window, {"is": "building", "text": text})
 
-        try:
-            answer, subject = await asyncio.to_thread(self._editor.handle, message, progress)
-        except Exception as error:
-            answer, subject = {"is": "problem", "text": f"a defect of servogen: {error!r}"}, None
+        async with self._editing:  # one at a time: each goes on from the file that the one before has left
+            try:
+                answer, subject = await asyncio.to_thread(self._editor.handle, message, progress)
+            except Exception as error:
+                text = f"a defect of servogen: {error!r}"
+                answer, subject = {"is": "problem", "text": text, "about": message.get("do")}, None
         self._send(window, answer)
         if answer.get("saved") or answer["is"] == "built":  # the other windows see the same file
             for other in self._windows.values():
@@ -263,7 +276,7 @@ class Room:
                     self._send(other, self._editor.opened())
         if subject is not None:
             self._show(subject)
-            await self._learn(subject)
+            self._begin(self._learn(subject))
 
 
 class WatchServer:
@@ -288,6 +301,7 @@ class WatchServer:
             port,
             process_request=self._respond,
             max_size=MAX_REQUEST_BYTES,
+            compression=None,  # on this machine it costs more than it saves
             server_header=None,
         )
         self.port = next(iter(server.sockets)).getsockname()[1]

@@ -166,6 +166,7 @@ class Page {
   }
   problem(message) {
     if (message.about === "check") this.editor.planned();
+    if (["save", "build"].includes(message.about)) this.editor.lost();
     if (message.about === "breakpoint") this.breakpointSaid(message.text);
     else this.say(message.text, "bad");
   }
@@ -184,6 +185,7 @@ class Page {
     write(byId("name"), model.name);
     byId("time").hidden = byId("views").hidden = false;
     this.handPose = null;
+    write(byId("theorem"), "");
     this.plan.clear();
     this.links.use(model);
     this.servos = model.robot ? new Servos(model.robot) : null;
@@ -209,6 +211,7 @@ class Page {
     this.serial?.end();
     this.chip = this.source = null;
     byId("views").classList.toggle("plain", !job && !model.runs);
+    byId("job-bar").hidden = byId("job-state").hidden = !job;
     const texts = [...(job ? ["tab-job"] : []), ...(model.runs ? ["tab-source"] : [])];
     if (texts.length) this.textTabs.offer(texts);
     if (model.runs) this.toolTabs.offer(["tab-hands", "tab-chip", "tab-memory", "tab-serial"]);
@@ -251,6 +254,7 @@ class Page {
     for (const each of model.inputs) rows.push({ name: each.name, pin: model.pins.indexOf(each.pin) });
     return {
       rows,
+      idle: model.runs ? model.pins.map((_, pin) => pin).filter(pin => model.pins[pin].startsWith("RB")) : [],
       room: () => (window.innerWidth > 900 ? byId("waves").parentElement.clientHeight : 0),
       laid: waves => this.labels(waves),
       changed: () => this.ask(),

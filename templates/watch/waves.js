@@ -123,8 +123,9 @@ export class Waves {
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
     const name = pin => ({ name: this.model.pins[pin] || "MCLR", pin });
     for (const { pin } of [...data.edges, ...data.inputs]) if (!named.has(pin)) named.set(pin, name(pin));
-    for (const row of this.all) if (!named.has(row.pin)) named.set(row.pin, row);
-    this.all = [...named.values()];
+    for (const row of this.all) if (!named.has(row.pin) && !row.idle) named.set(row.pin, row);
+    const idle = named.size ? [] : (this.options.idle || []).map(pin => ({ ...name(pin), idle: true }));
+    this.all = [...named.values(), ...idle];
     this.lay();
   }
   // Give the canvas the height of its rows.
@@ -334,7 +335,11 @@ export class Waves {
     const dash = dense ? [] : [DASH, DASH];
     if (wanted.length) line(wanted, first, data.begin, data.end, dash, 1, ink("--ghost-line"));
     const drives = driven.length || data.before[row.pin] < 2 || !given.length;
-    if (drives) line(driven, data.before[row.pin], data.begin, data.seen, [], 1.6, colour);
+    if (row.idle) {
+      brush.fillStyle = ink("--soft");
+      brush.textAlign = "left";
+      brush.fillText("not driven", this.label + 8, (high + low) / 2 + this.text / 3);
+    } else if (drives) line(driven, data.before[row.pin], data.begin, data.seen, [], 1.6, colour);
     if (given.length) line(given, outside, data.begin, data.seen, [], 1.6, ink("--input"));
     brush.strokeStyle = ink("--bad");
     brush.lineWidth = 3;
@@ -378,7 +383,8 @@ export class Waves {
       const own = say(fall.cycle - rise.cycle), us = timeText(this.us(fall.cycle - rise.cycle));
       const from = Math.max(end, other === null ? 0 : this.x(rise.cycle + other));
       const long = other === null ? own : `${own} → ${say(other)}`;
-      const tries = [...sizes.map(size => [size, long]), [this.text, long], [this.text, us]];
+      const short = other === null ? us : `${us} → ${timeText(this.us(other))}`;
+      const tries = [...sizes.map(size => [size, long]), [this.text, long], [this.text, short]];
       const fits = tries.find(([size, text]) => {
         brush.font = `600 ${size}px system-ui, sans-serif`;
         return next - from > brush.measureText(text).width + 9;

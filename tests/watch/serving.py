@@ -17,13 +17,19 @@ class Running:
     """A server in a thread of its own: of one subject, or of what `server` has."""
 
     def __init__(
-        self, load: Load | None = None, editor: Editor | None = None, server: WatchServer | None = None
+        self,
+        load: Load | None = None,
+        editor: Editor | None = None,
+        server: WatchServer | None = None,
+        port: int = 0,
+        token: str = "",
     ) -> None:
         assert (load is None) != (server is None)
         self.server = server or WatchServer({"": Room(load, editor)} if load else {})
+        self.server._token = token or self.server._token
         self._loop = asyncio.new_event_loop()
         ready = threading.Event()
-        self._task = self._loop.create_task(self.server.run(0, lambda url: ready.set()))
+        self._task = self._loop.create_task(self.server.run(port, lambda url: ready.set()))
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
         assert ready.wait(60)

@@ -299,7 +299,7 @@ def room_of(windows: dict[str, Any], load: Any = hex_subject, editor: Any = None
 
 async def sent(room: Room) -> None:
     """Let a room send everything."""
-    while room._sending:
+    while room._tasks:
         await asyncio.sleep(0)
 
 
@@ -430,7 +430,8 @@ def test_a_job_that_was_built_is_shown_in_every_window_and_a_defect_is_said() ->
             await asyncio.sleep(0.001)
             await sent(room)
         kinds = [message["is"] for message in mine.sent]
-        assert mine.sent[0] == {"is": "problem", "text": "a defect of servogen: ZeroDivisionError('x')"}
+        defect = "a defect of servogen: ZeroDivisionError('x')"
+        assert mine.sent[0] == {"is": "problem", "text": defect, "about": None}
         # What a thread reports and its answer may come in any order.
         assert sorted(kinds[1:3]) == ["building", "checked"] and sorted(kinds[3:5]) == ["building", "built"]
         assert {"is": "building", "text": "compiling"} in mine.sent
